@@ -1,0 +1,240 @@
+"""The trace: a plane curve of valleys, humps and lines that share their tangent at every junction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+VALLEY = "valley"
+HUMP = "hump"
+LINE = "line"
+
+Point = tuple[float, float]
+
+_SIGN = {VALLEY: 1.0, HUMP: -1.0, LINE: 0.0}
+
+
+def sine_cosine(angle: float) -> Point:
+    """Return (sin, cos) of an angle, exact at the doubles nearest to the multiples of π/2.
+
+    `angle` in rad. A sine within half a unit in the last place of its argument belongs to the double
+    nearest to a multiple of π and is 0; likewise the cosine at odd multiples of π/2.
+    """
+    rounding = 0.5 * math.ulp(angle)
+    sine = math.sin(angle)
+    cosine = math.cos(angle)
+    return (
+        0.0 if abs(sine) <= rounding else sine,
+        0.0 if abs(cosine) <= rounding else cosine,
+    )
+
+
+@dataclass(frozen=True)
+class ArcShape:
+    """One piece as it is described: its shape, and either radius (m) and end slope (rad) or length (m)."""
+
+    shape: str
+    radius: float | None = None
+    length: float | None = None
+    end_slope: float | None = None
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One arc or line of the trace, in its place.
+
+    The coordinate of a body on a piece (`position` below) is φ = α in a valley, ψ = −α on a hump, both in
+    rad and growing to the right, and the distance in m from the left end on a line.
+    """
+
+    index: int
+    """Number of the piece, from 0."""
+    shape: str
+    """`valley`, `hump` or `line`."""
+    sign: float
+    """+1 valley, −1 hump, 0 line: the curvature is sign/radius."""
+    radius: float
+    """Radius R of the arc (m); inf for a line."""
+    start_slope: float
+    """Slope angle α of the tangent at the left end (rad)."""
+    end_slope: float
+    """Slope angle α of the tangent at the right end (rad)."""
+    length: float
+    """Arc length (m)."""
+    start_s: float
+    """Arc length of the left end, from the left end of the trace (m)."""
+    start: Point
+    """Left end (m)."""
+    end: Point
+    """Right end (m)."""
+    center: Point
+    """Centre O of the arc (m); (nan, nan) for a line."""
+    angle_start: float
+    """Coordinate of the left end: φ or ψ (rad); 0 on a line."""
+    angle_end: float
+    """Coordinate of the right end: φ or ψ (rad); the length on a line (m)."""
+
+    @property
+    def is_line(self) -> bool:
+        """Whether the piece is straight."""
+        return self.sign == 0.0
+
+    def path_radius(self, body_radius: float) -> float:
+        """Return ρ (m), the radius of the path of a body's centre: R − r, R + r, or inf on a line."""
+        return math.inf if self.is_line else self.radius - self.sign * body_radius
+
+    def slope(self, position: float) -> float:
+        """Return the slope angle α (rad) at a position on this piece."""
+        return self.start_slope if self.is_line else self.sign * position
+
+    def arc_length(self, position: float) -> float:
+        """Return s (m), the arc length of the contact point from the left end of the trace."""
+        along = position if self.is_line else self.radius * (position - self.angle_start)
+        return self.start_s + along
+
+    def body_center(self, position: float, body_radius: float) -> Point:
+        """Return the centre (m) of a body of the given radius (m) at a position on this piece.
+
+        Valley O + ρ(sin φ, −cos φ), hump O + ρ(sin ψ, cos ψ), line P + r n; radius 0 gives the contact point.
+        """
+        if self.is_line:
+            sine, cosine = sine_cosine(self.start_slope)
+            return (
+                math.fsum((self.start[0], position * cosine, -body_radius * sine)),
+                math.fsum((self.start[1], position * sine, body_radius * cosine)),
+            )
+        sine, cosine = sine_cosine(position)
+        rho = self.path_radius(body_radius)
+        return (self.center[0] + rho * sine, self.center[1] - self.sign * rho * cosine)
+
+    def contact_point(self, position: float) -> Point:
+        """Return the point (m) of the trace at a position on this piece."""
+        return self.body_center(position, 0.0)
+
+
+class _Pen:
+    """The end of the chain drawn so far, kept as exact sums so that symmetric traces stay symmetric."""
+
+    def __init__(self, slope: float) -> None:
+        self.slope = slope
+        self._x: list[float] = []
+        self._y: list[float] = []
+        self._s: list[float] = []
+
+    def place(self, x_terms: Sequence[float] = (), y_terms: Sequence[float] = ()) -> Point:
+        """Return the end of the chain, moved by the given terms and rounded once."""
+        return (math.fsum([*self._x, *x_terms]), math.fsum([*self._y, *y_terms]))
+
+    def arc_length(self) -> float:
+        """Return the length of the chain drawn so far."""
+        return math.fsum(self._s)
+
+    def move(self, x_terms: Sequence[float], y_terms: Sequence[float], length: float) -> None:
+        """Draw on by a displacement given as sums."""
+        self._x.extend(x_terms)
+        self._y.extend(y_terms)
+        self._s.append(length)
+
+
+def _draw_line(pen: _Pen, index: int, length: float) -> Piece:
+    slope = pen.slope
+    start, start_s = pen.place(), pen.arc_length()
+    sine, cosine = sine_cosine(slope)
+    pen.move((length * cosine,), (length * sine,), length)
+    return Piece(
+        index=index,
+        shape=LINE,
+        sign=0.0,
+        radius=math.inf,
+        start_slope=slope,
+        end_slope=slope,
+        length=length,
+        start_s=start_s,
+        start=start,
+        end=pen.place(),
+        center=(math.nan, math.nan),
+        angle_start=0.0,
+        angle_end=length,
+    )
+
+
+def _draw_arc(pen: _Pen, index: int, shape: str, radius: float, end_slope: float) -> Piece:
+    sign = _SIGN[shape]
+    start_slope, pen.slope = pen.slope, end_slope
+    start, start_s = pen.place(), pen.arc_length()
+    sine_start, cosine_start = sine_cosine(start_slope)
+    sine_end, cosine_end = sine_cosine(end_slope)
+    reach = sign * radius
+    # contact point P = O + sign R (sin α, −cos α), for valley and hump alike
+    to_center = (-reach * sine_start, reach * cosine_start)
+    center = pen.place(to_center[:1], to_center[1:])
+    length = radius * abs(end_slope - start_slope)
+    pen.move(
+        (to_center[0], reach * sine_end),
+        (to_center[1], -reach * cosine_end),
+        length,
+    )
+    return Piece(
+        index=index,
+        shape=shape,
+        sign=sign,
+        radius=radius,
+        start_slope=start_slope,
+        end_slope=end_slope,
+        length=length,
+        start_s=start_s,
+        start=start,
+        end=pen.place(),
+        center=center,
+        angle_start=sign * start_slope,
+        angle_end=sign * end_slope,
+    )
+
+
+def _draw(pen: _Pen, index: int, described: ArcShape) -> Piece:
+    if described.shape not in _SIGN:
+        raise ValueError(f"piece {index + 1}: unknown shape {described.shape!r}")
+    if described.shape == LINE:
+        if described.length is None or not described.length > 0.0:
+            raise ValueError(f"piece {index + 1}: a line needs a length greater than 0")
+        return _draw_line(pen, index, described.length)
+    if described.radius is None or not described.radius > 0.0:
+        raise ValueError(f"piece {index + 1}: a {described.shape} needs a radius greater than 0")
+    if described.end_slope is None:
+        raise ValueError(f"piece {index + 1}: a {described.shape} needs an end slope")
+    if not _SIGN[described.shape] * (described.end_slope - pen.slope) > 0.0:
+        turn = "rise" if described.shape == VALLEY else "fall"
+        raise ValueError(f"piece {index + 1}: the slope of a {described.shape} must {turn}")
+    return _draw_arc(pen, index, described.shape, described.radius, described.end_slope)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A chain of pieces with a common tangent at every junction; the left end is the origin."""
+
+    pieces: tuple[Piece, ...]
+    closed: bool
+    """Whether the right end of the last piece is joined to the left end of the first."""
+    length: float
+    """Arc length of the whole chain (m)."""
+
+    @staticmethod
+    def chain(start_slope: float, shapes: Sequence[ArcShape], closed: bool = False) -> Trace:
+        """Build the trace from the slope at its left end and its pieces, each with the slope where it ends.
+
+        `start_slope` in rad. Valleys turn left (α grows with s), humps right; x to the right, y up.
+        Raises ValueError when a piece lacks a dimension or turns against its shape. Whether a closed chain
+        does close is for the caller to test with `closing_error`.
+        """
+        if not shapes:
+            raise ValueError("a trace needs at least one piece")
+        pen = _Pen(start_slope)
+        pieces = tuple(_draw(pen, index, described) for index, described in enumerate(shapes))
+        return Trace(pieces, closed, pen.arc_length())
+
+    def closing_error(self) -> tuple[float, float]:
+        """Return how far the right end is from the left one (m), and the turn between their slopes (rad)."""
+        first, last = self.pieces[0], self.pieces[-1]
+        distance = math.hypot(last.end[0] - first.start[0], last.end[1] - first.start[1])
+        return distance, last.end_slope - first.start_slope
