@@ -27,10 +27,10 @@ def mass_from_density(
 ) -> float:
     """Return the mass (kg) of a homogeneous body.
 
-    `radius` and `thickness` in m, `density` in kg/m³. Ball and particle: ⁴⁄₃π r³ ρ. Disk of the given
-    thickness: π r² t ρ. Hollow ball, thin against its radius: 4π r² t ρ. Hoop, a thin ring of square
-    cross-section t × t: 2π r t² ρ. The thin bodies are thin in the sense of their moments of inertia
-    (⅔ m r² and m r²): their matter is counted at radius r.
+    `radius` and `thickness` in m, `density` in kg/m³. Ball and particle: ⁴⁄₃π r³ ρ. Disk of the
+    given thickness: π r² t ρ. Hollow ball, thin against its radius: 4π r² t ρ. Hoop, a thin ring
+    of square cross-section t × t: 2π r t² ρ. Hollow ball and hoop are thin in the sense of their
+    moments of inertia (⅔ m r² and m r²): their matter is counted at radius r.
     Raises ValueError for another kind, or when the thickness is missing.
     """
     if kind in (BALL, PARTICLE):
@@ -51,7 +51,7 @@ class Body:
     """A body of revolution on the trace."""
 
     kind: str
-    """`ball`, `disk`, `hollow_ball`, `hoop`, `particle`, or `custom` (given by its inertia ratio)."""
+    """`ball`, `disk`, `hollow_ball`, `hoop`, `particle`, or `custom` (by its inertia ratio)."""
     radius: float
     """Radius r (m)."""
     mass: float

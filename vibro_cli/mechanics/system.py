@@ -29,7 +29,7 @@ class InitialState:
 
 @dataclass(frozen=True)
 class System:
-    """A set of bodies in order from left to right on a trace, with everything their motion depends on."""
+    """Bodies in order from left to right on a trace, and everything their motion depends on."""
 
     gravity: float
     """g (m/s²), downwards."""

@@ -1,4 +1,4 @@
-"""The trace: a plane curve of valleys, humps and lines that share their tangent at every junction."""
+"""The trace: a plane curve of valleys, humps and lines with a common tangent at every junction."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _SIGN = {VALLEY: 1.0, HUMP: -1.0, LINE: 0.0}
 def sine_cosine(angle: float) -> Point:
     """Return (sin, cos) of an angle, exact at the doubles nearest to the multiples of π/2.
 
-    `angle` in rad. A sine within half a unit in the last place of its argument belongs to the double
-    nearest to a multiple of π and is 0; likewise the cosine at odd multiples of π/2.
+    `angle` in rad. A sine within half a unit in the last place of its argument belongs to the
+    double nearest to a multiple of π and is 0; likewise the cosine at odd multiples of π/2.
     """
     rounding = 0.5 * math.ulp(angle)
     sine = math.sin(angle)
@@ -32,7 +32,7 @@ def sine_cosine(angle: float) -> Point:
 
 @dataclass(frozen=True)
 class ArcShape:
-    """One piece as it is described: its shape, and either radius (m) and end slope (rad) or length (m)."""
+    """One piece as it is described: a shape with radius (m) and end slope (rad), or length (m)."""
 
     shape: str
     radius: float | None = None
@@ -44,8 +44,8 @@ class ArcShape:
 class Piece:
     """One arc or line of the trace, in its place.
 
-    The coordinate of a body on a piece (`position` below) is φ = α in a valley, ψ = −α on a hump, both in
-    rad and growing to the right, and the distance in m from the left end on a line.
+    The coordinate of a body on a piece (`position` below) is φ = α in a valley, ψ = −α on a hump,
+    both in rad and growing to the right, and the distance in m from the left end on a line.
     """
 
     index: int
@@ -81,7 +81,7 @@ class Piece:
         return self.sign == 0.0
 
     def path_radius(self, body_radius: float) -> float:
-        """Return ρ (m), the radius of the path of a body's centre: R − r, R + r, or inf on a line."""
+        """Return ρ (m), the radius of the path of a body's centre: R − r, R + r, inf on a line."""
         return math.inf if self.is_line else self.radius - self.sign * body_radius
 
     def slope(self, position: float) -> float:
@@ -96,7 +96,8 @@ class Piece:
     def body_center(self, position: float, body_radius: float) -> Point:
         """Return the centre (m) of a body of the given radius (m) at a position on this piece.
 
-        Valley O + ρ(sin φ, −cos φ), hump O + ρ(sin ψ, cos ψ), line P + r n; radius 0 gives the contact point.
+        Valley O + ρ(sin φ, −cos φ), hump O + ρ(sin ψ, cos ψ), line P + r n; radius 0 gives the
+        contact point.
         """
         if self.is_line:
             sine, cosine = sine_cosine(self.start_slope)
@@ -114,7 +115,7 @@ class Piece:
 
 
 class _Pen:
-    """The end of the chain drawn so far, kept as exact sums so that symmetric traces stay symmetric."""
+    """The end of the chain drawn so far, kept as sums so that symmetric traces stay symmetric."""
 
     def __init__(self, slope: float) -> None:
         self.slope = slope
@@ -221,11 +222,11 @@ class Trace:
 
     @staticmethod
     def chain(start_slope: float, shapes: Sequence[ArcShape], closed: bool = False) -> Trace:
-        """Build the trace from the slope at its left end and its pieces, each with the slope where it ends.
+        """Build the trace from the slope at its left end and its pieces, each with its end slope.
 
         `start_slope` in rad. Valleys turn left (α grows with s), humps right; x to the right, y up.
-        Raises ValueError when a piece lacks a dimension or turns against its shape. Whether a closed chain
-        does close is for the caller to test with `closing_error`.
+        Raises ValueError when a piece lacks a dimension or turns against its shape. Whether a
+        closed chain does close is for the caller to test with `closing_error`.
         """
         if not shapes:
             raise ValueError("a trace needs at least one piece")
@@ -234,7 +235,7 @@ class Trace:
         return Trace(pieces, closed, pen.arc_length())
 
     def closing_error(self) -> tuple[float, float]:
-        """Return how far the right end is from the left one (m), and the turn between their slopes (rad)."""
+        """Return the distance between the ends (m) and the turn between their slopes (rad)."""
         first, last = self.pieces[0], self.pieces[-1]
         distance = math.hypot(last.end[0] - first.start[0], last.end[1] - first.start[1])
         return distance, last.end_slope - first.start_slope
