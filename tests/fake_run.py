@@ -1,0 +1,83 @@
+"""A run made by hand, in the shape every run has; for tests of storing and showing runs."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.storage import schema
+
+_ROWS = 3
+
+
+def _column(column: schema.Column, position: int, rows: int) -> Any:
+    """Distinct, recognisable values of a column; nullable ones lack their first value."""
+    numbers = np.arange(rows) + 100 * position
+    if column.type == "string":
+        words = np.array([f"{column.name}-{row}" for row in range(rows)], dtype=object)
+        if column.nullable:
+            words[:1] = None
+        return words
+    if column.type == "bool":
+        return numbers % 2 == 0
+    if column.type == "int64":
+        return (
+            np.ma.MaskedArray(numbers, mask=numbers == 100 * position)
+            if column.nullable
+            else numbers
+        )
+    values = numbers + 1 / 3
+    if column.nullable:
+        values[:1] = np.nan
+    return values
+
+
+def columns_of(table: schema.Table, rows: int = _ROWS) -> dict[str, Any]:
+    """Columns that fit a table."""
+    return {
+        column.name: _column(column, position, rows)
+        for position, column in enumerate(table.columns)
+    }
+
+
+@dataclass
+class FakeRun:
+    """A run of two bodies with three impacts."""
+
+    collisions: dict[str, Any] = field(default_factory=lambda: columns_of(schema.collisions()))
+    events: dict[str, Any] = field(default_factory=lambda: columns_of(schema.events()))
+    summary: dict[str, Any] = field(default_factory=lambda: columns_of(schema.summary(2), 1))
+    motion: dict[str, Any] | None = None
+    engine: str = "python"
+    skipped: list[str] = field(default_factory=lambda: ["normal forces: nothing asked for them"])
+
+    def summary_record(self) -> dict[str, Any]:
+        return {
+            "status": "ok",
+            "reason": None,
+            "end_cause": "time",
+            "end_time": 60.0,
+            "quiet_from": None,
+            "collisions": _ROWS,
+            "crossings": 4,
+            "contacts": 0,
+            "energy_start": 12.5,
+            "energy_end": 11.25,
+            "energy_drift": None,
+            "max_gap": 1.0e-16,
+            "min_normal_force": 3.5,
+            "max_friction_demand": None,
+        }
+
+    def checkpoint(self) -> dict[str, Any]:
+        return {"t": 0.1 + 0.2}
+
+
+@dataclass
+class FakeScenario:
+    """A scenario by name only."""
+
+    name: str = "by-hand"
+
+    def resolved(self) -> dict[str, Any]:
+        return {"name": self.name, "gravity": 9.81}

@@ -1,0 +1,158 @@
+"""Files and folders written whole or not at all, also when interrupted at any moment."""
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from vibro_cli.storage import files
+from vibro_cli.storage.files import new_folder, write_file
+from vibro_cli.storage.provenance import FolderRefused
+
+WRITER = """
+import sys
+from pathlib import Path
+from vibro_cli.storage.files import new_folder
+
+target, round_ = Path(sys.argv[1]), 0
+print("ready", flush=True)
+while True:
+    round_ += 1
+    with new_folder(target, lambda folder: None) as folder:
+        for name in "abcd":
+            folder.write(name, str(round_).encode() * 2000)
+"""
+
+
+def allow(folder: Path) -> None:
+    """Any folder may be replaced."""
+
+
+def entries(folder: Path) -> list[str]:
+    return sorted(os.listdir(folder))
+
+
+def test_a_file_is_written_whole_and_alone(tmp_path: Path) -> None:
+    write_file(tmp_path / "a.txt", b"one")
+    write_file(tmp_path / "a.txt", b"two")
+    assert (tmp_path / "a.txt").read_bytes() == b"two"
+    assert entries(tmp_path) == ["a.txt"]
+
+
+def test_a_file_that_fails_leaves_the_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_file(tmp_path / "a.txt", b"one")
+
+    def full_disk(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(OSError, match="No space"):
+        write_file(tmp_path / "a.txt", b"two")
+    assert (tmp_path / "a.txt").read_bytes() == b"one"
+    assert entries(tmp_path) == ["a.txt"]
+
+
+def test_files_and_folders_follow_the_umask(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        with new_folder(tmp_path / "run", allow) as folder:
+            folder.write("a", b"")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "run").stat().st_mode) == 0o750
+    assert stat.S_IMODE((tmp_path / "run" / "a").stat().st_mode) == 0o640
+
+
+def test_a_folder_appears_only_when_it_is_complete(tmp_path: Path) -> None:
+    target = tmp_path / "deep" / "run"
+    with new_folder(target, allow) as folder:
+        folder.write("a", b"1")
+        assert not target.exists()
+    assert entries(target) == ["a"]
+    assert entries(tmp_path / "deep") == ["run"]
+
+
+@pytest.mark.parametrize("exchange", [True, False], ids=["one-step", "two-renames"])
+def test_a_folder_takes_the_place_of_an_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exchange: bool
+) -> None:
+    if not exchange:
+        monkeypatch.setattr(files, "_exchange", lambda one, other: False)
+    for name in ("old", "new"):
+        with new_folder(tmp_path / "run", allow) as folder:
+            folder.write(name, b"")
+    assert entries(tmp_path / "run") == ["new"]
+    assert entries(tmp_path) == ["run"]
+
+
+@pytest.mark.parametrize("error", [OSError("disk"), KeyboardInterrupt(), SystemExit(143)])
+def test_a_failure_leaves_the_old_folder_and_nothing_else(
+    tmp_path: Path, error: BaseException
+) -> None:
+    with new_folder(tmp_path / "run", allow) as folder:
+        folder.write("old", b"")
+    with pytest.raises(type(error)), new_folder(tmp_path / "run", allow) as folder:
+        folder.write("new", b"")
+        raise error
+    assert entries(tmp_path / "run") == ["old"]
+    assert entries(tmp_path) == ["run"]
+
+
+def test_a_folder_refused_at_the_end_is_left_as_it_is(tmp_path: Path) -> None:
+    def check(folder: Path) -> None:
+        if folder.exists():
+            raise FolderRefused(str(folder))
+
+    with pytest.raises(FolderRefused), new_folder(tmp_path / "run", check) as folder:
+        folder.write("new", b"")
+        (tmp_path / "run").mkdir()
+        (tmp_path / "run" / "foreign").touch()
+    assert entries(tmp_path / "run") == ["foreign"]
+    assert entries(tmp_path) == ["run"]
+
+
+def test_a_link_to_a_folder_stays_a_link(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    with new_folder(tmp_path / "link", allow) as folder:
+        folder.write("a", b"")
+    assert (tmp_path / "link").is_symlink()
+    assert entries(tmp_path / "real") == ["a"]
+
+
+def test_two_writers_of_one_folder_do_not_disturb_each_other(tmp_path: Path) -> None:
+    with new_folder(tmp_path / "run", allow) as slow:
+        slow.write("slow", b"")
+        with new_folder(tmp_path / "run", allow) as quick:
+            quick.write("quick", b"")
+        assert entries(tmp_path / "run") == ["quick"]
+    assert entries(tmp_path / "run") == ["slow"]
+    assert entries(tmp_path) == ["run"]
+
+
+def test_killed_at_any_moment_the_folder_is_one_of_the_complete_ones(tmp_path: Path) -> None:
+    target = tmp_path / "run"
+    for delay in (0.0, 0.003, 0.011, 0.02, 0.031, 0.047):
+        writer = subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(target)], stdout=subprocess.PIPE
+        )
+        assert writer.stdout is not None
+        writer.stdout.readline()
+        while not target.exists():
+            time.sleep(0.001)
+        time.sleep(delay)
+        writer.send_signal(signal.SIGKILL)
+        writer.wait()
+        writer.stdout.close()
+        assert entries(target) == ["a", "b", "c", "d"]
+        assert len({(target / name).read_bytes() for name in "abcd"}) == 1
+    with new_folder(target, allow) as folder:
+        folder.write("last", b"")
+    assert entries(tmp_path) == ["run"], "what killed writers left is removed by the next"

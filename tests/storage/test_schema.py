@@ -1,0 +1,79 @@
+"""The tables' description: complete, consistent, the same as the reference in README.md."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from vibro_cli.storage import schema
+
+README = Path(__file__).parents[2] / "README.md"
+COLLISIONS = """
+n, t, t_low, dt, ball_a, ball_b, arc_a, arc_b, angle_a, angle_b, s_a, s_b, x_a, y_a, x_b, y_b,
+rate_a_pre, rate_b_pre, rate_a_post, rate_b_post, omega_a_pre, omega_b_pre, omega_a_post,
+omega_b_post, speed_a_pre, speed_b_pre, speed_a_post, speed_b_post, energy_a_pre, energy_b_pre,
+energy_a_post, energy_b_post, energy_loss, impulse_moment, approach_speed, separation_speed, gap,
+law, admissible, substituted, simultaneous, grazing, contact
+"""
+SUMMARY = """
+status, reason, end_cause, end_time, quiet_from, collisions, crossings, contacts,
+first_collision_time, last_collision_time, energy_start, energy_end, energy_drift,
+energy_correction, max_gap, min_normal_force, max_friction_demand,
+arc_1, angle_1, s_1, speed_1, arc_2, angle_2, s_2, speed_2
+"""
+EVENTS = "t, event, ball, other, arc_from, arc_to, s, speed, value"
+MOTION = "t, ball, arc, angle, s, x, y, speed, energy"
+UNITS = {"", "s", "m", "rad", "rad/s", "m/s", "J", "N", "N m s"}
+
+
+@pytest.mark.parametrize(
+    ("table", "names"),
+    [
+        (schema.collisions(), COLLISIONS),
+        (schema.summary(2), SUMMARY),
+        (schema.events(), EVENTS),
+        (schema.motion(), MOTION),
+    ],
+    ids=["collisions", "summary", "events", "motion"],
+)
+def test_columns_are_those_promised_in_their_order(table: schema.Table, names: str) -> None:
+    assert [column.name for column in table.columns] == re.findall(r"\w+", names)
+
+
+def test_side_follows_the_pair_where_there_is_one() -> None:
+    names = [column.name for column in schema.collisions(sided=True).columns]
+    assert names[4:7] == ["ball_a", "ball_b", "side"]
+    assert len(names) == len(schema.collisions().columns) + 1
+
+
+@pytest.mark.parametrize("table", schema.reference(), ids=lambda table: table.name)
+def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: schema.Table) -> None:
+    assert len({column.name for column in table.columns}) == len(table.columns)
+    for column in table.columns:
+        assert column.description, column.name
+        assert column.unit in UNITS, column.name
+        assert column.unit == "" or column.type == "float64", column.name
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        schema.collisions(),
+        schema.collisions(sided=True),
+        schema.summary(1),
+        schema.summary(7),
+        schema.events(),
+        schema.motion(),
+    ],
+)
+def test_a_table_is_found_from_the_names_of_its_columns(table: schema.Table) -> None:
+    assert schema.table_named(table.name, [column.name for column in table.columns]) == table
+
+
+def test_an_unknown_table_is_refused() -> None:
+    with pytest.raises(ValueError, match="no table 'impacts'"):
+        schema.table_named("impacts", [])
+
+
+def test_readme_prints_the_same_description() -> None:
+    assert schema.as_markdown() in README.read_text(encoding="utf-8")

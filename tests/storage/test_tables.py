@@ -1,0 +1,170 @@
+"""Columns to parquet and back: units, nulls, bits, damage."""
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from tests.fake_run import columns_of
+from vibro_cli.storage import schema
+from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, stream, to_arrow
+
+ORIGIN = Origin({"name": "by-hand", "gravity": 9.81}, "0.1.0")
+TABLES = [
+    schema.collisions(),
+    schema.collisions(sided=True),
+    schema.events(),
+    schema.motion(),
+    schema.summary(1),
+    schema.summary(5),
+]
+
+
+def written(table: schema.Table, columns: dict[str, Any] | None = None) -> pa.Table:
+    content = parquet_bytes(table, columns_of(table) if columns is None else columns, ORIGIN)
+    return read_parquet(io.BytesIO(content))
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: f"{table.name}-{len(table.columns)}")
+def test_file_keeps_names_types_units_descriptions_and_nullability(table: schema.Table) -> None:
+    found = written(table).schema
+    assert found.names == [column.name for column in table.columns]
+    for column in table.columns:
+        kept = found.field(column.name)
+        assert str(kept.type).replace("double", "float64") == column.type
+        assert kept.nullable == column.nullable
+        assert kept.metadata[b"unit"].decode() == column.unit
+        assert kept.metadata[b"description"].decode() == column.description
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: f"{table.name}-{len(table.columns)}")
+def test_missing_values_are_null_and_the_others_keep_their_bits(table: schema.Table) -> None:
+    columns = columns_of(table)
+    found = written(table, columns)
+    for column in table.columns:
+        values = found[column.name].to_pylist()
+        assert (values[0] is None) == column.nullable
+        assert values[1:] == list(columns[column.name][1:])
+
+
+def test_metadata_hold_the_origin() -> None:
+    metadata = written(schema.events()).schema.metadata
+    assert json.loads(metadata[b"vibro:scenario"]) == ORIGIN.scenario
+    assert metadata[b"vibro:version"] == b"0.1.0"
+    assert metadata[b"vibro:schema"] == b"events/1"
+
+
+def test_special_doubles_keep_their_bits() -> None:
+    special = np.array([-0.0, 5e-324, np.inf, -np.inf, np.nextafter(1.0, 2.0)])
+    columns = columns_of(schema.motion(), special.size)
+    columns["speed"] = special
+    assert written(schema.motion(), columns)["speed"].to_numpy().tobytes() == special.tobytes()
+
+
+def test_an_empty_table_is_written_with_its_schema() -> None:
+    found = written(schema.collisions(), columns_of(schema.collisions(), 0))
+    assert found.num_rows == 0
+    assert found.schema.field("t").metadata[b"unit"] == b"s"
+
+
+def test_equal_input_gives_equal_bytes() -> None:
+    table = schema.collisions()
+    one, other = (parquet_bytes(table, columns_of(table, 5000), ORIGIN) for _ in range(2))
+    assert one == other
+
+
+def test_columns_are_encoded_as_declared() -> None:
+    table = schema.events()
+    group = pq.ParquetFile(io.BytesIO(parquet_bytes(table, columns_of(table), ORIGIN)))
+    chunks = group.metadata.row_group(0)
+    for position, column in enumerate(table.columns):
+        chunk = chunks.column(position)
+        assert chunk.compression == "ZSTD"
+        expected = {"float64": "BYTE_STREAM_SPLIT", "int64": "DELTA_BINARY_PACKED"}
+        assert expected.get(column.type, "RLE_DICTIONARY") in chunk.encodings
+
+
+def test_every_flipped_bit_of_the_data_is_noticed() -> None:
+    table = schema.motion()
+    content = parquet_bytes(table, columns_of(table, 200), ORIGIN)
+    chunk = pq.ParquetFile(io.BytesIO(content)).metadata.row_group(0).column(0)
+    page_end = chunk.data_page_offset + chunk.total_compressed_size
+    for place in range(page_end - 40, page_end):
+        damaged = bytearray(content)
+        damaged[place] ^= 1
+        with pytest.raises(OSError, match="CRC checksum"):
+            read_parquet(io.BytesIO(bytes(damaged)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda columns: columns.pop("speed"), "speed"),
+        (lambda columns: columns.update(extra=columns["t"]), "extra"),
+        (lambda columns: columns.update(t=columns.pop("t")), "the order"),
+        (lambda columns: columns["t"].__setitem__(1, np.nan), "'t' has no value in row 2"),
+    ],
+    ids=["missing", "unknown", "order", "null"],
+)
+def test_columns_that_differ_from_the_schema_are_refused(change: Any, message: str) -> None:
+    columns = columns_of(schema.motion())
+    change(columns)
+    with pytest.raises(ValueError, match=message):
+        to_arrow(schema.motion(), columns, ORIGIN)
+
+
+def test_a_column_of_another_type_is_refused() -> None:
+    columns = columns_of(schema.motion())
+    columns["arc"] = columns["t"]
+    with pytest.raises(TypeError, match="int64"):
+        to_arrow(schema.motion(), columns, ORIGIN)
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl", "arrow", "parquet"])
+def test_streams_read_back_to_the_same_doubles(form: str) -> None:
+    table = schema.events()
+    columns = columns_of(table, 10_000)
+    columns["t"] = np.random.default_rng(1).standard_normal(10_000) ** 9
+    sink = io.BytesIO()
+    stream(to_arrow(table, columns, ORIGIN), form, sink)
+    sink.seek(0)
+    if form == "csv":
+        rows = csv.DictReader(sink.getvalue().decode().splitlines())
+        found = np.array([float(row["t"]) for row in rows])
+    elif form == "jsonl":
+        found = np.array([json.loads(line)["t"] for line in sink])
+    elif form == "arrow":
+        found = pa.ipc.open_stream(sink).read_all()["t"].to_numpy()
+    else:
+        found = read_parquet(sink)["t"].to_numpy()
+    assert found.tobytes() == columns["t"].tobytes()
+
+
+def test_null_is_an_empty_field_of_csv_and_null_in_json_lines() -> None:
+    table = schema.events()
+    data = to_arrow(table, columns_of(table, 1), ORIGIN)
+    commas, lines = io.BytesIO(), io.BytesIO()
+    stream(data, "csv", commas)
+    stream(data, "jsonl", lines)
+    assert next(csv.DictReader(commas.getvalue().decode().splitlines()))["value"] == ""
+    assert json.loads(lines.getvalue())["value"] is None
+
+
+def test_an_unknown_form_is_refused() -> None:
+    data = to_arrow(schema.motion(), columns_of(schema.motion()), ORIGIN)
+    with pytest.raises(ValueError, match="no form 'xlsx'"):
+        stream(data, "xlsx", io.BytesIO())
+
+
+def test_pandas_reads_the_file(tmp_path: Path) -> None:
+    table = schema.collisions()
+    path = tmp_path / "collisions.parquet"
+    path.write_bytes(parquet_bytes(table, columns_of(table), ORIGIN))
+    assert list(pd.read_parquet(path)["n"]) == [0, 1, 2]

@@ -1,0 +1,127 @@
+"""Files and folders that are written whole or not at all.
+
+A file is written beside its place, flushed to the disk and renamed; a folder likewise, so that an
+interruption at any moment leaves what was there before or what was to be there, never a part.
+"""
+
+import contextlib
+import ctypes
+import fcntl
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+_AT_FDCWD = -100
+_RENAME_EXCHANGE = 2
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file whole: beside its place, flushed, then renamed, and the folder flushed.
+
+    Raises `OSError` when it cannot be written; then nothing is left behind.
+    """
+    partial = path.with_name(f".{path.name}.partial-{secrets.token_hex(6)}")
+    try:
+        _write_new(partial, content)
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+    _flush_folder(path.parent)
+
+
+def _write_new(path: Path, content: bytes) -> None:
+    """Write a file that must not exist yet, and wait until it is on the disk."""
+    with open(path, "xb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _flush_folder(path: Path) -> None:
+    """Wait until the entries of a folder are on the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+class NewFolder:
+    """A folder in the making; its files come into view together, when it is put in place."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def write(self, name: str, content: bytes) -> None:
+        """Add a file; raises `OSError` when it cannot be written or is there already."""
+        _write_new(self.path / name, content)
+
+
+@contextlib.contextmanager
+def new_folder(target: Path, check: Callable[[Path], None]) -> Iterator[NewFolder]:
+    """Make a folder whole: the block fills it, then it takes the place of `target`.
+
+    `check(target)` raises when an existing `target` must not be replaced; it is asked again at the
+    end. When the block or the replacement fails, `target` is as it was and nothing is left behind.
+    """
+    target = Path(os.path.realpath(target))
+    check(target)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    _remove_abandoned(target)
+    partial, handle = _open_partial(target)
+    try:
+        yield NewFolder(partial)
+        _flush_folder(partial)
+        check(target)
+        _put_in_place(partial, target)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+        os.close(handle)
+    _flush_folder(target.parent)
+
+
+def _open_partial(target: Path) -> tuple[Path, int]:
+    """A new folder beside `target`, and a handle that holds a lock on it while we live."""
+    while True:
+        partial = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
+        partial.mkdir()
+        handle = os.open(partial, os.O_RDONLY)
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        if partial.exists():  # else another process took it for abandoned before the lock
+            return partial, handle
+        os.close(handle)
+
+
+def _remove_abandoned(target: Path) -> None:
+    """Remove what killed processes left beside `target`: partial folders that nobody locks."""
+    for partial in target.parent.glob(f".{target.name}.partial-*"):
+        with contextlib.suppress(OSError):
+            handle = os.open(partial, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(partial, ignore_errors=True)
+            finally:
+                os.close(handle)
+
+
+def _put_in_place(partial: Path, target: Path) -> None:
+    """Rename a finished folder to `target`; what was there is afterwards at `partial`."""
+    if not target.exists():
+        os.rename(partial, target)
+    elif not _exchange(partial, target):
+        aside = target.with_name(f".{target.name}.partial-{secrets.token_hex(6)}")
+        os.rename(target, aside)
+        os.rename(partial, target)
+        os.rename(aside, partial)
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Exchange two folders in one step; false where the system cannot (Linux: renameat2)."""
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:
+        return False
+    arguments = (_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), _RENAME_EXCHANGE)
+    return bool(rename(*arguments) == 0)

@@ -1,0 +1,89 @@
+"""Where a folder of results comes from: its manifest, and whether a folder is one of ours.
+
+A manifest names the kind of the folder, the program and the libraries it was made with, and every
+file with its size and SHA-256. Nothing of the host or of the time stands in it, so that equal
+input gives an equal manifest.
+"""
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from vibro_cli import __version__
+
+MANIFEST_NAME = "manifest.json"
+_MANIFEST_VERSION = "1"
+_LIBRARIES = ("matplotlib", "numba", "numpy", "pyarrow", "scipy")
+
+
+class FolderRefused(Exception):
+    """An existing folder must not be replaced; the message says which and why."""
+
+
+def json_bytes(values: Any) -> bytes:
+    """Plain values as an indented JSON file; numbers read back to the same doubles.
+
+    Raises `ValueError` for numbers that are not finite.
+    """
+    return (json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def manifest(kind: str, files: Mapping[str, bytes], details: Mapping[str, Any]) -> dict[str, Any]:
+    """The manifest of a folder of results.
+
+    `kind` is what the folder holds ("run"), `files` its files' names and contents, `details` what
+    else belongs to the folder's origin.
+    """
+    return {
+        "schema": f"vibro-{kind}/{_MANIFEST_VERSION}",
+        "program": {"name": "vibro", "version": __version__},
+        "environment": {
+            "python": platform.python_version(),
+            **{name: metadata.version(name) for name in _LIBRARIES},
+        },
+        **details,
+        "files": {
+            name: {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+            for name, content in sorted(files.items())
+        },
+    }
+
+
+def read_manifest(folder: Path) -> dict[str, Any] | None:
+    """The manifest of a folder, or None where there is none of ours."""
+    try:
+        found = json.loads((folder / MANIFEST_NAME).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(found, dict) or not isinstance(found.get("files"), dict):
+        return None
+    return found if str(found.get("schema")).startswith("vibro-") else None
+
+
+def check_replaceable(folder: Path, kind: str) -> None:
+    """Raise `FolderRefused` unless `folder` is free, empty, or a folder of this kind of ours.
+
+    A folder of ours into which somebody has put other files is refused too: they would be lost.
+    """
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise FolderRefused(f"{folder} is a file; expected a folder or nothing")
+    names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
+    if not names:
+        return
+    found = read_manifest(folder)
+    if found is None or not found["schema"].startswith(f"vibro-{kind}/"):
+        raise FolderRefused(
+            f"{folder} exists and is no vibro {kind}; it is left as it is (choose another with -o)"
+        )
+    foreign = sorted(names - set(found["files"]) - {MANIFEST_NAME})
+    if foreign:
+        raise FolderRefused(
+            f"{folder} holds {foreign[0]}, which vibro did not write; it is left as it is "
+            "(move that file, or choose another folder with -o)"
+        )

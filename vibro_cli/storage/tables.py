@@ -1,0 +1,151 @@
+"""Columns of arrays to arrow tables, to bytes, and back from parquet files.
+
+What a column must be is said in `storage.schema`; here it is held to it. Equal columns give equal
+bytes: nothing of the machine or of the time goes into a table.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vibro_cli.storage.schema import Column, Table
+
+_ARROW_TYPES = {
+    "float64": pa.float64(),
+    "int64": pa.int64(),
+    "bool": pa.bool_(),
+    "string": pa.string(),
+}
+_ENCODINGS = {pa.float64(): "BYTE_STREAM_SPLIT", pa.int64(): "DELTA_BINARY_PACKED"}
+_JSON_LINES_AT_ONCE = 4096
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a table came from, as it stands in the file's metadata.
+
+    `scenario` is the resolved scenario, `version` that of the program.
+    """
+
+    scenario: Mapping[str, Any]
+    version: str
+
+
+def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
+    """The arrow schema of a table, with units and descriptions of its fields and its origin."""
+    fields = [
+        pa.field(
+            column.name,
+            _ARROW_TYPES[column.type],
+            nullable=column.nullable,
+            metadata={"unit": column.unit, "description": column.description},
+        )
+        for column in table.columns
+    ]
+    scenario = json.dumps(origin.scenario, ensure_ascii=False, allow_nan=False)
+    metadata = {
+        "vibro:schema": table.schema_id,
+        "vibro:version": origin.version,
+        "vibro:scenario": scenario,
+    }
+    return pa.schema(fields, metadata=metadata)
+
+
+def _arrow_column(column: Column, values: Any) -> pa.Array:
+    """One column as arrow: masked entries, None and, in a nullable float column, NaN are null."""
+    array = np.ma.getdata(values)
+    mask = np.ma.getmaskarray(values)
+    if column.type == "float64":
+        mask = mask | np.isnan(array)
+    elif column.type == "string":
+        mask = mask | np.array([value is None for value in array], dtype=bool)
+    if not column.nullable and mask.any():
+        row = int(np.argmax(mask))
+        raise ValueError(f"column {column.name!r} has no value in row {row + 1}, and must have one")
+    if column.type != "string":
+        array = array.astype(column.type, casting="safe", copy=False)
+    return pa.array(array, type=_ARROW_TYPES[column.type], mask=mask if mask.any() else None)
+
+
+def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Table:
+    """The arrow table of `columns` (arrays of equal length).
+
+    Raises `ValueError` when names, types or missing values are not those of `table`.
+    """
+    names = [column.name for column in table.columns]
+    if list(columns) != names:
+        odd = sorted(set(names) ^ set(columns)) or ["(the order)"]
+        raise ValueError(f"columns of {table.name!r} differ from its schema: {', '.join(odd)}")
+    arrays = [_arrow_column(column, columns[column.name]) for column in table.columns]
+    return pa.Table.from_arrays(arrays, schema=arrow_schema(table, origin))
+
+
+def write_parquet(data: pa.Table, sink: Any) -> None:
+    """Write an arrow table as parquet: zstd, floats split by bytes, integers by differences."""
+    encodings = {
+        field.name: _ENCODINGS[field.type] for field in data.schema if field.type in _ENCODINGS
+    }
+    words = [field.name for field in data.schema if pa.types.is_string(field.type)]
+    pq.write_table(
+        data,
+        sink,
+        compression="zstd",
+        compression_level=3,
+        use_dictionary=words,
+        column_encoding=encodings,
+        write_page_checksum=True,
+    )
+
+
+def parquet_bytes(table: Table, columns: Mapping[str, Any], origin: Origin) -> bytes:
+    """The parquet file of `columns`; raises as `to_arrow`."""
+    sink = pa.BufferOutputStream()
+    write_parquet(to_arrow(table, columns, origin), sink)
+    content: bytes = sink.getvalue().to_pybytes()
+    return content
+
+
+def read_parquet(source: Path | BinaryIO) -> pa.Table:
+    """A parquet file as written, its pages held to their checksums.
+
+    Raises `OSError` for a file that cannot be read or is damaged, `pyarrow.ArrowException` for one
+    that is no parquet.
+    """
+    with pq.ParquetFile(source, page_checksum_verification=True) as file:
+        return file.read()
+
+
+def json_lines(data: pa.Table) -> Iterator[bytes]:
+    """The rows as JSON objects, one per line, some thousands of lines at a time."""
+    for batch in data.to_batches(max_chunksize=_JSON_LINES_AT_ONCE):
+        rows = (json.dumps(row, ensure_ascii=False, allow_nan=False) for row in batch.to_pylist())
+        yield "".join(f"{row}\n" for row in rows).encode()
+
+
+def stream(data: pa.Table, form: str, sink: BinaryIO) -> None:
+    """Write an arrow table to an open binary stream as csv, jsonl, arrow (IPC stream) or parquet.
+
+    Numbers of csv and jsonl read back to the same doubles; null is an empty field or `null`.
+    """
+    if form == "csv":
+        from pyarrow import csv
+
+        csv.write_csv(data, sink, csv.WriteOptions(quoting_style="needed"))
+    elif form == "jsonl":
+        for lines in json_lines(data):
+            sink.write(lines)
+    elif form == "arrow":
+        with pa.ipc.new_stream(sink, data.schema) as writer:
+            writer.write_table(data)
+    elif form == "parquet":
+        whole = pa.BufferOutputStream()
+        write_parquet(data, whole)
+        sink.write(whole.getvalue())
+    else:
+        raise ValueError(f"there is no form {form!r} of a table")
