@@ -1,0 +1,257 @@
+"""From a file, a text or plain data to a scenario, or to everything that is wrong with it."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from vibro_cli.scenario import limits, translate
+from vibro_cli.scenario.models import Scenario, plain
+from vibro_cli.scenario.nodes import FormError, Node, line_and_column
+from vibro_cli.scenario.overrides import OverrideError, apply, parse
+from vibro_cli.scenario.problems import (
+    Fault,
+    KeyPath,
+    Place,
+    Problem,
+    ScenarioError,
+    path_text,
+    shown,
+)
+from vibro_cli.scenario.source import Source
+
+FORMS = {".toml": "toml", ".json": "json", ".yaml": "yaml", ".yml": "yaml"}
+"""The form of a file by its suffix."""
+
+_STANDARD_INPUT = "<stdin>"
+
+
+@dataclass(frozen=True)
+class Document:
+    """A text that was read: its data, and where it came from."""
+
+    data: dict[str, Any]
+    source: Source = field(default_factory=Source)
+    name: str = "scenario"
+    """The name of the scenario if the text gives none."""
+
+
+def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+    """Read a scenario from a file, or from standard input.
+
+    Parameters
+    ----------
+    source : str or Path
+        A file in TOML, JSON or YAML, told by its suffix; "-" is standard input, where the form is
+        told by the content.
+    overrides : sequence of str
+        Values to change, such as "balls[1].angle=-60 deg".
+
+    Returns
+    -------
+    Scenario
+        The scenario, in SI units.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with the scenario.
+    OSError
+        If the file cannot be read.
+    """
+    return scenario_of(load_document(source), overrides)
+
+
+def parse_scenario(
+    text: str, form: str = "toml", overrides: Sequence[str] = (), file: str = "<text>"
+) -> Scenario:
+    """Read a scenario from a text.
+
+    Parameters
+    ----------
+    text : str
+        The scenario.
+    form : str
+        "toml", "json" or "yaml".
+    overrides : sequence of str
+        Values to change, such as "balls[1].angle=-60 deg".
+    file : str
+        What errors call the text.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with the scenario.
+    """
+    return scenario_of(parse_document(text, form, file), overrides)
+
+
+def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:
+    """Return the scenario of a document, or of plain data, after overrides.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with the scenario.
+    """
+    if not isinstance(document, Document):
+        document = Document(plain(dict(document)))
+    data, given, problems = _overridden(document.data, overrides)
+    source = replace(document.source, overrides=tuple(given))
+    data.setdefault("name", document.name)
+    try:
+        scenario = Scenario.model_validate(data)
+    except ValidationError as error:
+        problems += located(translate.faults(error), source)
+    if problems:
+        raise ScenarioError(problems)
+    scenario._source = source
+    return scenario
+
+
+def _overridden(
+    data: dict[str, Any], overrides: Sequence[str]
+) -> tuple[dict[str, Any], list[tuple[KeyPath, str]], list[Problem]]:
+    changed, given, problems = dict(data), [], []
+    for text in overrides:
+        try:
+            override = parse(text)
+            changed = apply(changed, override.path, override.value)
+        except OverrideError as error:
+            problems.append(_problem(error.fault, Place(f"--set {text}")))
+        else:
+            given.append((override.path, text))
+    return changed, given, problems
+
+
+def located(faults: Iterable[Fault], source: Source) -> list[Problem]:
+    """Return faults as problems with their places, in the order of the file."""
+    problems = [_problem(fault, source.place(fault.loc, fault.on_key)) for fault in faults]
+    return sorted(problems, key=lambda p: (p.line or 0, p.column or 0))
+
+
+def _problem(fault: Fault, place: Place) -> Problem:
+    return Problem.at(place, path_text(fault.loc), fault.found, fault.expected)
+
+
+def load_document(source: str | Path) -> Document:
+    """Read the data of a file in TOML, JSON or YAML, or of standard input ("-").
+
+    Raises
+    ------
+    ScenarioError
+        If the text is not of its form, or beyond the limits.
+    OSError
+        If the file cannot be read.
+    """
+    if str(source) == "-":
+        text = _decoded(sys.stdin.buffer.read(limits.MOST_BYTES + 1), _STANDARD_INPUT)
+        return parse_document(text, form_of(text), _STANDARD_INPUT)
+    path = Path(source)
+    form = FORMS.get(path.suffix.lower())
+    if form is None:
+        found = f"the suffix {shown(path.suffix)}" if path.suffix else "no suffix"
+        raise _error(str(source), found, "a file named .toml, .json, .yaml or .yml")
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(limits.MOST_BYTES + 1)
+    except ValueError:  # a null character in the name
+        raise _error(shown(str(source)), "a name with a null character", "a file") from None
+    return parse_document(_decoded(content, str(source)), form, str(source), _stem(path))
+
+
+def _stem(path: Path) -> str:
+    name = "".join(char if char.isprintable() else "_" for char in path.stem).replace("\\", "_")
+    return name.strip()[:100].strip() or "scenario"
+
+
+def _error(file: str, found: str, expected: str, place: Place | None = None) -> ScenarioError:
+    return ScenarioError([Problem.at(place or Place(file), "", found, expected)])
+
+
+def _decoded(content: bytes, file: str) -> str:
+    if len(content) > limits.MOST_BYTES:
+        most = f"{limits.MOST_BYTES:,} bytes"
+        raise _error(file, f"more than {most}", f"at most {most}")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = content[: error.start].decode("utf-8")
+        place = Place(file, *line_and_column(before, len(before)))
+        found = f"the byte 0x{content[error.start]:02x}"
+        raise _error(file, found, "a text in UTF-8", place) from None
+
+
+def form_of(text: str) -> str:
+    """Return the form of a text, told by its first line that says something."""
+    for line in text.splitlines():
+        line = line.strip()
+        if not line or line.startswith("#"):
+            continue
+        if line.startswith("{"):
+            return "json"
+        if line.startswith("["):
+            return "toml"
+        is_yaml = re.match(r"(---|%|- |[^=\"']*:(\s|$)|\"[^\"]*\"\s*:|'[^']*'\s*:)", line)
+        return "yaml" if is_yaml else "toml"
+    return "toml"
+
+
+def parse_document(text: str, form: str, file: str = "<text>", name: str = "scenario") -> Document:
+    """Return the data of a text in a form.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    form : str
+        "toml", "json" or "yaml".
+    file : str
+        What errors call the text.
+    name : str
+        The name of a scenario that gives none.
+
+    Raises
+    ------
+    ScenarioError
+        If the text is not of its form, or beyond the limits.
+    ValueError
+        If there is no such form.
+    """
+    if form not in FORMS.values():
+        raise ValueError(f'form: found "{form}", expected toml, json or yaml')
+    if len(text) > limits.MOST_BYTES:
+        most = f"{limits.MOST_BYTES:,} characters"
+        raise _error(file, f"more than {most}", f"at most {most}")
+    try:
+        data, tree = _read(text, form)
+    except FormError as error:
+        place = Place(file, *line_and_column(text, error.offset))
+        fault = Fault(error.loc, error.found, error.expected)
+        raise ScenarioError([_problem(fault, place)]) from None
+    except Exception as error:  # what a parser leaks (RecursionError, KeyError, ...)
+        found = f"a text that cannot be read ({type(error).__name__})"
+        raise _error(file, found, f"a text in {form.upper()}") from error
+    if not isinstance(data, dict):
+        raise _error(file, shown(data), "a table with the keys of a scenario", Place(file, 1, 1))
+    return Document(data, Source(file, form, text, _tree=tree), name)
+
+
+def _read(text: str, form: str) -> tuple[Any, Node | None]:
+    if form == "toml":
+        from vibro_cli.scenario import toml_form
+
+        return toml_form.read(text), None
+    if form == "json":
+        from vibro_cli.scenario import json_form
+
+        return json_form.read(text), None
+    from vibro_cli.scenario import yaml_form
+
+    return yaml_form.read(text)

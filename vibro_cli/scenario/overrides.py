@@ -1,0 +1,137 @@
+"""Overrides of a scenario's values from the command line: `balls[1].angle=-60 deg`."""
+
+from __future__ import annotations
+
+import datetime
+import tomllib
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any
+
+from vibro_cli.scenario import fields, limits
+from vibro_cli.scenario.nodes import FormError
+from vibro_cli.scenario.problems import Fault, KeyPath, path_text, shown
+from vibro_cli.scenario.rules import ALTERNATIVES
+from vibro_cli.scenario.source import parsed_path
+from vibro_cli.scenario.translate import unknown_key
+
+_LONGEST = 100_000
+
+
+class OverrideError(Exception):
+    """An override that cannot be applied, as a fault without a place."""
+
+    def __init__(self, fault: Fault) -> None:
+        super().__init__(fault)
+        self.fault = fault
+
+
+@dataclass(frozen=True)
+class Override:
+    """One override: the path, the value and the text it was given as."""
+
+    path: KeyPath
+    value: Any
+    text: str
+
+
+def parse(text: str) -> Override:
+    """Return the override of a text `path=value`.
+
+    The value is one of TOML (`0.8`, `"0.4 m"`, `[1, 0.9]`, `{wall = 0.8}`); what is not, is a
+    word or text without quotes (`hedrih`, `-60 deg`).
+
+    Raises
+    ------
+    OverrideError
+        If there is no `=`, or no path before it.
+    """
+    path, equals, value = text.partition("=")
+    if not equals:
+        raise OverrideError(Fault((), shown(text), "path=value, such as balls[1].angle=-1.2"))
+    try:
+        return Override(parsed_path(path), parse_value(value.strip()), text)
+    except ValueError:
+        expected = "a path such as collision.k or balls[1].angle, counted from 1"
+        raise OverrideError(Fault((), shown(path), expected)) from None
+
+
+def parse_value(text: str) -> Any:
+    """Return the value of a text: one of TOML, or else the text itself."""
+    if len(text) > _LONGEST:
+        raise ValueError("too long")
+    try:
+        limits.check_toml(f"value = {text}")
+        table = tomllib.loads(f"value = {text}")
+    except (FormError, ValueError, RecursionError):
+        return text
+    value = table["value"]
+    dated = isinstance(value, (datetime.date, datetime.time))
+    return text if len(table) > 1 or dated else value
+
+
+def apply(data: dict[str, Any], path: KeyPath, value: Any) -> dict[str, Any]:
+    """Return a copy of a scenario's data with one value changed.
+
+    Tables that are missing on the way are made; of keys that exclude one another (`density` and
+    `mass`) the new one replaces the one that was given.
+
+    Raises
+    ------
+    OverrideError
+        If the path is not one of a scenario, or counts beyond a list.
+    """
+    changed = deepcopy(data)
+    place: Any = changed
+    for depth in range(len(path) - 1):
+        place = _entered(place, path, depth)
+    _set(place, path, value)
+    return changed
+
+
+def _entered(place: Any, path: KeyPath, depth: int) -> Any:
+    """Return the table or list that one step of the path leads to."""
+    part, here = path[depth], path[: depth + 1]
+    _check_step(place, here)
+    following = path[depth + 1]
+    if isinstance(part, int):
+        return place[part]
+    if isinstance(following, int):
+        _check_list(place.get(part), here)
+    elif isinstance(place.get(part), list):
+        count = len(place[part])
+        expected = f"a number from 1 to {count} after it: {path_text(here)}[1].{following}"
+        raise OverrideError(Fault(here, path_text(here), expected))
+    elif not isinstance(place.get(part), dict):
+        if fields.model_at(here) is None:
+            raise OverrideError(Fault(here, f"{path_text(here)} as a table", "a single value"))
+        place[part] = {}
+    return place[part]
+
+
+def _set(place: Any, path: KeyPath, value: Any) -> None:
+    _check_step(place, path)
+    key = path[-1]
+    if isinstance(key, str):
+        for group in ALTERNATIVES:
+            for other in group if key in group else ():
+                place.pop(other, None)
+    place[key] = value
+
+
+def _check_step(place: Any, path: KeyPath) -> None:
+    """Check that the last part of a path is a key or a number of the place it is in."""
+    part = path[-1]
+    if isinstance(part, int):
+        _check_list(place, path[:-1])
+        if part >= len(place):
+            found = f"{path_text(path)} of {len(place)}"
+            raise OverrideError(Fault(path, found, f"a number from 1 to {len(place)}"))
+    elif not isinstance(place, dict) or part not in fields.known_keys(path[:-1]):
+        raise OverrideError(unknown_key(path))
+
+
+def _check_list(value: Any, path: KeyPath) -> None:
+    if not isinstance(value, list) or not value:
+        found = f"{path_text(path)} as a list" if value is None else shown(value)
+        raise OverrideError(Fault(path, found, f"a value of {path_text(path)} as a whole"))

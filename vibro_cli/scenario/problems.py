@@ -1,0 +1,130 @@
+"""What is wrong with a scenario, and where: places, problems and the one error of this package."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+KeyPath = tuple[str | int, ...]
+"""A path into a scenario; lists are counted from 0 here and from 1 in every text."""
+
+_LONGEST_SHOWN = 60
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in a file: its name and, where the form gives them, line and column from 1."""
+
+    file: str
+    line: int | None = None
+    column: int | None = None
+
+    def __str__(self) -> str:
+        numbers = [str(n) for n in (self.line, self.column) if n is not None]
+        return ":".join([self.file, *numbers])
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong: the key path, what was found, what was expected, and the place."""
+
+    path: str
+    message: str
+    found: str
+    expected: str
+    file: str
+    line: int | None = None
+    column: int | None = None
+
+    @staticmethod
+    def at(place: Place, path: str, found: str, expected: str, message: str = "") -> Problem:
+        """Return the problem at a place."""
+        return Problem(path, message, found, expected, place.file, place.line, place.column)
+
+    def __str__(self) -> str:
+        place = str(Place(self.file, self.line, self.column))
+        pair = ""
+        if self.found or self.expected:
+            pair = f"found {self.found}, expected {self.expected}"
+        return ": ".join(part for part in (place, self.path, self.message, pair) if part)
+
+
+class ScenarioError(Exception):
+    """A scenario that cannot be used; `problems` lists everything that is wrong with it."""
+
+    problems: tuple[Problem, ...]
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__(self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(str(problem) for problem in self.problems)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A problem that does not know its place yet: only the path into the data."""
+
+    loc: KeyPath
+    found: str
+    expected: str
+    on_key: bool = False
+    """Whether the key is at fault (an unknown one), rather than its value."""
+
+
+def path_text(loc: KeyPath) -> str:
+    """Return a path as it is written in errors and overrides: `balls[2].radius`."""
+    text = ""
+    for part in loc:
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        else:
+            text += f".{part}" if text else part
+    return text
+
+
+def shown(value: object) -> str:
+    """Return a value of a file as an error shows it, shortened to one line."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return '"' + shortened(value) + '"'
+    if isinstance(value, (list, tuple)):
+        return "an empty list" if not value else f"a list of {len(value)}"
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, (int, float)):
+        return shortened(_number_text(value))
+    return f"{type(value).__name__} {shortened(str(value))}"
+
+
+def _number_text(value: int | float) -> str:
+    try:
+        return repr(value)
+    except ValueError:  # Python refuses to print integers of more than 4300 digits
+        return "a whole number of more than 4300 digits"
+
+
+def shortened(text: str) -> str:
+    """Return a text on one line, without control characters, at most 60 characters long."""
+    line = "".join(char if char.isprintable() else "�" for char in text)
+    return line if len(line) <= _LONGEST_SHOWN else line[: _LONGEST_SHOWN - 3] + "..."
+
+
+def listing(words: Iterable[str], last: str = "or") -> str:
+    """Return words as a list in a sentence: `a, b or c`."""
+    items = list(words)
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return ` (did you mean "x"?)` for a mistyped word, or an empty text."""
+    from difflib import get_close_matches
+
+    close = get_close_matches(word[:100], list(known), n=1, cutoff=0.6)
+    return f' (did you mean "{close[0]}"?)' if close else ""

@@ -1,0 +1,58 @@
+"""Errors of pydantic in the one plain style of this package: found, expected, and the path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from vibro_cli.scenario import fields
+from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown
+
+_EXPECTED = {
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "dict_type": "a table",
+    "tuple_type": "a list",
+    "union_tag_not_found": '"stop" or a table {wall = ...}',
+    "union_tag_invalid": '"stop" or a table {wall = ...}',
+    "too_short": "a list of at least one",
+}
+
+
+def faults(error: ValidationError) -> list[Fault]:
+    """Return the faults of a scenario, each once."""
+    found = [_fault(details) for details in error.errors(include_url=False)]
+    return list(dict.fromkeys(found))
+
+
+def _fault(details: ErrorDetails) -> Fault:
+    # tags of unions, such as "<wall>", are no part of the path
+    loc = tuple(part for part in details["loc"] if not str(part).startswith("<"))
+    context: Mapping[str, Any] = details.get("ctx", {})
+    kind, value = details["type"], details["input"]
+    if kind == "vibro":
+        return Fault(loc, context["found"], context["expected"])
+    if kind == "missing":
+        return Fault(loc, "nothing", _needed(loc))
+    if kind == "extra_forbidden":
+        return unknown_key(loc)
+    return Fault(
+        loc, shown(value), _EXPECTED.get(kind, details["msg"][:1].lower() + details["msg"][1:])
+    )
+
+
+def _needed(loc: KeyPath) -> str:
+    words = fields.description(loc)
+    key = f'the key "{loc[-1]}"'
+    return f"{key}: {words[:1].lower()}{words[1:]}" if words else key
+
+
+def unknown_key(loc: KeyPath) -> Fault:
+    """Return the fault of a key that no table has, with a suggestion."""
+    table, key = loc[:-1], str(loc[-1])
+    known = fields.known_keys(table)
+    expected = f"{listing(known)}{fields.hint(table, key)}"
+    return Fault(loc, f"the unknown key {shown(key)}", expected, on_key=True)
