@@ -1,0 +1,63 @@
+"""The application: its commands, and how a command line becomes an exit code."""
+
+from functools import partial
+from typing import Annotated, Any
+
+import typer
+
+from vibro_cli import __version__
+from vibro_cli.commands.boundary import CommandError, perform
+from vibro_cli.commands.check import check
+from vibro_cli.commands.new import new
+from vibro_cli.commands.run import run
+from vibro_cli.commands.schema import schema
+from vibro_cli.commands.show import show
+
+app = typer.Typer(
+    name="vibro",
+    help="Vibro-impact dynamics of bodies rolling along curvilinear traces, solved exactly.",
+    epilog="Exit codes: 0 done, 1 failed, 2 wrong usage or invalid scenario, 3 not strict "
+    "(--strict), 130 and 143 interrupted.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+for command in (run, check, show, schema, new):
+    app.command()(command)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"vibro {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", "-V", help="Print the version.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
+def _parse_and_run(arguments: list[str]) -> int:
+    """Read the command line, then do what it says; the commands only say what is to be done."""
+    try:
+        task: Any = app(arguments, prog_name="vibro", standalone_mode=False)
+    except typer.TyperException as error:
+        context = getattr(error, "ctx", None)
+        help_command = f"{context.command_path if context else 'vibro'} --help"
+        message = " ".join(error.format_message().split())
+        raise CommandError(f"vibro: {message} (see {help_command})") from error
+    except typer.Abort as error:
+        raise KeyboardInterrupt from error
+    return int(task()) if callable(task) else int(task or 0)
+
+
+def run_command_line(arguments: list[str]) -> int:
+    """Run the program with these arguments and return its exit code."""
+    return perform(partial(_parse_and_run, arguments or ["--help"]))

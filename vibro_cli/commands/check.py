@@ -1,0 +1,145 @@
+"""`vibro check`: validate scenarios and show what was understood."""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from vibro_cli.commands.boundary import DONE
+from vibro_cli.commands.options import Overrides, Quiet, Scenarios, Task
+
+if TYPE_CHECKING:
+    from vibro_cli.mechanics.system import System
+    from vibro_cli.mechanics.trace import Piece
+    from vibro_cli.scenario import Scenario
+
+
+def check(
+    scenarios: Scenarios,
+    overrides: Overrides = [],  # noqa: B006 (typer copies it)
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON, a line each.")] = False,
+    quiet: Quiet = False,
+) -> Task:
+    """Validate scenarios and show what was understood."""
+    return partial(_check_all, scenarios, overrides, as_json, quiet)
+
+
+def _check_all(sources: Sequence[str], overrides: Sequence[str], as_json: bool, quiet: bool) -> int:
+    from vibro_cli.commands.loading import load_all
+
+    for scenario, system in load_all(sources, overrides):
+        found = understood(scenario, system)
+        if as_json:
+            print(json.dumps(found, ensure_ascii=False, allow_nan=False))
+        elif not quiet:
+            print("\n".join(_lines(found)))
+    return DONE
+
+
+def understood(scenario: "Scenario", system: "System") -> dict[str, Any]:
+    """What a scenario means, as plain values: given values, defaults and what follows from them."""
+    from vibro_cli.commands.words import warnings_of
+
+    return {
+        "name": scenario.name,
+        "scenario": scenario.resolved(),
+        "trace": {
+            "length": system.trace.length,
+            "closed": system.trace.closed,
+            "pieces": [_piece(piece) for piece in system.trace.pieces],
+        },
+        "bodies": list(_bodies(system)),
+        "pairs": list(_pairs(system)),
+        "law": system.law,
+        "inadmissible": system.inadmissible,
+        "surface": system.surface,
+        "warnings": warnings_of(system),
+    }
+
+
+def _piece(piece: "Piece") -> dict[str, Any]:
+    return {
+        "arc": piece.index + 1,
+        "shape": piece.shape,
+        "radius": piece.radius if math.isfinite(piece.radius) else None,
+        "start_slope": piece.start_slope,
+        "end_slope": piece.end_slope,
+        "length": piece.length,
+        "start": list(piece.start),
+        "end": list(piece.end),
+    }
+
+
+def _bodies(system: "System") -> Iterator[dict[str, Any]]:
+    for ball, (body, state) in enumerate(zip(system.bodies, system.initial, strict=True), 1):
+        on_line = system.trace.pieces[state.piece].shape == "line"
+        yield {
+            "ball": ball,
+            "body": body.kind,
+            "radius": body.radius,
+            "mass": body.mass,
+            "kappa": body.kappa,
+            "rolling_inertia": body.rolling_inertia,
+            "arc": state.piece + 1,
+            "position" if on_line else "angle": state.position,
+            "speed": state.speed,
+        }
+
+
+def _pairs(system: "System") -> Iterator[dict[str, Any]]:
+    """The neighbours with their coefficients of restitution; on a closed trace the seam's last."""
+    number = len(system.bodies)
+    for left, k in enumerate(system.restitution):
+        right = (left + 1) % number
+        yield {"ball_a": left + 1, "ball_b": right + 1, "k": k}
+
+
+def _lines(found: dict[str, Any]) -> Iterator[str]:
+    """What was understood, as text."""
+    scenario, trace = found["scenario"], found["trace"]
+    kind = "closed" if trace["closed"] else "open"
+    yield f"{found['name']}: valid"
+    yield f"  gravity {scenario['gravity']:g} m/s²; {kind} {found['surface']} trace of " + (
+        f"length {trace['length']:.6g} m"
+    )
+    yield from map(_piece_line, trace["pieces"])
+    yield from map(_body_line, found["bodies"])
+    for pair in found["pairs"]:
+        yield f"  pair {pair['ball_a']}-{pair['ball_b']}  k = {pair['k']:g}"
+    yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
+    yield f"  stop {_settings(scenario['stop'])}"
+    if not trace["closed"]:
+        yield f"  ends {_settings(scenario['ends'])}"
+    for warning in found["warnings"]:
+        yield f"  warning: {warning}"
+
+
+def _piece_line(piece: dict[str, Any]) -> str:
+    slopes = [f"{math.degrees(piece[key]):.6g}°" for key in ("start_slope", "end_slope")]
+    radius = "" if piece["radius"] is None else f"R = {piece['radius']:g} m, "
+    end = "({:.6g}, {:.6g}) m".format(*piece["end"])
+    return (
+        f"  arc {piece['arc']}  {piece['shape']:6}  {radius}slope {slopes[0]} to {slopes[1]}, "
+        f"length {piece['length']:.6g} m, ends at {end}"
+    )
+
+
+def _body_line(body: dict[str, Any]) -> str:
+    if "angle" in body:
+        place = f"angle {math.degrees(body['angle']):.6g}°"
+    else:
+        place = f"position {body['position']:.6g} m"
+    return (
+        f"  ball {body['ball']}  {body['body']}, r = {body['radius']:g} m, "
+        f"m = {body['mass']:.6g} kg, κ = {body['kappa']:.6g}, "
+        f"J_P = {body['rolling_inertia']:.6g} kg m²; arc {body['arc']}, {place}, "
+        f"speed {body['speed']:.6g} m/s"
+    )
+
+
+def _settings(settings: dict[str, Any]) -> str:
+    """The settings of a section that are set, on one line."""
+    return ", ".join(f"{key} = {value}" for key, value in settings.items() if value is not None)

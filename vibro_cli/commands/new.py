@@ -1,0 +1,62 @@
+"""`vibro new`: a commented scenario to start from."""
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vibro_cli.commands.boundary import DONE, CommandError, say
+from vibro_cli.commands.options import Quiet, Task
+
+
+def new(
+    name: Annotated[
+        str | None, typer.Argument(help="Scenario of the gallery.", show_default=False)
+    ] = None,
+    listing: Annotated[bool, typer.Option("--list", help="Print the gallery's names.")] = False,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="File [default: NAME.toml]; - prints it."
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    quiet: Quiet = False,
+) -> Task:
+    """Write a commented scenario to start from."""
+    if listing:
+        return _print_names
+    if name is None:
+        raise typer.BadParameter("expected the NAME of a scenario, or --list")
+    return partial(_write_scenario, name, output, force, quiet)
+
+
+def _print_names() -> int:
+    from vibro_cli.scenario.gallery import names
+
+    for name in names():
+        print(name)
+    return DONE
+
+
+def _write_scenario(name: str, output: str | None, force: bool, quiet: bool) -> int:
+    """Write a scenario of the gallery to a file or to standard output."""
+    from vibro_cli.scenario.gallery import names, text
+    from vibro_cli.storage.files import write_file
+
+    known = list(names())
+    if name not in known:
+        raise CommandError(f"vibro: no scenario {name!r} in the gallery; one of {', '.join(known)}")
+    content = text(name)
+    if output == "-":
+        sys.stdout.write(content)
+        return DONE
+    path = Path(f"{name}.toml" if output is None else output)
+    if path.exists() and not force:
+        raise CommandError(f"vibro: {path} exists; --force replaces it")
+    write_file(path, content.encode())
+    if not quiet:
+        say(f"{path} written; solve it with: vibro run {path}")
+    return DONE

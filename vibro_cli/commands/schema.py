@@ -1,0 +1,39 @@
+"""`vibro schema`: the form of scenarios as JSON Schema, and the description of the tables."""
+
+import json
+from functools import partial
+from typing import Annotated, Literal
+
+import typer
+
+from vibro_cli.commands.boundary import DONE
+from vibro_cli.commands.options import Task
+
+Subject = Literal["scenario", "tables"]
+
+
+def schema(
+    subject: Annotated[Subject, typer.Argument(help="What to describe.")] = "scenario",
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the tables for reading, not as JSON.")
+    ] = False,
+) -> Task:
+    """Describe the form of scenarios, or the tables."""
+    if markdown and subject != "tables":
+        raise typer.BadParameter("--markdown describes the tables; expected `schema tables`")
+    return partial(_print_schema, subject, markdown)
+
+
+def _print_schema(subject: Subject, markdown: bool) -> int:
+    if subject == "scenario":
+        from vibro_cli.scenario.json_schema import json_schema
+
+        print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+        return DONE
+    from vibro_cli.storage.schema import as_json, as_markdown
+
+    if markdown:
+        print(as_markdown(), end="")
+    else:
+        print(json.dumps(as_json(), indent=2, ensure_ascii=False))
+    return DONE

@@ -1,0 +1,176 @@
+"""`vibro show`: a table on the terminal, with units, or in another form."""
+
+import json
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from vibro_cli.commands.boundary import DONE, FAILED, CommandError, reason
+from vibro_cli.commands.options import TableFormat, Task
+
+if TYPE_CHECKING:
+    import pyarrow
+
+_ROWS = "20"
+_DIGITS = 9
+
+
+def show(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A parquet table.")],
+    rows: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N",
+            help="The first N rows, the last with -N, rows FROM:TO (from 1), or all "
+            f"[default: {_ROWS}; with --format and --json all].",
+        ),
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option(metavar="A,B,…", help="Only these columns, in this order.")
+    ] = None,
+    form: Annotated[
+        TableFormat | None, typer.Option("--format", help="Write the rows in this form.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print columns, units and rows as one JSON object.")
+    ] = False,
+) -> Task:
+    """Show a table on the terminal, with its units."""
+    if form is not None and as_json:
+        raise typer.BadParameter("expected one of --format and --json")
+    everything = form is not None or as_json
+    chosen = rows if rows is not None else ("all" if everything else _ROWS)
+    names = None if columns is None else [name.strip() for name in columns.split(",")]
+    return partial(_show, file, _row_range(chosen), names, form, as_json)
+
+
+def _row_range(text: str) -> tuple[int | None, int | None]:
+    """The rows that `--rows` asks for, as the two ends of a slice."""
+    start, colon, stop = text.partition(":")
+    try:
+        if text == "all":
+            return None, None
+        if colon:
+            first, last = int(start or 1), int(stop) if stop else None
+            if first < 1 or (last is not None and last < first):
+                raise ValueError(text)
+            return first - 1, last
+        number = int(text)
+    except ValueError as error:
+        raise typer.BadParameter(
+            f"--rows: found {text!r}, expected N, -N, FROM:TO or all"
+        ) from error
+    return (0, number) if number >= 0 else (number, None)
+
+
+def _show(
+    file: Path,
+    rows: tuple[int | None, int | None],
+    columns: Sequence[str] | None,
+    form: TableFormat | None,
+    as_json: bool,
+) -> int:
+    """Print the chosen rows and columns of a table in the chosen form."""
+    data = _read(file)
+    if columns is not None:
+        unknown = [name for name in columns if name not in data.column_names]
+        if unknown:
+            raise CommandError(
+                f"{file}: found no column {unknown[0]!r}, expected some of "
+                f"{', '.join(data.column_names)}"
+            )
+        data = data.select(columns)
+    first, last, _ = slice(*rows).indices(data.num_rows)
+    chosen = data.slice(first, max(last - first, 0))
+    if form is not None:
+        from vibro_cli.storage.tables import stream
+
+        stream(chosen, form, sys.stdout.buffer)
+        sys.stdout.buffer.flush()
+    elif as_json:
+        print(json.dumps(_as_json(chosen), ensure_ascii=False, allow_nan=False))
+    else:
+        width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+        print("\n".join(_blocks(chosen, first, width)))
+        print(f"rows {first + 1} to {first + chosen.num_rows} of {data.num_rows}", file=sys.stderr)
+    return DONE
+
+
+def _read(file: Path) -> "pyarrow.Table":
+    """The table of a file; raises `CommandError` when it is not there, no parquet, or damaged."""
+    import pyarrow
+
+    from vibro_cli.storage.tables import read_parquet
+
+    if file.is_dir():
+        raise CommandError(f"{file}: found a folder, expected a file like {file}/summary.parquet")
+    try:
+        return read_parquet(file)
+    except FileNotFoundError as error:
+        raise CommandError(f"{file}: no such file") from error
+    except OSError as error:
+        raise CommandError(f"{file}: cannot be read: {reason(error)}", FAILED) from error
+    except pyarrow.ArrowException as error:
+        raise CommandError(f"{file}: no parquet table: {' '.join(str(error).split())}") from error
+
+
+def _meta(data: "pyarrow.Table", name: str, key: bytes) -> str:
+    """A field's metadata ("" where there are none)."""
+    return ((data.schema.field(name).metadata or {}).get(key) or b"").decode()
+
+
+def _as_json(data: "pyarrow.Table") -> dict[str, Any]:
+    """Columns with their units and meanings, and the rows."""
+    return {
+        "columns": [
+            {
+                "name": name,
+                "unit": _meta(data, name, b"unit"),
+                "description": _meta(data, name, b"description"),
+            }
+            for name in data.column_names
+        ],
+        "rows": data.to_pylist(),
+    }
+
+
+def _text(value: Any) -> str:
+    """One value as it stands in a terminal's table."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.{_DIGITS}g}" if isinstance(value, float) else str(value)
+
+
+def _blocks(data: "pyarrow.Table", first: int, width: int | None) -> Iterator[str]:
+    """The table as lines, in blocks of as many columns as fit the width, rows numbered from 1."""
+    number = _aligned(["row", "", *(str(first + 1 + row) for row in range(data.num_rows))])
+    block: list[list[str]] = [number]
+    used = len(number[0])
+    for name in data.column_names:
+        values = (_text(value) for value in data[name].to_pylist())
+        column = _aligned([name, _meta(data, name, b"unit"), *values])
+        needed = len(column[0]) + 2
+        if width is not None and used + needed > width and len(block) > 1:
+            yield from _joined(block)
+            yield ""
+            block, used = [number], len(number[0])
+        block.append(column)
+        used += needed
+    yield from _joined(block)
+
+
+def _aligned(cells: list[str]) -> list[str]:
+    """Cells of one column, all as wide as the widest."""
+    width = max(map(len, cells))
+    return [cell.rjust(width) for cell in cells]
+
+
+def _joined(columns: list[list[str]]) -> Iterator[str]:
+    return ("  ".join(cells).rstrip() for cells in zip(*columns, strict=True))

@@ -1,0 +1,103 @@
+"""Numbers and causes in words, for people at a terminal."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vibro_cli.mechanics.system import System
+
+END_CAUSES = {
+    "time": "the time asked for was reached",
+    "collisions": "the number of impacts asked for was reached",
+    "no_more_collisions": "no further impact is possible",
+    "inadmissible": "after the impact law two bodies would go through one another",
+    "end_of_trace": "a body came to an end of the trace",
+    "lift_off": "a body left the trace",
+    "rest": "all bodies are at rest",
+}
+
+
+def quantity(value: float | None, unit: str = "", digits: int = 6) -> str:
+    """A number with its unit to some digits, or "none"."""
+    if value is None:
+        return "none"
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
+def count(number: int, one: str, several: str) -> str:
+    """A number of things: `1 impact`, `3 impacts`."""
+    return f"{number} {one if number == 1 else several}"
+
+
+def summary_text(name: str, record: Mapping[str, Any], folder: Path | None) -> str:
+    """The summary of a run in a few lines; `record` has the columns of the summary table."""
+    lines = [f"{name}: {_ending(record)}"]
+    lines.append(f"  impacts    {_impacts(record)}")
+    lines.append(f"  energy     {_energy(record)}")
+    lines.append(f"  accuracy   {_accuracy(record)}")
+    lines.append(f"  validity   {_validity(record)}")
+    if folder is not None:
+        lines.append(f"  files      {folder}")
+    return "\n".join(lines)
+
+
+def _ending(record: Mapping[str, Any]) -> str:
+    if record["status"] != "ok":
+        return f"{record['status']}: {record['reason']}"
+    cause = END_CAUSES.get(record["end_cause"], record["end_cause"])
+    return f"ended at t = {quantity(record['end_time'], 's')}: {cause}"
+
+
+def _impacts(record: Mapping[str, Any]) -> str:
+    impacts = str(record["collisions"])
+    if record["collisions"]:
+        first, last = record["first_collision_time"], record["last_collision_time"]
+        impacts += f", from t = {quantity(first, 's')} to {quantity(last, 's')}"
+    crossings = count(record["crossings"], "crossing", "crossings")
+    contacts = count(record["contacts"], "lasting contact", "lasting contacts")
+    quiet = record["quiet_from"]
+    ending = "" if quiet is None else f"; none possible after t = {quantity(quiet, 's')}"
+    return f"{impacts}; {crossings}, {contacts}{ending}"
+
+
+def _energy(record: Mapping[str, Any]) -> str:
+    start, end = record["energy_start"], record["energy_end"]
+    text = f"{quantity(start, 'J')} at the start, {quantity(end, 'J')} at the end"
+    if record["energy_drift"] is not None:
+        text += f"; relative drift {quantity(record['energy_drift'], digits=2)}"
+    return text
+
+
+def _accuracy(record: Mapping[str, Any]) -> str:
+    if record["max_gap"] is None:
+        return "no impact to measure a gap at"
+    return f"largest gap left at an impact {quantity(record['max_gap'], 'm', digits=2)}"
+
+
+def _validity(record: Mapping[str, Any]) -> str:
+    force, friction = record["min_normal_force"], record["max_friction_demand"]
+    if force is None:
+        return "normal forces were not computed"
+    if force < 0:
+        return (
+            f"the trace has to hold the bodies back: normal force down to {quantity(force, 'N')}; "
+            "a one-sided trace would lose them"
+        )
+    if friction is None:
+        return f"normal force at least {quantity(force, 'N')}; rolling is not possible everywhere"
+    return (
+        f"normal force at least {quantity(force, 'N')}; rolling needs a coefficient of friction "
+        f"of {quantity(friction, digits=4)}"
+    )
+
+
+def warnings_of(system: "System") -> list[str]:
+    """What is doubtful about a system, though it can be solved."""
+    ratios = {body.kappa for body in system.bodies}
+    if system.law == "translational" and len(ratios) > 1:
+        return [
+            "the translational law with bodies of unequal κ does not conserve the energy of "
+            "rolling, not even at k = 1"
+        ]
+    return []
