@@ -32,14 +32,6 @@ def model_at(path: KeyPath) -> Model | None:
     return model
 
 
-def is_list(path: KeyPath) -> bool:
-    """Whether the key at a path holds a list."""
-    model, key = model_at(path[:-1]), path[-1]
-    if model is None or not isinstance(key, str) or key not in model.model_fields:
-        return False
-    return "tuple" in str(model.model_fields[key].annotation)
-
-
 def description(path: KeyPath) -> str:
     """Return the first sentence that describes a field, or an empty text."""
     model, key = model_at(path[:-1]), path[-1]

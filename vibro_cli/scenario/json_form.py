@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from json.decoder import scanstring
 from typing import Any
 
 from vibro_cli.scenario import limits
@@ -12,6 +11,7 @@ from vibro_cli.scenario.nodes import FormError, Node
 from vibro_cli.scenario.problems import KeyPath, shown
 
 _SPACE = re.compile(r"[ \t\r\n]*")
+_STRINGS = json.JSONDecoder()
 _BARE = re.compile(r"[^\s,:\[\]{}\"]+")
 
 
@@ -64,7 +64,7 @@ def _value(text: str, at: int, path: KeyPath) -> tuple[Node, int]:
     if first == "[":
         return node, _list(text, at, node, path)
     if first == '"':
-        return node, scanstring(text, at + 1)[1]
+        return node, _STRINGS.raw_decode(text, at)[1]
     match = _BARE.match(text, at)
     return node, at + 1 if match is None else match.end()
 
@@ -73,7 +73,7 @@ def _table(text: str, at: int, node: Node, path: KeyPath) -> int:
     at = _after_space(text, at + 1)
     while text[at] != "}":
         start = at
-        key, at = scanstring(text, at + 1)
+        key, at = _STRINGS.raw_decode(text, at)
         if key in node.children:
             raise FormError(start, f"the key {shown(key)} twice", "each key once", (*path, key))
         at = _after_space(text, _after_space(text, at) + 1)  # over the colon

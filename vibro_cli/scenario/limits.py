@@ -12,8 +12,8 @@ import re
 from vibro_cli.scenario.nodes import FormError
 
 MOST_BYTES = 1_000_000
-MOST_DEPTH = 32
-MOST_KEYS = 50_000
+MOST_DEPTH = 16
+MOST_KEYS = 10_000
 LONGEST_KEY = 256
 LONGEST_BARE = 400
 """Characters of a number or another value without quotes."""

@@ -21,6 +21,7 @@ from vibro_cli.scenario.problems import (
     Place,
     Problem,
     ScenarioError,
+    override_place,
     path_text,
     shown,
 )
@@ -118,13 +119,15 @@ def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str]
 def _overridden(
     data: dict[str, Any], overrides: Sequence[str]
 ) -> tuple[dict[str, Any], list[tuple[KeyPath, str]], list[Problem]]:
-    changed, given, problems = dict(data), [], []
+    changed = dict(data)
+    given: list[tuple[KeyPath, str]] = []
+    problems: list[Problem] = []
     for text in overrides:
         try:
             override = parse(text)
-            changed = apply(changed, override.path, override.value)
+            changed = apply(changed, override.path, override.value, [path for path, _ in given])
         except OverrideError as error:
-            problems.append(_problem(error.fault, Place(f"--set {text}")))
+            problems.append(_problem(error.fault, override_place(text)))
         else:
             given.append((override.path, text))
     return changed, given, problems

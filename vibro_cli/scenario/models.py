@@ -19,12 +19,13 @@ from pydantic import (
     PrivateAttr,
     Tag,
     ValidationError,
+    WithJsonSchema,
     model_validator,
 )
 from pydantic_core import InitErrorDetails
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.problems import KeyPath, Place
+from vibro_cli.scenario.problems import KeyPath, Place, shown
 from vibro_cli.scenario.rules import all_faults, prepared
 from vibro_cli.scenario.source import Source
 
@@ -39,6 +40,18 @@ def _as_tuple(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
+def _as_times(value: object) -> object:
+    if isinstance(value, (list, tuple)):
+        return tuple(value)
+    raise kinds.fault(shown(value), "a list of times")
+
+
+def _as_turning(value: object) -> object:
+    if value is None:  # left out is None too, but null in a file is an error
+        raise kinds.fault("null", "a table")
+    return value
+
+
 def _restitutions(value: object) -> object:
     """Return the coefficients as a tuple, where one number stands for every pair."""
     if isinstance(value, (list, tuple)):
@@ -50,6 +63,9 @@ def _end_tag(value: object) -> str | None:
     if isinstance(value, (dict, Wall)):
         return "<wall>"
     return "<stop>" if isinstance(value, str) else None
+
+
+_K_SCHEMA = kinds.RESTITUTION.schema()
 
 
 class Table(BaseModel):
@@ -99,7 +115,7 @@ class Trace(Table):
     surface: Annotated[Surface, kinds.Word(("two-sided", "one-sided"))] = "two-sided"
     """two-sided: the trace also holds a body back, and lift-off is marked; one-sided: lift-off
     ends the run."""
-    turning: Turning | None = None
+    turning: Annotated[Turning | None, BeforeValidator(_as_turning)] = None
     """The trace turns about a vertical axis; left out, it stands still."""
     arcs: Annotated[tuple[Arc, ...], BeforeValidator(_as_tuple), Field(min_length=1)]
     """The pieces, from left to right."""
@@ -121,7 +137,8 @@ class Ball(Table):
     mass: Annotated[float | None, kinds.MASS] = None
     """Mass in kg, or else the density."""
     thickness: Annotated[float | None, kinds.LENGTH] = None
-    """Thickness in m of a disk, a hoop or a hollow ball, needed with a density."""
+    """Thickness in m, needed with a density: of a disk, of a thin hollow ball, or of a hoop of
+    square section."""
     arc: Annotated[int, kinds.COUNT]
     """The piece of the trace the body starts on, counted from 1."""
     angle: Annotated[float | None, kinds.ANGLE] = None
@@ -147,7 +164,9 @@ class Collision(Table):
     law: Annotated[Law, kinds.Word(("hedrih", "normal-impulse", "translational"))] = "hedrih"
     """The impact law."""
     k: Annotated[
-        tuple[Annotated[float, kinds.RESTITUTION], ...], BeforeValidator(_restitutions)
+        tuple[Annotated[float, kinds.RESTITUTION], ...],
+        BeforeValidator(_restitutions),
+        WithJsonSchema({"anyOf": [_K_SCHEMA, {"type": "array", "items": _K_SCHEMA}]}),
     ] = ()
     """Coefficient of restitution from 0 to 1: one number, or one for each pair of neighbours."""
     inadmissible: Annotated[Inadmissible, kinds.Word(("stop", "normal-impulse"))] = "stop"
@@ -193,7 +212,7 @@ class Output(Table):
     step: Annotated[float | None, kinds.TIME] = None
     """Time step of the sampled motion in s."""
     times: Annotated[
-        tuple[Annotated[float, kinds.INSTANT], ...] | None, BeforeValidator(_as_tuple)
+        tuple[Annotated[float, kinds.INSTANT], ...] | None, BeforeValidator(_as_times)
     ] = None
     """Times of the sampled motion in s, ascending; instead of a step."""
     turning_points: Annotated[bool, kinds.FLAG] = False

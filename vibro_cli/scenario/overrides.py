@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import tomllib
+from collections.abc import Collection
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 from vibro_cli.scenario import fields, limits
 from vibro_cli.scenario.nodes import FormError
 from vibro_cli.scenario.problems import Fault, KeyPath, path_text, shown
-from vibro_cli.scenario.rules import ALTERNATIVES
+from vibro_cli.scenario.rules import ALTERNATIVES, prepared
 from vibro_cli.scenario.source import parsed_path
 from vibro_cli.scenario.translate import unknown_key
 
@@ -70,11 +71,24 @@ def parse_value(text: str) -> Any:
     return text if len(table) > 1 or dated else value
 
 
-def apply(data: dict[str, Any], path: KeyPath, value: Any) -> dict[str, Any]:
+def apply(
+    data: dict[str, Any], path: KeyPath, value: Any, given: Collection[KeyPath] = ()
+) -> dict[str, Any]:
     """Return a copy of a scenario's data with one value changed.
 
-    Tables that are missing on the way are made; of keys that exclude one another (`density` and
-    `mass`) the new one replaces the one that was given.
+    Tables that are missing on the way are made. Of keys that exclude one another (`density` and
+    `mass`) the new one replaces the other, unless that one was an override too.
+
+    Parameters
+    ----------
+    data : dict
+        The scenario as plain data.
+    path : KeyPath
+        Where the value is, counted from 0.
+    value : object
+        The new value.
+    given : collection of KeyPath
+        Paths that other overrides have set.
 
     Raises
     ------
@@ -82,11 +96,25 @@ def apply(data: dict[str, Any], path: KeyPath, value: Any) -> dict[str, Any]:
         If the path is not one of a scenario, or counts beyond a list.
     """
     changed = deepcopy(data)
+    if path[:2] == ("collision", "k") and len(path) == 3:
+        _spread_restitution(changed)
     place: Any = changed
     for depth in range(len(path) - 1):
         place = _entered(place, path, depth)
-    _set(place, path, value)
+    _check_step(place, path)
+    for group in ALTERNATIVES if isinstance(place, dict) else ():
+        for other in group if path[-1] in group else ():
+            if (*path[:-1], other) not in given:
+                place.pop(other, None)
+    place[path[-1]] = value
     return changed
+
+
+def _spread_restitution(data: dict[str, Any]) -> None:
+    """Write one k for all pairs as a list, so that the k of one pair can be changed."""
+    spread = prepared(data)
+    if isinstance(spread, dict) and "collision" in spread:
+        data["collision"] = spread["collision"]
 
 
 def _entered(place: Any, path: KeyPath, depth: int) -> Any:
@@ -107,16 +135,6 @@ def _entered(place: Any, path: KeyPath, depth: int) -> Any:
             raise OverrideError(Fault(here, f"{path_text(here)} as a table", "a single value"))
         place[part] = {}
     return place[part]
-
-
-def _set(place: Any, path: KeyPath, value: Any) -> None:
-    _check_step(place, path)
-    key = path[-1]
-    if isinstance(key, str):
-        for group in ALTERNATIVES:
-            for other in group if key in group else ():
-                place.pop(other, None)
-    place[key] = value
 
 
 def _check_step(place: Any, path: KeyPath) -> None:

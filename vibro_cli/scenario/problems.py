@@ -114,6 +114,11 @@ def shortened(text: str) -> str:
     return line if len(line) <= _LONGEST_SHOWN else line[: _LONGEST_SHOWN - 3] + "..."
 
 
+def override_place(text: str) -> Place:
+    """Return an override, as it was given, as the place of a problem."""
+    return Place(f"--set {shortened(text)}")
+
+
 def listing(words: Iterable[str], last: str = "or") -> str:
     """Return words as a list in a sentence: `a, b or c`."""
     items = list(words)

@@ -103,7 +103,7 @@ class Quantity(Kind):
         try:
             return float(value)
         except OverflowError:
-            return math.copysign(math.inf, value)
+            return math.inf if value > 0 else -math.inf
 
     def _with_unit(self, text: str) -> float:
         from vibro_cli.scenario.units import UnitError, to_si
@@ -113,8 +113,7 @@ class Quantity(Kind):
         try:
             return to_si(text, self.dimension)
         except UnitError as error:
-            known = error.found not in ("another dimension", "no number with a unit")
-            found = f"{error.found} in {shown(text)}" if known else shown(text)
+            found = f"{error.found} in {shown(text)}" if error.found else shown(text)
             raise fault(found, expected + error.hint) from None
 
     def _found(self, value: object, number: float) -> str:

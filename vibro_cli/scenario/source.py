@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from vibro_cli.scenario.nodes import Node, line_and_column
-from vibro_cli.scenario.problems import KeyPath, Place
+from vibro_cli.scenario.problems import KeyPath, Place, override_place
 
 
 @dataclass(eq=False)
@@ -18,8 +18,6 @@ class Source:
     file: str = "<scenario>"
     form: str = ""
     text: str = field(default="", repr=False)
-    prefix: KeyPath = ()
-    """Where in the text the scenario is, if not at its top."""
     overrides: tuple[tuple[KeyPath, str], ...] = ()
     """Paths that were overridden, and the text of the override."""
     _tree: Node | None = field(default=None, repr=False)
@@ -43,10 +41,10 @@ class Source:
         loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
         for path, override in reversed(self.overrides):
             if loc[: len(path)] == path:
-                return Place(f"--set {override}")
+                return override_place(override)
         if not self.text:
             return Place(self.file)
-        offset = self.tree().offset_of((*self.prefix, *loc), on_key)
+        offset = self.tree().offset_of(loc, on_key)
         return Place(self.file, *line_and_column(self.text, offset))
 
     def tree(self) -> Node:

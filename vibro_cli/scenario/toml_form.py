@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from contextlib import suppress
 from typing import Any
 
 from vibro_cli.scenario import limits
@@ -42,10 +43,8 @@ def _syntax_error(text: str, message: str) -> FormError:
         offset = offset_at(text, int(match[1]), int(match[2]))
     reason = _AT.sub("", message)
     scanner = Scanner(text[:offset])
-    try:
+    with suppress(FormError):
         scanner.scan()
-    except FormError:
-        pass
     if reason == "Cannot overwrite a value" or reason.startswith(("Cannot declare", "Cannot mut")):
         where = scanner.last_key_offset
         return FormError(where, "a key given twice", "each key once", scanner.last_key)
@@ -76,7 +75,8 @@ class Scanner:
 
     def scan(self) -> None:
         """Walk through the whole text."""
-        table, path = self.root, ()
+        table: Node = self.root
+        path: KeyPath = ()
         self._skip(_BLANK)
         while self.at < len(self.text):
             if self._peek("["):
@@ -128,7 +128,8 @@ class Scanner:
         self._take("[[" if many else "[")
         *parents, (name, offset) = self._key()
         self._take("]]" if many else "]")
-        node, path = self.root, ()
+        node: Node = self.root
+        path: KeyPath = ()
         for part, at in parents:
             node, path = self._step(node, part, at, path)
         if not many:

@@ -106,7 +106,7 @@ UNITS: dict[str, Unit] = {
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII)
 _FACTOR = re.compile(
-    r"\s*(?P<over>[*/·]?)\s*(?P<unit>[^\W\d_]+0?|°)\s*(?:(?:\^|\*\*)?\s*"
+    r"\s*(?P<over>[*/·⋅]?)\s*(?P<unit>[^\W\d_]+0?|°)\s*(?:(?:\^|\*\*)?\s*"
     r"(?P<power>[+-]?\d{1,2})|(?P<raised>[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]{1,2}))?"
 )
 _RAISED = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
@@ -115,9 +115,12 @@ _LARGEST_EXPONENT = 400
 
 
 class UnitError(ValueError):
-    """A text that is no value of the wanted dimension; `found` says how it was understood."""
+    """A text that is no value of the wanted dimension.
 
-    def __init__(self, found: str, hint: str = "") -> None:
+    `found` says which part of it is wrong, if not the whole; `hint` suggests another unit.
+    """
+
+    def __init__(self, found: str = "", hint: str = "") -> None:
         super().__init__(found)
         self.found = found
         self.hint = hint
@@ -145,13 +148,13 @@ def exact(text: str, dimension: str) -> Fraction:
     """
     match = _QUANTITY.fullmatch(text) if len(text) <= 200 else None
     if match is None:
-        raise UnitError("no number with a unit")
+        raise UnitError
     number, unit_text = match.groups()
     if not unit_text:
         raise UnitError("no unit")
     unit = unit_of(unit_text)
     if unit.dimension != DIMENSIONS[dimension]:
-        raise UnitError("another dimension")
+        raise UnitError
     return _decimal(number) * unit.factor
 
 

@@ -1,0 +1,75 @@
+"""The JSON Schema of scenario files, for editors and other programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vibro_cli.scenario.models import Scenario
+from vibro_cli.scenario.rules import ALTERNATIVES
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def _exactly_one(*keys: str) -> dict[str, Any]:
+    return {"oneOf": [{"required": [key]} for key in keys]}
+
+
+def _at_most_one(*keys: str) -> dict[str, Any]:
+    pairs = [[a, b] for i, a in enumerate(keys) for b in keys[i + 1 :]]
+    return {"not": {"anyOf": [{"required": pair} for pair in pairs]}}
+
+
+def _shape(words: list[str], needed: list[str], unfit: list[str]) -> dict[str, Any]:
+    then = {"required": needed, "not": {"anyOf": [{"required": [key]} for key in unfit]}}
+    return {"if": {"properties": {"shape": {"enum": words}}}, "then": then}
+
+
+_MASS, _START, _MOTION, _KIND, _AXIS, _SAMPLES = ALTERNATIVES
+
+_RULES: dict[str, list[dict[str, Any]]] = {
+    "Arc": [
+        _shape(["line"], ["length"], ["radius", "end_slope"]),
+        _shape(["valley", "hump"], ["radius", "end_slope"], ["length"]),
+    ],
+    "Ball": [
+        _exactly_one(*_MASS),
+        _exactly_one(*_START),
+        _at_most_one(*_MOTION),
+        _at_most_one(*_KIND),
+        _at_most_one("inertia_ratio", "density"),
+    ],
+    "Turning": [_exactly_one(*_AXIS)],
+    "Stop": [{"anyOf": [{"required": ["time"]}, {"required": ["collisions"]}]}],
+    "Output": [_at_most_one(*_SAMPLES)],
+}
+"""The rules between the keys of one table, as far as JSON Schema can say them."""
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a scenario as plain data."""
+    schema: dict[str, Any] = _cleaned(Scenario.model_json_schema())
+    for table, rules in _RULES.items():
+        schema["$defs"][table]["allOf"] = rules
+    for table, key in (("", "name"), ("", "collision"), ("Collision", "k")):
+        part = schema["$defs"][table] if table else schema
+        del part["properties"][key]["default"]  # these depend on the file and on its bodies
+    return {"$schema": DIALECT, **schema, "title": "vibro scenario"}
+
+
+def _cleaned(value: Any) -> Any:
+    """Return a schema without null, which no key may be, and without the titles of fields."""
+    if isinstance(value, list):
+        return [_cleaned(item) for item in value if item != {"type": "null"}]
+    if not isinstance(value, dict):
+        return value
+    cleaned = {}
+    for key, item in value.items():
+        if (key == "default" and item is None) or (key == "title" and isinstance(item, str)):
+            continue
+        if key == "description" and isinstance(item, str):
+            item = " ".join(item.split())
+        cleaned[key] = _cleaned(item)
+    options = cleaned.get("anyOf")
+    if isinstance(options, list) and len(options) == 1:
+        return {**cleaned.pop("anyOf")[0], **cleaned}
+    return cleaned
