@@ -1,0 +1,312 @@
+"""From a scenario to the system that is solved, with all that is mechanically wrong at once."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations, pairwise
+
+from vibro_cli.mechanics import clearance, placement
+from vibro_cli.mechanics.body import CUSTOM, INERTIA_RATIO, Body, mass_from_density
+from vibro_cli.mechanics.system import InitialState, System, Wall
+from vibro_cli.mechanics.trace import ArcShape, Trace
+from vibro_cli.scenario.models import Ball, Scenario
+from vibro_cli.scenario.models import Wall as WallTable
+from vibro_cli.scenario.problems import Problem, ScenarioError
+
+_CLOSING_TOLERANCE = 1e-12
+
+
+class _Findings:
+    """Collects what is wrong, each with its place in the scenario."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self.problems: list[Problem] = []
+
+    def add(self, path: str, found: str, expected: str) -> None:
+        place = self._scenario.place(path)
+        self.problems.append(Problem.at(place, path, found, expected))
+
+    def settle(self) -> None:
+        """Raise everything found so far."""
+        if self.problems:
+            raise ScenarioError(self.problems)
+
+
+def build_system(scenario: Scenario) -> System:
+    """Return the system of a scenario, checked against the mechanics.
+
+    Raises ScenarioError with every problem: a trace that does not close or meets itself, bodies
+    that do not fit it, that could touch over others, or that start out of order or overlapping.
+    """
+    findings = _Findings(scenario)
+    trace = _trace(scenario, findings)
+    bodies = tuple(_body(ball) for ball in scenario.balls)
+    trace_is_sound = _check_trace(trace, findings)
+    turning = _turning(scenario, findings)
+    fits = _check_fit(trace, bodies, findings, trace_is_sound)
+    initial = _initial(scenario, trace, bodies, findings)
+    if trace_is_sound and fits:
+        _check_contacts(trace, bodies, findings)
+    left, right = scenario.ends.left, scenario.ends.right
+    _check_walls(scenario, trace, bodies, initial, findings)
+    findings.settle()
+    return System(
+        gravity=scenario.gravity,
+        trace=trace,
+        bodies=bodies,
+        initial=tuple(
+            placement.enter_piece(trace, state) for state in initial if state is not None
+        ),
+        restitution=scenario.collision.k,
+        law=scenario.collision.law,
+        inadmissible=scenario.collision.inadmissible,
+        surface=scenario.trace.surface,
+        left_end=Wall(left.wall) if isinstance(left, WallTable) else None,
+        right_end=Wall(right.wall) if isinstance(right, WallTable) else None,
+        turning=turning,
+    )
+
+
+def mechanics_warnings(system: System) -> tuple[str, ...]:
+    """Return what a user should know about a sound system before running it, a sentence each."""
+    warnings = []
+    neighbours = list(pairwise(system.bodies))
+    if system.trace.closed and len(system.bodies) > 2:
+        neighbours.append((system.bodies[-1], system.bodies[0]))
+    unequal_kappa = any(a.kappa != b.kappa for a, b in neighbours)
+    if system.law == "translational" and unequal_kappa:
+        warnings.append(
+            "the translational law does not conserve the energy of rolling at k = 1"
+            " between bodies of unequal J_C/(m r^2)"
+        )
+    unequal_radii = any(a.radius != b.radius for a, b in neighbours)
+    if system.law == "hedrih" and unequal_radii:
+        then = "the run stops there" if system.inadmissible == "stop" else "normal-impulse is used"
+        warnings.append(
+            "the hedrih law between bodies of unequal radii can be inadmissible"
+            f" (they would go through one another): {then}"
+        )
+    return tuple(warnings)
+
+
+def _trace(scenario: Scenario, findings: _Findings) -> Trace:
+    table = scenario.trace
+    shapes = [ArcShape(arc.shape, arc.radius, arc.length, arc.end_slope) for arc in table.arcs]
+    try:
+        return Trace.chain(table.start_slope, shapes, table.closed)
+    except ValueError as error:
+        findings.add("trace.arcs", str(error), "pieces that make a chain")
+        raise ScenarioError(findings.problems) from error
+
+
+def _body(ball: Ball) -> Body:
+    if ball.inertia_ratio is not None or ball.body is None:
+        kind, ratio = CUSTOM, ball.inertia_ratio or 0.0
+    else:
+        kind, ratio = ball.body, INERTIA_RATIO[ball.body]
+    mass = ball.mass
+    if mass is None:
+        mass = mass_from_density(kind, ball.radius, ball.density or 0.0, ball.thickness)
+    return Body(kind, ball.radius, mass, ratio)
+
+
+def _turning(scenario: Scenario, findings: _Findings) -> tuple[float, float] | None:
+    """Refuse a turning trace: there is no flow on one yet, and this is the one place to say so."""
+    if scenario.trace.turning is not None:
+        findings.add("trace.turning", "a turning trace", "a trace at rest: no other is solved yet")
+    return None
+
+
+def _check_trace(trace: Trace, findings: _Findings) -> bool:
+    """Check that the trace closes if it should, and meets itself nowhere."""
+    if trace.closed:
+        distance, turn = trace.closing_error()
+        turns_once = abs(abs(turn) - math.tau) <= _CLOSING_TOLERANCE
+        if not turns_once or distance > _CLOSING_TOLERANCE * trace.length:
+            found = f"ends {distance:.3g} m apart and a turn of {math.degrees(turn):.9g} deg"
+            expected = "a trace that ends where and how it began, after a turn of 360 deg"
+            findings.add("trace.closed", found, expected)
+            return False
+    overlapping = clearance.overlapping_pieces(trace)
+    for index in overlapping:
+        piece = trace.pieces[index]
+        sweep = math.degrees(piece.angle_end - piece.angle_start)
+        expected = "less than a full turn (a full turn of one arc only if the trace is closed)"
+        findings.add(f"trace.arcs[{index + 1}].end_slope", f"an arc of {sweep:.9g} deg", expected)
+    if overlapping:
+        return False
+    meeting = {frozenset(pair) for pair in clearance.touched_pieces(trace, 0.0)}
+    for first, second in sorted(sorted(pair) for pair in meeting):
+        found = f"a trace whose arcs {first + 1} and {second + 1} meet"
+        findings.add(f"trace.arcs[{second + 1}]", found, "a trace that does not meet itself")
+    return not meeting
+
+
+def _check_fit(
+    trace: Trace, bodies: tuple[Body, ...], findings: _Findings, trace_is_sound: bool
+) -> bool:
+    """Check that every body fits every valley and touches only the piece it rolls on."""
+    before = len(findings.problems)
+    touched: dict[float, tuple[tuple[int, int], ...]] = {}
+    for number, body in enumerate(bodies, 1):
+        path = f"balls[{number}].radius"
+        narrow = clearance.narrow_valleys(trace, body.radius)
+        if narrow:
+            tightest = min(narrow, key=lambda index: trace.pieces[index].radius)
+            limit = f"less than {trace.pieces[tightest].radius!r}, the radius of the valley"
+            findings.add(path, repr(body.radius), f"{limit} that is arc {tightest + 1}")
+        elif trace_is_sound:
+            if body.radius not in touched:
+                touched[body.radius] = clearance.touched_pieces(trace, body.radius)
+            if touched[body.radius]:
+                own, other = touched[body.radius][0]
+                expected = "a body that touches no other piece than the one it rolls on"
+                found = f"{body.radius!r}, which on arc {own + 1} may touch arc {other + 1}"
+                findings.add(path, found, expected)
+    return len(findings.problems) == before
+
+
+def _check_contacts(trace: Trace, bodies: tuple[Body, ...], findings: _Findings) -> None:
+    """Check that bodies touch only as neighbours do."""
+    for a, b in combinations(range(len(bodies)), 2):
+        behind = clearance.joined_behind(trace, bodies[a].radius, bodies[b].radius)
+        for index in behind:
+            piece = trace.pieces[index]
+            sweep = math.degrees(piece.angle_end - piece.angle_start)
+            expected = f"one on which bodies {a + 1} and {b + 1} cannot touch through its gap"
+            path = f"trace.arcs[{index + 1}].end_slope"
+            findings.add(path, f"an arc of {sweep:.9g} deg", expected)
+    for pair in clearance.overreaching(trace, tuple(body.radius for body in bodies)):
+        first, second = pair.first + 1, pair.second + 1
+        if pair.pieces is not None:
+            arcs = f"arcs {pair.pieces[0] + 1} and {pair.pieces[1] + 1}"
+            found = f"bodies that from {arcs} may touch body {first} across a gap of the trace"
+            findings.add(f"balls[{second}].radius", found, "contacts of neighbours only")
+            continue
+        small = min(pair.over, key=lambda index: bodies[index].radius)
+        expected = f"one so large that bodies {first} and {second} cannot touch over it"
+        findings.add(f"balls[{small + 1}].radius", repr(bodies[small].radius), expected)
+
+
+def _initial(
+    scenario: Scenario, trace: Trace, bodies: tuple[Body, ...], findings: _Findings
+) -> list[InitialState | None]:
+    """Return where each body starts, None where that could not be told."""
+    states: list[InitialState | None] = []
+    for index, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True)):
+        previous = (bodies[index - 1], states[index - 1]) if index else None
+        position = _position(index, ball, body, trace, previous, findings)
+        if position is None:
+            states.append(None)
+            continue
+        states.append(InitialState(ball.arc - 1, position, _speed(ball, body, trace)))
+    _check_order(scenario, trace, bodies, states, findings)
+    return states
+
+
+def _position(
+    index: int,
+    ball: Ball,
+    body: Body,
+    trace: Trace,
+    previous: tuple[Body, InitialState | None] | None,
+    findings: _Findings,
+) -> float | None:
+    piece = trace.pieces[ball.arc - 1]
+    if not piece.path_radius(body.radius) > 0.0:
+        return None  # it does not fit this valley, which has been said
+    path = f"balls[{index + 1}]"
+    if ball.touching is None:
+        key = "position" if piece.is_line else "angle"
+        given = ball.position if piece.is_line else ball.angle
+        settled = None if given is None else placement.settle(piece, given)
+        if settled is None:
+            limits = f"{piece.angle_start!r} to {piece.angle_end!r}"
+            findings.add(f"{path}.{key}", repr(given), f"a place on arc {ball.arc}, {limits}")
+        return settled
+    if previous is None or previous[1] is None:
+        return None
+    beside = placement.beside(trace, previous[0], previous[1], body)
+    if beside is None:
+        found = f"no room to the right of body {index}"
+        findings.add(f"{path}.touching", found, "a contact on the trace")
+        return None
+    on, position = beside
+    if on != piece.index:
+        found = f"arc {ball.arc}, while the contact with body {index} is on arc {on + 1}"
+        findings.add(f"{path}.arc", found, f"arc {on + 1}")
+        return None
+    return position
+
+
+def _speed(ball: Ball, body: Body, trace: Trace) -> float:
+    if ball.speed is not None:
+        return ball.speed
+    if ball.omega is not None:
+        return placement.speed_of_omega(body, ball.omega)
+    piece = trace.pieces[ball.arc - 1]
+    return placement.speed_of_rate(piece, body, ball.rate) if ball.rate else 0.0
+
+
+def _check_order(
+    scenario: Scenario,
+    trace: Trace,
+    bodies: tuple[Body, ...],
+    states: list[InitialState | None],
+    findings: _Findings,
+) -> None:
+    """Check that the bodies start in order along the trace and that no two overlap."""
+    count = len(bodies)
+    pairs = [(n, n + 1) for n in range(count - 1)]
+    if trace.closed and count > 2:
+        pairs.append((count - 1, 0))
+    for a, b in pairs:
+        left, right = states[a], states[b]
+        if left is None or right is None:
+            continue
+        later, ball = max(a, b), scenario.balls[max(a, b)]
+        keys = ("touching", "angle", "position")
+        key = next(key for key in keys if getattr(ball, key) is not None)
+        path = f"balls[{later + 1}].{key}"
+        if b > a and (left.piece, left.position) >= (right.piece, right.position):
+            key = "arc" if left.piece != right.piece else key
+            found = f"body {b + 1} not to the right of body {a + 1}"
+            findings.add(f"balls[{b + 1}].{key}", found, "bodies in order from left to right")
+            continue
+        gap, rounding = placement.gap(trace, bodies[a], left, bodies[b], right)
+        if gap < -rounding:
+            found = f"bodies {min(a, b) + 1} and {later + 1} overlapping by {-gap:.6g} m"
+            findings.add(path, found, "bodies that do not overlap")
+
+
+def _check_walls(
+    scenario: Scenario,
+    trace: Trace,
+    bodies: tuple[Body, ...],
+    states: list[InitialState | None],
+    findings: _Findings,
+) -> None:
+    """Check that the outer bodies can meet their walls, and do not start within them."""
+    for side, index, piece in (
+        ("left", 0, trace.pieces[0]),
+        ("right", len(bodies) - 1, trace.pieces[-1]),
+    ):
+        if not isinstance(getattr(scenario.ends, side), WallTable):
+            continue
+        at_right = side == "right"
+        touch = placement.wall_position(piece, bodies[index].radius, at_right)
+        if touch is None:
+            found = f"a wall that body {index + 1} cannot meet on arc {piece.index + 1}"
+            findings.add(f"ends.{side}", found, "an end piece with room for the body at its wall")
+            continue
+        state = states[index]
+        if state is None or state.piece != piece.index:
+            continue
+        beyond = state.position - touch if at_right else touch - state.position
+        if beyond > 1e-15 * max(1.0, abs(touch)):
+            ball = scenario.balls[index]
+            key = "angle" if ball.angle is not None else "position"
+            path = f"balls[{index + 1}].{'touching' if ball.touching else key}"
+            found = f"body {index + 1} reaching into the {side} wall"
+            findings.add(path, found, f"a place where it is free of it, up to {touch!r}")

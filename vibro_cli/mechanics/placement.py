@@ -1,0 +1,197 @@
+"""Initial states: positions on the trace, speeds of the centres, bodies that start in contact."""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.clearance import contact_angle
+from vibro_cli.mechanics.system import InitialState
+from vibro_cli.mechanics.trace import Piece, Trace
+
+_EPSILON = 2.0**-52
+GAP_ROUNDING = 16.0
+"""At the start |gap| ≤ 16 eps of the positions is contact."""
+
+
+def settle(piece: Piece, position: float) -> float | None:
+    """Return a position drawn onto its piece, or None when it lies beyond one of its ends.
+
+    `position` as φ or ψ (rad), on a line as a distance (m). A hair beyond an end (8 eps of the
+    piece) is rounding and means the end.
+    """
+    low, high = piece.angle_start, piece.angle_end
+    hair = 8.0 * _EPSILON * max(abs(low), abs(high))
+    if not low - hair <= position <= high + hair:
+        return None
+    return min(max(position, low), high)
+
+
+def speed_of_rate(piece: Piece, body: Body, rate: float) -> float:
+    """Return the speed of the centre v = ρ φ̇ (m/s) of a rate of the angle (rad/s) on an arc.
+
+    Raises ValueError on a line, which has no angle.
+    """
+    if piece.is_line:
+        raise ValueError("a body on a line has no angle and no rate")
+    return rate * piece.path_radius(body.radius)
+
+
+def speed_of_omega(body: Body, omega: float) -> float:
+    """Return the speed of the centre v = r ω_P (m/s) of a rate of rolling (rad/s).
+
+    Raises ValueError for a body of radius 0, which does not roll.
+    """
+    if body.radius == 0.0:
+        raise ValueError("a body of radius 0 does not roll")
+    return omega * body.radius
+
+
+def enter_piece(trace: Trace, state: InitialState) -> InitialState:
+    """Return the state of a body on a junction on the piece it moves into; at rest it stays.
+
+    The speed of the centre is continuous at a junction. Past an end of an open trace there is no
+    piece to move into: the state is returned as it is.
+    """
+    piece = trace.pieces[state.piece]
+    count = len(trace.pieces)
+    if state.position == piece.angle_end and state.speed > 0.0:
+        step, last = 1, count - 1
+    elif state.position == piece.angle_start and state.speed < 0.0:
+        step, last = -1, 0
+    else:
+        return state
+    if state.piece == last and not trace.closed:
+        return state
+    entered = trace.pieces[(state.piece + step) % count]
+    position = entered.angle_start if step > 0 else entered.angle_end
+    return InitialState(entered.index, position, state.speed)
+
+
+def gap(
+    trace: Trace, body_a: Body, state_a: InitialState, body_b: Body, state_b: InitialState
+) -> tuple[float, float]:
+    """Return the gap of two bodies |C_b − C_a| − r_a − r_b (m) and its rounding at this place (m).
+
+    On one piece from the distance along it, without cancellation:
+    |C_b − C_a|² − (r_a + r_b)² = 4 ρ_a ρ_b sin²(Δφ/2) − 4 r_a r_b, on a line Δ² − 4 r_a r_b.
+    """
+    piece_a, piece_b = trace.pieces[state_a.piece], trace.pieces[state_b.piece]
+    center_a = piece_a.body_center(state_a.position, body_a.radius)
+    center_b = piece_b.body_center(state_b.position, body_b.radius)
+    contact = body_a.radius + body_b.radius
+    scale = max(*map(abs, center_a), *map(abs, center_b), contact)
+    if piece_a is not piece_b:
+        distance = math.hypot(center_b[0] - center_a[0], center_b[1] - center_a[1])
+        return distance - contact, GAP_ROUNDING * _EPSILON * scale
+    along = state_b.position - state_a.position
+    farthest = max(abs(state_a.position), abs(state_b.position))
+    product = 4.0 * body_a.radius * body_b.radius
+    if piece_a.is_line:
+        square = along**2
+    else:
+        rho_a, rho_b = piece_a.path_radius(body_a.radius), piece_a.path_radius(body_b.radius)
+        square = 4.0 * rho_a * rho_b * math.sin(0.5 * along) ** 2
+        farthest *= max(rho_a, rho_b)
+    distance = math.sqrt((body_a.radius - body_b.radius) ** 2 + square)
+    rounding = GAP_ROUNDING * _EPSILON * max(scale, farthest)
+    return (square - product) / (distance + contact), rounding
+
+
+def beside(
+    trace: Trace, body_a: Body, state_a: InitialState, body_b: Body
+) -> tuple[int, float] | None:
+    """Return piece and position of a body that touches another one on its right side, or None.
+
+    The first place to the right of body a where the distance of the centres is r_a + r_b: on its
+    own piece `contact_angle` further on, else the first root of the distance on the pieces that
+    follow. None when an open trace ends before it (or a closed one comes round).
+    """
+    own = trace.pieces[state_a.piece]
+    place = state_a.position + contact_angle(own, body_a.radius, body_b.radius)
+    if place <= own.angle_end:
+        return own.index, place
+    following = trace.pieces[own.index + 1 :]
+    if trace.closed:
+        following += trace.pieces[: own.index]
+    center = own.body_center(state_a.position, body_a.radius)
+    for piece in following:
+        root = _first_contact(piece, center, body_a.radius + body_b.radius, body_b.radius)
+        if root is not None:
+            return piece.index, root
+    return None
+
+
+def _first_contact(
+    piece: Piece, center: tuple[float, float], contact: float, radius: float
+) -> float | None:
+    """Return the first position on a piece whose centre path leaves a circle, or None.
+
+    The circle of radius `contact` is around `center`, and the path begins inside it.
+    """
+
+    def outside(position: float) -> float:
+        x, y = piece.body_center(position, radius)
+        return math.hypot(x - center[0], y - center[1]) - contact
+
+    low, high = piece.angle_start, piece.angle_end
+    if outside(low) >= 0.0:
+        return low
+    guess = _circle_meets_path(piece, center, contact, radius)
+    if guess is not None:
+        width = 1e-9 * max(1.0, abs(guess))
+        if low < guess - width < high and outside(guess - width) < 0.0:
+            low = guess - width
+        if low < guess + width < high and outside(guess + width) >= 0.0:
+            high = guess + width
+    if outside(high) < 0.0:
+        return None
+    while low < (middle := 0.5 * (low + high)) < high:
+        if outside(middle) < 0.0:
+            low = middle
+        else:
+            high = middle
+    return low if -outside(low) < outside(high) else high
+
+
+def _circle_meets_path(
+    piece: Piece, center: tuple[float, float], contact: float, radius: float
+) -> float | None:
+    """Return about where the path of a centre first leaves a circle to the right, or None."""
+    if piece.is_line:
+        x, y = piece.body_center(0.0, radius)
+        cosine, sine = math.cos(piece.start_slope), math.sin(piece.start_slope)
+        along = (center[0] - x) * cosine + (center[1] - y) * sine
+        across = (center[1] - y) * cosine - (center[0] - x) * sine
+        if abs(across) > contact:
+            return None
+        root = along + math.sqrt(contact**2 - across**2)
+    else:
+        x, y = center[0] - piece.center[0], center[1] - piece.center[1]
+        rho, far = piece.path_radius(radius), math.hypot(x, y)
+        cosine = (far**2 + rho**2 - contact**2) / (2.0 * far * rho) if far > 0.0 else math.inf
+        if abs(cosine) > 1.0:
+            return None
+        exit_angle = math.atan2(x, -piece.sign * y) + math.acos(cosine)
+        turns = math.ceil((piece.angle_start - exit_angle) / math.tau - 1e-9)
+        root = exit_angle + math.tau * turns
+    return root if root <= piece.angle_end + 1e-9 else None
+
+
+def wall_position(piece: Piece, radius: float, right: bool) -> float | None:
+    """Return where on an end piece a body touches the wall across the trace's end, or None.
+
+    `radius` of the body in m. The centre is then at distance r from the plane through the end,
+    square to the trace: r along a line, ρ sin Δφ = r on an arc. None when there is no such place
+    on the piece.
+    """
+    if piece.is_line:
+        offset = radius
+    else:
+        rho = piece.path_radius(radius)
+        if radius >= rho:
+            return None
+        offset = math.asin(radius / rho)
+    if offset > piece.angle_end - piece.angle_start:
+        return None
+    return piece.angle_end - offset if right else piece.angle_start + offset
