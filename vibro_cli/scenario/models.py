@@ -237,9 +237,9 @@ class Scenario(Table):
     stop: Stop
     """When the run ends."""
     ends: Ends = Ends()
-    """What the ends of an open trace do."""
+    """What happens at the two ends of an open trace."""
     output: Output = Output()
-    """What is written besides collisions, events and the summary."""
+    """Sampled motion and further events, if wanted."""
 
     _source: Source = PrivateAttr(default_factory=Source)
 

@@ -127,9 +127,14 @@ def listing(words: Iterable[str], last: str = "or") -> str:
     return f"{', '.join(items[:-1])} {last} {items[-1]}"
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return ` (did you mean "x"?)` for a mistyped word, or an empty text."""
+def similar(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that a mistyped one is most like, or None."""
     from difflib import get_close_matches
 
-    close = get_close_matches(word[:100], list(known), n=1, cutoff=0.6)
-    return f' (did you mean "{close[0]}"?)' if close else ""
+    return next(iter(get_close_matches(word[:100], list(known), n=1, cutoff=0.6)), None)
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return ` (did you mean "x"?)` for a mistyped word, or an empty text."""
+    close = similar(word, known)
+    return "" if close is None else f' (did you mean "{close}"?)'

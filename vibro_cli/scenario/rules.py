@@ -43,7 +43,7 @@ class Piece:
         if self.start_slope is None or self.end_slope is None:
             return None
         if self.shape == "hump":
-            return -self.start_slope, -self.end_slope
+            return 0.0 - self.start_slope, 0.0 - self.end_slope  # no -0.0
         return self.start_slope, self.end_slope
 
 

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from vibro_cli.scenario import fields
-from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown
+from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, similar
 
 _EXPECTED = {
     "model_type": "a table",
@@ -23,9 +23,14 @@ _EXPECTED = {
 
 
 def faults(error: ValidationError) -> list[Fault]:
-    """Return the faults of a scenario, each once."""
-    found = [_fault(details) for details in error.errors(include_url=False)]
-    return list(dict.fromkeys(found))
+    """Return the faults of a scenario, each once; a mistyped key is not missing as well."""
+    details = error.errors(include_url=False)
+    found = dict.fromkeys(_fault(item) for item in details)
+    mistyped = {
+        (*loc[:-1], similar(str(loc[-1]), fields.known_keys(loc[:-1])))
+        for loc in (item["loc"] for item in details if item["type"] == "extra_forbidden")
+    }
+    return [fault for fault in found if fault.found != "nothing" or fault.loc not in mistyped]
 
 
 def _fault(details: ErrorDetails) -> Fault:

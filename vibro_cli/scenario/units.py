@@ -106,7 +106,7 @@ UNITS: dict[str, Unit] = {
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII)
 _FACTOR = re.compile(
-    r"\s*(?P<over>[*/·⋅]?)\s*(?P<unit>[^\W\d_]+0?|°)\s*(?:(?:\^|\*\*)?\s*"
+    r"\s*(?P<over>[*/·⋅]?)\s*(?P<unit>[A-Za-zµμ]+0?|°)\s*(?:(?:\^|\*\*)?\s*"
     r"(?P<power>[+-]?\d{1,2})|(?P<raised>[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]{1,2}))?"
 )
 _RAISED = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")

@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vibro_cli.scenario import Scenario, ScenarioError, gallery, parse_scenario
+from vibro_cli.scenario.json_schema import json_schema
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+
+def test_the_gallery_is_the_folder_of_scenarios() -> None:
+    assert gallery.names() == sorted(path.stem for path in SCENARIOS.glob("*.toml"))
+    assert {
+        "three_arcs",
+        "one_circle",
+        "particle_on_arcs",
+        "disk_on_arcs",
+        "ball_on_arcs",
+        "horizontal_line_1_2",
+        "horizontal_line_1_3",
+        "horizontal_line_2_3",
+        "five_balls",
+        "unequal_hedrih",
+        "unequal_normal_impulse",
+        "unequal_translational",
+    } <= set(gallery.names())
+    with pytest.raises(ScenarioError, match='did you mean "three_arcs"'):
+        gallery.text("three_arc")
+
+
+@pytest.mark.parametrize("name", gallery.names())
+def test_the_gallery_is_valid_and_says_what_it_is(name: str) -> None:
+    source = gallery.text(name)
+    assert parse_scenario(source).balls
+    assert source.startswith("# ")
+    assert max(map(len, source.splitlines())) <= 100
+
+
+def test_the_three_bodies_side_by_side_differ_by_their_kind_alone() -> None:
+    def changed(name: str) -> dict[str, Any]:
+        resolved = parse_scenario(gallery.text(name)).resolved()
+        for body in resolved["balls"]:
+            assert body.pop("body") == name.partition("_")[0]
+        return resolved
+
+    ball = changed("ball_on_arcs")
+    assert changed("disk_on_arcs") == changed("particle_on_arcs") == ball
+
+
+def test_the_unequal_scenarios_differ_by_their_law_alone() -> None:
+    laws = []
+    rests = []
+    for name in ("unequal_hedrih", "unequal_normal_impulse", "unequal_translational"):
+        resolved = parse_scenario(gallery.text(name)).resolved()
+        laws.append(resolved["collision"].pop("law"))
+        rests.append(resolved)
+    assert laws == ["hedrih", "normal-impulse", "translational"]
+    assert rests[0] == rests[1] == rests[2]
+
+
+def test_bs_ratios_are_on_the_horizontal_lines() -> None:
+    for small, large in ((1, 2), (1, 3), (2, 3)):
+        scenario = parse_scenario(gallery.text(f"horizontal_line_{small}_{large}"))
+        first, second = scenario.balls
+        assert second.radius * large == pytest.approx(first.radius * small, rel=1e-15)
+        assert first.density == second.density
+        assert scenario.trace.start_slope == 0.0
+
+
+def _tables(schema: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {"Scenario": schema, **schema["$defs"]}
+
+
+def test_the_schema_describes_every_key() -> None:
+    schema = json_schema()
+    json.dumps(schema)
+    assert schema["required"] == ["gravity", "trace", "balls", "stop"]
+    tables = _tables(schema)
+    assert set(tables) == {
+        *("Scenario", "Trace", "Arc", "Turning", "Ball", "Collision"),
+        *("Stop", "Ends", "Wall", "Output"),
+    }
+    assert list(tables["Scenario"]["properties"]) == list(Scenario.model_fields)
+    for table in tables.values():
+        assert table["additionalProperties"] is False
+        for key, value in table["properties"].items():
+            assert value.get("description"), key
+    assert "null" not in json.dumps(schema)
+
+
+def test_the_schema_takes_units_where_there_is_a_dimension() -> None:
+    properties = json_schema()["$defs"]["Ball"]["properties"]
+    kinds = {option["type"] for option in properties["density"]["anyOf"]}
+    assert kinds == {"number", "string"}
+    assert properties["inertia_ratio"]["type"] == "number"
+    assert properties["body"]["enum"] == ["ball", "disk", "hollow_ball", "hoop", "particle"]
+    assert properties["body"]["default"] == "ball"
