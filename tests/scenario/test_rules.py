@@ -38,7 +38,9 @@ def test_defaults_are_those_of_the_interface() -> None:
     assert scenario.collision.inadmissible == "stop"
     assert scenario.ends.left == scenario.ends.right == "stop"
     assert scenario.output.turning_points is False
-    assert scenario.output.step is scenario.output.times is scenario.output.friction is None
+    assert scenario.output.step is None
+    assert scenario.output.times is None
+    assert scenario.output.friction is None
 
 
 def test_units_are_converted() -> None:

@@ -66,6 +66,8 @@ def _cleaned(value: Any) -> Any:
     for key, item in value.items():
         if (key == "default" and item is None) or (key == "title" and isinstance(item, str)):
             continue
+        if key == "default" and isinstance(item, dict):
+            item = {name: part for name, part in item.items() if part is not None}
         if key == "description" and isinstance(item, str):
             item = " ".join(item.split())
         cleaned[key] = _cleaned(item)
