@@ -73,7 +73,7 @@ def check_json(text: str) -> None:
             depth -= 1
         elif kind == "key":
             keys += 1
-            _check_key(keys, token.start(), token.end() - token.start())
+            _check_key(keys, token.end(), token.end() - token.start())
         elif kind == "bare":
             _check_bare(token)
 

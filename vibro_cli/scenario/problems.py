@@ -21,7 +21,7 @@ class Place:
 
     def __str__(self) -> str:
         numbers = [str(n) for n in (self.line, self.column) if n is not None]
-        return ":".join([self.file, *numbers])
+        return ":".join([_printable(self.file), *numbers])
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,12 @@ def _number_text(value: int | float) -> str:
 
 def shortened(text: str) -> str:
     """Return a text on one line, without control characters, at most 60 characters long."""
-    line = "".join(char if char.isprintable() else "�" for char in text)
+    line = _printable(text[: _LONGEST_SHOWN + 1])
     return line if len(line) <= _LONGEST_SHOWN else line[: _LONGEST_SHOWN - 3] + "..."
+
+
+def _printable(text: str) -> str:
+    return "".join(char if char.isprintable() else "�" for char in text)
 
 
 def override_place(text: str) -> Place:

@@ -69,7 +69,8 @@ def prepared(data: object) -> object:
     filled = dict(data)
     balls = data.get("balls")
     if isinstance(balls, list):
-        filled["balls"] = [_prepared_ball(ball, data) for ball in balls]
+        pieces = _pieces(data)
+        filled["balls"] = [_prepared_ball(ball, pieces) for ball in balls]
     collision = data.get("collision", {})
     if isinstance(collision, Mapping):
         k, pairs = collision.get("k"), pair_count(data)
@@ -87,14 +88,14 @@ def pair_count(data: Data) -> int | None:
     return len(balls) if closed and len(balls) > 2 else max(len(balls) - 1, 0)
 
 
-def _prepared_ball(ball: object, data: Data) -> object:
+def _prepared_ball(ball: object, pieces: list[Piece]) -> object:
     if not isinstance(ball, Mapping):
         return ball
     filled = dict(ball)
     if "inertia_ratio" not in ball:
         filled.setdefault("body", "ball")
     if not {"rate", "omega", "speed"} & set(ball):
-        piece = _piece_of(ball, _pieces(data))
+        piece = _piece_of(ball, pieces)
         filled["speed" if piece is not None and piece.shape == "line" else "rate"] = 0.0
     return filled
 
