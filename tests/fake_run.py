@@ -59,14 +59,17 @@ class FakeRun:
             "end_time": 60.0,
             "quiet_from": None,
             "collisions": _ROWS,
-            "crossings": 4,
+            "crossings": 1,
             "contacts": 0,
+            "first_collision_time": 0.25,
+            "last_collision_time": 59.5,
             "energy_start": 12.5,
             "energy_end": 11.25,
             "energy_drift": None,
+            "energy_correction": 0.0,
             "max_gap": 1.0e-16,
             "min_normal_force": 3.5,
-            "max_friction_demand": None,
+            "max_friction_demand": 0.25,
         }
 
     def checkpoint(self) -> dict[str, Any]:

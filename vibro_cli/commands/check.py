@@ -41,7 +41,7 @@ def _check_all(sources: Sequence[str], overrides: Sequence[str], as_json: bool, 
 
 def understood(scenario: "Scenario", system: "System") -> dict[str, Any]:
     """What a scenario means, as plain values: given values, defaults and what follows from them."""
-    from vibro_cli.commands.words import warnings_of
+    from vibro_cli.build import mechanics_warnings
 
     return {
         "name": scenario.name,
@@ -56,7 +56,7 @@ def understood(scenario: "Scenario", system: "System") -> dict[str, Any]:
         "law": system.law,
         "inadmissible": system.inadmissible,
         "surface": system.surface,
-        "warnings": warnings_of(system),
+        "warnings": list(mechanics_warnings(system)),
     }
 
 

@@ -115,8 +115,8 @@ def _folder_of(wishes: _Wishes, scenario: "Scenario") -> Path | None:
 
 def _run_all(wishes: _Wishes) -> int:
     """Check everything that can be checked, then run one scenario after the other."""
+    from vibro_cli.build import mechanics_warnings
     from vibro_cli.commands.loading import check_names, load_all
-    from vibro_cli.commands.words import warnings_of
     from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.storage.runs import check_run_folder
 
@@ -130,7 +130,7 @@ def _run_all(wishes: _Wishes) -> int:
         sound = True
         for scenario, system in loaded:
             if not wishes.quiet:
-                for warning in warnings_of(system):
+                for warning in mechanics_warnings(system):
                     say(f"{scenario.name}: warning: {warning}")
             sound &= _run_one(wishes, scenario)
     except FolderRefused as error:
@@ -177,7 +177,7 @@ def _portraits(result: "Run") -> dict[str, bytes]:
 
 def _is_sound(record: dict[str, Any]) -> bool:
     """Whether a summary is of a run that --strict accepts."""
-    return record["status"] == "ok" and record["end_cause"] != "inadmissible"
+    return bool(record["status"] == "ok" and record["end_cause"] != "inadmissible")
 
 
 def _stream_collisions(result: "Run", scenario: "Scenario", form: TableFormat) -> None:

@@ -2,10 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from vibro_cli.mechanics.system import System
+from typing import Any
 
 END_CAUSES = {
     "time": "the time asked for was reached",
@@ -33,10 +30,11 @@ def count(number: int, one: str, several: str) -> str:
 def summary_text(name: str, record: Mapping[str, Any], folder: Path | None) -> str:
     """The summary of a run in a few lines; `record` has the columns of the summary table."""
     lines = [f"{name}: {_ending(record)}"]
-    lines.append(f"  impacts    {_impacts(record)}")
-    lines.append(f"  energy     {_energy(record)}")
-    lines.append(f"  accuracy   {_accuracy(record)}")
-    lines.append(f"  validity   {_validity(record)}")
+    if record["status"] == "ok":
+        lines.append(f"  impacts    {_impacts(record)}")
+        lines.append(f"  energy     {_energy(record)}")
+        lines.append(f"  accuracy   {_accuracy(record)}")
+        lines.append(f"  validity   {_validity(record)}")
     if folder is not None:
         lines.append(f"  files      {folder}")
     return "\n".join(lines)
@@ -90,14 +88,3 @@ def _validity(record: Mapping[str, Any]) -> str:
         f"normal force at least {quantity(force, 'N')}; rolling needs a coefficient of friction "
         f"of {quantity(friction, digits=4)}"
     )
-
-
-def warnings_of(system: "System") -> list[str]:
-    """What is doubtful about a system, though it can be solved."""
-    ratios = {body.kappa for body in system.bodies}
-    if system.law == "translational" and len(ratios) > 1:
-        return [
-            "the translational law with bodies of unequal κ does not conserve the energy of "
-            "rolling, not even at k = 1"
-        ]
-    return []

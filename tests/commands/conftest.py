@@ -1,0 +1,111 @@
+"""The program called in this process, and a simulation made by hand where the real one is slow."""
+
+import json
+import signal
+import sys
+import types
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.fake_run import FakeRun
+from vibro_cli.commands.app import run_command_line
+
+SCENARIO = """
+gravity = 9.81
+[trace]
+start_slope = "-90 deg"
+arcs = [{shape = "valley", radius = 1.0, end_slope = "90 deg"}]
+[[balls]]
+radius = 0.1
+mass = 2.0
+arc = 1
+angle = -1.0
+[[balls]]
+radius = 0.1
+mass = 1.0
+arc = 1
+angle = 0.5
+[collision]
+k = 0.9
+[stop]
+collisions = 3
+"""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a call of the program left: its exit code and both its outputs."""
+
+    code: int
+    out: bytes
+    err: str
+
+    @property
+    def text(self) -> str:
+        return self.out.decode()
+
+    @property
+    def lines(self) -> list[Any]:
+        """Standard output as JSON lines."""
+        return [json.loads(line) for line in self.text.splitlines()]
+
+
+Vibro = Callable[..., Outcome]
+
+
+@pytest.fixture
+def vibro(
+    capfdbinary: pytest.CaptureFixture[bytes],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> Iterator[Vibro]:
+    """Call the program with arguments, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    handler = signal.getsignal(signal.SIGTERM)
+
+    def call(*arguments: object) -> Outcome:
+        code = run_command_line([str(argument) for argument in arguments])
+        sys.stdout.flush()
+        captured = capfdbinary.readouterr()
+        return Outcome(code, captured.out, captured.err.decode())
+
+    yield call
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """A small valid scenario."""
+    path = tmp_path / "small.toml"
+    path.write_text(SCENARIO)
+    return path
+
+
+class ByHand:
+    """Stands in for the simulation: hands out `run`, or does what `act` does."""
+
+    def __init__(self) -> None:
+        self.run = FakeRun()
+        self.act: Callable[[], None] = lambda: None
+        self.calls: list[tuple[str, str]] = []
+
+    def simulate(self, scenario: Any, engine: str = "auto") -> FakeRun:
+        self.calls.append((scenario.name, engine))
+        self.act()
+        return self.run
+
+
+@pytest.fixture
+def by_hand(monkeypatch: pytest.MonkeyPatch) -> ByHand:
+    """A simulation made by hand in the place of the real one."""
+    stand_in = ByHand()
+    module: Any = types.ModuleType("vibro_cli.api")
+    module.simulate = stand_in.simulate
+    monkeypatch.setitem(sys.modules, "vibro_cli.api", module)
+    return stand_in

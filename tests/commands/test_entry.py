@@ -1,0 +1,137 @@
+"""The program's start: quick, and without the libraries it does not need."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.commands.conftest import Vibro
+from vibro_cli import __version__
+
+COMMANDS = ("run", "check", "show", "schema", "new")
+
+
+def start(*arguments: str, options: tuple[str, ...] = ()) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, *options, "-m", "vibro_cli", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def best_time(*arguments: str) -> float:
+    """Wall time (s) of the quickest of several starts; the others waited for other processes."""
+    times = []
+    for _ in range(7):
+        begin = time.perf_counter()
+        start(*arguments)
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def imported(*arguments: str) -> set[str]:
+    """Names of the top-level packages a start imports."""
+    lines = start(*arguments, options=("-X", "importtime")).stderr.splitlines()
+    modules = (line.split("|")[-1].strip() for line in lines if line.startswith("import time:"))
+    return {module.split(".")[0] for module in modules}
+
+
+@pytest.mark.parametrize("flag", ["--version", "-V"])
+def test_version(flag: str) -> None:
+    outcome = start(flag)
+    assert (outcome.returncode, outcome.stdout) == (0, f"vibro {__version__}\n")
+    assert outcome.stderr == ""
+
+
+def test_version_takes_a_tenth_of_a_second_and_no_library() -> None:
+    assert best_time("--version") <= 0.1
+    assert "typer" not in imported("--version")
+
+
+def test_help_takes_a_third_of_a_second_and_no_numpy() -> None:
+    assert best_time("--help") <= 0.35
+    found = imported("--help")
+    assert "typer" in found
+    assert not found & {"numpy", "scipy", "numba", "pyarrow", "matplotlib", "ruamel"}
+
+
+def test_the_package_imports_nothing_until_asked() -> None:
+    code = "import sys, vibro_cli; print(sorted({m.split('.')[0] for m in sys.modules}))"
+    outcome = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert not {"numpy", "pydantic", "typer"} & set(eval(outcome.stdout))
+
+
+def test_unknown_names_of_the_package_are_attribute_errors() -> None:
+    import vibro_cli
+
+    with pytest.raises(AttributeError, match="'vibro_cli' has no attribute 'simulat'"):
+        vibro_cli.simulat  # noqa: B018
+    assert {"load_scenario", "simulate"} <= set(dir(vibro_cli))
+
+
+def test_help_names_every_command_and_goes_to_standard_output(vibro: Vibro) -> None:
+    for arguments in ((), ("--help",), ("-h",)):
+        outcome = vibro(*arguments)
+        assert outcome.code == 0
+        assert outcome.err == ""
+        listed = outcome.text.split("Commands:")[1]
+        assert [line.split()[0] for line in listed.splitlines()[1:6]] == list(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(vibro: Vibro, command: str) -> None:
+    outcome = vibro(command, "--help")
+    assert outcome.code == 0
+    assert outcome.text.startswith(f"Usage: vibro {command}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["fly"], "No such command 'fly'"),
+        (["run"], "Missing argument 'SCENARIO'"),
+        (["run", "--fromat", "csv", "a.toml"], "No such option: --fromat"),
+        (["run", "a.toml", "--engine", "steam"], "'steam' is not one of"),
+        (["schema", "figures"], "'figures' is not one of"),
+    ],
+)
+def test_wrong_usage_is_one_line_and_exit_code_2(
+    vibro: Vibro, arguments: list[str], message: str
+) -> None:
+    outcome = vibro(*arguments)
+    assert outcome.code == 2
+    assert outcome.out == b""
+    assert outcome.err.startswith("vibro: ")
+    assert outcome.err.count("\n") == 1
+    assert message in outcome.err
+
+
+def test_a_closed_pipe_ends_quietly() -> None:
+    for arguments in (("schema",), ("schema", "tables"), ("new", "--list")):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "vibro_cli", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        process.stderr.close()
+        assert process.wait() == 0
+
+
+def test_a_full_disk_is_an_error_on_one_line() -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full on this system")
+    with open("/dev/full", "wb") as full:
+        outcome = subprocess.run(
+            [sys.executable, "-m", "vibro_cli", "schema", "tables"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert outcome.returncode == 1
+    assert outcome.stderr == "vibro: No space left on device\n"

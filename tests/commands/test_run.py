@@ -1,0 +1,301 @@
+"""`vibro run`: where results go, what is said, and how it ends."""
+
+import csv
+import errno
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+
+from tests.commands.conftest import SCENARIO, ByHand, Vibro
+from vibro_cli.storage.tables import read_parquet
+
+INTERRUPTED = """
+import sys, time, types
+sys.path.insert(0, {root!r})
+from tests.fake_run import FakeRun
+module = types.ModuleType("vibro_cli.api")
+def simulate(scenario, engine):
+    if scenario.name == "second":
+        print("started", flush=True)
+        time.sleep(60)
+    return FakeRun()
+module.simulate = simulate
+sys.modules["vibro_cli.api"] = module
+sys.argv[0] = "vibro"
+from vibro_cli.__main__ import main
+main()
+"""
+
+
+def entries(folder: Path) -> list[str]:
+    return sorted(os.listdir(folder))
+
+
+def several(folder: Path, *names: str) -> list[Path]:
+    """Scenarios of these names."""
+    paths = []
+    for name in names:
+        path = folder / f"{name}.toml"
+        path.write_text(SCENARIO)
+        paths.append(path)
+    return paths
+
+
+def test_results_go_to_outputs_by_name(vibro: Vibro, scenario: Path, by_hand: ByHand) -> None:
+    outcome = vibro("run", scenario, "--no-figures")
+    assert outcome.code == 0
+    assert outcome.out == b""
+    assert "collisions.parquet" in entries(Path("outputs/small"))
+
+
+def test_o_names_the_folder(vibro: Vibro, scenario: Path, by_hand: ByHand) -> None:
+    assert vibro("run", scenario, "-o", "a/b", "--no-figures").code == 0
+    assert "summary.json" in entries(Path("a/b"))
+    assert not Path("outputs").exists()
+
+
+def test_several_scenarios_have_a_folder_each(
+    vibro: Vibro, tmp_path: Path, by_hand: ByHand
+) -> None:
+    paths = several(tmp_path, "first", "second")
+    assert vibro("run", *paths, "-o", "all", "--no-figures").code == 0
+    assert entries(Path("all")) == ["first", "second"]
+    assert by_hand.calls == [("first", "auto"), ("second", "auto")]
+
+
+def test_equal_names_are_an_error_before_anything_runs(
+    vibro: Vibro, tmp_path: Path, by_hand: ByHand
+) -> None:
+    paths = several(tmp_path, "first", "second")
+    outcome = vibro("run", *paths, "--set", "name=same")
+    assert outcome.code == 2
+    assert "2 scenarios are called 'same'" in outcome.err
+    assert by_hand.calls == []
+
+
+def test_the_engine_is_passed_on(vibro: Vibro, scenario: Path, by_hand: ByHand) -> None:
+    vibro("run", scenario, "--no-figures", "--engine", "python", "-q")
+    assert by_hand.calls == [("small", "python")]
+
+
+def test_a_foreign_folder_is_refused_before_anything_runs(
+    vibro: Vibro, scenario: Path, by_hand: ByHand
+) -> None:
+    Path("mine").mkdir()
+    Path("mine/thesis.tex").write_text("years of work")
+    outcome = vibro("run", scenario, "-o", "mine")
+    assert outcome.code == 2
+    assert outcome.err.startswith("vibro: mine exists and is no vibro run")
+    assert by_hand.calls == []
+    assert entries(Path("mine")) == ["thesis.tex"]
+
+
+def test_our_own_folder_is_replaced(vibro: Vibro, scenario: Path, by_hand: ByHand) -> None:
+    for _ in range(2):
+        assert vibro("run", scenario, "--no-figures").code == 0
+    assert entries(Path("outputs")) == ["small"]
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl", "arrow", "parquet"])
+def test_format_streams_the_collisions_and_writes_no_folder(
+    vibro: Vibro, scenario: Path, by_hand: ByHand, form: str
+) -> None:
+    outcome = vibro("run", scenario, "--format", form)
+    assert outcome.code == 0
+    assert not Path("outputs").exists()
+    if form == "csv":
+        times = [float(row["t"]) for row in csv.DictReader(outcome.text.splitlines())]
+    elif form == "jsonl":
+        times = [row["t"] for row in outcome.lines]
+    elif form == "arrow":
+        times = pa.ipc.open_stream(outcome.out).read_all()["t"].to_pylist()
+    else:
+        times = read_parquet(io.BytesIO(outcome.out))["t"].to_pylist()
+    assert times == list(by_hand.run.collisions["t"])
+
+
+def test_a_dash_streams_csv(vibro: Vibro, scenario: Path, by_hand: ByHand) -> None:
+    outcome = vibro("run", scenario, "-o", "-")
+    assert outcome.text.startswith('"n","t","t_low"')
+    assert not Path("-").exists()
+
+
+def test_format_with_a_folder_does_both(vibro: Vibro, scenario: Path, by_hand: ByHand) -> None:
+    outcome = vibro("run", scenario, "--format", "csv", "-o", "both", "--no-figures")
+    assert outcome.text.count("\n") == 4
+    assert "collisions.parquet" in entries(Path("both"))
+
+
+def test_json_prints_a_summary_on_a_line_for_each_scenario(
+    vibro: Vibro, tmp_path: Path, by_hand: ByHand
+) -> None:
+    outcome = vibro("run", *several(tmp_path, "first", "second"), "--json", "--no-figures")
+    assert [line["scenario"] for line in outcome.lines] == ["first", "second"]
+    kept = json.loads(Path("outputs/first/summary.json").read_text())
+    assert outcome.lines[0] == {"scenario": "first", **kept}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--json", "-o", "-"], "both need standard output"),
+        (["--json", "--format", "csv"], "both need standard output"),
+        (["b.toml", "-o", "-"], "one table is streamed at a time"),
+    ],
+)
+def test_what_cannot_share_standard_output_is_wrong_usage(
+    vibro: Vibro, arguments: list[str], message: str
+) -> None:
+    outcome = vibro("run", "a.toml", *arguments)
+    assert outcome.code == 2
+    assert message in outcome.err
+
+
+def test_the_summary_says_in_words_how_it_ended(
+    vibro: Vibro, scenario: Path, by_hand: ByHand
+) -> None:
+    outcome = vibro("run", scenario, "--no-figures")
+    first, *rest = outcome.err.splitlines()
+    assert first == "small: ended at t = 60 s: the time asked for was reached"
+    assert [line.split()[0] for line in rest] == [
+        "impacts",
+        "energy",
+        "accuracy",
+        "validity",
+        "files",
+    ]
+    assert rest[-1].split()[1] == "outputs/small"
+
+
+def test_quiet_says_nothing_and_verbose_what_was_skipped(
+    vibro: Vibro, scenario: Path, by_hand: ByHand
+) -> None:
+    assert vibro("run", scenario, "--no-figures", "-q").err == ""
+    verbose = vibro("run", scenario, "--no-figures", "-v").err
+    assert verbose.splitlines()[-1].split(None, 1) == ["skipped", by_hand.run.skipped[0]]
+
+
+@pytest.mark.parametrize(
+    ("status", "cause", "code"),
+    [("ok", "time", 0), ("ok", "inadmissible", 3), ("invalid", None, 3), ("failed", None, 3)],
+)
+def test_strict_ends_with_3_unless_all_is_sound(
+    vibro: Vibro,
+    scenario: Path,
+    by_hand: ByHand,
+    monkeypatch: pytest.MonkeyPatch,
+    status: str,
+    cause: str | None,
+    code: int,
+) -> None:
+    record = {**by_hand.run.summary_record(), "status": status, "end_cause": cause}
+    monkeypatch.setattr(by_hand.run, "summary_record", lambda: record)
+    assert vibro("run", scenario, "--no-figures").code == 0
+    assert vibro("run", scenario, "--no-figures", "--strict").code == code
+
+
+def test_all_problems_of_all_scenarios_are_told_and_nothing_runs(
+    vibro: Vibro, tmp_path: Path, by_hand: ByHand
+) -> None:
+    good, bad, worse = several(tmp_path, "good", "bad", "worse")
+    bad.write_text(SCENARIO.replace("mass = 2.0", "mass = -2.0"))
+    worse.write_text(SCENARIO.replace("gravity", "gravitas").replace("k = 0.9", "k = 1.9"))
+    outcome = vibro("run", good, bad, worse, tmp_path / "none.toml")
+    assert outcome.code == 2
+    assert outcome.out == b""
+    for place in ("bad.toml:8:", "worse.toml:2:", "worse.toml:17:", "none.toml: "):
+        assert place in outcome.err
+    assert "balls[1].mass: found -2.0, expected" in outcome.err
+    assert by_hand.calls == []
+
+
+def test_a_scenario_comes_from_standard_input(
+    vibro: Vibro, by_hand: ByHand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = io.TextIOWrapper(io.BytesIO(SCENARIO.encode()))
+    monkeypatch.setattr(sys, "stdin", data)
+    assert vibro("run", "-", "--set", "name=piped", "--no-figures").code == 0
+    assert entries(Path("outputs")) == ["piped"]
+
+
+def test_standard_input_is_read_once(vibro: Vibro) -> None:
+    outcome = vibro("run", "-", "-")
+    assert outcome.code == 2
+    assert "only once" in outcome.err
+
+
+def test_a_fault_of_the_program_is_named_and_its_traceback_kept(
+    vibro: Vibro, scenario: Path, by_hand: ByHand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def act() -> None:
+        raise KeyError("no such\nthing")
+
+    by_hand.act = act
+    monkeypatch.setattr("tempfile.tempdir", str(scenario.parent))
+    outcome = vibro("run", scenario)
+    assert outcome.code == 1
+    assert outcome.err.startswith("vibro: fault of the program: KeyError: 'no such\\nthing' (")
+    assert outcome.err.count("\n") == 1
+    (kept,) = scenario.parent.glob("vibro-fault-*.txt")
+    assert str(kept) in outcome.err
+    assert "Traceback" in kept.read_text()
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device", "a.parquet"), 1, "a.parquet: No space"),
+        (MemoryError(), 1, "out of memory"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (BrokenPipeError(), 0, ""),
+    ],
+)
+def test_errors_of_the_system_are_one_line(
+    vibro: Vibro,
+    scenario: Path,
+    by_hand: ByHand,
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    code: int,
+    message: str,
+) -> None:
+    def act() -> None:
+        raise error
+
+    by_hand.act = act
+    monkeypatch.setattr("vibro_cli.commands.boundary._silence_standard_output", lambda: None)
+    outcome = vibro("run", scenario)
+    assert outcome.code == code
+    assert message in outcome.err
+    assert outcome.err.count("\n") == (1 if message else 0)
+    assert not Path("outputs/small").exists()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_keeps_what_was_finished_and_nothing_else(
+    tmp_path: Path, number: signal.Signals, code: int
+) -> None:
+    paths = several(tmp_path, "first", "second", "third")
+    script = INTERRUPTED.format(root=str(Path(__file__).parents[2]))
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, "run", *map(str, paths), "-o", "all", "--no-figures", "-q"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "started\n"
+    process.send_signal(number)
+    _, words = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert words.endswith("what was finished is kept\n")
+    assert words.count("\n") == 1
+    assert entries(tmp_path / "all") == ["first"]

@@ -1,0 +1,141 @@
+"""`vibro show`: rows and columns on the terminal and in other forms."""
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from tests.commands.conftest import Vibro
+from tests.fake_run import columns_of
+from vibro_cli.commands import show
+from vibro_cli.storage import schema
+from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    """A table of events with 50 rows."""
+    path = tmp_path / "events.parquet"
+    columns = columns_of(schema.events(), 50)
+    path.write_bytes(parquet_bytes(schema.events(), columns, Origin({"name": "x"}, "0.1.0")))
+    return path
+
+
+def row_numbers(text: str) -> list[int]:
+    return [int(line.split()[0]) for line in text.splitlines() if line.split()[0].isdigit()]
+
+
+def test_the_table_has_names_units_and_aligned_numbers(vibro: Vibro, table: Path) -> None:
+    outcome = vibro("show", table, "--columns", "t,speed,ball", "--rows", "2")
+    assert outcome.text.splitlines() == [
+        "row            t       speed  ball",
+        "               s         m/s",
+        "  1  0.333333333           -     -",
+        "  2   1.33333333  701.333333   201",
+    ]
+    assert outcome.err == "rows 1 to 2 of 50\n"
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (None, range(1, 21)),
+        ("3", range(1, 4)),
+        ("-3", range(48, 51)),
+        ("10:12", range(10, 13)),
+        ("49:", range(49, 51)),
+        (":2", range(1, 3)),
+        ("all", range(1, 51)),
+        ("70", range(1, 51)),
+        ("-70", range(1, 51)),
+        ("60:70", range(0)),
+        ("0", range(0)),
+    ],
+)
+def test_rows_are_chosen_by_number(
+    vibro: Vibro, table: Path, rows: str | None, expected: range
+) -> None:
+    outcome = vibro("show", table, *(() if rows is None else ("--rows", rows)))
+    assert outcome.code == 0
+    assert row_numbers(outcome.text) == list(expected)
+
+
+@pytest.mark.parametrize("rows", ["x", "0:3", "5:4", "1:2:3", ""])
+def test_rows_that_cannot_be_are_wrong_usage(vibro: Vibro, table: Path, rows: str) -> None:
+    outcome = vibro("show", table, "--rows", rows)
+    assert outcome.code == 2
+    assert "expected N, -N, FROM:TO or all" in outcome.err
+
+
+def test_json_has_units_and_all_rows(vibro: Vibro, table: Path) -> None:
+    (found,) = vibro("show", table, "--json", "--columns", "t,event").lines
+    assert [column["unit"] for column in found["columns"]] == ["s", ""]
+    assert len(found["rows"]) == 50
+    assert found["rows"][1] == {"t": 1 + 1 / 3, "event": "event-1"}
+
+
+def test_other_forms_have_all_rows_unless_told(vibro: Vibro, table: Path, tmp_path: Path) -> None:
+    assert vibro("show", table, "--format", "csv").text.count("\n") == 51
+    assert len(vibro("show", table, "--format", "jsonl", "--rows", "5").lines) == 5
+    copy = tmp_path / "copy.parquet"
+    copy.write_bytes(vibro("show", table, "--format", "parquet").out)
+    assert copy.read_bytes() == table.read_bytes()
+
+
+def test_a_wide_table_is_cut_into_blocks_that_fit(table: Path) -> None:
+    data = read_parquet(table).slice(0, 3)
+    blocks = "\n".join(show._blocks(data, 0, 40)).split("\n\n")
+    assert len(blocks) > 1
+    names = [name for block in blocks for name in block.splitlines()[0].split()[1:]]
+    assert names == data.column_names
+    for block in blocks:
+        assert all(len(line) <= 40 for line in block.splitlines())
+        assert [line.split()[0] for line in block.splitlines()[2:]] == ["1", "2", "3"]
+
+
+def damaged(content: bytes) -> bytes:
+    """A file with one bit flipped in the data of its first column."""
+    first = pq.ParquetFile(io.BytesIO(content)).metadata.row_group(0).column(0)
+    place = first.data_page_offset + first.total_compressed_size - 10
+    return content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "message"),
+    [
+        (lambda path: path.unlink(), 2, "no such file"),
+        (lambda path: path.write_text("t,event\n"), 2, "no parquet table"),
+        (lambda path: path.write_bytes(b""), 2, "no parquet table"),
+        (lambda path: path.write_bytes(damaged(path.read_bytes())), 1, "CRC checksum"),
+        (lambda path: (path.unlink(), path.mkdir()), 2, "found a folder"),
+    ],
+    ids=["missing", "text", "empty", "damaged", "folder"],
+)
+def test_a_file_that_is_no_table_is_one_line(
+    vibro: Vibro, table: Path, change: Any, code: int, message: str
+) -> None:
+    change(table)
+    outcome = vibro("show", table)
+    assert outcome.code == code
+    assert outcome.out == b""
+    assert outcome.err.startswith(f"{table}: ")
+    assert message in outcome.err
+    assert outcome.err.count("\n") == 1
+
+
+def test_an_unknown_column_is_named_with_those_there_are(vibro: Vibro, table: Path) -> None:
+    outcome = vibro("show", table, "--columns", "t,speeed")
+    assert outcome.code == 2
+    assert "found no column 'speeed', expected some of t, event, ball" in outcome.err
+
+
+def test_format_and_json_exclude_each_other(vibro: Vibro, table: Path) -> None:
+    assert vibro("show", table, "--json", "--format", "csv").code == 2
+
+
+def test_numbers_of_json_are_exact(vibro: Vibro, table: Path) -> None:
+    rows = json.loads(vibro("show", table, "--json").text)["rows"]
+    assert [row["t"] for row in rows] == list(columns_of(schema.events(), 50)["t"])

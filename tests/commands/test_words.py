@@ -1,0 +1,55 @@
+"""The summary in words, cause by cause."""
+
+from typing import Any
+
+import pytest
+
+from tests.fake_run import FakeRun
+from vibro_cli.commands.words import END_CAUSES, summary_text
+
+
+def lines(**changes: Any) -> list[str]:
+    return summary_text("name", {**FakeRun().summary_record(), **changes}, None).splitlines()
+
+
+def test_the_whole_summary() -> None:
+    assert lines() == [
+        "name: ended at t = 60 s: the time asked for was reached",
+        "  impacts    3, from t = 0.25 s to 59.5 s; 1 crossing, 0 lasting contacts",
+        "  energy     12.5 J at the start, 11.25 J at the end",
+        "  accuracy   largest gap left at an impact 1e-16 m",
+        "  validity   normal force at least 3.5 N; rolling needs a coefficient of friction of 0.25",
+    ]
+
+
+@pytest.mark.parametrize("cause", sorted(END_CAUSES))
+def test_every_end_cause_has_its_words(cause: str) -> None:
+    assert lines(end_cause=cause)[0].endswith(END_CAUSES[cause])
+    assert cause not in {word for word in END_CAUSES[cause].split() if "_" in word}
+
+
+@pytest.mark.parametrize(
+    ("changes", "line", "text"),
+    [
+        ({"energy_drift": -3.5e-15}, 2, "; relative drift -3.5e-15"),
+        ({"quiet_from": 12.5}, 1, "; none possible after t = 12.5 s"),
+        ({"max_gap": None}, 3, "no impact to measure a gap at"),
+        ({"min_normal_force": -2.0}, 4, "normal force down to -2 N"),
+        ({"max_friction_demand": None}, 4, "rolling is not possible everywhere"),
+        ({"min_normal_force": None}, 4, "normal forces were not computed"),
+        ({"crossings": 2, "contacts": 1}, 1, "2 crossings, 1 lasting contact"),
+    ],
+)
+def test_what_is_particular_is_said(changes: dict[str, Any], line: int, text: str) -> None:
+    assert text in lines(**changes)[line]
+
+
+def test_a_run_without_impacts() -> None:
+    text = lines(collisions=0, first_collision_time=None, last_collision_time=None)[1]
+    assert text == "  impacts    0; 1 crossing, 0 lasting contacts"
+
+
+def test_a_run_that_is_not_possible_is_one_line() -> None:
+    invalid = {"status": "invalid", "reason": "ball 2 does not fit its valley"}
+    nothing = dict.fromkeys(set(FakeRun().summary_record()) - set(invalid))
+    assert lines(**invalid, **nothing) == ["name: invalid: ball 2 does not fit its valley"]

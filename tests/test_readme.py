@@ -1,0 +1,66 @@
+"""README.md tells the truth: its commands, its scenario, its Python."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from vibro_cli.build import build_system
+from vibro_cli.commands.app import app
+from vibro_cli.scenario import load_scenario
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+
+
+def test_every_command_is_described_and_no_other() -> None:
+    described = re.findall(r"^\| `vibro (\w+)", README, re.MULTILINE)
+    assert described == [
+        command.name or getattr(command.callback, "__name__", "")
+        for command in app.registered_commands
+    ]
+
+
+def test_the_scenario_is_valid(tmp_path: Path) -> None:
+    (text,) = blocks("toml")
+    path = tmp_path / "readme.toml"
+    path.write_text(text)
+    scenario = load_scenario(path)
+    assert len(build_system(scenario).bodies) == 2
+    given = tomllib.loads(text)
+    assert set(scenario.resolved()) == set(given)
+
+
+def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    (code,) = blocks("python")
+    names: dict[str, object] = {}
+    exec(compile(code, "README.md", "exec"), names)
+    assert "run" in names
+
+
+def test_the_first_commands_set_up_run_and_test() -> None:
+    run_it, test_it = (
+        next(block for block in blocks("sh") if block.startswith("python3") and word in block)
+        for word in ("vibro run scenarios/three_arcs.toml", "pytest")
+    )
+    assert run_it.count("\n") == test_it.count("\n") == 1
+
+
+def test_the_version_stands_in_one_place() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert project["project"]["dynamic"] == ["version"]
+    assert project["tool"]["hatch"]["version"]["path"] == "vibro_cli/__init__.py"
+    assert "version:" not in (ROOT / "CITATION.cff").read_text().replace("cff-version:", "")
+
+
+def test_every_library_has_its_reason() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    names = {re.split(r"[<>=\[]", text)[0] for text in project["dependencies"]}
+    table = README.split("## Libraries")[1]
+    assert set(re.findall(r"^\| ([\w.]+) \|", table, re.MULTILINE)) - {"library"} == names
