@@ -27,7 +27,7 @@ from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
 
 _EPSILON = 2.0**-52
-_SEARCH_LIMIT = 2000
+_SEARCH_LIMIT = 5000
 _RESOLUTION = 1e-9
 
 Interval = tuple[float, float]
