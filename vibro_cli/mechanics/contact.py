@@ -1,0 +1,308 @@
+"""The certified search for the first contact of two neighbours.
+
+Each step is one that provably ends before the first contact, from bounds on the derivatives of the
+gap over both flights; when a simple root ahead is certified to be the first one, it is refined on the
+flows themselves. Nothing is sampled and no contact is passed over.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.mechanics.flow import advance_slightly, flow
+from vibro_cli.mechanics.gap import distance_gap, half_gap_sine
+from vibro_cli.mechanics.records import Clock, Flight, PairData, PairTrack, PieceData, TrackData
+from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.first_root import (
+    first_root_of_parabola,
+    safe_step_second_order,
+    safe_step_third_order,
+)
+
+NONE_BEFORE_LIMIT = -1.0
+# A last correction below this size, relative to the time scales, is made to second order.
+FINAL_CORRECTION = 1.0e-5
+# Safety of the certificate of a single root against rounding: g'^2 > 2 A g.
+SINGLE_ROOT = 2.01
+
+
+@kernel
+def contact_on_arc(
+    a: Flight,
+    b: Flight,
+    age_a: float,
+    age_b: float,
+    touching: int,
+    horizon: float,
+    limit: float,
+    contact: PairTrack,
+    orientation: float,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """First contact of two bodies on one arc.
+
+    Parameters
+    ----------
+    a, b
+        The flights; ``age_a, age_b`` the times since their starts, s.
+    touching
+        1: in contact and parting now.
+    horizon, limit
+        The search may stop at ``horizon`` (s from now); a contact found counts until ``limit``.
+    contact, orientation
+        Constants of contact on the arc; -1 if b is one lap ahead.
+
+    Returns
+    -------
+    Time of the first contact from now (s), the states then being left in ``pair``;
+    ``NONE_BEFORE_LIMIT`` if there is none before the horizon.
+    """
+    wa = a.frequency
+    wb = b.frequency
+    bound_2 = wa * wa * a.sine_bound + wb * wb * b.sine_bound
+    bound_3 = 2.0 * (wa * wa * wa * a.rate_bound + wb * wb * wb * b.rate_bound)
+    t = 0.0
+    while True:
+        a_s, a_c, a_p = flow(a, age_a + t)
+        b_s, b_c, b_p = flow(b, age_b + t)
+        clock.evaluations += 1
+        x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
+        gap = contact.far_gap
+        if cosine > 0.0:
+            gap = 2.0 * x if x > 0.0 else 0.0
+        if touching == 1 and t == 0.0:
+            gap = 0.0
+        rate = 2.0 * (wb * b_p - wa * a_p)
+        second = 2.0 * (wa * wa * a_s * a_c - wb * wb * b_s * b_c)
+        single = rate * rate > SINGLE_ROOT * bound_2 * gap * (1.0 + 0.5 * x * x)
+        if rate < 0.0 and single and cosine > 0.0 and x < 0.5:
+            x2 = x * x
+            gap = 2.0 * x * (1.0 + x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0 + x2 * (15.0 / 336.0))))
+            if t + 2.0 * gap / (math.sqrt(rate * rate + 2.0 * bound_2 * max(gap, 0.0)) - rate) > limit:
+                return NONE_BEFORE_LIMIT
+            third = 2.0 * (
+                wa * wa * wa * a_p * (a_c * a_c - a_s * a_s)
+                - wb * wb * wb * b_p * (b_c * b_c - b_s * b_s)
+            )
+            h = _cubic_guess(gap, rate, second, third)
+            h = _refine_on_arc(a, b, age_a + t, age_b + t, h, contact, orientation, pair, clock)
+            if h > NONE_BEFORE_LIMIT:
+                t = max(t + h, 0.0)
+                return t if t <= limit else NONE_BEFORE_LIMIT
+        step = safe_step_third_order(gap, rate, second, bound_2, bound_3)
+        if t + step >= horizon:
+            return NONE_BEFORE_LIMIT
+        if t + step == t and t > 0.0:
+            # The gap closes below the resolution of time: contact, tangential within rounding.
+            _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            return t
+        t += step
+
+
+@kernel
+def _keep_states(
+    pair: PairData, a_s: float, a_c: float, a_p: float, b_s: float, b_c: float, b_p: float
+) -> None:
+    pair.a_s = a_s
+    pair.a_c = a_c
+    pair.a_p = a_p
+    pair.b_s = b_s
+    pair.b_c = b_c
+    pair.b_p = b_p
+
+
+@kernel
+def _cubic_guess(gap: float, rate: float, second: float, third: float) -> float:
+    """Root of the quadratic, improved by one step on the cubic."""
+    h = 2.0 * gap / (math.sqrt(max(rate * rate - 2.0 * second * gap, 0.0)) - rate)
+    slope = rate + h * (second + 0.5 * h * third)
+    if slope < 0.0:
+        h -= (gap + h * (rate + h * (0.5 * second + h * third * (1.0 / 6.0)))) / slope
+    return h
+
+
+@kernel
+def _refine_on_arc(
+    a: Flight,
+    b: Flight,
+    age_a: float,
+    age_b: float,
+    h: float,
+    contact: PairTrack,
+    orientation: float,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """Halley's iteration on the sine of half the gap, with full flows; states into ``pair``."""
+    wa = a.frequency
+    wb = b.frequency
+    fastest = max(wa, wb)
+    for _ in range(12):
+        a_s, a_c, a_p = flow(a, age_a + h)
+        b_s, b_c, b_p = flow(b, age_b + h)
+        clock.evaluations += 1
+        x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
+        rate = 2.0 * (wb * b_p - wa * a_p)
+        second = 2.0 * (wa * wa * a_s * a_c - wb * wb * b_s * b_c)
+        x1 = 0.5 * rate * cosine
+        x2 = 0.5 * second * cosine - 0.25 * rate * rate * x
+        if x1 >= 0.0:
+            return NONE_BEFORE_LIMIT
+        change = -x * x1 / (x1 * x1 - 0.5 * x * x2)
+        h += change
+        if abs(change) * (abs(x2) - fastest * x1) < -FINAL_CORRECTION * x1:
+            a_s, a_c, a_p = advance_slightly(wa, change, a_s, a_c, a_p)
+            b_s, b_c, b_p = advance_slightly(wb, change, b_s, b_c, b_p)
+            _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            return h
+    return NONE_BEFORE_LIMIT
+
+
+@kernel
+def contact_on_line(
+    a: Flight,
+    b: Flight,
+    age_a: float,
+    age_b: float,
+    touching: int,
+    limit: float,
+    contact: PairTrack,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """First contact of two bodies on one line, where the gap is a parabola in time."""
+    a_s, a_c, a_p = flow(a, age_a)
+    b_s, b_c, b_p = flow(b, age_b)
+    clock.evaluations += 1
+    gap = (b_s - a_s) - contact.sine
+    if touching == 1 or gap < 0.0:
+        gap = 0.0
+    h = first_root_of_parabola(
+        gap, b_p - a_p, b.line_acceleration - a.line_acceleration
+    )
+    if h < 0.0 or h > limit:
+        return NONE_BEFORE_LIMIT
+    a_s, a_c, a_p = flow(a, age_a + h)
+    b_s, b_c, b_p = flow(b, age_b + h)
+    _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+    return h
+
+
+@kernel
+def contact_by_distance(
+    a: Flight,
+    b: Flight,
+    age_a: float,
+    age_b: float,
+    touching: int,
+    horizon: float,
+    limit: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    piece_b: PieceData,
+    track_b: TrackData,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """First contact of two bodies on different pieces, from ``d'' >= -(|A_a| + |A_b|)``.
+
+    Parameters and result as for :func:`contact_on_arc`.
+    """
+    bound = a.acceleration_bound + b.acceleration_bound
+    fastest = max(a.frequency, b.frequency)
+    t = 0.0
+    while True:
+        a_s, a_c, a_p = flow(a, age_a + t)
+        b_s, b_c, b_p = flow(b, age_b + t)
+        clock.evaluations += 1
+        gap, rate, second = distance_gap(
+            piece_a, track_a, a_s, a_c, a_p, piece_b, track_b, b_s, b_c, b_p, pair.distance
+        )
+        if gap < 0.0 or (touching == 1 and t == 0.0):
+            gap = 0.0
+        step = safe_step_second_order(gap, rate, bound)
+        if touching == 1 and t == 0.0 and step == 0.0:
+            return 0.0 if second <= 0.0 else NONE_BEFORE_LIMIT
+        if rate < 0.0:
+            h = first_root_of_parabola(gap, rate, second)
+            if 0.0 <= h < 3.0 * step + 1.0e-9 and h * fastest < 1.0:
+                h = _refine_by_distance(
+                    a, b, age_a + t, age_b + t, h, step, bound,
+                    piece_a, track_a, piece_b, track_b, pair, clock,
+                )  # fmt: skip
+                if h > NONE_BEFORE_LIMIT:
+                    t = max(t + h, 0.0)
+                    return t if t <= limit else NONE_BEFORE_LIMIT
+        if t + step >= horizon:
+            return NONE_BEFORE_LIMIT
+        if t + step == t and t > 0.0:
+            _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            return t
+        t += step
+
+
+@kernel
+def _refine_by_distance(
+    a: Flight,
+    b: Flight,
+    age_a: float,
+    age_b: float,
+    h: float,
+    safe: float,
+    bound: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    piece_b: PieceData,
+    track_b: TrackData,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """Halley's iteration on the distance, accepted only if the root is certified to be the first.
+
+    Before a root with slope ``d' < 0`` the gap is positive for ``2 |d'|/B``; if that reaches back
+    into the safe step from now, no earlier root exists.
+    """
+    guess = h
+    fastest = max(a.frequency, b.frequency)
+    for _ in range(12):
+        a_s, a_c, a_p = flow(a, age_a + h)
+        b_s, b_c, b_p = flow(b, age_b + h)
+        clock.evaluations += 1
+        gap, rate, second = distance_gap(
+            piece_a, track_a, a_s, a_c, a_p, piece_b, track_b, b_s, b_c, b_p, pair.distance
+        )
+        if rate >= 0.0:
+            return NONE_BEFORE_LIMIT
+        change = -gap * rate / (rate * rate - 0.5 * gap * second)
+        h += change
+        if abs(h - guess) > 0.5 * guess + 1.0e-9:
+            return NONE_BEFORE_LIMIT
+        if abs(change) * (abs(second) - fastest * rate) < -FINAL_CORRECTION * rate:
+            if h < -1.0e-13 or h + 1.98 * rate / bound >= safe:
+                return NONE_BEFORE_LIMIT
+            _move_slightly(a, change, a_s, a_c, a_p, pair, 0)
+            _move_slightly(b, change, b_s, b_c, b_p, pair, 1)
+            return h
+    return NONE_BEFORE_LIMIT
+
+
+@kernel
+def _move_slightly(
+    flight: Flight, dt: float, s: float, c: float, p: float, pair: PairData, second: int
+) -> None:
+    """Carry a state over a last small step and keep it as that of the pair's a or b."""
+    if flight.frequency > 0.0:
+        s, c, p = advance_slightly(flight.frequency, dt, s, c, p)
+    else:
+        acceleration = flight.line_acceleration
+        s += dt * (p + 0.5 * acceleration * dt)
+        p += acceleration * dt
+    if second == 0:
+        pair.a_s = s
+        pair.a_c = c
+        pair.a_p = p
+    else:
+        pair.b_s = s
+        pair.b_c = c
+        pair.b_p = p

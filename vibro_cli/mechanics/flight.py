@@ -1,0 +1,274 @@
+"""Launching a flight: its constants, how it ends, and the bounds that the contact search needs."""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.mechanics.flow import LINE, time_to
+from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData, TrackData
+from vibro_cli.numerics.double import add_to_time
+from vibro_cli.numerics.elliptic import set_theta_constants
+from vibro_cli.numerics.engine import kernel
+
+BOUNDARY = 0
+LIFT_OFF = 1
+# Within C^2 + P^2 below this of a crest the energy is taken from the state, relative to the crest.
+CREST_NEIGHBOURHOOD = 0.05
+
+
+@kernel
+def launch(
+    flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
+) -> None:
+    """Set up the flight that starts from the state, piece and energy held in ``flight``."""
+    flight.at_rest = 0
+    flight.exit_kind = BOUNDARY
+    flight.exit_side = 0
+    flight.exit_after = NEVER
+    flight.exit_p = 0.0
+    if piece.sign == 0.0:
+        _launch_on_line(flight, track)
+    else:
+        _launch_on_arc(flight, track, piece)
+    if one_sided == 1 and piece.sign != 0.0:
+        _limit_by_lift_off(flight, body, piece, track)
+    if flight.exit_after < NEVER:
+        flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
+    else:
+        flight.exit_t = NEVER
+        flight.exit_t_low = 0.0
+
+
+@kernel
+def head_from_state(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> float:
+    """Energy over weight, m above the body's lowest place (B (33) multiplied out)."""
+    if track.path_radius == 0.0:
+        height = track.bottom + track.line_rise * flight.s
+        return height + 0.5 * body.kappa * flight.p * flight.p / gravity
+    s2 = flight.s * flight.s
+    if s2 > 0.5:
+        return track.top - track.twice_radius * ((flight.c - flight.p) * (flight.c + flight.p))
+    return track.bottom + track.twice_radius * (s2 + flight.p * flight.p)
+
+
+@kernel
+def measure_energy(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> None:
+    """Take the energy from the state; near a crest also, to full accuracy, relative to the crest."""
+    flight.head = head_from_state(flight, body, track, gravity)
+    flight.anchor = -1
+    if track.path_radius > 0.0:
+        near = flight.c * flight.c + flight.p * flight.p < CREST_NEIGHBOURHOOD
+        if near:
+            flight.anchor = flight.piece
+            flight.anchor_root = _root_from_state(flight)
+
+
+@kernel
+def anchor_at_crest(flight: Flight, track: TrackData) -> None:
+    """Measure a given energy relative to the crest of the piece, if the state is near it."""
+    flight.anchor = -1
+    if track.path_radius > 0.0:
+        near = flight.c * flight.c + flight.p * flight.p < CREST_NEIGHBOURHOOD
+        if near:
+            flight.anchor = flight.piece
+            flight.anchor_root = _root_from_state(flight)
+
+
+@kernel
+def _root_from_state(flight: Flight) -> float:
+    """``sign(1-m) sqrt|1-m|`` from ``1 - m = (C - P)(C + P)``, each factor under its own root."""
+    root = math.sqrt(abs(flight.c - flight.p)) * math.sqrt(abs(flight.c + flight.p))
+    return -root if abs(flight.p) > abs(flight.c) else root
+
+
+@kernel
+def energy_on_piece(
+    flight: Flight, track: TrackData, anchor_track: TrackData
+) -> tuple[float, float]:
+    """Parameter ``m`` and root of its complement on an arc, from the energy that is carried.
+
+    ``anchor_track`` is the body's track on the piece of ``flight.anchor`` (unused without one).
+    """
+    if flight.anchor < 0:
+        complement = (track.top - flight.head) / track.twice_radius
+        root = _signed_root(complement)
+    else:
+        root = flight.anchor_root
+        if flight.anchor != flight.piece:
+            scale = anchor_track.twice_radius / track.twice_radius
+            lift = (track.top - anchor_track.top) / track.twice_radius
+            if lift == 0.0:
+                root *= math.sqrt(scale)
+            else:
+                root = _signed_root(lift + root * abs(root) * scale)
+        complement = root * abs(root)
+    if complement < 0.5:
+        return 1.0 - complement, root
+    return max((flight.head - track.bottom) / track.twice_radius, 0.0), root
+
+
+@kernel
+def _signed_root(complement: float) -> float:
+    root = math.sqrt(abs(complement))
+    return root if complement >= 0.0 else -root
+
+
+@kernel
+def _launch_on_line(flight: Flight, track: TrackData) -> None:
+    """A parabola: exits by the stable quadratic formula."""
+    flight.form = LINE
+    flight.frequency = 0.0
+    a = track.line_acceleration
+    flight.line_acceleration = a
+    flight.sine_bound = 0.0
+    flight.acceleration_bound = abs(a)
+    v = flight.p
+    if v == 0.0 and a == 0.0:
+        flight.at_rest = 1
+        return
+    right = v > 0.0 or (v == 0.0 and a > 0.0)
+    to_right = track.right_s - flight.s
+    to_left = flight.s - track.left_s
+    side = 0
+    if right and (a >= 0.0 or v * v > -2.0 * a * to_right):
+        side = 1
+    elif right:
+        side = -1
+    elif a <= 0.0 or v * v > 2.0 * a * to_left:
+        side = -1
+    else:
+        side = 1
+    flight.exit_side = side
+    length = to_right if side == 1 else to_left
+    speed = v if side == 1 else -v  # towards the exit
+    pull = a if side == 1 else -a
+    end_speed = math.sqrt(max(speed * speed + 2.0 * pull * length, 0.0))
+    if speed >= 0.0:
+        flight.exit_after = 2.0 * length / (speed + end_speed) if length > 0.0 else 0.0
+    else:
+        flight.exit_after = (end_speed - speed) / pull
+    flight.exit_p = end_speed if side == 1 else -end_speed
+
+
+@kernel
+def _launch_on_arc(flight: Flight, track: TrackData, piece: PieceData) -> None:
+    flight.frequency = track.frequency
+    flight.line_acceleration = 0.0
+    if flight.p == 0.0 and (flight.s == 0.0 or flight.c == 0.0):
+        flight.at_rest = 1
+    _choose_exit(flight, track)
+    m = flight.parameter
+    low = track.lowest_s2
+    high = min(m, track.highest_s2)
+    flight.rate_bound = math.sqrt(max(m - low, 0.0))
+    x_low = 4.0 * low * (1.0 - low)
+    x_high = 4.0 * high * (1.0 - high)
+    flight.sine_bound = 1.0 if low < 0.5 < high else math.sqrt(max(x_low, x_high))
+    # |A|^2 = (g/kappa)^2 (4 S^2 C^2 + 16 P^4) is convex in S^2: its ends bound it.
+    p2_low = m - low
+    p2_high = m - high
+    flight.acceleration_bound = track.gravity_rate * math.sqrt(
+        max(x_low + 16.0 * p2_low * p2_low, x_high + 16.0 * p2_high * p2_high)
+    )
+
+
+@kernel
+def squared_rate_at(flight: Flight, s: float, c: float) -> float:
+    """``P^2`` where the flight's orbit passes ``(S, C)``: ``m - S^2``, near the top ``C^2 - (1-m)``."""
+    if s == flight.s and c == flight.c:
+        return flight.p * flight.p
+    if s * s > 0.5:
+        return c * c - flight.root_complement * abs(flight.root_complement)
+    return flight.parameter - s * s
+
+
+@kernel
+def _reaches(flight: Flight, s: float, c: float) -> bool:
+    """Tell whether the orbit passes the end ``(S, C)`` of the piece, over a top if one lies between."""
+    if flight.c * c < 0.0 and flight.root_complement >= 0.0:
+        return False
+    return squared_rate_at(flight, s, c) > 0.0
+
+
+@kernel
+def _choose_exit(flight: Flight, track: TrackData) -> None:
+    """Find through which end the flight leaves its arc, and when."""
+    if flight.at_rest == 1:
+        return
+    pull = -flight.s * flight.c
+    right = flight.p > 0.0 or (flight.p == 0.0 and pull > 0.0)
+    end_s = track.right_s if right else track.left_s
+    end_c = track.right_c if right else track.left_c
+    if flight.s == end_s and flight.c == end_c:
+        flight.exit_side = 1 if right else -1
+        flight.exit_p = flight.p
+        flight.exit_after = 0.0
+        return
+    reaches_right = _reaches(flight, track.right_s, track.right_c)
+    reaches_left = _reaches(flight, track.left_s, track.left_c)
+    if flight.root_complement == 0.0 and flight.p != 0.0:
+        # On the separatrix a body never turns: it leaves ahead or creeps up to the crest for ever.
+        reaches_right = reaches_right and right
+        reaches_left = reaches_left and not right
+    if right and reaches_right or not right and not reaches_left and reaches_right:
+        flight.exit_side = 1
+        flight.exit_p = math.sqrt(squared_rate_at(flight, track.right_s, track.right_c))
+        flight.exit_after = time_to(flight, track.right_s, track.right_c, flight.exit_p)
+    elif reaches_left:
+        flight.exit_side = -1
+        flight.exit_p = -math.sqrt(squared_rate_at(flight, track.left_s, track.left_c))
+        flight.exit_after = time_to(flight, track.left_s, track.left_c, flight.exit_p)
+
+
+@kernel
+def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) -> None:
+    """Set the constants of the flow on an arc from the energy that the body carries."""
+    m, root = energy_on_piece(flight, track, anchor_track)
+    set_theta_constants(flight, m, root)
+
+
+@kernel
+def set_arc_energy_from_state(flight: Flight) -> None:
+    """Set the constants of the flow on an arc from the state alone."""
+    m = flight.s * flight.s + flight.p * flight.p
+    set_theta_constants(flight, m, _root_from_state(flight))
+
+
+@kernel
+def _limit_by_lift_off(
+    flight: Flight, body: BodyData, piece: PieceData, track: TrackData
+) -> None:
+    """End the flight where the normal force of a one-sided trace would turn negative.
+
+    N = 0 at ``S^2 = (1 + 4 m/kappa)/(2 + 4/kappa)``; a valley carries below it, a hump above.
+    """
+    limit = (1.0 + 4.0 * flight.parameter / body.kappa) / (2.0 + 4.0 / body.kappa)
+    s2 = flight.s * flight.s
+    outside = s2 > limit if piece.sign > 0.0 else s2 < limit
+    if outside:
+        flight.exit_kind = LIFT_OFF
+        flight.exit_after = 0.0
+        flight.exit_p = flight.p
+        return
+    if limit >= 1.0 or limit >= flight.parameter:
+        return
+    s = math.sqrt(limit)
+    c = math.sqrt(1.0 - limit)
+    p = math.sqrt(max(flight.parameter - limit, 0.0))
+    forward = flight.p if flight.p != 0.0 else -flight.s * flight.c
+    if piece.sign < 0.0:
+        # Below the crest's energy it leaves on the side where it is, else on the side it moves to.
+        to_right = flight.c < 0.0 if flight.root_complement >= 0.0 else forward > 0.0
+        c = -c if to_right else c
+    else:
+        to_right = forward > 0.0
+        s = s if to_right else -s
+        if flight.c < 0.0:
+            s = -s
+            c = -c
+    p = p if to_right else -p
+    after = time_to(flight, s, c, p)
+    if after < flight.exit_after:
+        flight.exit_kind = LIFT_OFF
+        flight.exit_after = after
+        flight.exit_p = p

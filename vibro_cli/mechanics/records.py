@@ -1,0 +1,160 @@
+"""The records that the kernels share: what is known of pieces, bodies, flights and pairs.
+
+Half-angle variables. On an arc the place of a body is ``(S, C) = (sin f/2, cos f/2)`` and its motion
+``P = f'/(2w)`` with ``w^2 = g/(kappa rho)``; ``f = phi`` in a valley and ``f = psi + pi`` on a hump,
+where ``C = -sin(psi/2)`` keeps its relative accuracy at the crest. ``S^2 + C^2 = 1`` and
+``S^2 + P^2 = m`` is the energy. On a line ``S`` is the distance from the line's left end, ``P`` the
+speed and ``C`` is unused. The speed of the centre is ``v = speed_factor P`` on every piece.
+"""
+
+from __future__ import annotations
+
+from vibro_cli.numerics.elliptic import ThetaConstants
+from vibro_cli.numerics.engine import record
+
+NEVER = 1.0e300  # a time, s, after the end of every run
+
+
+@record
+class PieceData:
+    """One piece of the trace."""
+
+    sign: float  # +1 valley, -1 hump, 0 line
+    x: float  # centre of the arc; left end of a line, m
+    y: float
+    tangent_x: float  # of a line
+    tangent_y: float
+    length: float  # m
+
+
+@record
+class TrackData:
+    """One body on one piece: the path of its centre."""
+
+    path_radius: float  # rho, m; 0 on a line
+    frequency: float  # w, rad/s; 0 on a line
+    speed_factor: float  # v = speed_factor P
+    bottom: float  # height of the centre at f = 0 above the body's lowest place, m; line: left end
+    top: float  # at f = pi; line: unused
+    twice_radius: float  # 2 rho: height = bottom + twice_radius m; line: unused
+    gravity_rate: float  # g/kappa, m/s^2
+    line_acceleration: float  # -(g/kappa) sin(alpha), m/s^2
+    line_rise: float  # sin(alpha) of a line
+    left_s: float  # the ends, as (S, C) or distance
+    left_c: float
+    right_s: float
+    right_c: float
+    lowest_s2: float  # extremes of S^2 over the piece
+    highest_s2: float
+    line_x: float  # centre of the body at the left end of a line, m
+    line_y: float
+
+
+@record
+class BodyData:
+    """One body."""
+
+    radius: float  # m
+    kappa: float  # 1 + J_C/(m r^2)
+    mass: float  # kg
+    rolling_mass: float  # M = kappa m, kg
+    weight: float  # m g, N
+
+
+@record
+class Flight(ThetaConstants):
+    """The motion of one body between two of its events, and its place at the start of it."""
+
+    piece: int
+    lap: int  # turns of a closed trace made so far
+    t: float  # start, in two doubles, s
+    t_low: float
+    s: float  # (S, C, P) at the start
+    c: float
+    p: float
+    frequency: float
+    at_rest: int  # 1: in equilibrium
+    line_acceleration: float
+    head: float  # energy/(m g), m above the body's lowest place
+    anchor: int  # piece whose crest the energy is measured from, or -1
+    anchor_root: float  # root_complement on that piece
+    exit_after: float  # time from the start to the end of the flight, s
+    exit_side: int  # +1 right end, -1 left end, 0 none
+    exit_kind: int  # BOUNDARY or LIFT_OFF
+    exit_p: float  # P at the exit
+    exit_t: float  # instant of the exit, in two doubles
+    exit_t_low: float
+    sine_bound: float  # max |sin f|, |P| and |acceleration| on the flight
+    rate_bound: float
+    acceleration_bound: float
+
+
+@record
+class PairData:
+    """Two neighbours, ``a`` left of ``b``; across the seam of a closed trace ``a`` is the last body."""
+
+    a: int
+    b: int
+    seam: int  # 1: b is one lap ahead
+    restitution: float
+    distance: float  # r_a + r_b, m
+    clear_t: float  # no contact before this instant (two doubles)
+    clear_t_low: float
+    touching: int  # 1: in contact and parting at that instant
+    contact_t: float  # first contact, or NEVER
+    contact_t_low: float
+    a_s: float  # (S, C, P) of both there
+    a_c: float
+    a_p: float
+    b_s: float
+    b_c: float
+    b_p: float
+    apart: int  # 1: proved that the two flights never meet
+
+
+@record
+class PairTrack:
+    """Two neighbours on the same piece: constants of their contact."""
+
+    sine: float  # sin(beta/2), cos(beta/2); on a line the distance along it
+    cosine: float
+    far_gap: float  # pi - beta
+    normal_a: float  # n t_a, n t_b in contact
+    normal_b: float
+
+
+@record
+class Settings:
+    """What holds for the whole run."""
+
+    gravity: float
+    bodies: int
+    pieces: int
+    pairs: int
+    closed: int
+    one_sided: int
+    law: int
+    substitute: int  # 1: an inadmissible impact is replaced by the normal-impulse law
+    left_wall: float  # restitution, or -1 for a stop
+    right_wall: float
+    stop_t: float
+    stop_collisions: int
+
+
+@record
+class Clock:
+    """The state of the run as a whole."""
+
+    t: float
+    t_low: float
+    collisions: int
+    crossings: int
+    contacts: int
+    end_cause: int
+    quiet_t: float
+    energy_correction: float  # sum of |corrections|, J
+    impact_rows: int  # rows used in the logs
+    flight_rows: int
+    searches: int  # what was done, for the benchmark and -v
+    evaluations: int
+    skipped_apart: int

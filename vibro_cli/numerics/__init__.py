@@ -1,0 +1,1 @@
+"""Elliptic functions, certified steps, and the switch between interpreted and compiled kernels."""

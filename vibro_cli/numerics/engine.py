@@ -1,0 +1,158 @@
+"""The switch between interpreted and compiled kernels, which are the same functions.
+
+A kernel is a short function of floats and records. Decorated with :func:`kernel` it stays a plain
+Python function; :func:`compiled` returns its compiled twin, in which every kernel it calls is
+compiled too. A record is a class of annotated fields: an object with slots for the interpreter, an
+element of a structured array for the compiler. Both engines evaluate the same floating-point
+operations in the same order (no contraction, no reassociation), so they give the same bits.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import types
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+RecordClass = TypeVar("RecordClass", bound=type)
+
+_kernels: dict[str, dict[str, Callable[..., Any]]] = {}
+_compiled: dict[Callable[..., Any], Any] = {}
+
+
+def kernel(function: Function) -> Function:
+    """Register a function as a kernel; it stays a plain Python function."""
+    _kernels.setdefault(function.__module__, {})[function.__name__] = function
+    return function
+
+
+def record(cls: RecordClass) -> RecordClass:
+    """Turn a class of annotated ``float`` and ``int`` fields into one with slots and zero values.
+
+    The fields of base classes that are records come first.
+    """
+    fields: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        fields.update(getattr(base, "fields", {}))
+    fields.update(cls.__annotations__)
+    names = tuple(fields)
+    zeros = {"float": 0.0, "int": 0}
+    defaults = [zeros[kind] for kind in fields.values()]
+
+    def initialise(self: object) -> None:
+        for name, value in zip(names, defaults, strict=True):
+            setattr(self, name, value)
+
+    body = {
+        "__slots__": names,
+        "__init__": initialise,
+        "__doc__": cls.__doc__,
+        "__module__": cls.__module__,
+        "fields": fields,
+    }
+    return type(cls.__name__, (), body)  # type: ignore[return-value]
+
+
+def dtype(cls: type) -> Any:
+    """Return the structured numpy type of a record."""
+    import numpy as np
+
+    kinds = {"float": "f8", "int": "i8"}
+    return np.dtype([(name, kinds[kind]) for name, kind in cls.fields.items()])  # type: ignore[attr-defined]
+
+
+def interpreted_rows(cls: type, count: int) -> list[Any]:
+    """Return ``count`` zero records for the interpreter."""
+    return [cls() for _ in range(count)]
+
+
+def compiled_rows(rows: Sequence[Any], cls: type) -> Any:
+    """Return a structured array with the contents of interpreted records."""
+    import numpy as np
+
+    names = tuple(cls.fields)  # type: ignore[attr-defined]
+    array = np.zeros(len(rows), dtype=dtype(cls))
+    for position, row in enumerate(rows):
+        array[position] = tuple(getattr(row, name) for name in names)
+    return array
+
+
+def copy_into_rows(array: Any, rows: Sequence[Any], cls: type) -> None:
+    """Copy a structured array back into interpreted records."""
+    for values, row in zip(array.tolist(), rows, strict=True):
+        for name, value in zip(cls.fields, values, strict=True):  # type: ignore[attr-defined]
+            setattr(row, name, value)
+
+
+def source_digest() -> str:
+    """Return a digest of all that the machine code depends on: kernel sources, versions, processor.
+
+    numba's own cache looks at one file only, so that a change in a called kernel would go unseen.
+    """
+    import llvmlite
+    import llvmlite.binding
+    import numba
+
+    digest = hashlib.sha256()
+    for name in sorted(_kernels):
+        path = sys.modules[name].__file__
+        if path is None:  # pragma: no cover - kernels are always defined in files
+            raise RuntimeError(f"kernel module {name} has no source file")
+        digest.update(Path(path).read_bytes())
+    processor = (llvmlite.binding.get_host_cpu_name(), str(llvmlite.binding.get_host_cpu_features()))
+    versions = (numba.__version__, llvmlite.__version__, sys.version)
+    digest.update(repr((versions, processor)).encode())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Return the folder of the machine code: ``VIBRO_CACHE_DIR``, else the platform's cache folder."""
+    named = os.environ.get("VIBRO_CACHE_DIR")
+    if named:
+        return Path(named)
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("vibro"))
+
+
+def compiled(entry: Callable[..., Any]) -> Any:
+    """Return the compiled twin of a kernel.
+
+    Parameters
+    ----------
+    entry
+        A function decorated with :func:`kernel`.
+
+    Returns
+    -------
+    The numba dispatcher; machine code is made, or read from the cache, at its first call.
+    """
+    if entry not in _compiled:
+        _compile_all()
+    return _compiled[entry]
+
+
+def _compile_all() -> None:
+    import numba
+
+    numba.config.CACHE_DIR = str(cache_folder() / f"kernels-{source_digest()}")
+    namespaces: dict[str, dict[str, Any]] = {}
+    twins: dict[Callable[..., Any], Any] = {}
+    for module, functions in _kernels.items():
+        namespaces[module] = dict(vars(sys.modules[module]))
+        for function in functions.values():
+            twin = types.FunctionType(
+                function.__code__, namespaces[module], function.__name__, function.__defaults__
+            )
+            twin.__module__ = module
+            twins[function] = numba.njit(cache=True, error_model="numpy", nogil=True)(twin)
+    # Every name that means a kernel must mean its compiled twin, in whichever module it is used.
+    for namespace in namespaces.values():
+        for name, value in list(namespace.items()):
+            if isinstance(value, types.FunctionType) and value in twins:
+                namespace[name] = twins[value]
+    _compiled.update(twins)

@@ -1,0 +1,1 @@
+"""The event loop: flights, impacts, crossings; what a run gives."""

@@ -1,0 +1,39 @@
+"""The logs of a run as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.numerics.engine import dtype
+
+
+class Log:
+    """Rows of one record type, gathered chunk by chunk from either engine."""
+
+    def __init__(self, cls: type) -> None:
+        self._type = dtype(cls)
+        self._names = tuple(cls.fields)  # type: ignore[attr-defined]
+        self._chunks: list[Any] = []
+
+    def take(self, rows: Sequence[Any], count: int) -> None:
+        """Copy the first ``count`` rows."""
+        if count == 0:
+            return
+        if isinstance(rows, np.ndarray):
+            self._chunks.append(rows[:count].copy())
+            return
+        values: Iterable[Any] = (
+            tuple([getattr(row, name) for name in self._names]) for row in rows[:count]
+        )
+        self._chunks.append(np.array(list(values), dtype=self._type))
+
+    def table(self) -> Any:
+        """Return all rows as one structured array."""
+        if not self._chunks:
+            return np.zeros(0, dtype=self._type)
+        if len(self._chunks) > 1:
+            self._chunks = [np.concatenate(self._chunks)]
+        return self._chunks[0]

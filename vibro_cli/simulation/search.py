@@ -1,0 +1,159 @@
+"""Which pair meets first: the certified search, for every pair that may meet at all."""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.mechanics.contact import contact_by_distance, contact_on_arc, contact_on_line
+from vibro_cli.mechanics.records import NEVER, Flight, PairData, PieceData, TrackData
+from vibro_cli.numerics.double import add_to_time, time_between
+from vibro_cli.numerics.engine import kernel
+from vibro_cli.simulation.world import World
+
+
+@kernel
+def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
+    """Search all pairs up to an instant; return the pair that meets first, or -1."""
+    first = -1
+    settings = world.settings[0]
+    for j in range(settings.pairs):
+        pair = world.pairs[j]
+        if pair.contact_t == NEVER and pair.apart == 0:
+            ahead = time_between(horizon_t, horizon_low, pair.clear_t, pair.clear_t_low)
+            if ahead > 0.0:
+                _search_pair(world, j, pair, ahead)
+                pair.clear_t = horizon_t
+                pair.clear_t_low = horizon_low
+                pair.touching = 0
+        if pair.contact_t < NEVER:
+            if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
+                first = j
+                horizon_t = pair.contact_t
+                horizon_low = pair.contact_t_low
+    return first
+
+
+@kernel
+def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
+    """Search one pair from its clear instant on; a contact found is kept in the pair."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    clock.searches += 1
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    if world.far[j * settings.pieces + a.piece][b.piece] == 1:
+        clock.skipped_apart += 1
+        pair.apart = 1
+        return
+    limit = _time_to_limit(a, b, pair, settings.stop_t)
+    age_a = time_between(pair.clear_t, pair.clear_t_low, a.t, a.t_low)
+    age_b = time_between(pair.clear_t, pair.clear_t_low, b.t, b.t_low)
+    piece = world.pieces[a.piece]
+    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    laps = b.lap - a.lap + pair.seam
+    if a.piece == b.piece and piece.sign != 0.0:
+        contact = world.contacts[j * settings.pieces + a.piece]
+        orientation = 1.0 if laps == 0 else -1.0
+        h = contact_on_arc(
+            a, b, age_a, age_b, pair.touching, ahead, limit, contact, orientation, pair, clock
+        )
+    elif a.piece == b.piece and laps == 0:
+        contact = world.contacts[j * settings.pieces + a.piece]
+        h = contact_on_line(a, b, age_a, age_b, pair.touching, limit, contact, pair, clock)
+    else:
+        piece_b = world.pieces[b.piece]
+        if _separated(a, piece, track_a, b, piece_b, track_b, pair.distance):
+            clock.skipped_apart += 1
+            pair.apart = 1
+            return
+        h = contact_by_distance(
+            a, b, age_a, age_b, pair.touching, ahead, limit,
+            piece, track_a, piece_b, track_b, pair, clock,
+        )  # fmt: skip
+    if h >= 0.0:
+        pair.contact_t, pair.contact_t_low = add_to_time(pair.clear_t, pair.clear_t_low, h)
+
+
+@kernel
+def _time_to_limit(a: Flight, b: Flight, pair: PairData, stop_t: float) -> float:
+    """Time from the clear instant to the end of the shorter flight or of the run."""
+    to_a = time_between(a.exit_t, a.exit_t_low, pair.clear_t, pair.clear_t_low)
+    to_b = time_between(b.exit_t, b.exit_t_low, pair.clear_t, pair.clear_t_low)
+    to_stop = time_between(stop_t, 0.0, pair.clear_t, pair.clear_t_low)
+    return min(min(to_a, to_b), to_stop)
+
+
+@kernel
+def _separated(
+    a: Flight,
+    piece_a: PieceData,
+    track_a: TrackData,
+    b: Flight,
+    piece_b: PieceData,
+    track_b: TrackData,
+    distance: float,
+) -> bool:
+    """Tell whether the flights are kept apart by the horizontal extents of their paths."""
+    low_a, high_a = _horizontal_extent(a, piece_a, track_a)
+    low_b, high_b = _horizontal_extent(b, piece_b, track_b)
+    return low_b - high_a > distance or low_a - high_b > distance
+
+
+@kernel
+def _horizontal_extent(
+    flight: Flight, piece: PieceData, track: TrackData
+) -> tuple[float, float]:
+    """Least and greatest x of the centre on a flight, where x grows along its path; else infinite."""
+    if piece.sign == 0.0:
+        if piece.tangent_x <= 0.0:
+            return -NEVER, NEVER
+        low, high = _line_range(flight, track)
+        return track.line_x + piece.tangent_x * low, track.line_x + piece.tangent_x * high
+    # Within 90 degrees of the bottom of a valley or the crest of a hump.
+    s2 = min(flight.parameter, track.highest_s2)
+    if piece.sign > 0.0 and (s2 > 0.5 or flight.c < 0.0):
+        return -NEVER, NEVER
+    if piece.sign < 0.0 and track.lowest_s2 < 0.5:
+        return -NEVER, NEVER
+    low, high = _sine_range(flight, piece, track)
+    radius = track.path_radius
+    return piece.x + radius * low, piece.x + radius * high
+
+
+@kernel
+def _line_range(flight: Flight, track: TrackData) -> tuple[float, float]:
+    start = flight.s
+    a = flight.line_acceleration
+    end = start
+    if flight.exit_side == 1:
+        end = track.right_s
+    elif flight.exit_side == -1:
+        end = track.left_s
+    turn = start
+    if flight.p * a < 0.0 and flight.at_rest == 0:
+        turn = start - 0.5 * flight.p * flight.p / a
+        turn = min(max(turn, track.left_s), track.right_s)
+    return min(start, min(end, turn)), max(start, max(end, turn))
+
+
+@kernel
+def _sine_range(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
+    """Least and greatest ``sign sin f`` (valley: sin phi, hump: sin psi) on a flight."""
+    sign = piece.sign
+    start = sign * 2.0 * flight.s * flight.c
+    if flight.at_rest == 1:
+        return start, start
+    right = flight.p > 0.0 or (flight.p == 0.0 and flight.s * flight.c < 0.0)
+    turn = 2.0 * math.sqrt(flight.parameter) * abs(flight.root_complement)
+    high = start
+    low = start
+    if flight.exit_side == 1:
+        high = sign * 2.0 * track.right_s * track.right_c
+    elif flight.exit_side == 0 or right:
+        high = turn if sign > 0.0 or flight.c < 0.0 else -turn
+    if flight.exit_side == -1:
+        low = sign * 2.0 * track.left_s * track.left_c
+    elif flight.exit_side == 0 or not right:
+        low = -turn if sign > 0.0 or flight.c > 0.0 else turn
+    return min(low, start), max(high, start)

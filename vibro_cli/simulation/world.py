@@ -1,0 +1,134 @@
+"""What the event loop works on: one tuple of records, and the logs that it fills."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from vibro_cli.mechanics.records import (
+    BodyData,
+    Clock,
+    Flight,
+    PairData,
+    PairTrack,
+    PieceData,
+    Settings,
+    TrackData,
+)
+from vibro_cli.numerics.engine import record
+
+# Why a flight began.
+START = 0
+COLLISION = 1
+CROSSING = 2
+WALL = 3
+CONTACT_CLOSED = 4
+CONTACT_OPENED = 5
+CAUSE_NAMES = ("start", "collision", "crossing", "wall", "contact_closed", "contact_opened")
+
+# Why the loop came back; the first ones are causes of the end of a run.
+RUNNING = 0
+END_TIME = 1
+END_COLLISIONS = 2
+END_NO_MORE_COLLISIONS = 3
+END_INADMISSIBLE = 4
+END_OF_TRACE = 5
+END_LIFT_OFF = 6
+END_REST = 7
+LOG_FULL = 8
+END_NAMES = {
+    END_TIME: "time",
+    END_COLLISIONS: "collisions",
+    END_NO_MORE_COLLISIONS: "no_more_collisions",
+    END_INADMISSIBLE: "inadmissible",
+    END_OF_TRACE: "end_of_trace",
+    END_LIFT_OFF: "lift_off",
+    END_REST: "rest",
+}
+
+
+@record
+class ImpactRow:
+    """One impact, as the kernels see it."""
+
+    t: float
+    t_low: float
+    pair: int
+    a: int
+    b: int
+    piece_a: int
+    piece_b: int
+    lap_a: int
+    lap_b: int
+    a_s: float
+    a_c: float
+    b_s: float
+    b_c: float
+    speed_a_pre: float
+    speed_b_pre: float
+    speed_a_post: float
+    speed_b_post: float
+    normal_a: float
+    normal_b: float
+    head_a_pre: float
+    head_b_pre: float
+    head_a_post: float
+    head_b_post: float
+    loss: float
+    gap: float
+    law: int
+    admissible: int
+    substituted: int
+    simultaneous: int
+    grazing: int
+    contact: int
+    crossings: int
+
+
+@record
+class FlightRow:
+    """The start of one flight."""
+
+    body: int
+    piece: int
+    lap: int
+    t: float
+    t_low: float
+    s: float
+    c: float
+    p: float
+    parameter: float
+    root_complement: float
+    head: float
+    cause: int
+    exit_kind: int
+
+
+class World(NamedTuple):
+    """All that one run is made of; lists of records or structured arrays."""
+
+    settings: Sequence[Settings]  # one
+    clock: Sequence[Clock]  # one
+    bodies: Sequence[BodyData]
+    pieces: Sequence[PieceData]
+    tracks: Sequence[TrackData]  # body by body
+    pairs: Sequence[PairData]
+    contacts: Sequence[PairTrack]  # pair by pair
+    far: Sequence[Sequence[int]]  # far[pair * pieces + piece of a][piece of b]: never in contact
+    flights: Sequence[Flight]
+    impacts: Sequence[ImpactRow]
+    log: Sequence[FlightRow]
+
+
+RECORDS = {
+    "settings": Settings,
+    "clock": Clock,
+    "bodies": BodyData,
+    "pieces": PieceData,
+    "tracks": TrackData,
+    "pairs": PairData,
+    "contacts": PairTrack,
+    "flights": Flight,
+    "impacts": ImpactRow,
+    "log": FlightRow,
+}
