@@ -10,9 +10,13 @@ def main() -> None:
 
         print(f"vibro {__version__}")
         return
-    from vibro_cli.commands.app import run_command_line
+    try:
+        from vibro_cli.commands.app import run_command_line
 
-    sys.exit(run_command_line(sys.argv[1:]))
+        code = run_command_line(sys.argv[1:])
+    except KeyboardInterrupt:  # before there was anything to interrupt, or while cleaning up
+        code = 130
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,8 @@
 import csv
 import io
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from tests.fake_run import columns_of
 from vibro_cli.storage import schema
 from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, stream, to_arrow
 
+ROOT = Path(__file__).parents[2]
 ORIGIN = Origin({"name": "by-hand", "gravity": 9.81}, "0.1.0")
 TABLES = [
     schema.collisions(),
@@ -66,6 +69,29 @@ def test_special_doubles_keep_their_bits() -> None:
     columns = columns_of(schema.motion(), special.size)
     columns["speed"] = special
     assert written(schema.motion(), columns)["speed"].to_numpy().tobytes() == special.tobytes()
+
+
+def test_words_and_strided_columns_are_kept() -> None:
+    columns = columns_of(schema.events(), 3)
+    columns["event"] = np.array(["Übergang", "", "κ→∞"], dtype=object)
+    columns["t"] = np.arange(6.0)[::2]
+    columns["ball"] = np.ma.MaskedArray(np.arange(6), mask=[0, 0, 1, 0, 0, 0])[::2]
+    found = written(schema.events(), columns)
+    assert found["event"].to_pylist() == ["Übergang", "", "κ→∞"]
+    assert found["t"].to_pylist() == [0.0, 2.0, 4.0]
+    assert found["ball"].to_pylist() == [0, None, 4]
+
+
+def test_writing_does_not_import_pandas() -> None:
+    code = """
+import sys
+from tests.fake_run import columns_of
+from vibro_cli.storage import schema, tables
+table = schema.events()
+tables.parquet_bytes(table, columns_of(table), tables.Origin({}, ""))
+sys.exit("pandas" in sys.modules)
+"""
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
 
 
 def test_an_empty_table_is_written_with_its_schema() -> None:

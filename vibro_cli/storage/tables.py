@@ -68,9 +68,31 @@ def _arrow_column(column: Column, values: Any) -> pa.Array:
     if not column.nullable and mask.any():
         row = int(np.argmax(mask))
         raise ValueError(f"column {column.name!r} has no value in row {row + 1}, and must have one")
-    if column.type != "string":
-        array = array.astype(column.type, casting="safe", copy=False)
-    return pa.array(array, type=_ARROW_TYPES[column.type], mask=mask if mask.any() else None)
+    present = _bits(~mask) if mask.any() else None
+    if column.type == "string":
+        content = _string_buffers(array)
+    elif column.type == "bool":
+        content = [_bits(array.astype(bool, casting="safe", copy=False))]
+    else:
+        content = [pa.py_buffer(array.astype(column.type, order="C", casting="safe", copy=False))]
+    return pa.Array.from_buffers(_ARROW_TYPES[column.type], array.size, [present, *content])
+
+
+# Columns are put together from buffers: arrow's own conversion, of lists too, imports pandas where
+# it is installed, which takes longer than a short run.
+
+
+def _bits(flags: "np.ndarray[Any, np.dtype[np.bool_]]") -> pa.Buffer:
+    """Flags packed as arrow has them, the first in the lowest bit."""
+    return pa.py_buffer(np.packbits(flags, bitorder="little"))
+
+
+def _string_buffers(words: "np.ndarray[Any, np.dtype[Any]]") -> list[pa.Buffer]:
+    """Offsets and bytes of words as arrow has them; None takes no bytes."""
+    parts = [b"" if word is None else word.encode() for word in words]
+    offsets = np.zeros(len(parts) + 1, dtype=np.int32)
+    np.cumsum([len(part) for part in parts], out=offsets[1:])
+    return [pa.py_buffer(offsets), pa.py_buffer(b"".join(parts))]
 
 
 def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Table:
