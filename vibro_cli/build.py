@@ -28,9 +28,10 @@ class _Findings:
         self.problems.append(Problem.at(place, path, found, expected))
 
     def settle(self) -> None:
-        """Raise everything found so far."""
+        """Raise everything found so far, in the order of the file."""
         if self.problems:
-            raise ScenarioError(self.problems)
+            by_place = sorted(self.problems, key=lambda found: (found.line or 0, found.column or 0))
+            raise ScenarioError(by_place)
 
 
 def build_system(scenario: Scenario) -> System:
@@ -309,4 +310,5 @@ def _check_walls(
             key = "angle" if ball.angle is not None else "position"
             path = f"balls[{index + 1}].{'touching' if ball.touching else key}"
             found = f"body {index + 1} reaching into the {side} wall"
-            findings.add(path, found, f"a place where it is free of it, up to {touch!r}")
+            expected = f"a place free of it: {touch!r} or further {'left' if at_right else 'right'}"
+            findings.add(path, found, expected)
