@@ -74,11 +74,3 @@ def test_mechanical_problems_are_placed_too(vibro: Vibro, scenario: Path) -> Non
     assert outcome.out == b""
     assert "small.toml:7:" in outcome.err
     assert "balls[1].radius: found 1.1, expected" in outcome.err
-
-
-def test_a_turning_trace_says_so(vibro: Vibro, scenario: Path) -> None:
-    turning = "turning = {through_arc = 1, rate = 2.5}"
-    scenario.write_text(SCENARIO.replace("[trace]", f"[trace]\n{turning}"))
-    (found,) = vibro("check", scenario, "--json").lines
-    assert found["trace"]["turning"] == {"x": pytest.approx(1.0, rel=1e-15), "rate": 2.5}
-    assert "  turning about x = 1 m with 2.5 rad/s" in vibro("check", scenario).text

@@ -75,7 +75,7 @@ def test_words_and_strided_columns_are_kept() -> None:
     columns = columns_of(schema.events(), 3)
     columns["event"] = np.array(["Übergang", "", "κ→∞"], dtype=object)
     columns["t"] = np.arange(6.0)[::2]
-    columns["ball"] = np.ma.MaskedArray(np.arange(6), mask=[0, 0, 1, 0, 0, 0])[::2]
+    columns["ball"] = np.ma.MaskedArray(np.arange(6), mask=np.arange(6) == 2)[::2]
     found = written(schema.events(), columns)
     assert found["event"].to_pylist() == ["Übergang", "", "κ→∞"]
     assert found["t"].to_pylist() == [0.0, 2.0, 4.0]

@@ -49,7 +49,6 @@ def understood(scenario: "Scenario", system: "System") -> dict[str, Any]:
         "trace": {
             "length": system.trace.length,
             "closed": system.trace.closed,
-            "turning": None if system.turning is None else dict(_turning(system.turning)),
             "pieces": [_piece(piece) for piece in system.trace.pieces],
         },
         "bodies": list(_bodies(system)),
@@ -72,11 +71,6 @@ def _piece(piece: "Piece") -> dict[str, Any]:
         "start": list(piece.start),
         "end": list(piece.end),
     }
-
-
-def _turning(turning: tuple[float, float]) -> Iterator[tuple[str, float]]:
-    """Where the vertical axis is about which the trace turns, and how fast."""
-    return zip(("x", "rate"), turning, strict=True)
 
 
 def _bodies(system: "System") -> Iterator[dict[str, Any]]:
@@ -112,8 +106,6 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
         f"length {trace['length']:.6g} m"
     )
     yield from map(_piece_line, trace["pieces"])
-    if trace["turning"] is not None:
-        yield "  turning about x = {x:.6g} m with {rate:.6g} rad/s".format(**trace["turning"])
     yield from map(_body_line, found["bodies"])
     for pair in found["pairs"]:
         yield f"  pair {pair['ball_a']}-{pair['ball_b']}  k = {pair['k']:g}"
