@@ -1,0 +1,197 @@
+"""Level curves of a body's energy, piece by piece and along the trace, in closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibro_cli.analysis.landscape import Array, Landscape, half_turn
+from vibro_cli.mechanics.trace import Piece
+
+_ROUNDING = 64.0 * np.finfo(np.float64).eps
+_JOINED = 1e-9
+"""Parts of a curve join where they are closer than this fraction of the trace's length."""
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A part of one piece that an energy reaches."""
+
+    piece: Piece
+    low: float
+    """Leftmost position: φ or ψ (rad), distance on a line (m)."""
+    high: float
+    """Rightmost position."""
+    turns_low: bool
+    """Whether the body turns back at the left, rather than rolling on to the next piece."""
+    turns_high: bool
+    """Whether the body turns back at the right."""
+
+
+@dataclass(frozen=True)
+class LevelCurve:
+    """The upper half of a level curve on one piece; the lower half is its mirror image."""
+
+    piece: int
+    """Index of the piece, from 0."""
+    position: Array
+    """φ or ψ (rad), distance on a line (m); shape (n,), rising."""
+    rate: Array
+    """φ̇ or ψ̇ (rad/s), speed on a line (m/s); shape (n,), not negative."""
+
+
+@dataclass(frozen=True)
+class SpeedCurve:
+    """The upper half of a connected level curve along the trace."""
+
+    s: Array
+    """Arc length of the contact point from the left end (m); shape (n,), rising."""
+    speed: Array
+    """Speed of the centre (m/s); shape (n,), not negative."""
+
+
+def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
+    """Return the parts of a piece that a body of the given energy (J) reaches, from left to right.
+
+    On an arc the body turns where sin²(f/2) = q, with f the angle from the nearest centre (φ from
+    the bottom of a valley, ψ − π from the underside of a hump) and q its energy from there in units
+    of 2 m g ρ; a saddle's own energy reaches through the saddle.
+    """
+    if piece.is_line:
+        return _line_reaches(landscape, piece, energy)
+    weight = landscape.body.mass * landscape.gravity
+    unit = 2.0 * weight * landscape.path_scale(piece)
+    above = energy - weight * landscape.height(piece, 0.0)  # bottom of a valley, crest of a hump
+    above_centre, below_saddle = (above, unit - above) if piece.sign > 0 else (unit + above, -above)
+    tolerance = _ROUNDING * (abs(energy) + abs(energy - above) + unit)
+    if below_saddle <= tolerance:
+        return (Reach(piece, piece.angle_start, piece.angle_end, False, False),)
+    if above_centre < -tolerance:
+        return ()
+    swing = 2.0 * math.atan2(math.sqrt(max(above_centre, 0.0)), math.sqrt(below_saddle))
+    return _swings(piece, swing)
+
+
+def _swings(piece: Piece, swing: float) -> tuple[Reach, ...]:
+    """Return the intervals of half-width `swing` about the centres of an arc that lie on it."""
+    offset = 0.0 if piece.sign > 0 else math.pi
+    full = 2.0 * math.pi
+    first = math.floor((piece.angle_start - offset) / full)
+    last = math.ceil((piece.angle_end - offset) / full)
+    parts = []
+    for turn in range(first, last + 1):
+        centre = offset + turn * full
+        low, high = max(centre - swing, piece.angle_start), min(centre + swing, piece.angle_end)
+        if low <= high:
+            turns_low = centre - swing >= piece.angle_start
+            turns_high = centre + swing <= piece.angle_end
+            parts.append(Reach(piece, low, high, turns_low, turns_high))
+    return tuple(parts)
+
+
+def _line_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
+    weight = landscape.body.mass * landscape.gravity
+    spare = energy - weight * landscape.height(piece, 0.0)
+    tolerance = _ROUNDING * (abs(energy) + abs(energy - spare))
+    slope_force = 0.0 if half_turn(piece.start_slope) is not None else math.sin(piece.start_slope)
+    rise = weight * slope_force
+    if rise * piece.length <= spare + tolerance and spare >= -tolerance:
+        return (Reach(piece, 0.0, piece.length, False, False),)
+    if rise == 0.0:
+        return ()
+    turning = spare / rise
+    if rise > 0.0:
+        return (Reach(piece, 0.0, turning, False, True),) if spare >= 0.0 else ()
+    return (Reach(piece, turning, piece.length, True, False),) if turning <= piece.length else ()
+
+
+def level_curves(
+    landscape: Landscape, piece: Piece, energy: float, count: int = 121
+) -> tuple[LevelCurve, ...]:
+    """Return the level curves of an energy (J) on one piece, `count` points each.
+
+    The points are dense towards both ends, where a curve turns or passes near a saddle.
+    """
+    return tuple(
+        LevelCurve(piece.index, *_sampled(landscape, part, energy, count))
+        for part in reaches(landscape, piece, energy)
+    )
+
+
+def arc_separatrix(landscape: Landscape, piece: Piece, count: int = 121) -> LevelCurve | None:
+    """Return the separatrix of an arc's own equation of motion, within the arc; None on a line.
+
+    In a valley φ̇ = 2w cos(φ/2), through φ = ±π; on a hump ψ̇ = 2w sin(ψ/2), through the crest;
+    w² = g/κρ. It belongs to the saddle of the full circle, whether the arc reaches it or not.
+    """
+    if piece.is_line:
+        return None
+    position = np.linspace(piece.angle_start, piece.angle_end, count)
+    if piece.angle_start < 0.0 < piece.angle_end:
+        position[np.argmin(np.abs(position))] = 0.0
+    half = 0.5 * position
+    shape = np.cos(half) if piece.sign > 0 else np.sin(half)
+    return LevelCurve(piece.index, position, 2.0 * landscape.natural_rate(piece) * np.abs(shape))
+
+
+def connected_reaches(landscape: Landscape, energy: float) -> tuple[tuple[Reach, ...], ...]:
+    """Return the parts of the trace that an energy (J) reaches, those joined at junctions together.
+
+    On a closed trace a part that runs over the seam is found at both ends of the list, unjoined.
+    """
+    parts = [part for piece in landscape.trace.pieces for part in reaches(landscape, piece, energy)]
+    tolerance = _JOINED * landscape.trace.length
+    runs: list[list[Reach]] = []
+    for part in parts:
+        joined = runs and left_s(part) - right_s(runs[-1][-1]) <= tolerance
+        if joined:
+            runs[-1].append(part)
+        else:
+            runs.append([part])
+    return tuple(tuple(run) for run in runs)
+
+
+def left_s(part: Reach) -> float:
+    """Return the arc length (m) of the left end of a part of a piece."""
+    return part.piece.arc_length(part.low)
+
+
+def right_s(part: Reach) -> float:
+    """Return the arc length (m) of the right end of a part of a piece."""
+    return part.piece.arc_length(part.high)
+
+
+def speed_curves(landscape: Landscape, energy: float, count: int = 121) -> tuple[SpeedCurve, ...]:
+    """Return the level curves of an energy (J) along the whole trace, `count` points on each piece.
+
+    The centre's speed against the arc length of the contact point; continuous at the junctions.
+    """
+    return tuple(
+        _along(landscape, run, energy, count) for run in connected_reaches(landscape, energy)
+    )
+
+
+def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int) -> SpeedCurve:
+    places, speeds = [], []
+    for part in run:
+        position, rate = _sampled(landscape, part, energy, count)
+        piece = part.piece
+        along = position if piece.is_line else piece.radius * (position - piece.angle_start)
+        places.append(piece.start_s + along)
+        speeds.append(landscape.path_scale(piece) * rate)
+    return SpeedCurve(np.concatenate(places), np.concatenate(speeds))
+
+
+def _sampled(landscape: Landscape, part: Reach, energy: float, count: int) -> tuple[Array, Array]:
+    bend = 0.5 - 0.5 * np.cos(np.linspace(0.0, math.pi, count))
+    position = part.low + (part.high - part.low) * bend
+    position[-1] = part.high
+    rate = landscape.rate(part.piece, position, energy)
+    if part.turns_low:
+        rate[0] = 0.0
+    if part.turns_high:
+        rate[-1] = 0.0
+    return position, rate

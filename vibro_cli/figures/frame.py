@@ -1,0 +1,75 @@
+"""Limits, ticks, labels and titles of the panels of a portrait in the papers' coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+
+from vibro_cli.figures import style
+from vibro_cli.figures.panels import Panel
+from vibro_cli.figures.ticks import (
+    Ticks,
+    angle_ticks,
+    number_ticks,
+    vertical_ticks,
+    without_overlaps,
+)
+from vibro_cli.mechanics.trace import HUMP, VALLEY
+
+_SYMBOL = {VALLEY: r"\varphi", HUMP: r"\psi"}
+_TITLE_CHARACTER = 1.25
+"""Mean width of a character of a title (mm)."""
+
+
+def label(panels: Sequence[Panel], ball: int) -> None:
+    """Set ticks, axis labels and titles of all panels, for a body counted from 1."""
+    for _, members in groupby(panels, key=lambda one: one.row):
+        row = list(members)
+        _horizontal(row, ball)
+        _vertical(row, ball)
+    for one in panels:
+        _title(one)
+
+
+def _horizontal(row: Sequence[Panel], ball: int) -> None:
+    proposed = [_horizontal_ticks(one) for one in row]
+    places = [(one.left, one.width, ticks) for one, ticks in zip(row, proposed, strict=True)]
+    spans = [one.span for one in row]
+    for one, ticks in zip(row, without_overlaps(places, spans), strict=True):
+        one.axes.set_xticks(ticks.places, ticks.labels)
+        symbol, unit = (_SYMBOL[one.piece.shape], "rad") if not one.piece.is_line else ("s", "m")
+        one.axes.set_xlabel(rf"${symbol}_{{{ball}}}$ [{unit}]")
+
+
+def _horizontal_ticks(one: Panel) -> Ticks:
+    if one.piece.is_line:
+        return number_ticks(*one.span, one.width)
+    return angle_ticks(*one.span, one.width)
+
+
+def _vertical(row: Sequence[Panel], ball: int) -> None:
+    for one in row:
+        ticks = vertical_ticks(-one.window.top, one.window.top, one.height)
+        shown = ticks.labels if one.labelled else ("",) * len(ticks.labels)
+        one.axes.set_yticks(ticks.places, shown)
+    for one in (one for one in row if one.labelled):
+        one.axes.set_ylabel(_rate_label(row, one, ball), labelpad=1.0)
+
+
+def _rate_label(row: Sequence[Panel], one: Panel, ball: int) -> str:
+    """Return the label of a vertical axis that holds for the row's panels of the same unit."""
+    if one.piece.is_line:
+        return rf"$v_{{{ball}}}$ [m/s]"
+    shapes = {other.piece.shape for other in row if not other.piece.is_line}
+    symbols = [_SYMBOL[shape] for shape in (VALLEY, HUMP) if shape in shapes]
+    rates = ",\\ ".join(rf"\dot{{{symbol}}}_{{{ball}}}" for symbol in symbols)
+    return f"${rates}$ [rad/s]"
+
+
+def _title(one: Panel) -> None:
+    number, shape = one.piece.index + 1, one.piece.shape
+    texts = (f"arc {number}, {shape}", f"{number}, {shape}", str(number))
+    if one.window.overview:
+        texts = (f"whole {'line' if one.piece.is_line else 'arc'}", str(number), "")
+    fitting = (text for text in texts if len(text) * _TITLE_CHARACTER <= one.width)
+    one.axes.set_title(next(fitting, ""), pad=2.0, color=style.FRAME_GREY)

@@ -1,0 +1,74 @@
+"""The line above a portrait that says what its marks and colours mean."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from vibro_cli.figures import strokes, style
+from vibro_cli.figures.background import Background
+from vibro_cli.figures.panels import RIGHT
+from vibro_cli.figures.style import MM
+from vibro_cli.figures.trajectory import Trajectory
+
+_MIDDLE = 2.2
+"""Distance of the line from the top of the figure (mm)."""
+_BAR = (16.0, 1.6)
+"""Width and height of the bar of colours (mm)."""
+
+
+def draw_legend(figure: Figure, path: Trajectory, behind: Background, marked: bool) -> None:
+    """Draw the legend: marks as they occur and, where branches are not marked, the bar of time."""
+    handles = [Line2D([], [], label=text, **look) for text, look in _entries(path, behind, marked)]
+    width, height = figure.get_size_inches() / MM
+    figure.legend(
+        handles=handles,
+        loc="center" if marked else "center left",
+        bbox_to_anchor=(0.5 if marked else 0.0, 1.0 - _MIDDLE / height),
+        ncols=len(handles),
+        borderaxespad=0.0,
+        borderpad=0.2,
+        handlelength=1.8,
+        handletextpad=0.4,
+        columnspacing=1.2,
+    )
+    if not marked:
+        _draw_time(figure, width, height, path.end)
+
+
+def _entries(
+    path: Trajectory, behind: Background, marked: bool
+) -> list[tuple[str, dict[str, Any]]]:
+    jumps = path.jumps
+    entries = [("start", strokes.START)]
+    if marked and np.any(jumps.made):
+        entries += [("before", strokes.BEFORE), ("after impact", strokes.AFTER)]
+    elif np.any(jumps.made):
+        entries.append(("jump", strokes.JUMP | {"linestyle": "solid"}))
+    if not np.all(jumps.made):
+        entries.append(("inadmissible", strokes.NOT_MADE))
+    if behind.separatrices:
+        entries.append(("separatrix", strokes.SEPARATRIX))
+    elif behind.arc_separatrices:
+        entries.append(("separatrix of full circle", strokes.ARC_SEPARATRIX))
+    return entries
+
+
+def _draw_time(figure: Figure, width: float, height: float, end: float) -> None:
+    """Draw the bar of time, from 0 to the end of the run, at the right."""
+    until = f"{end:.4g}"
+    left = width - RIGHT - _BAR[0] - 1.3 * len(until) - 1.0
+    middle = height - _MIDDLE
+    bar = figure.add_axes(
+        (left / width, (middle - 0.5 * _BAR[1]) / height, _BAR[0] / width, _BAR[1] / height)
+    )
+    bar.imshow(np.arange(256)[None, :], aspect="auto", cmap=strokes.time_colours())
+    bar.set_xticks([])
+    bar.set_yticks([])
+    before: dict[str, Any] = {"ha": "right", "va": "center_baseline", "fontsize": style.SMALL}
+    figure.text((left - 0.8) / width, middle / height, "$t$ [s]: 0", **before)
+    after = before | {"ha": "left"}
+    figure.text((left + _BAR[0] + 0.8) / width, middle / height, until, **after)

@@ -1,0 +1,95 @@
+"""Numbers beside points, placed where they cover least."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from vibro_cli.figures.source import Array
+
+_CHARACTER = 1.15
+"""Width of a figure (mm)."""
+_HIGH = 2.3
+"""Height of a figure (mm)."""
+_DISTANCES = (1.9, 2.6, 3.4)
+"""Distances of a number from its point that are tried (mm)."""
+_DIRECTIONS = 12
+_FAR = 2.0
+"""Points of curves that may be covered to come 1 mm nearer."""
+_OTHER = 15.0
+"""Points of curves that may be covered to stand beside the preferred point."""
+_AMBIGUOUS = 40.0
+"""Points of curves that may be covered not to stand nearer to another point than to one's own."""
+_FORBIDDEN = 1e6
+
+
+def place_numbers(
+    texts: Sequence[str], anchors: Sequence[Array], obstacles: Array, size: tuple[float, float]
+) -> list[tuple[float, float]]:
+    """Return where to centre each text so that it covers as little as possible.
+
+    All in mm from the lower left corner of a panel of the given size: `anchors` holds for each text
+    the points it may stand beside, shape (k, 2), the preferred one first; `obstacles` are points of
+    everything drawn, shape (n, 2). Greedy, in the order of the texts.
+    """
+    taken: list[tuple[float, float, float]] = []
+    places = []
+    for number, (text, points) in enumerate(zip(texts, anchors, strict=True)):
+        half = 0.5 * _CHARACTER * len(text) + 0.15
+        candidates, costs = _candidates(points, half)
+        costs = costs + _covered(candidates, half, obstacles)
+        others = [*anchors[:number], *anchors[number + 1 :]]
+        costs += _AMBIGUOUS * _nearer_to(candidates, others, points)
+        costs += _FORBIDDEN * _outside(candidates, half, size)
+        for x, y, other in taken:
+            near = (np.abs(candidates[:, 0] - x) < half + other) & (
+                np.abs(candidates[:, 1] - y) < _HIGH
+            )
+            costs += _FORBIDDEN * near
+        best = candidates[int(np.argmin(costs))]
+        places.append((float(best[0]), float(best[1])))
+        taken.append((float(best[0]), float(best[1]), half))
+    return places
+
+
+def _candidates(points: Array, half: float) -> tuple[Array, Array]:
+    """Return places around points, and the cost of their distance and of the point's rank."""
+    angles = 2.0 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    places, costs = [], []
+    for rank, point in enumerate(points):
+        for distance in _DISTANCES:
+            reach = np.array([distance + half - 0.5, distance])
+            places.append(point + ring * reach)
+            costs.append(np.full(_DIRECTIONS, _FAR * distance + _OTHER * rank))
+    return np.concatenate(places), np.concatenate(costs)
+
+
+def _nearer_to(candidates: Array, others: Sequence[Array], own: Array) -> Array:
+    """Return 1 for each place that is about as near to another text's points as to its own."""
+    if not others:
+        return np.zeros(len(candidates))
+    nearer = _nearest(candidates, np.concatenate(others)) < 1.2 * _nearest(candidates, own)
+    return np.where(nearer, 1.0, 0.0)
+
+
+def _nearest(places: Array, points: Array) -> Array:
+    between = places[:, None, :] - points[None, :, :]
+    nearest: Array = np.hypot(between[..., 0], between[..., 1]).min(axis=1)
+    return nearest
+
+
+def _covered(candidates: Array, half: float, obstacles: Array) -> Array:
+    across = np.abs(candidates[:, 0, None] - obstacles[None, :, 0]) < half
+    along = np.abs(candidates[:, 1, None] - obstacles[None, :, 1]) < 0.5 * _HIGH
+    covered: Array = (across & along).sum(axis=1).astype(np.float64)
+    return covered
+
+
+def _outside(candidates: Array, half: float, size: tuple[float, float]) -> Array:
+    margin = np.array([half, 0.5 * _HIGH])
+    beyond = (candidates < margin) | (candidates > np.array(size) - margin)
+    outside: Array = beyond.any(axis=1).astype(np.float64)
+    return outside

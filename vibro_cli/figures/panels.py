@@ -1,0 +1,184 @@
+"""Panels side by side for the pieces of a trace, placed in millimetres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vibro_cli.figures.source import Array
+from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.mechanics.trace import Piece
+
+LEFT = 11.0
+"""Room for a vertical axis' label and numbers (mm)."""
+RIGHT = 2.5
+TOP = 8.5
+"""Room for the legend and the titles of the panels (mm)."""
+ROW_TOP = 4.0
+"""Room for the titles of the panels in further rows (mm)."""
+BOTTOM = 8.5
+"""Room for a horizontal axis' label and numbers (mm)."""
+GAP = 1.5
+LEAST_WIDTH = 16.0
+"""Narrowest panel (mm); with more pieces there are more rows."""
+_OVERVIEW = 0.3
+"""Share of an overview in the width."""
+_HEIGHT = {"single": 50.0, "double": 64.0}
+
+
+@dataclass(frozen=True)
+class Window:
+    """What a panel shows of a piece."""
+
+    piece: Piece
+    low: float
+    """Leftmost position: φ or ψ (rad), distance on a line (m)."""
+    high: float
+    """Rightmost position."""
+    top: float
+    """Rates go from −top to top: φ̇ or ψ̇ (rad/s), speed on a line (m/s)."""
+    overview: bool = False
+    """Whether this is the small panel beside a closer view of the same piece."""
+
+    @property
+    def scale(self) -> tuple[bool, float]:
+        """What panels have in common that share a vertical axis."""
+        return self.piece.is_line, self.top
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A window and the axes it is drawn on."""
+
+    axes: Axes
+    window: Window
+    labelled: bool
+    """Whether the vertical axis has its numbers and label here."""
+    width: float
+    """Width (mm)."""
+    height: float
+    """Height (mm)."""
+    left: float
+    """Distance of the left edge from that of the figure (mm)."""
+    row: int
+    """Row, from the top and 0."""
+
+    @property
+    def piece(self) -> Piece:
+        """The piece of the trace."""
+        return self.window.piece
+
+    @property
+    def shift(self) -> float:
+        """What is added to a position to draw it: arc length of a line's left end (m), else 0."""
+        return self.piece.start_s if self.piece.is_line else 0.0
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Ends of the horizontal axis."""
+        return self.window.low + self.shift, self.window.high + self.shift
+
+    def millimetres(self, position: Array, rate: Array) -> Array:
+        """Return points in mm from the lower left corner of the panel, shape (n, 2)."""
+        window = self.window
+        across = (position - window.low) / (window.high - window.low) * self.width
+        along = 0.5 * (rate / window.top + 1.0) * self.height
+        return np.column_stack([across, along])
+
+    def from_millimetres(self, place: tuple[float, float]) -> tuple[float, float]:
+        """Return what to draw at for a point in mm from the lower left corner of the panel."""
+        low, high = self.span
+        across = low + place[0] / self.width * (high - low)
+        return across, (2.0 * place[1] / self.height - 1.0) * self.window.top
+
+
+def lay_out(windows: Sequence[Window], width: str) -> tuple[Figure, tuple[Panel, ...]]:
+    """Return an empty figure with a panel for each window, in the order given.
+
+    `width` is `single` (85 mm) or `double` (170 mm). The panels are as wide as their arcs are in
+    angle; neighbours stand close together, with room between where the unit changes (arc to line).
+    Raises ValueError for another width.
+    """
+    if width not in WIDTHS:
+        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    rows = _rows(windows, WIDTHS[width])
+    high = _HEIGHT[width] if len(rows) == 1 else 0.75 * _HEIGHT[width]
+    total = TOP + len(rows) * (high + BOTTOM) + (len(rows) - 1) * ROW_TOP
+    figure = Figure(figsize=(WIDTHS[width] * MM, total * MM))
+    panels: list[Panel] = []
+    for row, members in enumerate(rows):
+        bottom = total - TOP - high - row * (high + BOTTOM + ROW_TOP)
+        for window, left, wide, labelled in _across(members, windows, WIDTHS[width]):
+            axes = figure.add_axes(
+                (left / WIDTHS[width], bottom / total, wide / WIDTHS[width], high / total)
+            )
+            panel = Panel(axes, window, labelled, wide, high, left, row)
+            axes.set_xlim(panel.span)
+            axes.set_ylim(-window.top, window.top)
+            panels.append(panel)
+    return figure, tuple(panels)
+
+
+def _rows(windows: Sequence[Window], width: float) -> list[Sequence[Window]]:
+    """Return the pieces in as few rows as the least width of a panel allows, evenly filled."""
+    room = width - RIGHT - sum(_margin(before, window) for before, window in _pairs(windows))
+    if len(windows) == 1 or room / len(windows) >= LEAST_WIDTH:
+        return [windows]
+    most = max(1, int((width - RIGHT) / (LEAST_WIDTH + GAP + LEFT)))
+    if not any(window.piece.is_line for window in windows):
+        most = max(1, int((width - RIGHT - LEFT + GAP) / (LEAST_WIDTH + GAP)))
+    number = math.ceil(len(windows) / most)
+    each = math.ceil(len(windows) / number)
+    return [windows[first : first + each] for first in range(0, len(windows), each)]
+
+
+def _pairs(members: Sequence[Window]) -> list[tuple[Window | None, Window]]:
+    return [(members[n - 1] if n else None, window) for n, window in enumerate(members)]
+
+
+def _margin(before: Window | None, window: Window) -> float:
+    """Return the room left of a panel (mm)."""
+    if before is None or before.scale != window.scale:
+        return LEFT
+    return GAP
+
+
+def _across(
+    members: Sequence[Window], windows: Sequence[Window], width: float
+) -> list[tuple[Window, float, float, bool]]:
+    """Return window, left edge (mm), width (mm), and whether it is labelled, of a row's panels."""
+    room = width - RIGHT - sum(_margin(before, window) for before, window in _pairs(members))
+    widths = _shared(room, [_extent(window, windows) for window in members])
+    left = 0.0
+    placed = []
+    for (before, window), wide in zip(_pairs(members), widths, strict=True):
+        margin = _margin(before, window)
+        left += margin
+        placed.append((window, left, wide, margin == LEFT))
+        left += wide
+    return placed
+
+
+def _extent(window: Window, windows: Sequence[Window]) -> float:
+    """Return the extent of a window in angle; on a line, in mean radii of the arcs."""
+    if any(other.overview for other in windows):
+        return _OVERVIEW if window.overview else 1.0 - _OVERVIEW
+    shown = window.high - window.low
+    if not window.piece.is_line:
+        return shown
+    radii = [other.piece.radius for other in windows if not other.piece.is_line]
+    return shown * len(radii) / sum(radii) if radii else shown
+
+
+def _shared(room: float, extents: Sequence[float]) -> list[float]:
+    """Return widths (mm) in proportion to the extents, none below the least width."""
+    least = min(LEAST_WIDTH, room / len(extents))
+    spare = room - least * len(extents)
+    wanted = [max(0.0, room * extent / sum(extents) - least) for extent in extents]
+    total = sum(wanted)
+    return [least + (spare * want / total if total else 0.0) for want in wanted]

@@ -1,0 +1,79 @@
+"""Phase portrait of a run: rate against angle, branch by branch (A fig. 2, B fig. 8, D fig. 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.figures import strokes, style
+from vibro_cli.figures.background import Background, background
+from vibro_cli.figures.frame import label
+from vibro_cli.figures.legend import draw_legend
+from vibro_cli.figures.panels import Panel, lay_out
+from vibro_cli.figures.scope import windows
+from vibro_cli.figures.source import Recorded
+from vibro_cli.figures.trajectory import Trajectory, trajectory
+
+MOST_NUMBERS = 12
+"""Impacts up to which they are numbered and marked one by one."""
+
+
+def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str = "auto") -> Figure:
+    """Return the phase portrait of a body (from 1) of a run, a panel for each piece of the trace.
+
+    Rate against angle, φ̇ (φ) in valleys and ψ̇ (ψ) on humps, speed against arc length on lines,
+    with one vertical axis for all arcs. Behind the branches run through: separatrices, level curves
+    of energy, centres and saddles. `width` is `single` (85 mm) or `double` (170 mm); `focus` is
+    `trace` (all of it), `run` (only where the body went), or `auto`: the trace, but a motion that
+    would be too small on it is shown close and once more on the whole piece.
+    Raises ValueError for another width or focus and IndexError for a body that is not there.
+    """
+    if not 1 <= ball <= len(run.system.bodies):
+        raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
+    path = trajectory(run, ball)
+    behind = _behind(run, ball, path)
+    shown = windows(run.system.trace.pieces, path, behind, focus)
+    with style.journal():
+        figure, panels = lay_out(shown, width)
+        _draw(panels, path, behind)
+        label(panels, ball)
+        draw_legend(figure, path, behind, marked=_few(path))
+    return figure
+
+
+def _few(path: Trajectory) -> bool:
+    return len(path.jumps.number) <= MOST_NUMBERS
+
+
+def _behind(run: Recorded, ball: int, path: Trajectory) -> Background:
+    """Return the background; nothing of it is known for a trace that turns about a vertical."""
+    if run.system.turning is not None:
+        return Background((), (), (), ())
+    landscape = Landscape.of(run.system, ball)
+    highest = max(
+        float(np.max(landscape.energy(piece, branches.position[:, 0], branches.rate[:, 0])))
+        for piece, branches in zip(run.system.trace.pieces, path.branches, strict=True)
+        if len(branches.time)
+    )
+    return background(landscape, highest)
+
+
+def _draw(panels: Sequence[Panel], path: Trajectory, behind: Background) -> None:
+    few = _few(path)
+    times = None if few else (0.0, path.end)
+    start_piece, position, rate = path.start
+    for one in panels:
+        strokes.draw_background(one, behind)
+        strokes.draw_branches(one, path, times)
+        strokes.draw_jumps(one, path.jumps, marked=few and not one.window.overview)
+        start = np.empty((0, 2))
+        if one.piece.index == start_piece:
+            strokes.draw_start(one, position, rate)
+            start = one.millimetres(np.array([position]), np.array([rate]))
+        if one.window.overview:
+            strokes.draw_window(one, panels[0].window)
+        elif few:
+            strokes.draw_numbers(one, path.branches[one.piece.index], path.jumps, start)

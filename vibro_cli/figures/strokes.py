@@ -1,0 +1,202 @@
+"""What is drawn on a portrait: curves behind, branches, jumps at impacts, marks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Colormap, ListedColormap, Normalize
+from matplotlib.patches import Rectangle
+
+from vibro_cli.analysis.singular import CENTRE, SADDLE
+from vibro_cli.figures import style
+from vibro_cli.figures.background import Background, both_halves, on_piece
+from vibro_cli.figures.numbering import place_numbers
+from vibro_cli.figures.panels import Panel, Window
+from vibro_cli.figures.source import Array
+from vibro_cli.figures.trajectory import Branches, Jumps, Trajectory
+
+_MOST_VECTOR_POINTS = 20000
+"""Of more points than this a curve is rasterised in PDF and SVG."""
+_MARK = 0.7
+"""Radius of a mark with some room around it (mm)."""
+_FEW = 60
+_THINNEST = 0.3
+_MANY = 150
+_FAINTEST = 0.15
+_OVERVIEW = 0.6
+
+SEPARATRIX: dict[str, Any] = {
+    "color": style.SEPARATRIX_GREY,
+    "linewidth": 0.6,
+    "linestyle": (0, (6.0, 2.0)),
+}
+LEVEL: dict[str, Any] = {"color": style.LEVEL_GREY, "linewidth": 0.45, "linestyle": "solid"}
+ARC_SEPARATRIX: dict[str, Any] = {
+    "color": style.SEPARATRIX_GREY,
+    "linewidth": 0.45,
+    "linestyle": (0, (1.0, 2.0)),
+}
+BRANCH: dict[str, Any] = {"color": style.BLUE, "linewidth": 0.9}
+JUMP: dict[str, Any] = {
+    "color": style.VERMILLION,
+    "linewidth": 0.8,
+    "linestyle": (0, (2.0, 1.2)),
+}
+BEFORE: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 2.8,
+    "markerfacecolor": "white",
+    "markeredgecolor": style.VERMILLION,
+    "markeredgewidth": 0.7,
+    "linestyle": "none",
+}
+AFTER: dict[str, Any] = BEFORE | {"markerfacecolor": style.VERMILLION}
+NOT_MADE: dict[str, Any] = BEFORE | {"marker": "X", "markersize": 4.0}
+START: dict[str, Any] = {
+    "marker": "s",
+    "markersize": 3.6,
+    "markerfacecolor": style.GREEN,
+    "markeredgecolor": style.BLACK,
+    "markeredgewidth": 0.5,
+    "linestyle": "none",
+}
+WINDOW: dict[str, Any] = {"fill": False, "edgecolor": style.BLACK, "linewidth": 0.5}
+_POINT: dict[str, Any] = {
+    "color": style.SEPARATRIX_GREY,
+    "markersize": 3.2,
+    "markeredgewidth": 0.6,
+    "linestyle": "none",
+}
+_MARKER = {CENTRE: "+", SADDLE: "x"}
+
+
+def time_colours() -> Colormap:
+    """Return the colours of time, dark to light: viridis without its palest end."""
+    import matplotlib
+
+    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, 256)))
+
+
+def thinner(width: float, lines: int) -> float:
+    """Return the width (pt) of one of many lines, for the width of one of a few."""
+    return float(np.clip(width * math.sqrt(_FEW / max(lines, 1)), _THINNEST, width))
+
+
+def fainter(lines: int) -> float:
+    """Return the opacity of one of many lines, so that where they lie dense is seen as denser."""
+    return float(np.clip(0.9 * math.sqrt(_MANY / max(lines, 1)), _FAINTEST, 0.9))
+
+
+def draw_background(one: Panel, behind: Background) -> None:
+    """Draw separatrices, level curves and singular points of one piece."""
+    shift = np.array([one.shift, 0.0])
+    for curves, look, order in (
+        (behind.levels, LEVEL, 1.0),
+        (behind.arc_separatrices, ARC_SEPARATRIX, 1.1),
+        (behind.separatrices, SEPARATRIX, 1.2),
+    ):
+        lines = [
+            line + shift for curve in on_piece(curves, one.piece) for line in both_halves(curve)
+        ]
+        if lines:
+            one.axes.add_collection(LineCollection(lines, zorder=order, **look), autolim=False)
+    for point in behind.points:
+        if point.piece == one.piece.index and point.kind in _MARKER:
+            marker = _MARKER[point.kind]
+            one.axes.plot(point.position, 0.0, marker=marker, zorder=1.3, **_POINT)
+
+
+def draw_branches(one: Panel, path: Trajectory, times: tuple[float, float] | None) -> None:
+    """Draw branches in one colour, or coloured by time; the thinner, the more there are in all."""
+    branches = path.branches[one.piece.index]
+    if not len(branches.time):
+        return
+    lines = np.stack([branches.position + one.shift, branches.rate], axis=-1)
+    look: dict[str, Any] = dict(BRANCH)
+    if times is not None:
+        total = sum(len(each.time) for each in path.branches)
+        look = {"array": branches.time, "cmap": time_colours(), "norm": Normalize(*times)}
+        look |= {"linewidth": thinner(BRANCH["linewidth"], total), "alpha": fainter(total)}
+    if one.window.overview:
+        look["linewidth"] *= _OVERVIEW
+    collection = LineCollection(list(lines), zorder=2.0, **look)
+    collection.set_rasterized(branches.position.size > _MOST_VECTOR_POINTS)
+    one.axes.add_collection(collection, autolim=False)
+
+
+def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:
+    """Draw the jumps on one piece: at constant angle, from the rate before to the one after."""
+    here = jumps.piece == one.piece.index
+    made = here & jumps.made
+    position = jumps.position + one.shift
+    ends = np.stack(
+        [
+            np.column_stack([position[made], jumps.before[made]]),
+            np.column_stack([position[made], jumps.after[made]]),
+        ],
+        axis=1,
+    )
+    collection = LineCollection(list(ends), zorder=2.2, **JUMP)
+    if not marked:
+        width = thinner(JUMP["linewidth"], len(jumps.made)) * 0.7
+        alpha = 0.5 * fainter(len(jumps.made))
+        collection.set(linewidth=width, linestyle="solid", alpha=alpha, zorder=1.9)
+        collection.set_rasterized(True)
+    one.axes.add_collection(collection, autolim=False)
+    if marked:
+        one.axes.plot(position[made], jumps.before[made], zorder=2.4, **BEFORE)
+        one.axes.plot(position[made], jumps.after[made], zorder=2.4, **AFTER)
+    refused = here & ~jumps.made
+    one.axes.plot(position[refused], jumps.before[refused], zorder=2.5, **NOT_MADE)
+
+
+def draw_start(one: Panel, position: float, rate: float) -> None:
+    """Mark where the body starts."""
+    one.axes.plot(position + one.shift, rate, zorder=2.6, clip_on=False, **START)
+
+
+def draw_window(one: Panel, close: Window) -> None:
+    """Draw the frame of a closer view on the overview of its piece."""
+    low, high = close.low + one.shift, close.high + one.shift
+    frame = Rectangle((low, -close.top), high - low, 2.0 * close.top, zorder=2.7, **WINDOW)
+    one.axes.add_patch(frame)
+
+
+def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, start: Array) -> None:
+    """Write the number of each impact beside its representative points."""
+    here = np.flatnonzero(jumps.piece == one.piece.index)
+    if not len(here):
+        return
+    before = one.millimetres(jumps.position[here], jumps.before[here])
+    after = one.millimetres(jumps.position[here], jumps.after[here])
+    shares = np.linspace(0.0, 1.0, 25)[None, :, None]
+    segments = (before[:, None, :] * (1.0 - shares) + after[:, None, :] * shares).reshape(-1, 2)
+    curves = one.millimetres(branches.position.ravel(), branches.rate.ravel())
+    obstacles = np.concatenate([curves, segments, *_around([before, after, start])])
+    texts = [str(number) for number in jumps.number[here]]
+    anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
+    size = (one.width, one.height)
+    halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
+    for text, place in zip(texts, place_numbers(texts, anchors, obstacles, size), strict=True):
+        x, y = one.from_millimetres(place)
+        one.axes.text(
+            x,
+            y,
+            text,
+            fontsize=style.SMALL,
+            ha="center",
+            va="center_baseline",
+            zorder=3.0,
+            path_effects=halo,
+        )
+
+
+def _around(marks: list[Array]) -> list[Array]:
+    """Return points all over marks (mm): a number may cross a curve, not a mark."""
+    angles = np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
+    ring = _MARK * np.column_stack([np.cos(angles), np.sin(angles)])
+    return [points + offset for points in marks for offset in (*ring, *0.5 * ring)]

@@ -1,0 +1,143 @@
+"""Ticks of angles in parts of π and of other quantities in round numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from matplotlib.ticker import MaxNLocator
+
+CHARACTER = 1.15
+"""Mean width of a character of a tick label (mm)."""
+_BETWEEN = 1.6
+"""Least room between two tick labels (mm)."""
+_LINE = 7.0
+"""Least distance of two tick labels one above the other (mm)."""
+
+_PARTS_OF_PI = (
+    Fraction(1),
+    Fraction(1, 2),
+    Fraction(1, 4),
+    Fraction(1, 8),
+    Fraction(1, 16),
+    Fraction(1, 32),
+)
+_ENOUGH = 4
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """Places of ticks and their labels."""
+
+    places: tuple[float, ...]
+    labels: tuple[str, ...]
+
+
+def angle_ticks(low: float, high: float, width: float) -> Ticks:
+    """Return ticks (rad) at multiples of π/2ⁿ for an axis from `low` to `high`, `width` mm wide.
+
+    As few as are enough to read the scale, as many as there is room for; angles too small for
+    parts of π get decimal numbers.
+    """
+    chosen = Ticks((), ())
+    for part in _PARTS_OF_PI:
+        step = float(part) * math.pi
+        numbers = range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+        labels = tuple(part_of_pi(part * number) for number in numbers)
+        ticks = Ticks(tuple(number * step for number in numbers), labels)
+        if not _fits(labels, step * width / (high - low)):
+            break
+        chosen = ticks
+        if len(ticks.places) >= _ENOUGH:
+            break
+    return chosen if len(chosen.places) > 1 else number_ticks(low, high, width)
+
+
+def number_ticks(low: float, high: float, width: float) -> Ticks:
+    """Return ticks at round numbers for a horizontal axis from `low` to `high`, `width` mm wide."""
+    chosen = Ticks((), ())
+    for bins in range(1, 6):
+        ticks = _round_numbers(low, high, bins)
+        step = ticks.places[1] - ticks.places[0] if len(ticks.places) > 1 else high - low
+        if chosen.places and not _fits(ticks.labels, step * width / (high - low)):
+            break
+        chosen = ticks
+    return chosen
+
+
+def vertical_ticks(low: float, high: float, height: float) -> Ticks:
+    """Return ticks at round numbers for a vertical axis from `low` to `high`, `height` mm high."""
+    return _round_numbers(low, high, max(2, int(height / _LINE)))
+
+
+def _round_numbers(low: float, high: float, bins: int) -> Ticks:
+    values = MaxNLocator(nbins=bins, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    places = tuple(float(value) for value in values if low <= value <= high)
+    return Ticks(places, decimals(places))
+
+
+def decimals(values: Sequence[float]) -> tuple[str, ...]:
+    """Return numbers as text with as many decimals as all of them need, the minus sign a minus."""
+    for digits in range(9):
+        if all(
+            abs(round(value, digits) - value) <= 1e-9 * max(map(abs, values)) for value in values
+        ):
+            break
+    return tuple(f"{value + 0.0:.{digits}f}".replace("-", "−") for value in values)
+
+
+def part_of_pi(part: Fraction) -> str:
+    """Return a multiple of π as text: −3π/4, −π, 0, π/2."""
+    if part == 0:
+        return "0"
+    sign = "−" if part < 0 else ""
+    factor = "" if abs(part.numerator) == 1 else str(abs(part.numerator))
+    divisor = "" if part.denominator == 1 else f"/{part.denominator}"
+    return f"{sign}{factor}π{divisor}"
+
+
+def _fits(labels: Sequence[str], step: float) -> bool:
+    """Return whether labels with `step` mm from each to the next keep apart."""
+    return max((len(label) for label in labels), default=0) * CHARACTER + _BETWEEN <= step
+
+
+def without_overlaps(
+    rows: Sequence[tuple[float, float, Ticks]], span: Sequence[tuple[float, float]]
+) -> list[Ticks]:
+    """Return the ticks of panels side by side, with labels dropped that would run into another.
+
+    `rows` holds, for each panel, its left edge (mm), its width (mm) and its ticks, `span` the ends
+    of its axis. Of two labels in conflict the one nearer to the edge of its panel goes.
+    """
+    marks = []
+    for panel, ((left, width, ticks), (low, high)) in enumerate(zip(rows, span, strict=True)):
+        for number, place in enumerate(ticks.places):
+            share = (place - low) / (high - low)
+            marks.append((left + width * share, min(share, 1.0 - share) * width, panel, number))
+    dropped: set[tuple[int, int]] = set()
+    last: tuple[float, float, int, int] | None = None
+    for mark in marks:
+        if last is not None and _touch(rows, last, mark):
+            out = mark if mark[1] < last[1] else last
+            dropped.add(out[2:])
+            last = last if out is mark else mark
+        else:
+            last = mark
+    return [
+        Ticks(
+            ticks.places,
+            tuple("" if (n, k) in dropped else text for k, text in enumerate(ticks.labels)),
+        )
+        for n, (_, _, ticks) in enumerate(rows)
+    ]
+
+
+def _touch(
+    rows: Sequence[tuple[float, float, Ticks]],
+    one: tuple[float, float, int, int],
+    other: tuple[float, float, int, int],
+) -> bool:
+    lengths = [len(rows[mark[2]][2].labels[mark[3]]) for mark in (one, other)]
+    return other[0] - one[0] < 0.5 * CHARACTER * sum(lengths) + 1.2
