@@ -15,6 +15,11 @@ from vibro_cli.scenario.problems import Problem, ScenarioError
 
 _CLOSING_TOLERANCE = 1e-12
 
+# Within these bounds no product or quotient of the mechanics leaves the range of doubles.
+_SIZES = (1e-30, 1e30)
+_MASSES = (1e-100, 1e100)
+_MOST_SLOPE = 1e3
+
 
 class _Findings:
     """Collects what is wrong, each with its place in the scenario."""
@@ -41,8 +46,11 @@ def build_system(scenario: Scenario) -> System:
     that do not fit it, that could touch over others, or that start out of order or overlapping.
     """
     findings = _Findings(scenario)
+    _check_sizes(scenario, findings)
+    findings.settle()
     trace = _trace(scenario, findings)
-    bodies = tuple(_body(ball) for ball in scenario.balls)
+    bodies = _bodies(scenario, findings)
+    findings.settle()
     trace_is_sound = _check_trace(trace, findings)
     turning = _turning(scenario, findings)
     fits = _check_fit(trace, bodies, findings, trace_is_sound)
@@ -99,6 +107,42 @@ def _trace(scenario: Scenario, findings: _Findings) -> Trace:
     except ValueError as error:
         findings.add("trace.arcs", str(error), "pieces that make a chain")
         raise ScenarioError(findings.problems) from error
+
+
+def _check_sizes(scenario: Scenario, findings: _Findings) -> None:
+    """Check that sizes, slopes and speeds are such that doubles can compute with them."""
+    sizes: list[tuple[str, float | None]] = []
+    slopes: list[tuple[str, float | None]] = [("trace.start_slope", scenario.trace.start_slope)]
+    speeds: list[tuple[str, float | None]] = []
+    for number, arc in enumerate(scenario.trace.arcs, 1):
+        path = f"trace.arcs[{number}]"
+        sizes += [(f"{path}.radius", arc.radius), (f"{path}.length", arc.length)]
+        slopes.append((f"{path}.end_slope", arc.end_slope))
+    for number, ball in enumerate(scenario.balls, 1):
+        path = f"balls[{number}]"
+        sizes += [(f"{path}.radius", ball.radius or None), (f"{path}.thickness", ball.thickness)]
+        speeds += [(f"{path}.{key}", getattr(ball, key)) for key in ("rate", "omega", "speed")]
+    low, high = _SIZES
+    for path, size in sizes:
+        if size is not None and not low <= size <= high:
+            findings.add(path, repr(size), f"a length from {low} to {high} m")
+    for path, slope in slopes:
+        if slope is not None and abs(slope) > _MOST_SLOPE:
+            findings.add(path, repr(slope), f"a slope from {-_MOST_SLOPE} to {_MOST_SLOPE} rad")
+    for path, speed in speeds:
+        if speed is not None and abs(speed) > high:
+            findings.add(path, repr(speed), f"a number from {-high} to {high}")
+
+
+def _bodies(scenario: Scenario, findings: _Findings) -> tuple[Body, ...]:
+    bodies = tuple(_body(ball) for ball in scenario.balls)
+    low, high = _MASSES
+    for number, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True), 1):
+        if not low <= body.mass <= high:
+            key = "mass" if ball.mass is not None else "density"
+            found = repr(ball.mass) if ball.mass is not None else f"a mass of {body.mass!r} kg"
+            findings.add(f"balls[{number}].{key}", found, f"a mass from {low} to {high} kg")
+    return bodies
 
 
 def _body(ball: Ball) -> Body:
