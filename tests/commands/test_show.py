@@ -12,7 +12,7 @@ from tests.commands.conftest import Vibro
 from tests.fake_run import columns_of
 from vibro_cli.commands import show
 from vibro_cli.storage import schema
-from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet
+from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, to_arrow
 
 
 @pytest.fixture
@@ -20,7 +20,8 @@ def table(tmp_path: Path) -> Path:
     """A table of events with 50 rows."""
     path = tmp_path / "events.parquet"
     columns = columns_of(schema.events(), 50)
-    path.write_bytes(parquet_bytes(schema.events(), columns, Origin({"name": "x"}, "0.1.0")))
+    data = to_arrow(schema.events(), columns, Origin({"name": "x"}, "0.1.0"))
+    path.write_bytes(parquet_bytes(data))
     return path
 
 

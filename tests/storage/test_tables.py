@@ -30,9 +30,12 @@ TABLES = [
 ]
 
 
+def file_of(table: schema.Table, columns: dict[str, Any] | None = None) -> bytes:
+    return parquet_bytes(to_arrow(table, columns or columns_of(table), ORIGIN))
+
+
 def written(table: schema.Table, columns: dict[str, Any] | None = None) -> pa.Table:
-    content = parquet_bytes(table, columns_of(table) if columns is None else columns, ORIGIN)
-    return read_parquet(io.BytesIO(content))
+    return read_parquet(io.BytesIO(file_of(table, columns)))
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: f"{table.name}-{len(table.columns)}")
@@ -88,7 +91,7 @@ import sys
 from tests.fake_run import columns_of
 from vibro_cli.storage import schema, tables
 table = schema.events()
-tables.parquet_bytes(table, columns_of(table), tables.Origin({}, ""))
+tables.parquet_bytes(tables.to_arrow(table, columns_of(table), tables.Origin({}, "")))
 sys.exit("pandas" in sys.modules)
 """
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
@@ -102,13 +105,13 @@ def test_an_empty_table_is_written_with_its_schema() -> None:
 
 def test_equal_input_gives_equal_bytes() -> None:
     table = schema.collisions()
-    one, other = (parquet_bytes(table, columns_of(table, 5000), ORIGIN) for _ in range(2))
+    one, other = (file_of(table, columns_of(table, 5000)) for _ in range(2))
     assert one == other
 
 
 def test_columns_are_encoded_as_declared() -> None:
     table = schema.events()
-    group = pq.ParquetFile(io.BytesIO(parquet_bytes(table, columns_of(table), ORIGIN)))
+    group = pq.ParquetFile(io.BytesIO(file_of(table)))
     chunks = group.metadata.row_group(0)
     for position, column in enumerate(table.columns):
         chunk = chunks.column(position)
@@ -119,7 +122,7 @@ def test_columns_are_encoded_as_declared() -> None:
 
 def test_every_flipped_bit_of_the_data_is_noticed() -> None:
     table = schema.motion()
-    content = parquet_bytes(table, columns_of(table, 200), ORIGIN)
+    content = file_of(table, columns_of(table, 200))
     chunk = pq.ParquetFile(io.BytesIO(content)).metadata.row_group(0).column(0)
     page_end = chunk.data_page_offset + chunk.total_compressed_size
     for place in range(page_end - 40, page_end):
@@ -192,5 +195,5 @@ def test_an_unknown_form_is_refused() -> None:
 def test_pandas_reads_the_file(tmp_path: Path) -> None:
     table = schema.collisions()
     path = tmp_path / "collisions.parquet"
-    path.write_bytes(parquet_bytes(table, columns_of(table), ORIGIN))
+    path.write_bytes(file_of(table))
     assert list(pd.read_parquet(path)["n"]) == [0, 1, 2]

@@ -27,6 +27,21 @@ Overrides = Annotated[
         show_default=False,
     ),
 ]
+Engine = Annotated[
+    Literal["auto", "python", "numba"],
+    typer.Option("--engine", help="Kernels: interpreted, compiled, or as the scenario needs."),
+]
+CollisionStream = Annotated[
+    TableFormat | None,
+    typer.Option(
+        "--format",
+        help="Stream the collision table to standard output in this form; no folder is written "
+        "unless -o names one.",
+    ),
+]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Exit with 3 when a run was inadmissible or invalid.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Say what was not computed, and why.")

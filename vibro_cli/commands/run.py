@@ -6,15 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vibro_cli.commands.boundary import DONE, NOT_STRICT, CommandError, say
 from vibro_cli.commands.options import (
+    CollisionStream,
+    Engine,
     Overrides,
     Quiet,
     Scenarios,
+    Strict,
     TableFormat,
     Task,
     Verbose,
@@ -24,7 +27,16 @@ if TYPE_CHECKING:
     from vibro_cli.scenario import Scenario
     from vibro_cli.simulation.run import Run
 
-Engine = Literal["auto", "python", "numba"]
+OutputFolder = Annotated[
+    str | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="DIR",
+        help="Folder of the results [default: outputs/<name>]; of several scenarios DIR/<name>; "
+        "- streams the collision table instead.",
+    ),
+]
 _PORTRAIT_FORMS = ("png", "pdf")
 
 
@@ -34,7 +46,7 @@ class _Wishes:
 
     sources: Sequence[str]
     overrides: Sequence[str]
-    engine: Engine
+    engine: str
     output: str | None
     stream: TableFormat | None
     summary_as_json: bool
@@ -46,38 +58,17 @@ class _Wishes:
 
 def run(
     scenarios: Scenarios,
-    output: Annotated[
-        str | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="DIR",
-            help="Folder of the results [default: outputs/<name>]; of several scenarios "
-            "DIR/<name>; - streams the collision table instead.",
-        ),
-    ] = None,
+    output: OutputFolder = None,
     overrides: Overrides = [],  # noqa: B006 (typer copies it)
     figures: Annotated[
         bool, typer.Option("--figures/--no-figures", help="Draw the phase portraits.")
     ] = True,
-    engine: Annotated[
-        Engine, typer.Option(help="Kernels: interpreted, compiled, or as the scenario needs.")
-    ] = "auto",
-    stream: Annotated[
-        TableFormat | None,
-        typer.Option(
-            "--format",
-            help="Stream the collision table to standard output in this form; no folder is "
-            "written unless -o names one.",
-        ),
-    ] = None,
+    engine: Engine = "auto",
+    stream: CollisionStream = None,
     summary_as_json: Annotated[
-        bool,
-        typer.Option("--json", help="Print each summary to standard output, a JSON line for each."),
+        bool, typer.Option("--json", help="Print each summary to standard output as a JSON line.")
     ] = False,
-    strict: Annotated[
-        bool, typer.Option(help="Exit with 3 when a run was inadmissible or invalid.")
-    ] = False,
+    strict: Strict = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> Task:

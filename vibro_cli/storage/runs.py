@@ -38,10 +38,8 @@ def run_files(run: "Run", scenario: "Scenario") -> dict[str, bytes]:
     origin = origin_of(scenario)
     files = {}
     for name in _TABLES:
-        columns = getattr(run, name)
-        if columns is not None:  # motion is there only when it was asked for
-            table = table_named(name, list(columns))
-            files[f"{name}.parquet"] = parquet_bytes(table, columns, origin)
+        if getattr(run, name) is not None:  # motion is there only when it was asked for
+            files[f"{name}.parquet"] = parquet_bytes(run_table(run, name, origin))
     files["summary.json"] = json_bytes(run.summary_record())
     files["checkpoint.json"] = json_bytes(run.checkpoint())
     files["scenario.json"] = json_bytes(origin.scenario)

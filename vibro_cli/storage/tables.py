@@ -108,12 +108,13 @@ def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Tab
     return pa.Table.from_arrays(arrays, schema=arrow_schema(table, origin))
 
 
-def write_parquet(data: pa.Table, sink: Any) -> None:
-    """Write an arrow table as parquet: zstd, floats split by bytes, integers by differences."""
+def parquet_bytes(data: pa.Table) -> bytes:
+    """An arrow table as a parquet file: zstd, floats split by bytes, integers by differences."""
     encodings = {
         field.name: _ENCODINGS[field.type] for field in data.schema if field.type in _ENCODINGS
     }
     words = [field.name for field in data.schema if pa.types.is_string(field.type)]
+    sink = pa.BufferOutputStream()
     pq.write_table(
         data,
         sink,
@@ -123,12 +124,6 @@ def write_parquet(data: pa.Table, sink: Any) -> None:
         column_encoding=encodings,
         write_page_checksum=True,
     )
-
-
-def parquet_bytes(table: Table, columns: Mapping[str, Any], origin: Origin) -> bytes:
-    """The parquet file of `columns`; raises as `to_arrow`."""
-    sink = pa.BufferOutputStream()
-    write_parquet(to_arrow(table, columns, origin), sink)
     content: bytes = sink.getvalue().to_pybytes()
     return content
 
@@ -166,8 +161,6 @@ def stream(data: pa.Table, form: str, sink: BinaryIO) -> None:
         with pa.ipc.new_stream(sink, data.schema) as writer:
             writer.write_table(data)
     elif form == "parquet":
-        whole = pa.BufferOutputStream()
-        write_parquet(data, whole)
-        sink.write(whole.getvalue())
+        sink.write(parquet_bytes(data))
     else:
         raise ValueError(f"there is no form {form!r} of a table")
