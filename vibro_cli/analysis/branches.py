@@ -34,7 +34,22 @@ def free_branches(
     """
     fraction = np.linspace(0.0, 1.0, count)
     if piece.is_line:
-        return _on_line(landscape, piece, start, duration, fraction)
+        position, rate = _on_line(landscape, piece, start, duration, fraction)
+    else:
+        position, rate = _on_arc(landscape, piece, start, end, duration, fraction)
+    position[:, 0], rate[:, 0] = start
+    position[:, -1], rate[:, -1] = end
+    return position, rate
+
+
+def _on_arc(
+    landscape: Landscape,
+    piece: Piece,
+    start: tuple[Array, Array],
+    end: tuple[Array, Array],
+    duration: Array,
+    fraction: Array,
+) -> tuple[Array, Array]:
     position = start[0][:, None] + (end[0] - start[0])[:, None] * fraction
     rate = _without_turning(landscape, piece, start, position)
     if landscape.gravity > 0.0:
@@ -54,8 +69,6 @@ def free_branches(
         )
         position[swings] = centre[swings, None] + swinging[0]
         rate[swings] = swinging[1]
-    position[:, 0], rate[:, 0] = start
-    position[:, -1], rate[:, -1] = end
     return position, rate
 
 

@@ -1,0 +1,110 @@
+"""The trigger of coupled singular points and the condition of the figure eight, model §7."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from tests.analysis.traces import (
+    BALL,
+    DEGREE,
+    GRAVITY,
+    circle,
+    hump,
+    landscape,
+    line,
+    three_arcs,
+    valley,
+)
+from vibro_cli.analysis.trigger import FIGURE_EIGHT, HETEROCLINIC, OPEN, triggers
+
+WEIGHT = BALL.mass * GRAVITY
+
+
+def threshold(radius: float) -> float:
+    """Outer slope (degrees) at which (R − r)(1 − cos θ) = (R + R₀)(1 − cos J)."""
+    return math.acos(1 - 1.5 * (1 - math.cos(50 * DEGREE)) / (1 - radius)) / DEGREE
+
+
+def test_three_arcs_have_one_trigger_with_its_energies() -> None:
+    (trigger,) = triggers(three_arcs())
+    assert (trigger.left.piece, trigger.saddle.piece, trigger.right.piece) == (0, 1, 2)
+    crest = 1.5 * (1 - math.cos(50 * DEGREE))
+    end = 0.9 * (1 - math.cos(120 * DEGREE))
+    assert trigger.saddle.energy == pytest.approx(WEIGHT * crest, rel=1e-14)
+    assert trigger.margin_left == pytest.approx(WEIGHT * (end - crest), rel=1e-14)
+    assert trigger.margin_right == pytest.approx(WEIGHT * (end - crest), rel=1e-14)
+    # the separatrix turns where (R − r)(1 − cos θ) = (R + R₀)(1 − cos J), R = 1
+    turn = threshold(0.1) * DEGREE
+    assert trigger.orbit == FIGURE_EIGHT
+    assert trigger.turning_left == pytest.approx(120 * DEGREE - turn, rel=1e-13)
+    assert trigger.turning_right == pytest.approx((170 + 0.5 * 100 + 50) * DEGREE + turn, rel=1e-13)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("inertia_ratio", [0.0, 0.4, 1.0])
+def test_figure_eight_exists_on_one_side_of_its_threshold(
+    radius: float, inertia_ratio: float
+) -> None:
+    """The condition depends on r and not on κ."""
+    body = replace(BALL, kind="custom", radius=radius, inertia_ratio=inertia_ratio)
+    (beyond,) = triggers(three_arcs(threshold(radius) + 1e-6, body))
+    (short,) = triggers(three_arcs(threshold(radius) - 1e-6, body))
+    assert beyond.orbit == FIGURE_EIGHT
+    assert beyond.margin_left > 0.0
+    assert short.orbit == OPEN
+    assert short.margin_left < 0.0
+    assert (short.turning_left, short.turning_right) == (None, None)
+
+
+def test_both_sides_must_close() -> None:
+    hills = landscape(-120.0, valley(1.0, 50), hump(0.5, -50), valley(1.0, 60))
+    (trigger,) = triggers(hills)
+    assert trigger.turning_left is not None
+    assert trigger.turning_right is None
+    assert trigger.orbit == OPEN
+
+
+def test_equal_crests_are_joined_by_a_heteroclinic_orbit() -> None:
+    arcs = (valley(1.0, 50), hump(0.5, -50), valley(1.0, 50), hump(0.5, -50), valley(1.0, 120))
+    first, second = triggers(landscape(-120.0, *arcs))
+    assert first.orbit == second.orbit == HETEROCLINIC
+    assert first.margin_right == pytest.approx(
+        WEIGHT * (0.9 * 1.5 - 1.5 * (1 - math.cos(50 * DEGREE))), rel=1e-13
+    )
+
+
+def test_lower_crest_has_its_eight_within_the_higher_one() -> None:
+    arcs = (valley(1.0, 60), hump(0.5, -60), valley(1.0, 40), hump(0.5, -40), valley(1.0, 120))
+    high, low = triggers(landscape(-120.0, *arcs))
+    assert low.saddle.energy < high.saddle.energy
+    assert low.orbit == FIGURE_EIGHT
+    assert low.turning_left is not None
+    assert low.turning_left > high.saddle.s
+
+
+def test_circle_has_no_trigger() -> None:
+    """Its saddle lies between one centre and itself once more."""
+    assert triggers(circle()) == ()
+
+
+def test_level_line_between_valleys_is_no_trigger() -> None:
+    assert triggers(landscape(-60.0, valley(1.0, 0), line(2.0), valley(1.0, 60))) == ()
+
+
+def test_closed_trace_finds_neighbours_across_the_seam() -> None:
+    """Two valleys with a crest between, closed over the top by an arc of radius 2.3."""
+    arcs = (valley(1.0, 60), hump(0.3, -60), valley(1.0, 60), valley(2.3, 300))
+    hills = landscape(-60.0, *arcs, closed=True)
+    assert hills.trace.closing_error()[0] < 1e-14
+    crest, top = triggers(hills)
+    assert (crest.saddle.piece, crest.saddle.position) == (1, 0.0)
+    assert crest.saddle.energy == pytest.approx(WEIGHT * 1.3 * 0.5, rel=1e-14)
+    assert crest.orbit == FIGURE_EIGHT
+    assert crest.turning_left is not None
+    assert crest.turning_right is not None
+    assert crest.turning_left > top.saddle.s > crest.turning_right  # beyond the seam
+    assert crest.margin_left == pytest.approx(top.saddle.energy - crest.saddle.energy, rel=1e-14)
+    assert (top.saddle.piece, top.orbit) == (3, OPEN)
