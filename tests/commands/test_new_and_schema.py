@@ -11,8 +11,11 @@ from vibro_cli.storage import schema
 GALLERY = Path(__file__).parents[2] / "scenarios"
 
 
-def test_list_names_the_gallery(vibro: Vibro) -> None:
-    assert vibro("new", "--list").text.split() == sorted(path.stem for path in GALLERY.iterdir())
+def test_list_names_the_gallery_with_titles(vibro: Vibro) -> None:
+    listed = [line.split(None, 1) for line in vibro("new", "--list").text.splitlines()]
+    paths = sorted(GALLERY.iterdir(), key=lambda path: path.stem)
+    titles = [path.read_text().splitlines()[0].removeprefix("# ") for path in paths]
+    assert listed == [[path.stem, title] for path, title in zip(paths, titles, strict=True)]
 
 
 def test_a_scenario_is_written_with_its_comments_and_is_valid(vibro: Vibro) -> None:
@@ -42,9 +45,9 @@ def test_an_existing_file_is_kept_unless_forced(vibro: Vibro) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["four_arcs"], "no scenario 'four_arcs' in the gallery; one of "),
+        (["four_arcs"], 'gallery: found "four_arcs", expected ball_on_arcs, '),
         ([], "expected the NAME of a scenario, or --list"),
-        (["../pyproject"], "no scenario '../pyproject'"),
+        (["../pyproject"], 'found "../pyproject"'),
     ],
 )
 def test_what_is_not_in_the_gallery_is_wrong_usage(

@@ -36,12 +36,10 @@ def load_all(sources: Sequence[str], overrides: Sequence[str]) -> list[tuple["Sc
 
 
 def check_names(scenarios: Sequence["Scenario"]) -> None:
-    """Raise `CommandError` unless the names are different and can be names of folders."""
+    """Raise `CommandError` unless the names, which are also those of folders, are different."""
     for name, times in Counter(scenario.name for scenario in scenarios).items():
         if times > 1:
             raise CommandError(
                 f"vibro: {times} scenarios are called {name!r}; expected different names "
                 "(each has a folder of that name)"
             )
-        if name in {"", ".", ".."} or "/" in name or "\0" in name:
-            raise CommandError(f"vibro: {name!r} cannot be the name of a folder")

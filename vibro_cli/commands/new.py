@@ -34,22 +34,26 @@ def new(
 
 
 def _print_names() -> int:
-    from vibro_cli.scenario.gallery import names
+    """Print each name with the title of its scenario, which is its first comment."""
+    from vibro_cli.scenario.gallery import names, text
 
-    for name in names():
-        print(name)
+    known = names()
+    width = max(map(len, known))
+    for name in known:
+        print(f"{name:{width}}  {text(name).partition(chr(10))[0].lstrip('# ')}")
     return DONE
 
 
 def _write_scenario(name: str, output: str | None, force: bool, quiet: bool) -> int:
     """Write a scenario of the gallery to a file or to standard output."""
-    from vibro_cli.scenario.gallery import names, text
+    from vibro_cli.scenario import ScenarioError
+    from vibro_cli.scenario.gallery import text
     from vibro_cli.storage.files import write_file
 
-    known = list(names())
-    if name not in known:
-        raise CommandError(f"vibro: no scenario {name!r} in the gallery; one of {', '.join(known)}")
-    content = text(name)
+    try:
+        content = text(name)
+    except ScenarioError as error:
+        raise CommandError(str(error)) from error
     if output == "-":
         sys.stdout.write(content)
         return DONE

@@ -7,6 +7,7 @@ interruption at any moment leaves what was there before or what was to be there,
 import contextlib
 import ctypes
 import fcntl
+import glob
 import os
 import secrets
 import shutil
@@ -97,7 +98,7 @@ def _open_partial(target: Path) -> tuple[Path, int]:
 
 def _remove_abandoned(target: Path) -> None:
     """Remove what killed processes left beside `target`: partial folders that nobody locks."""
-    for partial in target.parent.glob(f".{target.name}.partial-*"):
+    for partial in target.parent.glob(f".{glob.escape(target.name)}.partial-*"):
         with contextlib.suppress(OSError):
             handle = os.open(partial, os.O_RDONLY | os.O_DIRECTORY)
             try:
