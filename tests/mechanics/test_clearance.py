@@ -172,6 +172,78 @@ def test_bodies_that_pass_never_touch_over_one_between(
         assert not overlapping_over_one_between(trace, radii)
 
 
+@st.composite
+def closed_traces(draw: st.DrawFn) -> Trace:
+    """A random chain that turns by π, and the same chain again: closed whatever its shape."""
+    turns_of_half = draw(st.lists(st.floats(-1.5, 2.5), min_size=1, max_size=3))
+    rest = math.pi - math.fsum(turns_of_half)
+    assume(abs(rest) > 0.05 and all(abs(turn) > 0.05 for turn in turns_of_half))
+    shapes, slope = [], 0.0
+    length = draw(st.floats(0.1, 2.0))
+    radii = [draw(st.floats(0.1, 2.0)) for _ in range(len(turns_of_half) + 1)]
+    for half in (0.0, math.pi):
+        shapes.append(line(length))
+        for turn, radius in zip([*turns_of_half, rest], radii, strict=True):
+            slope += turn
+            shape = "valley" if turn > 0.0 else "hump"
+            shapes.append(ArcShape(shape, radius=radius, end_slope=slope))
+        slope = half + math.pi
+        shapes[-1] = ArcShape(shapes[-1].shape, radius=radii[-1], end_slope=slope)
+    return Trace.chain(0.0, shapes, closed=True)
+
+
+@settings(deadline=None)
+@given(closed_traces(), st.floats(0.0, 0.5))
+def test_on_closed_traces_too_a_body_that_passes_touches_no_sampled_point(
+    trace: Trace, radius: float
+) -> None:
+    distance, turn = trace.closing_error()
+    assert distance <= 1e-14 * trace.length
+    assert turn == math.tau
+    assume(not narrow_valleys(trace, radius) and not overlapping_pieces(trace))
+    touched = touched_pieces(trace, radius)
+    bodies, points = centers(trace, radius), centers(trace, 0.0)
+    for i, body in enumerate(bodies):
+        for j, piece in enumerate(points):
+            if (i, j) not in touched:
+                assert distances(body, piece).min() >= radius - 1e-12
+
+
+def opposite_bodies_touch(trace: Trace, radii: tuple[float, ...]) -> bool:
+    """Whether sampled places of four bodies on a closed trace let the first touch the third."""
+    a, m, c, d = (np.concatenate(centers(trace, radius)) for radius in radii)
+    free = {
+        "am": distances(a, m) >= radii[0] + radii[1],
+        "mc": distances(m, c) >= radii[1] + radii[2],
+        "cd": distances(c, d) >= radii[2] + radii[3],
+        "da": distances(d, a) >= radii[3] + radii[0],
+    }
+    touching = np.argwhere(distances(a, c) <= radii[0] + radii[2])
+    count = len(a)
+    for at_a, at_c in touching[:: max(1, len(touching) // 2000)]:
+        ahead = (np.arange(count) - at_a) % count
+        forward = ahead < ahead[at_c]
+        can_m = (free["am"][at_a] & free["mc"][:, at_c] & forward).any()
+        can_d = (free["cd"][at_c] & free["da"][:, at_a] & ~forward).any()
+        if at_a != at_c and can_m and can_d:
+            return True
+    return False
+
+
+@settings(deadline=None, max_examples=30)
+@given(closed_traces(), st.tuples(*[st.floats(0.01, 0.3)] * 4))
+def test_on_closed_traces_bodies_that_pass_never_touch_over_others(
+    trace: Trace, radii: tuple[float, float, float, float]
+) -> None:
+    assume(not narrow_valleys(trace, max(radii)) and not overlapping_pieces(trace))
+    assume(not any(touched_pieces(trace, radius) for radius in {0.0, *radii}))
+    pairs = [(a, b) for n, a in enumerate(radii) for b in radii[n + 1 :]]
+    assume(not any(joined_behind(trace, *pair) for pair in pairs))
+    if not overreaching(trace, radii):
+        assert not opposite_bodies_touch(trace, radii)
+        assert not opposite_bodies_touch(trace, (*radii[1:], radii[0]))
+
+
 @pytest.mark.parametrize("degrees", [-50.0, 0.0, 30.0])
 def test_on_a_line_a_quarter_of_the_radius_is_the_limit(degrees: float) -> None:
     trace = chain(degrees, line(20.0))

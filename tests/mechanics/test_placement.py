@@ -129,6 +129,13 @@ def test_there_may_be_no_room_beside_a_body() -> None:
     assert beside(trace, ball(0.1), InitialState(0, 0.5, 0.0), ball(0.1)) == (0, 0.7)
 
 
+def test_a_valley_that_is_too_narrow_is_no_place_beside_a_body() -> None:
+    valley = ArcShape("valley", radius=0.3, end_slope=1.0)
+    trace = Trace.chain(0.0, [ArcShape("line", length=1.0), valley])
+    assert beside(trace, ball(0.1), InitialState(0, 0.9, 0.0), ball(0.3)) is None
+    assert beside(trace, ball(0.1), InitialState(0, 0.9, 0.0), ball(0.1)) is not None
+
+
 def test_only_a_hair_beyond_an_end_is_rounding() -> None:
     piece = mixed().pieces[0]
     assert settle(piece, math.nextafter(0.4, 1.0)) == 0.4

@@ -134,6 +134,8 @@ def _first_contact(
         x, y = piece.body_center(position, radius)
         return math.hypot(x - center[0], y - center[1]) - contact
 
+    if not piece.path_radius(radius) > 0.0:
+        return None  # the body does not fit this valley
     low, high = piece.angle_start, piece.angle_end
     if outside(low) >= 0.0:
         return low
