@@ -135,3 +135,17 @@ def test_a_full_disk_is_an_error_on_one_line() -> None:
         )
     assert outcome.returncode == 1
     assert outcome.stderr == "vibro: No space left on device\n"
+
+
+def test_outputs_may_be_closed_or_poor_in_letters() -> None:
+    code = f"{sys.executable} -m vibro_cli"
+    closed = subprocess.run(f"{code} new --list >&-", shell=True, capture_output=True, check=False)
+    assert (closed.returncode, closed.stderr) == (0, b"")
+    poor = subprocess.run(
+        f"PYTHONIOENCODING=ascii PYTHONUTF8=0 {code} schema tables --markdown",
+        shell=True,
+        capture_output=True,
+        check=False,
+    )
+    assert (poor.returncode, poor.stderr) == (0, b"")
+    assert b"\\u03c6" in poor.stdout

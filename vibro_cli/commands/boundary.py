@@ -4,6 +4,7 @@ Exit codes: 0 done; 1 failed; 2 wrong usage or invalid scenario; 3 with --strict
 was inadmissible or invalid; 130 and 143 interrupted or terminated, what was finished is kept.
 """
 
+import io
 import os
 import signal
 import sys
@@ -35,6 +36,7 @@ def say(text: str) -> None:
 
 def perform(task: Task) -> int:
     """Run a task and return its exit code, whatever happens in it."""
+    _prepare_outputs()
     signal.signal(signal.SIGTERM, _terminate)
     warnings.showwarning = _say_warning
     try:
@@ -68,6 +70,16 @@ def reason(error: OSError) -> str:
     """An error of the system on one line, with the file's name where there is one."""
     text = error.strerror or str(error)
     return " ".join((f"{error.filename}: {text}" if error.filename else text).split())
+
+
+def _prepare_outputs() -> None:
+    """Let closed outputs take what is printed, and others take letters they cannot encode."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (kept to the end)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 (kept to the end)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
