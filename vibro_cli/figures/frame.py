@@ -52,18 +52,20 @@ def _vertical(row: Sequence[Panel], ball: int) -> None:
         ticks = vertical_ticks(-one.window.top, one.window.top, one.height)
         shown = ticks.labels if one.labelled else ("",) * len(ticks.labels)
         one.axes.set_yticks(ticks.places, shown)
-    for one in (one for one in row if one.labelled):
-        one.axes.set_ylabel(_rate_label(row, one, ball), labelpad=1.0)
+        if one.labelled:
+            unit = "m/s" if one.piece.is_line else "rad/s"
+            scaled = rf"$10^{{{ticks.power}}}$ {unit}" if ticks.power else unit
+            one.axes.set_ylabel(f"{_rate_symbol(row, one, ball)} [{scaled}]", labelpad=1.0)
 
 
-def _rate_label(row: Sequence[Panel], one: Panel, ball: int) -> str:
-    """Return the label of a vertical axis that holds for the row's panels of the same unit."""
+def _rate_symbol(row: Sequence[Panel], one: Panel, ball: int) -> str:
+    """Return the symbol of a vertical axis that holds for the row's panels of the same unit."""
     if one.piece.is_line:
-        return rf"$v_{{{ball}}}$ [m/s]"
+        return rf"$v_{{{ball}}}$"
     shapes = {other.piece.shape for other in row if not other.piece.is_line}
     symbols = [_SYMBOL[shape] for shape in (VALLEY, HUMP) if shape in shapes]
     rates = ",\\ ".join(rf"\dot{{{symbol}}}_{{{ball}}}" for symbol in symbols)
-    return f"${rates}$ [rad/s]"
+    return f"${rates}$"
 
 
 def _title(one: Panel) -> None:

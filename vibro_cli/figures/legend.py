@@ -53,7 +53,7 @@ def _entries(
     if behind.separatrices:
         entries.append(("separatrix", strokes.SEPARATRIX))
     elif behind.arc_separatrices:
-        entries.append(("separatrix of full circle", strokes.ARC_SEPARATRIX))
+        entries.append(("separatrix", strokes.ARC_SEPARATRIX))  # of the full circles
     return entries
 
 

@@ -13,7 +13,7 @@ _CHARACTER = 1.15
 """Width of a figure (mm)."""
 _HIGH = 2.3
 """Height of a figure (mm)."""
-_DISTANCES = (1.9, 2.6, 3.4)
+_DISTANCES = (1.9, 2.6, 3.4, 4.4)
 """Distances of a number from its point that are tried (mm)."""
 _DIRECTIONS = 12
 _FAR = 2.0

@@ -31,7 +31,7 @@ def windows(
 ) -> tuple[Window, ...]:
     """Return the windows of a portrait: on the whole trace, or only on where the body went.
 
-    With `auto` a motion that would be small on the trace is shown close, the whole piece beside it.
+    With `auto` a motion that would be small on its arc is shown close, the whole arc beside it.
     Raises ValueError for a focus that is not one of `FOCUSES`.
     """
     if focus not in FOCUSES:
@@ -53,9 +53,9 @@ def windows(
 
 
 def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:
-    """Return whether a motion on one piece is too small to be read on the whole piece."""
+    """Return whether a motion on one piece is too small to be read on the whole arc."""
     extent = float(np.ptp(path.branches[piece.index].position))
-    if extent == 0.0 or extent >= _SMALL * (piece.angle_end - piece.angle_start):
+    if piece.is_line or extent == 0.0 or extent >= _SMALL * (piece.angle_end - piece.angle_start):
         return False
     separatrix = _separatrix(behind, [piece.index])
     return not separatrix or _reached(path, [piece.index]) < _LOW * separatrix

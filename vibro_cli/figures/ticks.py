@@ -16,6 +16,11 @@ _BETWEEN = 1.6
 _LINE = 7.0
 """Least distance of two tick labels one above the other (mm)."""
 
+_EDGE = 1.2
+"""Room without numbers at either end of a vertical axis (mm): the other axis has its own there."""
+_LONGEST = 5
+"""Characters of the longest label of a vertical axis; longer numbers get a power of ten."""
+
 _PARTS_OF_PI = (
     Fraction(1),
     Fraction(1, 2),
@@ -33,6 +38,8 @@ class Ticks:
 
     places: tuple[float, ...]
     labels: tuple[str, ...]
+    power: int = 0
+    """The labels are in units of ten to this power."""
 
 
 def angle_ticks(low: float, high: float, width: float) -> Ticks:
@@ -69,7 +76,12 @@ def number_ticks(low: float, high: float, width: float) -> Ticks:
 
 def vertical_ticks(low: float, high: float, height: float) -> Ticks:
     """Return ticks at round numbers for a vertical axis from `low` to `high`, `height` mm high."""
-    return _round_numbers(low, high, max(2, int(height / _LINE)))
+    edge = _EDGE / height * (high - low)
+    ticks = _round_numbers(low + edge, high - edge, max(2, int(height / _LINE)))
+    if max(map(len, ticks.labels)) <= _LONGEST:
+        return ticks
+    power = 3 * math.floor(math.log10(max(map(abs, ticks.places))) / 3.0)
+    return Ticks(ticks.places, decimals([place / 10.0**power for place in ticks.places]), power)
 
 
 def _round_numbers(low: float, high: float, bins: int) -> Ticks:

@@ -1,0 +1,44 @@
+"""Numbers beside points: inside the panel, apart from one another and from what is drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibro_cli.figures.numbering import place_numbers
+
+SIZE = (60.0, 50.0)
+NOTHING = np.empty((0, 2))
+
+
+def test_number_stands_close_to_its_point() -> None:
+    ((x, y),) = place_numbers(["1"], [np.array([[30.0, 25.0]])], NOTHING, SIZE)
+    assert 1.0 < np.hypot(x - 30.0, y - 25.0) < 3.5
+
+
+def test_number_keeps_off_curves() -> None:
+    """A point between a curve above and one at its right: the free side is found."""
+    line = np.linspace(0.0, 60.0, 600)
+    above = np.column_stack([line, np.full(600, 26.5)])
+    right = np.column_stack([np.full(600, 31.5), line])
+    ((x, y),) = place_numbers(
+        ["1"], [np.array([[30.0, 25.0]])], np.concatenate([above, right]), SIZE
+    )
+    assert x < 31.0
+    assert y < 25.5
+
+
+def test_numbers_stay_in_the_panel_and_apart() -> None:
+    corner = [np.array([[0.3, 0.3]]), np.array([[0.4, 0.6]]), np.array([[59.9, 49.9]])]
+    places = place_numbers(["1", "2", "12"], corner, NOTHING, SIZE)
+    for x, y in places:
+        assert 0.0 < x < SIZE[0]
+        assert 0.0 < y < SIZE[1]
+    (ax, ay), (bx, by), _ = places
+    assert abs(ax - bx) > 1.3 or abs(ay - by) > 2.0
+
+
+def test_number_stands_nearer_to_its_own_point() -> None:
+    points = [np.array([[30.0, 25.0]]), np.array([[33.0, 25.0]])]
+    for number, (x, y) in enumerate(place_numbers(["1", "2"], points, NOTHING, SIZE)):
+        own, other = points[number][0], points[1 - number][0]
+        assert np.hypot(x - own[0], y - own[1]) < np.hypot(x - other[0], y - other[1])

@@ -1,0 +1,267 @@
+"""Phase portraits: what is drawn, by number, and that nothing overlaps or is cut off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from tests.analysis.traces import GRAVITY, system, valley
+from tests.figures.runs import (
+    HandMade,
+    at_rest,
+    made,
+    on_circle,
+    on_line_between_valleys,
+    on_many_arcs,
+    on_three_arcs,
+)
+from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.singular import singular_points
+from vibro_cli.figures import strokes
+from vibro_cli.figures.portrait import MOST_NUMBERS, phase_portrait
+from vibro_cli.figures.style import journal
+from vibro_cli.figures.trajectory import MOST_BRANCHES, trajectory
+
+RUNS: dict[str, Callable[[], HandMade]] = {
+    "circle": lambda: on_circle(5),
+    "small": lambda: on_circle(5, start=-0.4, spread=0.1),
+    "long": lambda: on_circle(300),
+    "three arcs": on_three_arcs,
+    "line": on_line_between_valleys,
+    "many arcs": on_many_arcs,
+    "rest": at_rest,
+}
+
+
+def lines(figure: Figure, panel: int, zorder: float) -> list[Any]:
+    """The lines drawn on a panel at one level."""
+    return [
+        segment
+        for collection in figure.axes[panel].collections
+        if isinstance(collection, LineCollection) and collection.get_zorder() == zorder
+        for segment in collection.get_segments()
+    ]
+
+
+def texts(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.findobj(Text) if isinstance(text, Text)]
+
+
+def test_a_panel_for_each_piece_with_quantities_and_units() -> None:
+    figure = phase_portrait(on_three_arcs(), 1)
+    panels = figure.axes
+    assert [axes.get_title() for axes in panels] == [
+        "arc 1, valley",
+        "arc 2, hump",
+        "arc 3, valley",
+    ]
+    assert [axes.get_xlabel() for axes in panels] == [
+        r"$\varphi_{1}$ [rad]",
+        r"$\psi_{1}$ [rad]",
+        r"$\varphi_{1}$ [rad]",
+    ]
+    assert panels[0].get_ylabel() == r"$\dot{\varphi}_{1},\ \dot{\psi}_{1}$ [rad/s]"
+    assert len({axes.get_ylim() for axes in panels}) == 1
+    for axes, piece in zip(panels, on_three_arcs().system.trace.pieces, strict=True):
+        assert axes.get_xlim() == (piece.angle_start, piece.angle_end)
+
+
+def test_line_has_its_own_axis() -> None:
+    figure = phase_portrait(on_line_between_valleys(), 1)
+    first, middle, last = figure.axes
+    assert middle.get_ylabel() == "$v_{1}$ [m/s]"
+    assert middle.get_xlabel() == "$s_{1}$ [m]"
+    assert first.get_ylim() == last.get_ylim()
+    assert first.get_ylim() != middle.get_ylim()
+    quarter = 0.5 * math.pi
+    assert middle.get_xlim() == pytest.approx((quarter, quarter + 1.5), rel=1e-15)
+
+
+def test_branches_have_constant_energy_and_join_the_recorded_states() -> None:
+    run = on_three_arcs()
+    figure = phase_portrait(run, 1)
+    hills = Landscape.of(run.system, 1)
+    drawn = 0
+    for panel, piece in enumerate(run.system.trace.pieces):
+        flights = [row for row in run.rows if row["arc"] == panel + 1]
+        for segment, row in zip(lines(figure, panel, 2.0), flights, strict=True):
+            energy = hills.energy(piece, segment[:, 0], segment[:, 1])
+            np.testing.assert_allclose(energy, energy[0], rtol=1e-12)
+            assert tuple(segment[0]) == (row["angle_start"], row["rate_start"])
+            assert tuple(segment[-1]) == (row["angle_end"], row["rate_end"])
+            drawn += 1
+    assert drawn == len(run.rows)
+    assert run.sampled == []  # all in closed form
+
+
+def test_jumps_are_vertical_from_the_rate_before_to_the_one_after() -> None:
+    run = on_three_arcs()
+    segments = lines(phase_portrait(run, 1), 2, 2.2)
+    assert len(segments) == len(run.struck)
+    for segment, row in zip(segments, run.struck, strict=True):
+        assert segment.tolist() == [
+            [row["angle"], row["rate_pre"]],
+            [row["angle"], row["rate_post"]],
+        ]
+
+
+def test_jump_on_a_line_is_at_its_arc_length() -> None:
+    run = on_line_between_valleys()
+    (segment,) = lines(phase_portrait(run, 1), 1, 2.2)
+    row = run.struck[0]
+    np.testing.assert_allclose(segment[:, 0], row["s"], rtol=1e-15)
+    np.testing.assert_array_equal(segment[:, 1], [row["speed_pre"], row["speed_post"]])
+
+
+def test_inadmissible_impact_is_marked_and_is_no_jump() -> None:
+    run = on_three_arcs()
+    run.struck[-1] |= {"admissible": False}
+    figure = phase_portrait(run, 1)
+    assert len(lines(figure, 2, 2.2)) == len(run.struck) - 1
+    assert "inadmissible" in texts(figure)
+    run.struck[-1] |= {"substituted": True}  # the other law was used, and the body did jump
+    assert len(lines(phase_portrait(run, 1), 2, 2.2)) == len(run.struck)
+
+
+def test_separatrix_of_the_circle_is_drawn() -> None:
+    """φ̇ = ±2w cos(φ/2) with w² = g/κρ."""
+    segments = lines(phase_portrait(on_circle(5), 1), 0, 1.2)
+    w = math.sqrt(GRAVITY / (1.4 * 0.9))
+    assert np.min(np.concatenate(segments)[:, 1]) < -1.99 * w
+    assert np.max(np.concatenate(segments)[:, 1]) > 1.99 * w
+    for segment in segments:
+        expected = 2 * w * np.cos(segment[:, 0] / 2)
+        np.testing.assert_allclose(np.abs(segment[:, 1]), expected, rtol=1e-7, atol=1e-7)
+
+
+def test_separatrix_runs_through_all_arcs() -> None:
+    run = on_three_arcs()
+    hills = Landscape.of(run.system, 1)
+    saddle = singular_points(hills)[1].energy
+    figure = phase_portrait(run, 1)
+    for panel, piece in enumerate(run.system.trace.pieces):
+        segments = lines(figure, panel, 1.2)
+        assert segments
+        for segment in segments:
+            energy = hills.energy(piece, segment[:, 0], segment[:, 1])
+            np.testing.assert_allclose(energy, saddle, rtol=1e-12)
+
+
+def test_impacts_are_numbered_while_they_are_few() -> None:
+    few = texts(phase_portrait(on_circle(MOST_NUMBERS), 1))
+    assert {str(number) for number in range(1, MOST_NUMBERS + 1)} <= set(few)
+    many = texts(phase_portrait(on_circle(MOST_NUMBERS + 40), 1))
+    assert str(MOST_NUMBERS + 39) not in many
+    assert "$t$ [s]: 0" in many
+
+
+def test_long_run_is_rasterised_and_thinned() -> None:
+    run = on_circle(3 * MOST_BRANCHES)
+    path = trajectory(run, 1)
+    assert path.every == 4
+    assert len(path.branches[0].time) == math.ceil(len(run.rows) / 4)
+    figure = phase_portrait(run, 1)
+    (branches,) = (one for one in figure.axes[0].collections if one.get_zorder() == 2.0)
+    assert branches.get_rasterized()
+
+
+def test_flights_in_contact_are_sampled_from_the_run() -> None:
+    run = on_circle(3)
+    rate = run.rows[-1]["rate_end"]
+    run.fly(1, (0.1, rate), (0.3, 0.5), cause_start="contact_closed")
+    run.fly(1, (0.3, 0.5), (0.3, 0.5), cause_start="crossing")  # still in contact
+    run.fly(1, (0.3, 0.5), (0.3, -0.5), cause_start="contact_opened")
+    trajectory(run, 1)
+    assert run.sampled == [len(run.rows) - 3, len(run.rows) - 2]
+
+
+def test_flight_without_constant_energy_is_sampled_from_the_run() -> None:
+    run = on_circle(2)
+    run.rows[1]["rate_end"] *= 0.9
+    trajectory(run, 1)
+    assert run.sampled == [1]
+
+
+def test_turning_trace_is_sampled_and_has_no_separatrix() -> None:
+    run = HandMade(system(-90, valley(1.0, 90), turning=(0.0, 2.0)))
+    run.fly(1, (-0.5, 0.0), (0.5, 0.0), cause_start="start", cause_end="end")
+    figure = phase_portrait(run, 1)
+    assert run.sampled == [0]
+    assert lines(figure, 0, 1.2) == lines(figure, 0, 1.0) == []
+
+
+def test_small_motion_is_shown_close_and_on_the_whole_arc() -> None:
+    run = on_circle(5, start=-0.4, spread=0.1)
+    close, whole = phase_portrait(run, 1).axes
+    low, high = close.get_xlim()
+    assert -0.7 < low < -0.4
+    assert high < 0.4
+    assert whole.get_xlim() == (-math.pi, math.pi)
+    assert [len(phase_portrait(run, 1, focus=focus).axes) for focus in ("trace", "run")] == [1, 1]
+
+
+def test_many_arcs_stand_in_rows() -> None:
+    figure = phase_portrait(on_many_arcs(), 1)
+    assert len(figure.axes) == 9
+    assert len({round(axes.get_position().y0, 6) for axes in figure.axes}) > 1
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("name", RUNS)
+def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
+    figure = phase_portrait(RUNS[name](), 1, width)
+    with journal():
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        shown = [
+            text
+            for text in figure.findobj(Text)
+            if isinstance(text, Text) and text.get_text() and text.get_visible()
+        ]
+        boxes = [text.get_window_extent(canvas.get_renderer()) for text in shown]  # type: ignore[attr-defined]
+    across, along = figure.bbox.width, figure.bbox.height
+    for text, box in zip(shown, boxes, strict=True):
+        inside = box.x0 >= 0 and box.y0 >= 0 and box.x1 <= across and box.y1 <= along
+        assert inside, f"{text.get_text()!r} is cut off"
+    for one, box in enumerate(boxes):
+        for other in range(one):
+            both = {shown[one].get_text(), shown[other].get_text()}
+            apart = not box.overlaps(boxes[other])
+            assert apart, f"{both} overlap"
+
+
+def test_unknown_width_focus_and_body_are_refused() -> None:
+    run = on_circle(2)
+    with pytest.raises(ValueError, match="triple"):
+        phase_portrait(run, 1, "triple")
+    with pytest.raises(ValueError, match="far"):
+        phase_portrait(run, 1, focus="far")
+    for ball in (0, 2):
+        with pytest.raises(IndexError, match=str(ball)):
+            phase_portrait(run, ball)
+
+
+def test_colours_differ_in_grey_too() -> None:
+    """Separatrix, branch and jump have lines of their own; time runs from dark to light."""
+    styles = [
+        str(look.get("linestyle", "solid"))
+        for look in (strokes.SEPARATRIX, strokes.BRANCH, strokes.JUMP)
+    ]
+    assert len(set(styles)) == 3
+    colours = strokes.time_colours()(np.linspace(0.0, 1.0, 64))[:, :3]
+    grey = colours @ [0.2126, 0.7152, 0.0722]
+    assert np.all(np.diff(grey) > 0.0)
+
+
+def test_run_on_a_line_alone_has_speeds() -> None:
+    run = made(0, valley(1.0, 90))
+    run.fly(1, (0.2, 0.0), (-0.0, -0.6), cause_start="start", cause_end="end")
+    assert len(phase_portrait(run, 1, focus="run").axes) == 1

@@ -1,0 +1,78 @@
+"""Ticks of angles in parts of π, and of other quantities in round numbers."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from vibro_cli.figures.ticks import (
+    Ticks,
+    angle_ticks,
+    decimals,
+    number_ticks,
+    vertical_ticks,
+    without_overlaps,
+)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "width", "labels"),
+    [
+        (-math.pi, math.pi, 70.0, ("−π", "−π/2", "0", "π/2", "π")),
+        (-math.radians(120), math.radians(50), 27.0, ("−π/2", "−π/4", "0", "π/4")),
+        (-math.radians(50), math.radians(50), 16.0, ("−π/4", "0", "π/4")),
+        (0.0, 2 * math.pi, 12.0, ("0", "π", "2π")),
+        (math.pi / 2, 2 * math.pi, 70.0, ("π/2", "π", "3π/2", "2π")),
+    ],
+)
+def test_angles_are_parts_of_pi(
+    low: float, high: float, width: float, labels: tuple[str, ...]
+) -> None:
+    ticks = angle_ticks(low, high, width)
+    assert ticks.labels == labels
+    assert all(low - 1e-9 <= place <= high + 1e-9 for place in ticks.places)
+
+
+def test_small_angles_are_decimal() -> None:
+    ticks = angle_ticks(0.1, 0.11, 60.0)
+    assert ticks.labels == ("0.100", "0.102", "0.104", "0.106", "0.108", "0.110")
+
+
+def test_labels_of_numbers_keep_apart() -> None:
+    for width in (10.0, 16.0, 30.0, 70.0):
+        ticks = number_ticks(0.0, 3.0, width)
+        assert ticks.places
+        if len(ticks.places) > 1:
+            step = (ticks.places[1] - ticks.places[0]) * width / 3.0
+            assert step > 1.15 * max(map(len, ticks.labels))
+
+
+@pytest.mark.parametrize(
+    ("values", "labels"),
+    [
+        ((-2.0, 0.0, 2.0), ("−2", "0", "2")),
+        ((-0.5, 0.0, 0.5), ("−0.5", "0.0", "0.5")),
+        ((0.30000000000000004,), ("0.3",)),
+        ((), ()),
+    ],
+)
+def test_decimals(values: tuple[float, ...], labels: tuple[str, ...]) -> None:
+    assert decimals(values) == labels
+
+
+def test_long_numbers_get_a_power_of_ten() -> None:
+    ticks = vertical_ticks(-0.0082, 0.0082, 50.0)
+    assert ticks.power == -3
+    assert ticks.labels == ("−7.5", "−5.0", "−2.5", "0.0", "2.5", "5.0", "7.5")
+    assert vertical_ticks(-3.0, 3.0, 50.0).power == 0
+    assert vertical_ticks(-3e6, 3e6, 50.0).power == 6
+
+
+def test_of_two_labels_in_conflict_the_one_nearer_to_its_edge_goes() -> None:
+    first = Ticks((0.0, 0.99), ("0", "π/4"))
+    second = Ticks((0.1, 0.5), ("−π/4", "0"))
+    rows = [(0.0, 20.0, first), (21.0, 20.0, second)]
+    kept = without_overlaps(rows, [(0.0, 1.0), (0.0, 1.0)])
+    assert [ticks.labels for ticks in kept] == [("0", ""), ("−π/4", "0")]
+    assert [ticks.places for ticks in kept] == [first.places, second.places]
