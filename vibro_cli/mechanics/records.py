@@ -72,6 +72,9 @@ class Flight(ThetaConstants):
     s: float  # (S, C, P) at the start
     c: float
     p: float
+    before_s: float  # (S, C, P) at the end of the flight before this one, on its piece
+    before_c: float
+    before_p: float
     frequency: float
     at_rest: int  # 1: in equilibrium
     line_acceleration: float
@@ -150,7 +153,7 @@ class Clock:
     collisions: int
     crossings: int
     contacts: int
-    end_cause: int
+    last_ball: int  # body of the last boundary event
     quiet_t: float
     energy_correction: float  # sum of |corrections|, J
     impact_rows: int  # rows used in the logs

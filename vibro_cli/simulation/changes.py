@@ -78,6 +78,9 @@ def _log_flight(world: World, ball: int, flight: Flight, cause: int) -> None:
     row.s = flight.s
     row.c = flight.c
     row.p = flight.p
+    row.before_s = flight.before_s
+    row.before_c = flight.before_c
+    row.before_p = flight.before_p
     row.parameter = flight.parameter
     row.root_complement = flight.root_complement
     row.head = flight.head
@@ -168,8 +171,8 @@ def collide(world: World, j: int) -> int:
     clock.collisions += 1
     if admissible == 0 and substituted == 0:
         return _inadmissible(world, row, pair, wa, wb)
-    _set_state(a, pair, track_a, pair.a_s, pair.a_c, wa)
-    _set_state(b, pair, track_b, pair.b_s, pair.b_c, wb)
+    _set_state(a, pair, pair.a_s, pair.a_c, pair.a_p, wa / track_a.speed_factor)
+    _set_state(b, pair, pair.b_s, pair.b_c, pair.b_p, wb / track_b.speed_factor)
     _share_energy(world, pair, loss)
     row.head_a_post = a.head
     row.head_b_post = b.head
@@ -240,13 +243,16 @@ def _log_impact(
 
 @kernel
 def _set_state(
-    flight: Flight, pair: PairData, track: TrackData, s: float, c: float, speed: float
+    flight: Flight, pair: PairData, s: float, c: float, p_before: float, p_after: float
 ) -> None:
     flight.t = pair.contact_t
     flight.t_low = pair.contact_t_low
+    flight.before_s = s
+    flight.before_c = c
+    flight.before_p = p_before
     flight.s = s
     flight.c = c
-    flight.p = speed / track.speed_factor
+    flight.p = p_after
 
 
 @kernel
@@ -298,10 +304,14 @@ def leave_piece(world: World, ball: int) -> int:
     flight = world.flights[ball]
     clock.t = flight.exit_t
     clock.t_low = flight.exit_t_low
+    clock.last_ball = ball
     if flight.exit_kind == LIFT_OFF:
         return END_LIFT_OFF
     track = world.tracks[ball * settings.pieces + flight.piece]
     right = flight.exit_side > 0
+    flight.before_s = track.right_s if right else track.left_s
+    flight.before_c = track.right_c if right else track.left_c
+    flight.before_p = flight.exit_p
     target = flight.piece + (1 if right else -1)
     if settings.closed == 1 or 0 <= target < settings.pieces:
         _cross(world, ball, target, right, track.speed_factor * flight.exit_p)

@@ -9,6 +9,7 @@ from vibro_cli.simulation.changes import begin_flight, collide, leave_piece
 from vibro_cli.simulation.search import first_contact
 from vibro_cli.simulation.world import (
     END_NO_MORE_COLLISIONS,
+    END_REST,
     END_TIME,
     LOG_FULL,
     RUNNING,
@@ -65,11 +66,30 @@ def advance(world: World, impact_rows: int, flight_rows: int) -> int:
         elif ball >= 0:
             cause = leave_piece(world, ball)
         else:
-            clock.t = settings.stop_t
-            clock.t_low = 0.0
-            return END_TIME if settings.stop_t < NEVER else END_NO_MORE_COLLISIONS
+            return _finish(world)
         if cause != RUNNING:
             return cause
+
+
+@kernel
+def _finish(world: World) -> int:
+    """End a run without a further event before its stop time, if it has one."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    quiet = True
+    resting = True
+    for ball in range(settings.bodies):
+        quiet = quiet and world.flights[ball].exit_t == NEVER
+        resting = resting and world.flights[ball].at_rest == 1
+    for j in range(settings.pairs):
+        quiet = quiet and world.pairs[j].apart == 1
+    if quiet:
+        clock.quiet_t = clock.t
+    if settings.stop_t < NEVER:
+        clock.t = settings.stop_t
+        clock.t_low = 0.0
+        return END_TIME
+    return END_REST if resting else END_NO_MORE_COLLISIONS
 
 
 @kernel

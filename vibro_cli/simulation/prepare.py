@@ -69,7 +69,7 @@ def make_world(system: System, stop_time: float | None, stop_collisions: int | N
         contacts.append(PairTrack())
     return World(
         settings=[_settings(system, len(pairs), stop_time, stop_collisions)],
-        clock=[Clock()],
+        clock=[_clock()],
         bodies=[_body_data(body, system.gravity) for body in system.bodies],
         pieces=[_piece_data(piece) for piece in system.trace.pieces],
         tracks=[
@@ -85,6 +85,12 @@ def make_world(system: System, stop_time: float | None, stop_collisions: int | N
         impacts=[ImpactRow()],
         log=[FlightRow()],
     )
+
+
+def _clock() -> Clock:
+    clock = Clock()
+    clock.quiet_t = NEVER
+    return clock
 
 
 def _settings(

@@ -41,7 +41,11 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     clock.searches += 1
     a = world.flights[pair.a]
     b = world.flights[pair.b]
-    if world.far[j * settings.pieces + a.piece][b.piece] == 1:
+    apart = world.far[j * settings.pieces + a.piece][b.piece] == 1
+    apart = apart or (a.at_rest == 1 and b.at_rest == 1)
+    # Two bodies on a closed trace are two pairs; on two pieces one search finds either contact.
+    apart = apart or (settings.bodies == 2 and pair.seam == 1 and a.piece != b.piece)
+    if apart:
         clock.skipped_apart += 1
         pair.apart = 1
         return

@@ -97,6 +97,9 @@ class FlightRow:
     s: float
     c: float
     p: float
+    before_s: float  # at the end of the body's flight before this one
+    before_c: float
+    before_p: float
     parameter: float
     root_complement: float
     head: float

@@ -1,0 +1,87 @@
+"""Columns of places and speeds from the half-angle variables, for whole tables at once."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibro_cli.mechanics.system import System
+from vibro_cli.simulation.prepare import turns_of
+
+Floats = NDArray[np.float64]
+
+
+class Places:
+    """Geometry of every body on every piece, as arrays indexed ``[body, piece]`` or ``[piece]``."""
+
+    def __init__(self, system: System) -> None:
+        pieces, bodies = system.trace.pieces, system.bodies
+        self.sign = np.array([piece.sign for piece in pieces])
+        self.radius = np.array([0.0 if piece.is_line else piece.radius for piece in pieces])
+        self.start_s = np.array([piece.start_s for piece in pieces])
+        self.angle_start = np.array([piece.angle_start for piece in pieces])
+        self.angle_end = np.array([piece.angle_end for piece in pieces])
+        self.turn = np.array([math.tau * turns_of(piece) for piece in pieces])
+        self.body_radius = np.array([body.radius for body in bodies])
+        self.kappa = np.array([body.kappa for body in bodies])
+        self.mass = np.array([body.mass for body in bodies])
+        self.weight = self.mass * system.gravity
+        self.path_radius = np.array(
+            [[0.0 if p.is_line else p.path_radius(b.radius) for p in pieces] for b in bodies]
+        )
+        self.gravity = system.gravity
+        self.system = system
+
+    def position(self, piece: Any, s: Floats, c: Floats) -> Floats:
+        """Angle phi or psi (rad) on arcs, distance from the left end (m) on lines."""
+        sign = self.sign[piece]
+        half = np.where(sign < 0.0, np.arctan2(-c, s), np.arctan2(s, c))
+        angle = 2.0 * half + self.turn[piece]
+        angle = np.clip(angle, self.angle_start[piece], self.angle_end[piece])
+        return np.where(sign == 0.0, s, angle)
+
+    def angle(self, piece: Any, s: Floats, c: Floats) -> Floats:
+        """Angle phi or psi (rad), nan on lines."""
+        return np.where(self.sign[piece] == 0.0, np.nan, self.position(piece, s, c))
+
+    def arc_length(self, piece: Any, position: Floats) -> Floats:
+        """Arc length (m) of the contact point from the left end of the trace."""
+        along = self.radius[piece] * (position - self.angle_start[piece])
+        return self.start_s[piece] + np.where(self.sign[piece] == 0.0, position, along)
+
+    def centre(self, body: Any, piece: Any, s: Floats, c: Floats) -> tuple[Floats, Floats]:
+        """Centre (m) of bodies at ``(S, C)``."""
+        x = np.empty(len(s))
+        y = np.empty(len(s))
+        for index, data in enumerate(self.system.trace.pieces):
+            here = piece == index
+            if data.is_line:
+                radius = self.body_radius[body[here]]
+                tangent = (math.cos(data.start_slope), math.sin(data.start_slope))
+                x[here] = data.start[0] + s[here] * tangent[0] - radius * tangent[1]
+                y[here] = data.start[1] + s[here] * tangent[1] + radius * tangent[0]
+                continue
+            rho = self.path_radius[body[here], index]
+            x[here] = data.center[0] + data.sign * rho * (2.0 * s[here] * c[here])
+            y[here] = data.center[1] - rho * ((c[here] - s[here]) * (c[here] + s[here]))
+        return x, y
+
+    def frequency(self, body: Any, piece: Any) -> Floats:
+        """``w = sqrt(g/(kappa rho))`` (rad/s), 0 on lines."""
+        rho = self.path_radius[body, piece]
+        with np.errstate(divide="ignore"):
+            return np.where(rho > 0.0, np.sqrt(self.gravity / (self.kappa[body] * rho)), 0.0)
+
+    def speed_factor(self, body: Any, piece: Any) -> Floats:
+        """``v/P``: ``2 w rho`` on arcs, 1 on lines."""
+        rho = self.path_radius[body, piece]
+        return np.where(rho > 0.0, 2.0 * self.frequency(body, piece) * rho, 1.0)
+
+    def rate(self, body: Any, piece: Any, speed: Floats) -> Floats:
+        """Rate of the angle (rad/s) from the speed of the centre, nan on lines."""
+        rho = self.path_radius[body, piece]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(rho > 0.0, speed / rho, np.nan)

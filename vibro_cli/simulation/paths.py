@@ -1,0 +1,173 @@
+"""The flights of a run as whole paths: start, end, and what they pass in between."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.mechanics.flow import LINE, flow, time_to
+from vibro_cli.mechanics.records import Flight
+from vibro_cli.numerics.elliptic import carlson_rf, set_theta_constants
+from vibro_cli.simulation.geometry import Floats, Places
+from vibro_cli.simulation.world import CAUSE_NAMES
+
+
+class Paths:
+    """All flights of a run, body by body in order of time, each with its end.
+
+    Parameters
+    ----------
+    places
+        Geometry of the system.
+    log
+        Rows of ``FlightRow``.
+    end_t, end_t_low
+        The instant at which the run ended (two doubles, s).
+    """
+
+    def __init__(self, places: Places, log: Any, end_t: float, end_t_low: float) -> None:
+        self.places = places
+        order = np.lexsort((np.arange(len(log)), log["body"]))
+        self.log = log[order]
+        self.body = self.log["body"]
+        self.piece = self.log["piece"]
+        last = np.append(self.body[1:] != self.body[:-1], True)
+        self.last = last
+        following = np.minimum(np.arange(len(self.log)) + 1, len(self.log) - 1)
+        nxt = self.log[following]
+        self.t_end = np.where(last, end_t, nxt["t"])
+        self.t_end_low = np.where(last, end_t_low, nxt["t_low"])
+        self.duration = (self.t_end - self.log["t"]) + (self.t_end_low - self.log["t_low"])
+        self.end_s = np.where(last, 0.0, nxt["before_s"])
+        self.end_c = np.where(last, 0.0, nxt["before_c"])
+        self.end_p = np.where(last, 0.0, nxt["before_p"])
+        self.end_cause = np.where(last, -1, nxt["cause"])
+        for index in np.flatnonzero(last):
+            state = flow(self.flight(int(index)), float(self.duration[index]))
+            self.end_s[index], self.end_c[index], self.end_p[index] = state
+
+    def flight(self, index: int) -> Flight:
+        """Return one flight as the record that the kernels take."""
+        row = self.log[index]
+        piece = self.places.system.trace.pieces[row["piece"]]
+        flight = Flight()
+        flight.piece = int(row["piece"])
+        flight.lap = int(row["lap"])
+        flight.s, flight.c, flight.p = float(row["s"]), float(row["c"]), float(row["p"])
+        if piece.is_line:
+            flight.form = LINE
+            body = self.places.system.bodies[row["body"]]
+            rate = self.places.gravity / body.kappa
+            flight.line_acceleration = -rate * math.sin(piece.start_slope)
+            return flight
+        flight.frequency = float(self.places.frequency(row["body"], row["piece"]))
+        set_theta_constants(flight, float(row["parameter"]), float(row["root_complement"]))
+        if flight.p == 0.0 and (flight.s == 0.0 or flight.c == 0.0):
+            flight.at_rest = 1
+        return flight
+
+    def table(self) -> dict[str, Any]:
+        """Return the flights as columns: body, arc, times, positions and rates at both ends."""
+        causes = np.array([*CAUSE_NAMES, "end"], dtype=object)
+        return {
+            "ball": self.body + 1,
+            "arc": self.piece + 1,
+            "t_start": self.log["t"].copy(),
+            "t_end": self.t_end.copy(),
+            "angle_start": self.places.position(self.piece, self.log["s"], self.log["c"]),
+            "rate_start": self._rate(self.log["p"]),
+            "angle_end": self.places.position(self.piece, self.end_s, self.end_c),
+            "rate_end": self._rate(self.end_p),
+            "cause_start": causes[self.log["cause"]],
+            "cause_end": causes[self.end_cause],
+        }
+
+    def _rate(self, p: Floats) -> Floats:
+        """Rate of the angle (rad/s) from ``P``; on a line the speed (m/s)."""
+        frequency = self.places.frequency(self.body, self.piece)
+        return np.where(frequency > 0.0, 2.0 * frequency * p, p)
+
+    def half_period(self, index: int) -> float:
+        """Half the period (s) of a flight's full orbit on its arc (infinite on a separatrix)."""
+        row = self.log[index]
+        m, root = float(row["parameter"]), float(row["root_complement"])
+        complement = root * root
+        if root >= 0.0:
+            argument = 2.0 * carlson_rf(0.0, complement, 1.0)
+        else:
+            argument = 2.0 * carlson_rf(0.0, complement, m)
+        return argument / float(self.places.frequency(row["body"], row["piece"]))
+
+    def passages(self, index: int, s: float, c: float, p: float) -> list[float]:
+        """Times (s from the flight's start) at which it passes a state of its orbit on an arc.
+
+        ``(s, c, p)`` must lie on the orbit; every passage within the flight is returned, in order.
+        """
+        flight = self.flight(index)
+        duration = float(self.duration[index])
+        if flight.at_rest or flight.root_complement == 0.0:
+            return []
+        first = time_to(flight, s, c, p)
+        if flight.root_complement < 0.0:
+            # A rotation passes a place once on its piece, ahead only.
+            ahead = (math.atan2(s, c) - math.atan2(flight.s, flight.c)) * flight.p
+            return [first] if ahead > 0.0 and first <= duration else []
+        period = 2.0 * self.half_period(index)
+        times = []
+        while first <= duration:
+            if first > 0.0:
+                times.append(first)
+            first += period
+        return times
+
+    def curve(self, index: int, count: int) -> tuple[Floats, Floats, Floats]:
+        """Return times, positions and rates at ``count`` points along one flight, exactly."""
+        flight = self.flight(index)
+        start = float(self.log["t"][index])
+        after = np.linspace(0.0, float(self.duration[index]), count)
+        states = np.array([flow(flight, float(t)) for t in after])
+        piece = np.full(count, self.piece[index])
+        position = self.places.position(piece, states[:, 0], states[:, 1])
+        frequency = flight.frequency
+        rate = states[:, 2] * (2.0 * frequency if frequency > 0.0 else 1.0)
+        return start + after, position, rate
+
+    def sample(self, times: Any, side: str = "after") -> dict[str, Any]:
+        """Return the motion of every body at given times (see ``simulation.run.Run.sample``)."""
+        if side not in ("after", "before"):
+            raise ValueError(f"side must be 'after' or 'before', not {side!r}")
+        times = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        bodies = len(self.places.system.bodies)
+        chosen = np.empty((len(times), bodies), dtype=np.int64)
+        for body in range(bodies):
+            rows = np.flatnonzero(self.body == body)
+            starts = self.log["t"][rows]
+            where = np.searchsorted(starts, times, side="right" if side == "after" else "left")
+            chosen[:, body] = rows[np.maximum(where - 1, 0)]
+        return self._states(np.repeat(times, bodies), chosen.ravel())
+
+    def _states(self, times: Floats, chosen: Any) -> dict[str, Any]:
+        ages = (times - self.log["t"][chosen]) - self.log["t_low"][chosen]
+        states = np.empty((len(times), 3))
+        flights: dict[int, Flight] = {}
+        for number, index in enumerate(chosen.tolist()):
+            if index not in flights:
+                flights[index] = self.flight(index)
+            states[number] = flow(flights[index], max(float(ages[number]), 0.0))
+        body, piece = self.body[chosen], self.piece[chosen]
+        s, c, p = states.T
+        position = self.places.position(piece, s, c)
+        x, y = self.places.centre(body, piece, s, c)
+        return {
+            "t": times,
+            "ball": body + 1,
+            "arc": piece + 1,
+            "angle": self.places.angle(piece, s, c),
+            "s": self.places.arc_length(piece, position),
+            "x": x,
+            "y": y,
+            "speed": self.places.speed_factor(body, piece) * p,
+            "energy": self.places.weight[body] * self.log["head"][chosen],
+        }

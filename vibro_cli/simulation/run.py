@@ -1,0 +1,213 @@
+"""A finished run: its tables, its summary, and its state at any time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.mechanics.system import System
+from vibro_cli.simulation.drive import Driver
+from vibro_cli.simulation.geometry import Floats, Places
+from vibro_cli.simulation.happenings import event_table
+from vibro_cli.simulation.impacts import collision_table
+from vibro_cli.simulation.paths import Paths
+from vibro_cli.simulation.prepare import make_world
+from vibro_cli.simulation.summary import summarise
+from vibro_cli.simulation.world import END_INADMISSIBLE, END_NAMES
+
+Table = dict[str, Any]
+
+_CLOCK_FIELDS = (
+    "t", "t_low", "collisions", "crossings", "contacts", "quiet_t", "energy_correction",
+    "searches", "evaluations", "skipped_apart", "last_ball",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is to be computed beside the collisions."""
+
+    times: tuple[float, ...] | None = None
+    """Instants of the motion table (s)."""
+    step: float | None = None
+    """Or its step (s), to the end of the run."""
+    turning_points: bool = False
+    friction: float | None = None
+    """Coefficient of friction of the trace; slip events where rolling needs more."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """The result of :func:`simulate_system`; every table is computed when first asked for."""
+
+    system: System
+    engine: str
+    end_cause: str
+    wanted: Wanted
+    skipped: tuple[str, ...]
+    _cause: int = field(repr=False)
+    _impacts: Any = field(repr=False)
+    _log: Any = field(repr=False)
+    _clock: dict[str, float] = field(repr=False)
+
+    @cached_property
+    def _places(self) -> Places:
+        return Places(self.system)
+
+    @cached_property
+    def _paths(self) -> Paths:
+        return Paths(self._places, self._log, self._clock["t"], self._clock["t_low"])
+
+    @cached_property
+    def collisions(self) -> Table:
+        """Columns of ``collisions.parquet``, a row for each impact."""
+        return collision_table(self._places, self._impacts)
+
+    @cached_property
+    def events(self) -> Table:
+        """Columns of ``events.parquet``, in order of time."""
+        return event_table(
+            self._paths,
+            self._cause,
+            int(self._clock["last_ball"]),
+            self.wanted.turning_points,
+            self.wanted.friction,
+        )
+
+    @cached_property
+    def motion(self) -> Table | None:
+        """Columns of ``motion.parquet``, or None if no sampled motion is asked for."""
+        if self.wanted.times is not None:
+            return self.sample(self.wanted.times)
+        if self.wanted.step is None:
+            return None
+        count = int(np.floor(self._clock["t"] / self.wanted.step * (1.0 + 1e-12))) + 1
+        return self.sample(self.wanted.step * np.arange(count))
+
+    @cached_property
+    def _record(self) -> dict[str, Any]:
+        return summarise(self._places, self._paths, self._impacts, self._cause, self._clock)
+
+    @property
+    def summary(self) -> Table:
+        """Columns of ``summary.parquet``, one row."""
+        table: Table = {}
+        for name, value in self._record.items():
+            if isinstance(value, str) or name == "reason":
+                table[name] = np.array([value], dtype=object)
+            elif isinstance(value, int):
+                table[name] = np.array([value], dtype=np.int64)
+            else:
+                table[name] = np.array([np.nan if value is None else value])
+        return table
+
+    def summary_record(self) -> dict[str, Any]:
+        """Return the summary as plain values, None for null."""
+        return dict(self._record)
+
+    def sample(self, times: Any, side: str = "after") -> Table:
+        """Return the motion at given times, exactly.
+
+        Parameters
+        ----------
+        times
+            Instants, s, any number, in any order; within the run or after its end as long as the
+            last flights go on.
+        side
+            ``"after"`` or ``"before"`` an event that happens at just such an instant.
+
+        Returns
+        -------
+        Columns ``t, ball, arc, angle, s, x, y, speed, energy``: for each time a row for each body.
+
+        Raises
+        ------
+        ValueError
+            For another ``side``.
+        """
+        return self._paths.sample(times, side)
+
+    def flights(self) -> Table:
+        """Return every flight of every body: where and when it starts and ends, and why."""
+        return self._paths.table()
+
+    def flight_curve(self, index: int, count: int) -> tuple[Floats, Floats, Floats]:
+        """Return times (s), angles (rad) and rates (rad/s) at ``count`` points along a flight.
+
+        On a line positions (m) and speeds (m/s).
+        """
+        return self._paths.curve(index, count)
+
+    def statistics(self) -> dict[str, int]:
+        """Return what the solver did: searches, evaluations of flows, searches spared."""
+        names = ("searches", "evaluations", "skipped_apart")
+        return {name: int(self._clock[name]) for name in names}
+
+
+def simulate_system(
+    system: System,
+    stop_time: float | None,
+    stop_collisions: int | None,
+    engine: str = "auto",
+    wanted: Wanted | None = None,
+) -> Run:
+    """Run a system until its stop.
+
+    Parameters
+    ----------
+    system
+        What is solved.
+    stop_time, stop_collisions
+        Whichever comes first, s and a count; at least one.
+    engine
+        ``"python"``, ``"numba"`` or ``"auto"`` (interpreted at first, compiled once the run has
+        proved long; both give the same bits).
+    wanted
+        What is to be computed beside the collisions.
+
+    Raises
+    ------
+    ValueError
+        For an unknown engine, or without a stop.
+    """
+    if engine not in ("auto", "python", "numba"):
+        raise ValueError(f"engine must be auto, python or numba, not {engine!r}")
+    if stop_time is None and stop_collisions is None:
+        raise ValueError("a run needs a stop: a time or a number of collisions")
+    driver = Driver(make_world(system, stop_time, stop_collisions), engine)
+    cause = driver.run()
+    clock = {name: driver.clock_value(name) for name in _CLOCK_FIELDS}
+    impacts = driver.impacts.table()
+    if cause == END_INADMISSIBLE:
+        impacts = impacts.copy()
+    return Run(
+        system=system,
+        engine=driver.engine,
+        end_cause=END_NAMES[cause],
+        wanted=wanted or Wanted(),
+        skipped=_skipped(clock, wanted or Wanted()),
+        _cause=cause,
+        _impacts=impacts,
+        _log=driver.flights.table(),
+        _clock=clock,
+    )
+
+
+def _skipped(clock: dict[str, float], wanted: Wanted) -> tuple[str, ...]:
+    """Say what was not computed, and why."""
+    notes = []
+    apart, searches = int(clock["skipped_apart"]), int(clock["searches"])
+    if apart:
+        notes.append(f"{apart} of {searches} searches for a contact: the bodies are proved apart")
+    if clock["quiet_t"] < 1e300:
+        notes.append(f"no search after t = {clock['quiet_t']:.6g} s: no impact is possible")
+    if not wanted.turning_points:
+        notes.append("turning points: not asked for (output.turning_points)")
+    if wanted.friction is None:
+        notes.append("slip events: no coefficient of friction given (output.friction)")
+    if wanted.times is None and wanted.step is None:
+        notes.append("sampled motion: not asked for (output.step or output.times)")
+    return tuple(notes)
