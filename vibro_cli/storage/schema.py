@@ -72,6 +72,11 @@ _ENERGY = (
     "kinetic and potential energy (potential from the lowest place its centre can have on the "
     "trace)"
 )
+_VALUE = (
+    "turning: the angle there in rad (on a line the position in m); wall, contact_closed and "
+    "contact_opened: the speed before in m/s; slip: the coefficient of friction; lift_off: the "
+    "normal force in N; else null"
+)
 _SIDE = _count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
 
 
@@ -128,7 +133,7 @@ def events() -> Table:
         _count("arc_to", "piece of the trace after the event, from 1", nullable=True),
         _number("s", "m", "arc length from the trace's left end to the contact point", True),
         _number("speed", "m/s", "signed speed of the body's centre after the event", True),
-        _number("value", "", "what the event measures, in SI units (null if nothing)", True),
+        _number("value", "", _VALUE, True),
     )
     return Table("events", "one event other than an impact", columns)
 
