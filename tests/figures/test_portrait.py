@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 
 from tests.analysis.traces import GRAVITY, system, valley
+from tests.figures.layout import assert_texts_are_apart, texts
 from tests.figures.runs import (
     HandMade,
     at_rest,
@@ -27,7 +26,6 @@ from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.singular import singular_points
 from vibro_cli.figures import strokes
 from vibro_cli.figures.portrait import MOST_NUMBERS, phase_portrait
-from vibro_cli.figures.style import journal
 from vibro_cli.figures.trajectory import MOST_BRANCHES, trajectory
 
 RUNS: dict[str, Callable[[], HandMade]] = {
@@ -38,7 +36,14 @@ RUNS: dict[str, Callable[[], HandMade]] = {
     "line": on_line_between_valleys,
     "many arcs": on_many_arcs,
     "rest": at_rest,
+    "inadmissible": lambda: refused(on_circle(5)),
 }
+
+
+def refused(run: HandMade) -> HandMade:
+    """Let the last impact be inadmissible."""
+    run.struck[-1] |= {"admissible": False}
+    return run
 
 
 def lines(figure: Figure, panel: int, zorder: float) -> list[Any]:
@@ -51,8 +56,9 @@ def lines(figure: Figure, panel: int, zorder: float) -> list[Any]:
     ]
 
 
-def texts(figure: Figure) -> list[str]:
-    return [text.get_text() for text in figure.findobj(Text) if isinstance(text, Text)]
+def shown(figure: Figure) -> list[str]:
+    """What is written on a figure."""
+    return [text.get_text() for text in texts(figure)]
 
 
 def test_a_panel_for_each_piece_with_quantities_and_units() -> None:
@@ -122,11 +128,15 @@ def test_jump_on_a_line_is_at_its_arc_length() -> None:
 
 
 def test_inadmissible_impact_is_marked_and_is_no_jump() -> None:
-    run = on_three_arcs()
-    run.struck[-1] |= {"admissible": False}
+    run = refused(on_three_arcs())
     figure = phase_portrait(run, 1)
     assert len(lines(figure, 2, 2.2)) == len(run.struck) - 1
-    assert "inadmissible" in texts(figure)
+    assert "inadmissible" in shown(figure)
+    last = run.struck[-1]
+    numbers = [text for text in figure.axes[2].texts if text.get_text() == str(last["n"])]
+    (x, y), top = numbers[0].get_position(), figure.axes[2].get_ylim()[1]
+    assert abs(x - last["angle"]) < 0.5
+    assert abs(y - last["rate_pre"]) < 0.2 * top  # where it was, not where the law would send it
     run.struck[-1] |= {"substituted": True}  # the other law was used, and the body did jump
     assert len(lines(phase_portrait(run, 1), 2, 2.2)) == len(run.struck)
 
@@ -156,9 +166,9 @@ def test_separatrix_runs_through_all_arcs() -> None:
 
 
 def test_impacts_are_numbered_while_they_are_few() -> None:
-    few = texts(phase_portrait(on_circle(MOST_NUMBERS), 1))
+    few = shown(phase_portrait(on_circle(MOST_NUMBERS), 1))
     assert {str(number) for number in range(1, MOST_NUMBERS + 1)} <= set(few)
-    many = texts(phase_portrait(on_circle(MOST_NUMBERS + 40), 1))
+    many = shown(phase_portrait(on_circle(MOST_NUMBERS + 40), 1))
     assert str(MOST_NUMBERS + 39) not in many
     assert "$t$ [s]: 0" in many
 
@@ -217,25 +227,7 @@ def test_many_arcs_stand_in_rows() -> None:
 @pytest.mark.parametrize("width", ["single", "double"])
 @pytest.mark.parametrize("name", RUNS)
 def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
-    figure = phase_portrait(RUNS[name](), 1, width)
-    with journal():
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        shown = [
-            text
-            for text in figure.findobj(Text)
-            if isinstance(text, Text) and text.get_text() and text.get_visible()
-        ]
-        boxes = [text.get_window_extent(canvas.get_renderer()) for text in shown]  # type: ignore[attr-defined]
-    across, along = figure.bbox.width, figure.bbox.height
-    for text, box in zip(shown, boxes, strict=True):
-        inside = box.x0 >= 0 and box.y0 >= 0 and box.x1 <= across and box.y1 <= along
-        assert inside, f"{text.get_text()!r} is cut off"
-    for one, box in enumerate(boxes):
-        for other in range(one):
-            both = {shown[one].get_text(), shown[other].get_text()}
-            apart = not box.overlaps(boxes[other])
-            assert apart, f"{both} overlap"
+    assert_texts_are_apart(phase_portrait(RUNS[name](), 1, width))
 
 
 def test_unknown_width_focus_and_body_are_refused() -> None:

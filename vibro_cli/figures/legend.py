@@ -16,6 +16,8 @@ from vibro_cli.figures.trajectory import Trajectory
 
 _MIDDLE = 2.2
 """Distance of the line from the top of the figure (mm)."""
+_CROWDED = 5
+"""Entries from which they stand closer."""
 _BAR = (16.0, 1.6)
 """Width and height of the bar of colours (mm)."""
 
@@ -33,7 +35,7 @@ def draw_legend(figure: Figure, path: Trajectory, behind: Background, marked: bo
         borderpad=0.2,
         handlelength=1.8,
         handletextpad=0.4,
-        columnspacing=1.2,
+        columnspacing=1.2 if len(handles) < _CROWDED else 0.7,
     )
     if not marked:
         _draw_time(figure, width, height, path.end)
@@ -43,12 +45,14 @@ def _entries(
     path: Trajectory, behind: Background, marked: bool
 ) -> list[tuple[str, dict[str, Any]]]:
     jumps = path.jumps
+    refused = not np.all(jumps.made)
     entries = [("start", strokes.START)]
     if marked and np.any(jumps.made):
-        entries += [("before", strokes.BEFORE), ("after impact", strokes.AFTER)]
+        after = "after" if refused else "after impact"
+        entries += [("before", strokes.BEFORE), (after, strokes.AFTER)]
     elif np.any(jumps.made):
         entries.append(("jump", strokes.JUMP | {"linestyle": "solid"}))
-    if not np.all(jumps.made):
+    if refused:
         entries.append(("inadmissible", strokes.NOT_MADE))
     if behind.separatrices:
         entries.append(("separatrix", strokes.SEPARATRIX))

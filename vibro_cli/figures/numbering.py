@@ -9,11 +9,13 @@ import numpy as np
 
 from vibro_cli.figures.source import Array
 
-_CHARACTER = 1.15
+_CHARACTER = 1.25
 """Width of a figure (mm)."""
-_HIGH = 2.3
+_HIGH = 2.5
 """Height of a figure (mm)."""
-_DISTANCES = (1.9, 2.6, 3.4, 4.4)
+LEADER = 3.9
+"""A number further than this from its point (mm) wants a line to it."""
+_DISTANCES = (1.9, 2.6, 3.4, 4.4, 5.8, 7.4)
 """Distances of a number from its point that are tried (mm)."""
 _DIRECTIONS = 12
 _FAR = 2.0
@@ -52,6 +54,16 @@ def place_numbers(
         places.append((float(best[0]), float(best[1])))
         taken.append((float(best[0]), float(best[1]), half))
     return places
+
+
+def leader(place: tuple[float, float], points: Array) -> Array | None:
+    """Return the line from a number to its nearest point, shape (2, 2); None if it is near."""
+    nearest = points[np.argmin(np.hypot(*(points - place).T))]
+    reach = nearest - place
+    length = float(np.hypot(*reach))
+    if length <= LEADER:
+        return None
+    return np.stack([place + reach * (0.6 * _HIGH / length), nearest])
 
 
 def _candidates(points: Array, half: float) -> tuple[Array, Array]:

@@ -17,10 +17,8 @@ FOCUSES = ("auto", "trace", "run")
 
 _FAR = 3.0
 """A separatrix higher than this multiple of the trajectory is cut off by the frame."""
-_SMALL = 0.3
-"""A motion within this share of its piece ..."""
-_LOW = 0.45
-"""... and below this share of the separatrix is too small to be read on the whole piece."""
+_SMALL = 0.13
+"""A motion within this share of its arc's phase plane is too small to be read on it."""
 _MARGIN = 1.08
 _ROOM = 0.15
 """Room left and right of the motion, as a share of its extent."""
@@ -53,12 +51,13 @@ def windows(
 
 
 def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:
-    """Return whether a motion on one piece is too small to be read on the whole arc."""
+    """Return whether a motion on one arc is too small to be read on the whole arc."""
     extent = float(np.ptp(path.branches[piece.index].position))
-    if piece.is_line or extent == 0.0 or extent >= _SMALL * (piece.angle_end - piece.angle_start):
+    if piece.is_line or extent == 0.0:
         return False
-    separatrix = _separatrix(behind, [piece.index])
-    return not separatrix or _reached(path, [piece.index]) < _LOW * separatrix
+    reached, separatrix = _reached(path, [piece.index]), _separatrix(behind, [piece.index])
+    across = extent / (piece.angle_end - piece.angle_start)
+    return across * min(1.0, reached / separatrix if separatrix else 1.0) < _SMALL
 
 
 def _around(piece: Piece, path: Trajectory) -> Window:

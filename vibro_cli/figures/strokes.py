@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from vibro_cli.analysis.singular import CENTRE, SADDLE
 from vibro_cli.figures import style
 from vibro_cli.figures.background import Background, both_halves, on_piece
-from vibro_cli.figures.numbering import place_numbers
+from vibro_cli.figures.numbering import leader, place_numbers
 from vibro_cli.figures.panels import Panel, Window
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.trajectory import Branches, Jumps, Trajectory
@@ -64,6 +64,8 @@ START: dict[str, Any] = {
     "markeredgewidth": 0.5,
     "linestyle": "none",
 }
+NUMBER: dict[str, Any] = {"fontsize": style.SMALL, "ha": "center", "va": "center_baseline"}
+LEADER: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.35, "linestyle": "solid"}
 WINDOW: dict[str, Any] = {"fill": False, "edgecolor": style.BLACK, "linewidth": 0.5}
 _POINT: dict[str, Any] = {
     "color": style.SEPARATRIX_GREY,
@@ -172,7 +174,8 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, start: Array) -> 
     if not len(here):
         return
     before = one.millimetres(jumps.position[here], jumps.before[here])
-    after = one.millimetres(jumps.position[here], jumps.after[here])
+    arrived = np.where(jumps.made[here], jumps.after[here], jumps.before[here])
+    after = one.millimetres(jumps.position[here], arrived)
     shares = np.linspace(0.0, 1.0, 25)[None, :, None]
     segments = (before[:, None, :] * (1.0 - shares) + after[:, None, :] * shares).reshape(-1, 2)
     curves = one.millimetres(branches.position.ravel(), branches.rate.ravel())
@@ -181,18 +184,13 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, start: Array) -> 
     anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
     size = (one.width, one.height)
     halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
-    for text, place in zip(texts, place_numbers(texts, anchors, obstacles, size), strict=True):
-        x, y = one.from_millimetres(place)
-        one.axes.text(
-            x,
-            y,
-            text,
-            fontsize=style.SMALL,
-            ha="center",
-            va="center_baseline",
-            zorder=3.0,
-            path_effects=halo,
-        )
+    places = place_numbers(texts, anchors, obstacles, size)
+    for text, place, points in zip(texts, places, anchors, strict=True):
+        one.axes.text(*one.from_millimetres(place), text, path_effects=halo, zorder=3.0, **NUMBER)
+        line = leader(place, points)
+        if line is not None:
+            ends = np.array([one.from_millimetres((x, y)) for x, y in line])
+            one.axes.plot(ends[:, 0], ends[:, 1], zorder=2.3, **LEADER)
 
 
 def _around(marks: list[Array]) -> list[Array]:

@@ -1,0 +1,61 @@
+"""Portraits of the gallery's runs: the branches are the motion itself, nothing overlaps."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.figures.layout import assert_texts_are_apart
+from vibro_cli import load_scenario, simulate
+from vibro_cli.api import Run
+from vibro_cli.figures.portrait import phase_portrait
+from vibro_cli.figures.trajectory import trajectory
+
+SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
+NAMES = [path.stem for path in SCENARIOS]
+
+
+@cache
+def run_of(path: Path) -> Run:
+    return simulate(load_scenario(path, ["stop.collisions=40"]))
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=NAMES)
+def test_branches_run_through_the_exact_motion(path: Path) -> None:
+    """Every state of a flight lies on the curve that is drawn of it, within its straight parts."""
+    run = run_of(path)
+    flights = run.flights()
+    for ball in range(1, len(run.system.bodies) + 1):
+        branches = trajectory(run, ball).branches
+        for piece in run.system.trace.pieces:
+            rows = np.flatnonzero((flights["ball"] == ball) & (flights["arc"] == piece.index + 1))
+            drawn = branches[piece.index]
+            assert len(drawn.time) == len(rows)
+            for row in rows[:12]:
+                _, position, rate = run.flight_curve(int(row), 9)
+                branch = int(np.flatnonzero(drawn.time == flights["t_start"][row])[-1])
+                points = np.column_stack([drawn.position[branch], drawn.rate[branch]])
+                for state in np.column_stack([position, rate]):
+                    assert distance(points, state) < 2e-3 * (1.0 + float(np.ptp(points)))
+
+
+def distance(points: NDArray[np.float64], state: NDArray[np.float64]) -> float:
+    """The distance of a state from the line through points."""
+    ends, starts = points[1:], points[:-1]
+    along = ends - starts
+    square = np.maximum(np.sum(along**2, axis=1), np.finfo(np.float64).tiny)
+    share = np.clip(np.sum((state - starts) * along, axis=1) / square, 0.0, 1.0)
+    nearest = starts + share[:, None] * along
+    return float(np.min(np.hypot(*(nearest - state).T)))
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("path", SCENARIOS, ids=NAMES)
+def test_no_text_is_cut_off_or_overlaps_another(path: Path, width: str) -> None:
+    run = run_of(path)
+    for ball in range(1, len(run.system.bodies) + 1):
+        assert_texts_are_apart(phase_portrait(run, ball, width))
