@@ -32,6 +32,7 @@ RUNS: dict[str, Callable[[], HandMade]] = {
     "circle": lambda: on_circle(5),
     "small": lambda: on_circle(5, start=-0.4, spread=0.1),
     "long": lambda: on_circle(300),
+    "very long": lambda: on_circle(2 * MOST_BRANCHES),
     "three arcs": on_three_arcs,
     "line": on_line_between_valleys,
     "many arcs": on_many_arcs,
@@ -178,7 +179,9 @@ def test_long_run_is_rasterised_and_thinned() -> None:
     path = trajectory(run, 1)
     assert path.every == 4
     assert len(path.branches[0].time) == math.ceil(len(run.rows) / 4)
+    assert len(path.jumps.time) == math.ceil(len(run.struck) / 4)
     figure = phase_portrait(run, 1)
+    assert "jump (1 in 4)" in shown(figure)
     (branches,) = (one for one in figure.axes[0].collections if one.get_zorder() == 2.0)
     assert branches.get_rasterized()
 

@@ -51,7 +51,8 @@ def _entries(
         after = "after" if refused else "after impact"
         entries += [("before", strokes.BEFORE), (after, strokes.AFTER)]
     elif np.any(jumps.made):
-        entries.append(("jump", strokes.JUMP | {"linestyle": "solid"}))
+        share = f" (1 in {path.every})" if path.every > 1 else ""
+        entries.append((f"jump{share}", strokes.JUMP | {"linestyle": "solid"}))
     if refused:
         entries.append(("inadmissible", strokes.NOT_MADE))
     if behind.separatrices:
@@ -63,8 +64,8 @@ def _entries(
 
 def _draw_time(figure: Figure, width: float, height: float, end: float) -> None:
     """Draw the bar of time, from 0 to the end of the run, at the right."""
-    until = f"{end:.4g}"
-    left = width - RIGHT - _BAR[0] - 1.3 * len(until) - 1.0
+    until, length = _number(end)
+    left = width - RIGHT - _BAR[0] - 1.3 * length - 1.0
     middle = height - _MIDDLE
     bar = figure.add_axes(
         (left / width, (middle - 0.5 * _BAR[1]) / height, _BAR[0] / width, _BAR[1] / height)
@@ -76,3 +77,12 @@ def _draw_time(figure: Figure, width: float, height: float, end: float) -> None:
     figure.text((left - 0.8) / width, middle / height, "$t$ [s]: 0", **before)
     after = before | {"ha": "left"}
     figure.text((left + _BAR[0] + 0.8) / width, middle / height, until, **after)
+
+
+def _number(value: float) -> tuple[str, int]:
+    """Return a number with four digits as text, and the length of the text in characters."""
+    plain = f"{value:.4g}"
+    if "e" not in plain:
+        return plain, len(plain)
+    digits, power = plain.split("e")
+    return rf"${digits}\times 10^{{{int(power)}}}$", len(digits) + 4

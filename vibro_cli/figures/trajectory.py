@@ -69,7 +69,7 @@ class Trajectory:
     end: float
     """Time (s) at which the run ended."""
     every: int
-    """1 if every branch is there, else n for one in n."""
+    """1 if every branch and every jump is there, else n for one in n."""
 
 
 def trajectory(run: Recorded, ball: int) -> Trajectory:
@@ -81,7 +81,7 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     flights = run.flights()
     mine = np.flatnonzero(np.asarray(flights["ball"]) == ball)
     every = max(1, math.ceil(len(mine) / MOST_BRANCHES))
-    jumps = jumps_of(run, ball)
+    jumps = jumps_of(run, ball, every)
     first = mine[0]
     start = (
         int(flights["arc"][first]) - 1,
@@ -155,11 +155,11 @@ def _branches(
     )
 
 
-def jumps_of(run: Recorded, ball: int) -> Jumps:
-    """Return the jumps of a body (from 1) at its impacts, in the order of time."""
+def jumps_of(run: Recorded, ball: int, every: int = 1) -> Jumps:
+    """Return the jumps of a body (from 1) at its impacts, or at one in n, in the order of time."""
     parts = [_jumps_as(run, ball, side) for side in ("a", "b")]
     number = np.concatenate([part.number for part in parts])
-    order = np.argsort(number, kind="stable")
+    order = np.argsort(number, kind="stable")[::every]
 
     def merged(name: str) -> NDArray[np.generic]:
         values: NDArray[np.generic] = np.concatenate([getattr(part, name) for part in parts])
