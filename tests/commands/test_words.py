@@ -32,6 +32,7 @@ def test_every_end_cause_has_its_words(cause: str) -> None:
     ("changes", "line", "text"),
     [
         ({"energy_drift": -3.5e-15}, 2, "; relative drift -3.5e-15"),
+        ({"collisions": 1, "last_collision_time": 0.25}, 1, "1, at t = 0.25 s; 1 crossing"),
         ({"quiet_from": 12.5}, 1, "; none possible after t = 12.5 s"),
         ({"max_gap": None}, 3, "no impact to measure a gap at"),
         ({"min_normal_force": -2.0}, 4, "normal force down to -2 N"),

@@ -51,7 +51,8 @@ def _impacts(record: Mapping[str, Any]) -> str:
     impacts = str(record["collisions"])
     if record["collisions"]:
         first, last = record["first_collision_time"], record["last_collision_time"]
-        impacts += f", from t = {quantity(first, 's')} to {quantity(last, 's')}"
+        until = f" to {quantity(last, 's')}" if last != first else ""
+        impacts += f", {'from' if until else 'at'} t = {quantity(first, 's')}{until}"
     crossings = count(record["crossings"], "crossing", "crossings")
     contacts = count(record["contacts"], "lasting contact", "lasting contacts")
     quiet = record["quiet_from"]
