@@ -27,8 +27,7 @@ def label(panels: Sequence[Panel], ball: int) -> None:
         row = list(members)
         _horizontal(row, ball)
         _vertical(row, ball)
-    for one in panels:
-        _title(one)
+    _titles(panels)
 
 
 def _horizontal(row: Sequence[Panel], ball: int) -> None:
@@ -68,10 +67,31 @@ def _rate_symbol(row: Sequence[Panel], one: Panel, ball: int) -> str:
     return f"${rates}$"
 
 
-def _title(one: Panel) -> None:
-    number, shape = one.piece.index + 1, one.piece.shape
-    texts = (f"arc {number}, {shape}", f"{number}, {shape}", str(number))
+def _titles(panels: Sequence[Panel]) -> None:
+    """Write the titles, all in the longest form for which every panel has room."""
+    forms = [[form(one) for one in panels] for form in (_full_title, _short_title, _number)]
+    fitting = (
+        titles
+        for titles in forms
+        if all(_fits(text, one) for text, one in zip(titles, panels, strict=True))
+    )
+    for one, text in zip(panels, next(fitting, forms[-1]), strict=True):
+        one.axes.set_title(text, pad=2.0, color=style.FRAME_GREY)
+
+
+def _fits(text: str, one: Panel) -> bool:
+    return len(text) * _TITLE_CHARACTER <= one.width
+
+
+def _full_title(one: Panel) -> str:
     if one.window.overview:
-        texts = (f"whole {'line' if one.piece.is_line else 'arc'}", str(number), "")
-    fitting = (text for text in texts if len(text) * _TITLE_CHARACTER <= one.width)
-    one.axes.set_title(next(fitting, ""), pad=2.0, color=style.FRAME_GREY)
+        return "whole line" if one.piece.is_line else "whole arc"
+    return f"arc {one.piece.index + 1}, {one.piece.shape}"
+
+
+def _short_title(one: Panel) -> str:
+    return f"{one.piece.index + 1}, {one.piece.shape}"
+
+
+def _number(one: Panel) -> str:
+    return str(one.piece.index + 1)
