@@ -26,9 +26,12 @@ FILES = {
 }
 
 
-def write(target: Path, run: Any = None, figures: dict[str, bytes] | None = None) -> None:
+def write(
+    target: Path, run: FakeRun | None = None, figures: dict[str, bytes] | None = None
+) -> None:
     scenario: Any = FakeScenario()
-    write_run(run or FakeRun(), scenario, target, figures or {})
+    result: Any = run or FakeRun()
+    write_run(result, scenario, target, figures or {})
 
 
 def contents(folder: Path) -> dict[str, bytes]:
