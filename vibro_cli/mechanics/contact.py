@@ -9,9 +9,24 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.flow import advance_slightly, flow
+from vibro_cli.mechanics.flow import (
+    POLYNOMIAL,
+    angular_acceleration,
+    angular_jerk,
+    flow,
+    nudge,
+    tangential_acceleration,
+)
 from vibro_cli.mechanics.gap import distance_gap, half_gap_sine
-from vibro_cli.mechanics.records import Clock, Flight, PairData, PairTrack, PieceData, TrackData
+from vibro_cli.mechanics.records import (
+    RELEASED,
+    Clock,
+    Flight,
+    PairData,
+    PairTrack,
+    PieceData,
+    TrackData,
+)
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.numerics.first_root import (
     first_root_of_parabola,
@@ -47,7 +62,7 @@ def contact_on_arc(
     a, b
         The flights; ``age_a, age_b`` the times since their starts, s.
     touching
-        1: in contact and parting now.
+        ``PARTING`` or ``RELEASED`` if they are in contact now and going apart, else 0.
     horizon, limit
         The search may stop at ``horizon`` (s from now); a contact found counts until ``limit``.
     contact, orientation
@@ -58,10 +73,10 @@ def contact_on_arc(
     Time of the first contact from now (s), the states then being left in ``pair``;
     ``NONE_BEFORE_LIMIT`` if there is none before the horizon.
     """
-    wa = a.frequency
-    wb = b.frequency
-    bound_2 = wa * wa * a.sine_bound + wb * wb * b.sine_bound
-    bound_3 = 2.0 * (wa * wa * wa * a.rate_bound + wb * wb * wb * b.rate_bound)
+    wa = a.own_frequency
+    wb = b.own_frequency
+    bound_2 = a.angular_bound + b.angular_bound
+    bound_3 = a.jerk_bound + b.jerk_bound
     t = 0.0
     while True:
         a_s, a_c, a_p = flow(a, age_a + t)
@@ -71,20 +86,25 @@ def contact_on_arc(
         gap = contact.far_gap
         if cosine > 0.0:
             gap = 2.0 * x if x > 0.0 else 0.0
-        if touching == 1 and t == 0.0:
-            gap = 0.0
         rate = 2.0 * (wb * b_p - wa * a_p)
-        second = 2.0 * (wa * wa * a_s * a_c - wb * wb * b_s * b_c)
+        second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
+        if a.form == POLYNOMIAL or b.form == POLYNOMIAL:
+            second = -bound_2
+        if touching != 0 and t == 0.0:
+            if touching == RELEASED:
+                t = _released_step(a, b, a_s, a_c, a_p, b_s, b_c, b_p, rate, horizon)
+                if t < 0.0:
+                    return NONE_BEFORE_LIMIT
+                continue
+            gap = 0.0
+            rate = max(rate, 0.0)
         single = rate * rate > SINGLE_ROOT * bound_2 * gap * (1.0 + 0.5 * x * x)
         if rate < 0.0 and single and cosine > 0.0 and x < 0.5:
             x2 = x * x
             gap = 2.0 * x * (1.0 + x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0 + x2 * (15.0 / 336.0))))
             if t + 2.0 * gap / (math.sqrt(rate * rate + 2.0 * bound_2 * max(gap, 0.0)) - rate) > limit:
                 return NONE_BEFORE_LIMIT
-            third = 2.0 * (
-                wa * wa * wa * a_p * (a_c * a_c - a_s * a_s)
-                - wb * wb * wb * b_p * (b_c * b_c - b_s * b_s)
-            )
+            third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
             h = _cubic_guess(gap, rate, second, third)
             h = _refine_on_arc(a, b, age_a + t, age_b + t, h, contact, orientation, pair, clock)
             if h > NONE_BEFORE_LIMIT:
@@ -135,8 +155,8 @@ def _refine_on_arc(
     clock: Clock,
 ) -> float:
     """Halley's iteration on the sine of half the gap, with full flows; states into ``pair``."""
-    wa = a.frequency
-    wb = b.frequency
+    wa = a.own_frequency
+    wb = b.own_frequency
     fastest = max(wa, wb)
     for _ in range(12):
         a_s, a_c, a_p = flow(a, age_a + h)
@@ -144,7 +164,7 @@ def _refine_on_arc(
         clock.evaluations += 1
         x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
         rate = 2.0 * (wb * b_p - wa * a_p)
-        second = 2.0 * (wa * wa * a_s * a_c - wb * wb * b_s * b_c)
+        second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
         x1 = 0.5 * rate * cosine
         x2 = 0.5 * second * cosine - 0.25 * rate * rate * x
         if x1 >= 0.0:
@@ -152,8 +172,8 @@ def _refine_on_arc(
         change = -x * x1 / (x1 * x1 - 0.5 * x * x2)
         h += change
         if abs(change) * (abs(x2) - fastest * x1) < -FINAL_CORRECTION * x1:
-            a_s, a_c, a_p = advance_slightly(wa, change, a_s, a_c, a_p)
-            b_s, b_c, b_p = advance_slightly(wb, change, b_s, b_c, b_p)
+            a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
+            b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
             _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
             return h
     return NONE_BEFORE_LIMIT
@@ -176,7 +196,7 @@ def contact_on_line(
     b_s, b_c, b_p = flow(b, age_b)
     clock.evaluations += 1
     gap = (b_s - a_s) - contact.sine
-    if touching == 1 or gap < 0.0:
+    if touching != 0 or gap < 0.0:
         gap = 0.0
     h = first_root_of_parabola(
         gap, b_p - a_p, b.line_acceleration - a.line_acceleration
@@ -217,13 +237,20 @@ def contact_by_distance(
         b_s, b_c, b_p = flow(b, age_b + t)
         clock.evaluations += 1
         gap, rate, second = distance_gap(
-            piece_a, track_a, a_s, a_c, a_p, piece_b, track_b, b_s, b_c, b_p, pair.distance
-        )
-        if gap < 0.0 or (touching == 1 and t == 0.0):
+            piece_a, track_a, a_s, a_c, a_p,
+            tangential_acceleration(a, track_a.path_radius, a_s, a_c),
+            piece_b, track_b, b_s, b_c, b_p,
+            tangential_acceleration(b, track_b.path_radius, b_s, b_c),
+            pair.distance,
+        )  # fmt: skip
+        if gap < 0.0:
             gap = 0.0
+        if touching != 0 and t == 0.0:
+            gap = 0.0
+            rate = max(rate, 0.0)
         step = safe_step_second_order(gap, rate, bound)
-        if touching == 1 and t == 0.0 and step == 0.0:
-            return 0.0 if second <= 0.0 else NONE_BEFORE_LIMIT
+        if touching != 0 and t == 0.0:
+            step = max(step, _parting_step(touching, pair.distance, bound))
         if rate < 0.0:
             h = first_root_of_parabola(gap, rate, second)
             if 0.0 <= h < 3.0 * step + 1.0e-9 and h * fastest < 1.0:
@@ -270,8 +297,12 @@ def _refine_by_distance(
         b_s, b_c, b_p = flow(b, age_b + h)
         clock.evaluations += 1
         gap, rate, second = distance_gap(
-            piece_a, track_a, a_s, a_c, a_p, piece_b, track_b, b_s, b_c, b_p, pair.distance
-        )
+            piece_a, track_a, a_s, a_c, a_p,
+            tangential_acceleration(a, track_a.path_radius, a_s, a_c),
+            piece_b, track_b, b_s, b_c, b_p,
+            tangential_acceleration(b, track_b.path_radius, b_s, b_c),
+            pair.distance,
+        )  # fmt: skip
         if rate >= 0.0:
             return NONE_BEFORE_LIMIT
         change = -gap * rate / (rate * rate - 0.5 * gap * second)
@@ -281,28 +312,46 @@ def _refine_by_distance(
         if abs(change) * (abs(second) - fastest * rate) < -FINAL_CORRECTION * rate:
             if h < -1.0e-13 or h + 1.98 * rate / bound >= safe:
                 return NONE_BEFORE_LIMIT
-            _move_slightly(a, change, a_s, a_c, a_p, pair, 0)
-            _move_slightly(b, change, b_s, b_c, b_p, pair, 1)
+            a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
+            b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
+            _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
             return h
     return NONE_BEFORE_LIMIT
 
 
 @kernel
-def _move_slightly(
-    flight: Flight, dt: float, s: float, c: float, p: float, pair: PairData, second: int
-) -> None:
-    """Carry a state over a last small step and keep it as that of the pair's a or b."""
-    if flight.frequency > 0.0:
-        s, c, p = advance_slightly(flight.frequency, dt, s, c, p)
-    else:
-        acceleration = flight.line_acceleration
-        s += dt * (p + 0.5 * acceleration * dt)
-        p += acceleration * dt
-    if second == 0:
-        pair.a_s = s
-        pair.a_c = c
-        pair.a_p = p
-    else:
-        pair.b_s = s
-        pair.b_c = c
-        pair.b_p = p
+def _parting_step(touching: int, distance: float, bound: float) -> float:
+    """A step (s) just long enough for a parting pair to be told from one in contact."""
+    if bound <= 0.0:
+        return 0.0
+    share = 1.0e-6 if touching == RELEASED else 1.0e-12
+    return math.sqrt(2.0 * share * distance / bound)
+
+
+@kernel
+def _released_step(
+    a: Flight,
+    b: Flight,
+    a_s: float,
+    a_c: float,
+    a_p: float,
+    b_s: float,
+    b_c: float,
+    b_p: float,
+    rate: float,
+    horizon: float,
+) -> float:
+    """Step up to which a pair whose contact force has just vanished stays apart, or -1.
+
+    There the gap starts as ``j h^3/6``, bounded below by ``j h^3/6 - B h^4/24`` with j its jerk and
+    ``B`` the sum of ``w^2 (f'^2 + w^2)``.
+    """
+    wa = a.frequency
+    wb = b.frequency
+    third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
+    bound_a = wa * wa * (4.0 * wa * wa * (1.0 + a.parameter))
+    bound_b = wb * wb * (4.0 * wb * wb * (1.0 + b.parameter))
+    if third <= 0.0 or rate < -1.0e-9 * (abs(wa * a_p) + abs(wb * b_p)):
+        return 1.0e-9 / (wa + wb)
+    step = 3.0 * third / (bound_a + bound_b)
+    return step if step < horizon else NONE_BEFORE_LIMIT

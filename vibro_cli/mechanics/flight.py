@@ -26,8 +26,15 @@ def launch(
     flight.exit_side = 0
     flight.exit_after = NEVER
     flight.exit_p = 0.0
+    flight.grouped = 0
+    flight.segment = 0.0
+    flight.flow_s = flight.s
+    flight.flow_c = flight.c
+    flight.flow_p = flight.p
+    flight.own_frequency = track.frequency
     if piece.sign == 0.0:
-        _launch_on_line(flight, track)
+        flight.line_acceleration = track.line_acceleration
+        launch_on_line(flight, track.left_s, track.right_s)
     else:
         _launch_on_arc(flight, track, piece)
     if one_sided == 1 and piece.sign != 0.0:
@@ -55,30 +62,25 @@ def head_from_state(flight: Flight, body: BodyData, track: TrackData, gravity: f
 def measure_energy(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> None:
     """Take the energy from the state; near a crest also, to full accuracy, relative to the crest."""
     flight.head = head_from_state(flight, body, track, gravity)
-    flight.anchor = -1
-    if track.path_radius > 0.0:
-        near = flight.c * flight.c + flight.p * flight.p < CREST_NEIGHBOURHOOD
-        if near:
-            flight.anchor = flight.piece
-            flight.anchor_root = _root_from_state(flight)
+    anchor_at_crest(flight, track)
 
 
 @kernel
 def anchor_at_crest(flight: Flight, track: TrackData) -> None:
-    """Measure a given energy relative to the crest of the piece, if the state is near it."""
+    """Measure the energy also relative to the crest of the piece, if the state is near it."""
     flight.anchor = -1
     if track.path_radius > 0.0:
         near = flight.c * flight.c + flight.p * flight.p < CREST_NEIGHBOURHOOD
         if near:
             flight.anchor = flight.piece
-            flight.anchor_root = _root_from_state(flight)
+            flight.anchor_root = root_of_state(flight.c, flight.p)
 
 
 @kernel
-def _root_from_state(flight: Flight) -> float:
+def root_of_state(c: float, p: float) -> float:
     """``sign(1-m) sqrt|1-m|`` from ``1 - m = (C - P)(C + P)``, each factor under its own root."""
-    root = math.sqrt(abs(flight.c - flight.p)) * math.sqrt(abs(flight.c + flight.p))
-    return -root if abs(flight.p) > abs(flight.c) else root
+    root = math.sqrt(abs(c - p)) * math.sqrt(abs(c + p))
+    return -root if abs(p) > abs(c) else root
 
 
 @kernel
@@ -114,30 +116,24 @@ def _signed_root(complement: float) -> float:
 
 
 @kernel
-def _launch_on_line(flight: Flight, track: TrackData) -> None:
-    """A parabola: exits by the stable quadratic formula."""
+def launch_on_line(flight: Flight, left: float, right: float) -> None:
+    """A parabola of given acceleration between two ends: exits by the stable quadratic formula."""
     flight.form = LINE
     flight.frequency = 0.0
-    a = track.line_acceleration
-    flight.line_acceleration = a
-    flight.sine_bound = 0.0
+    a = flight.line_acceleration
+    flight.angular_bound = 0.0
+    flight.jerk_bound = 0.0
     flight.acceleration_bound = abs(a)
-    v = flight.p
+    v = flight.flow_p
     if v == 0.0 and a == 0.0:
         flight.at_rest = 1
         return
-    right = v > 0.0 or (v == 0.0 and a > 0.0)
-    to_right = track.right_s - flight.s
-    to_left = flight.s - track.left_s
-    side = 0
-    if right and (a >= 0.0 or v * v > -2.0 * a * to_right):
-        side = 1
-    elif right:
-        side = -1
-    elif a <= 0.0 or v * v > 2.0 * a * to_left:
-        side = -1
+    to_right = right - flight.flow_s
+    to_left = flight.flow_s - left
+    if v > 0.0 or (v == 0.0 and a > 0.0):
+        side = 1 if a >= 0.0 or v * v > -2.0 * a * to_right else -1
     else:
-        side = 1
+        side = -1 if a <= 0.0 or v * v > 2.0 * a * to_left else 1
     flight.exit_side = side
     length = to_right if side == 1 else to_left
     speed = v if side == 1 else -v  # towards the exit
@@ -156,14 +152,16 @@ def _launch_on_arc(flight: Flight, track: TrackData, piece: PieceData) -> None:
     flight.line_acceleration = 0.0
     if flight.p == 0.0 and (flight.s == 0.0 or flight.c == 0.0):
         flight.at_rest = 1
-    _choose_exit(flight, track)
+    choose_exit(flight, track.left_s, track.left_c, track.right_s, track.right_c)
     m = flight.parameter
     low = track.lowest_s2
     high = min(m, track.highest_s2)
-    flight.rate_bound = math.sqrt(max(m - low, 0.0))
     x_low = 4.0 * low * (1.0 - low)
     x_high = 4.0 * high * (1.0 - high)
-    flight.sine_bound = 1.0 if low < 0.5 < high else math.sqrt(max(x_low, x_high))
+    sine = 1.0 if low < 0.5 < high else math.sqrt(max(x_low, x_high))
+    w2 = track.frequency * track.frequency
+    flight.angular_bound = w2 * sine
+    flight.jerk_bound = 2.0 * w2 * track.frequency * math.sqrt(max(m - low, 0.0))
     # |A|^2 = (g/kappa)^2 (4 S^2 C^2 + 16 P^4) is convex in S^2: its ends bound it.
     p2_low = m - low
     p2_high = m - high
@@ -174,9 +172,9 @@ def _launch_on_arc(flight: Flight, track: TrackData, piece: PieceData) -> None:
 
 @kernel
 def squared_rate_at(flight: Flight, s: float, c: float) -> float:
-    """``P^2`` where the flight's orbit passes ``(S, C)``: ``m - S^2``, near the top ``C^2 - (1-m)``."""
-    if s == flight.s and c == flight.c:
-        return flight.p * flight.p
+    """``P^2`` where the flow passes ``(S, C)``: ``m - S^2``, near the top ``C^2 - (1 - m)``."""
+    if s == flight.flow_s and c == flight.flow_c:
+        return flight.flow_p * flight.flow_p
     if s * s > 0.5:
         return c * c - flight.root_complement * abs(flight.root_complement)
     return flight.parameter - s * s
@@ -184,40 +182,42 @@ def squared_rate_at(flight: Flight, s: float, c: float) -> float:
 
 @kernel
 def _reaches(flight: Flight, s: float, c: float) -> bool:
-    """Tell whether the orbit passes the end ``(S, C)`` of the piece, over a top if one lies between."""
-    if flight.c * c < 0.0 and flight.root_complement >= 0.0:
+    """Tell whether the flow passes an end ``(S, C)``, over a top if one lies between."""
+    if flight.flow_c * c < 0.0 and flight.root_complement >= 0.0:
         return False
     return squared_rate_at(flight, s, c) > 0.0
 
 
 @kernel
-def _choose_exit(flight: Flight, track: TrackData) -> None:
-    """Find through which end the flight leaves its arc, and when."""
+def choose_exit(
+    flight: Flight, left_s: float, left_c: float, right_s: float, right_c: float
+) -> None:
+    """Find at which of two ends of its path (as states of its flow) a flight ends, and when."""
     if flight.at_rest == 1:
         return
-    pull = -flight.s * flight.c
-    right = flight.p > 0.0 or (flight.p == 0.0 and pull > 0.0)
-    end_s = track.right_s if right else track.left_s
-    end_c = track.right_c if right else track.left_c
-    if flight.s == end_s and flight.c == end_c:
+    pull = -flight.flow_s * flight.flow_c
+    right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and pull > 0.0)
+    end_s = right_s if right else left_s
+    end_c = right_c if right else left_c
+    if flight.flow_s == end_s and flight.flow_c == end_c:
         flight.exit_side = 1 if right else -1
-        flight.exit_p = flight.p
+        flight.exit_p = flight.flow_p
         flight.exit_after = 0.0
         return
-    reaches_right = _reaches(flight, track.right_s, track.right_c)
-    reaches_left = _reaches(flight, track.left_s, track.left_c)
-    if flight.root_complement == 0.0 and flight.p != 0.0:
+    reaches_right = _reaches(flight, right_s, right_c)
+    reaches_left = _reaches(flight, left_s, left_c)
+    if flight.root_complement == 0.0 and flight.flow_p != 0.0:
         # On the separatrix a body never turns: it leaves ahead or creeps up to the crest for ever.
         reaches_right = reaches_right and right
         reaches_left = reaches_left and not right
-    if right and reaches_right or not right and not reaches_left and reaches_right:
+    if (right and reaches_right) or (not right and not reaches_left and reaches_right):
         flight.exit_side = 1
-        flight.exit_p = math.sqrt(squared_rate_at(flight, track.right_s, track.right_c))
-        flight.exit_after = time_to(flight, track.right_s, track.right_c, flight.exit_p)
+        flight.exit_p = math.sqrt(squared_rate_at(flight, right_s, right_c))
+        flight.exit_after = time_to(flight, right_s, right_c, flight.exit_p)
     elif reaches_left:
         flight.exit_side = -1
-        flight.exit_p = -math.sqrt(squared_rate_at(flight, track.left_s, track.left_c))
-        flight.exit_after = time_to(flight, track.left_s, track.left_c, flight.exit_p)
+        flight.exit_p = -math.sqrt(squared_rate_at(flight, left_s, left_c))
+        flight.exit_after = time_to(flight, left_s, left_c, flight.exit_p)
 
 
 @kernel
@@ -229,9 +229,16 @@ def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) ->
 
 @kernel
 def set_arc_energy_from_state(flight: Flight) -> None:
-    """Set the constants of the flow on an arc from the state alone."""
+    """Set the constants of the flow on an arc from the body's state alone."""
     m = flight.s * flight.s + flight.p * flight.p
-    set_theta_constants(flight, m, _root_from_state(flight))
+    set_theta_constants(flight, m, root_of_state(flight.c, flight.p))
+
+
+@kernel
+def set_flow_energy(flight: Flight) -> None:
+    """Set the constants of a group's flow from the state of its pendulum."""
+    m = flight.flow_s * flight.flow_s + flight.flow_p * flight.flow_p
+    set_theta_constants(flight, m, root_of_state(flight.flow_c, flight.flow_p))
 
 
 @kernel

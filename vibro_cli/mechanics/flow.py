@@ -16,9 +16,11 @@ from vibro_cli.numerics.elliptic import (
     carlson_rf,
     theta_functions,
 )
-from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.engine import SERIES_LENGTH, kernel
+from vibro_cli.numerics.trigonometry import sine_cosine
 
 LINE = 3  # a flight's form on a line, beside those of numerics.elliptic
+POLYNOMIAL = 4  # ... and on a segment of a motion in contact across pieces
 # Products of two such numbers would underflow.
 TINY_PRODUCT = 1.0e-200
 # Above this parameter a path through the bottom is timed in two parts, from the bottom.
@@ -27,15 +29,17 @@ SPLIT_PARAMETER = 0.9
 
 @kernel
 def flow(flight: Flight, t: float) -> tuple[float, float, float]:
-    """Return ``(S, C, P)`` a time ``t`` (s) after the start of a flight."""
-    s0 = flight.s
-    c0 = flight.c
-    p0 = flight.p
+    """Return ``(S, C, P)`` of the body a time ``t`` (s) after the start of a flight."""
+    s0 = flight.flow_s
+    c0 = flight.flow_c
+    p0 = flight.flow_p
     if flight.at_rest == 1:
-        return s0, c0, p0
+        return flight.s, flight.c, flight.p
     if flight.form == LINE:
         a = flight.line_acceleration
         return s0 + t * (p0 + 0.5 * a * t), c0, p0 + a * t
+    if flight.form == POLYNOMIAL:
+        return polynomial_flow(flight, t)
     s, c, d, common = theta_functions(flight, flight.frequency * t)
     if flight.form == HYPERBOLIC_TINY:
         # Homogeneous of degree 0 in (c, d, C, P): scaled against underflow at a crest.
@@ -46,11 +50,100 @@ def flow(flight: Flight, t: float) -> tuple[float, float, float]:
         p0 *= scale
     sc0 = s * c0
     inverse = 1.0 / (c * c + sc0 * sc0)
+    s1 = (s0 * (c * d) + p0 * c0 * (s * common)) * inverse
+    c1 = (c0 * (d * common) - s0 * p0 * (s * c)) * inverse
+    p1 = (p0 * (c * common) - s0 * c0 * (s * d)) * inverse
+    if flight.grouped == 1:
+        return body_of_group(flight, s1, c1, p1)
+    return s1, c1, p1
+
+
+@kernel
+def path_on_segment(flight: Flight, t: float) -> tuple[float, float]:
+    """Way along the path (m) and speed (m/s) a time ``t`` after the start of a segment."""
+    x = t / flight.segment
+    speed = 0.0
+    way = 0.0
+    for k in range(SERIES_LENGTH - 1, -1, -1):
+        term = flight.series[k] / (k + 1.0)
+        speed = speed * x + term
+        way = way * x + term / (k + 2.0)
+    start = flight.flow_p
+    return t * (start + t * way), start + t * speed
+
+
+@kernel
+def polynomial_flow(flight: Flight, t: float) -> tuple[float, float, float]:
+    """``(S, C, P)`` on a segment of a motion in lasting contact across pieces."""
+    way, speed = path_on_segment(flight, t)
+    p = speed * flight.rate_ratio
+    if flight.half_curvature == 0.0:
+        return flight.flow_s + way, flight.flow_c, p
+    s, c = sine_cosine(way * flight.half_curvature)
+    return flight.flow_s * c + flight.flow_c * s, flight.flow_c * c - flight.flow_s * s, p
+
+
+@kernel
+def body_of_group(flight: Flight, s: float, c: float, p: float) -> tuple[float, float, float]:
+    """State of a body from that of its group's pendulum, which it leads by a constant angle."""
     return (
-        (s0 * (c * d) + p0 * c0 * (s * common)) * inverse,
-        (c0 * (d * common) - s0 * p0 * (s * c)) * inverse,
-        (p0 * (c * common) - s0 * c0 * (s * d)) * inverse,
+        s * flight.shift_c + c * flight.shift_s,
+        c * flight.shift_c - s * flight.shift_s,
+        p * flight.rate_ratio,
     )
+
+
+@kernel
+def group_of_body(flight: Flight, s: float, c: float) -> tuple[float, float]:
+    """Half-angle of the group's pendulum from that of the body."""
+    return s * flight.shift_c - c * flight.shift_s, c * flight.shift_c + s * flight.shift_s
+
+
+@kernel
+def angular_acceleration(flight: Flight, s: float, c: float) -> float:
+    """Second derivative (rad/s^2) of the angle of a body on an arc, ``-w^2 sin f``.
+
+    On a segment across pieces, 0 in place of it: there only its bound is used.
+    """
+    if flight.form == POLYNOMIAL:
+        return 0.0
+    if flight.grouped == 1:
+        s, c = group_of_body(flight, s, c)
+    w = flight.frequency
+    return -2.0 * (w * w * s * c)
+
+
+@kernel
+def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
+    """Third derivative (rad/s^3) of the angle of a body on an arc, ``-w^2 cos f f'``."""
+    if flight.form == POLYNOMIAL:
+        return 0.0
+    rate = 2.0 * flight.own_frequency * p
+    if flight.grouped == 1:
+        s, c = group_of_body(flight, s, c)
+    w = flight.frequency
+    return -(w * w) * ((c - s) * (c + s)) * rate
+
+
+@kernel
+def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: float) -> float:
+    """Acceleration (m/s^2) of a body's centre along its path."""
+    if flight.form == LINE:
+        return flight.line_acceleration
+    return path_radius * angular_acceleration(flight, s, c)
+
+
+@kernel
+def nudge(
+    flight: Flight, age: float, dt: float, s: float, c: float, p: float
+) -> tuple[float, float, float]:
+    """Carry the state at ``age`` (s) over a last small step ``dt`` (s)."""
+    if flight.grouped == 1 or flight.at_rest == 1:
+        return flow(flight, age + dt)
+    if flight.form == LINE:
+        a = flight.line_acceleration
+        return s + dt * (p + 0.5 * a * dt), c, p + a * dt
+    return advance_slightly(flight.frequency, dt, s, c, p)
 
 
 @kernel
@@ -70,14 +163,14 @@ def advance_slightly(
 def time_to(flight: Flight, s1: float, c1: float, p1: float) -> float:
     """Return the first time (s) at which an arc's flight takes its start to ``(S1, C1, P1)``.
 
-    The state must lie on the flight's orbit, less than a period ahead. Relative error a few ulp.
+    The state is one of the flow's pendulum and must lie on the flight's orbit, less than a period ahead. Relative error a few ulp.
     """
     m = flight.parameter
     if flight.root_complement < 0.0:
-        far = flight.c * c1 + flight.s * s1 < 0.0 or s1 * flight.s <= 0.0
+        far = flight.flow_c * c1 + flight.flow_s * s1 < 0.0 or s1 * flight.flow_s <= 0.0
         u = _rotation_argument(flight, s1, c1) if far else _argument_by_addition(flight, s1, c1, p1)
     elif m > SPLIT_PARAMETER and not _stays_on_one_side(
-        flight.s * flight.c, flight.p, s1 * c1, p1
+        flight.flow_s * flight.flow_c, flight.flow_p, s1 * c1, p1
     ):
         u = _libration_argument(flight, s1, c1, p1)
     else:
@@ -105,7 +198,7 @@ def _libration_argument(flight: Flight, s1: float, c1: float, p1: float) -> floa
     m = flight.parameter
     complement = flight.root_complement * flight.root_complement
     quarter = math.sqrt(m) * carlson_rf(0.0, m * complement, m)
-    first = _argument_along_libration(m, quarter, flight.s, flight.c, flight.p)
+    first = _argument_along_libration(m, quarter, flight.flow_s, flight.flow_c, flight.flow_p)
     second = _argument_along_libration(m, quarter, s1, c1, p1)
     if second < first:
         return second - first + 4.0 * quarter
@@ -128,7 +221,7 @@ def _rotation_argument(flight: Flight, s1: float, c1: float) -> float:
     m = flight.parameter
     complement = flight.root_complement * flight.root_complement
     half_turn = carlson_rf(complement, 0.0, m)
-    first = _argument_along_rotation(m, complement, half_turn, flight.s, flight.c)
+    first = _argument_along_rotation(m, complement, half_turn, flight.flow_s, flight.flow_c)
     second = _argument_along_rotation(m, complement, half_turn, s1, c1)
     return abs(second - first)
 
@@ -150,9 +243,9 @@ def _argument_along_rotation(
 def _argument_by_addition(flight: Flight, s1: float, c1: float, p1: float) -> float:
     """``u = 2 |s| R_F((c+d)(1+c), (c+d)(1+d), (1+c)(1+d))`` with s, c, d of the difference."""
     m = flight.parameter
-    s0 = flight.s
-    c0 = flight.c
-    p0 = flight.p
+    s0 = flight.flow_s
+    c0 = flight.flow_c
+    p0 = flight.flow_p
     g = p0 * p0 + (s0 * c1) * (s0 * c1)
     if g < TINY_PRODUCT:
         scale = 1.0 / (abs(p0) + abs(s0 * c1))

@@ -57,14 +57,13 @@ def centre_tangent(piece: PieceData, s: float, c: float) -> tuple[float, float]:
 
 @kernel
 def centre_acceleration(
-    piece: PieceData, track: TrackData, s: float, c: float, p: float
+    piece: PieceData, track: TrackData, s: float, c: float, p: float, tangential: float
 ) -> tuple[float, float]:
-    """Acceleration of a body's centre, tangential and centripetal (m/s^2)."""
+    """Acceleration of a body's centre (m/s^2), given its part along the path."""
     if piece.sign == 0.0:
-        return piece.tangent_x * track.line_acceleration, piece.tangent_y * track.line_acceleration
+        return piece.tangent_x * tangential, piece.tangent_y * tangential
     sine = 2.0 * s * c
     cosine = (c - s) * (c + s)
-    tangential = -track.gravity_rate * sine
     rate = 2.0 * track.frequency * p
     central = track.path_radius * rate * rate
     return (
@@ -80,11 +79,13 @@ def distance_gap(
     a_s: float,
     a_c: float,
     a_p: float,
+    a_tangential: float,
     piece_b: PieceData,
     track_b: TrackData,
     b_s: float,
     b_c: float,
     b_p: float,
+    b_tangential: float,
     contact_distance: float,
 ) -> tuple[float, float, float]:
     """Gap between two bodies as a distance, and its first two time derivatives.
@@ -105,8 +106,8 @@ def distance_gap(
     vb = track_b.speed_factor * b_p
     vx = vb * tbx - va * tax
     vy = vb * tby - va * tay
-    fax, fay = centre_acceleration(piece_a, track_a, a_s, a_c, a_p)
-    fbx, fby = centre_acceleration(piece_b, track_b, b_s, b_c, b_p)
+    fax, fay = centre_acceleration(piece_a, track_a, a_s, a_c, a_p, a_tangential)
+    fbx, fby = centre_acceleration(piece_b, track_b, b_s, b_c, b_p, b_tangential)
     rate = (dx * vx + dy * vy) * inverse
     # |dV|^2 - d'^2 is the square of the transverse velocity, without cancellation.
     across = (dx * vy - dy * vx) * inverse

@@ -10,7 +10,10 @@ speed and ``C`` is unused. The speed of the centre is ``v = speed_factor P`` on 
 from __future__ import annotations
 
 from vibro_cli.numerics.elliptic import ThetaConstants
-from vibro_cli.numerics.engine import record
+from vibro_cli.numerics.engine import Series, record
+
+PARTING = 1  # after an impact, with a speed
+RELEASED = 2  # after lasting contact, with neither speed nor acceleration
 
 NEVER = 1.0e300  # a time, s, after the end of every run
 
@@ -75,7 +78,15 @@ class Flight(ThetaConstants):
     before_s: float  # (S, C, P) at the end of the flight before this one, on its piece
     before_c: float
     before_p: float
-    frequency: float
+    flow_s: float  # state of the pendulum whose flow it is: its own, or that of its group
+    flow_c: float
+    flow_p: float
+    grouped: int  # 1: rolls in lasting contact with a neighbour
+    shift_s: float  # sine and cosine of half the angle from the group's pendulum to the body
+    shift_c: float
+    rate_ratio: float  # P of the body over P of the group
+    frequency: float  # w of the flow, rad/s; 0 on a line
+    own_frequency: float  # w of the body alone on this piece
     at_rest: int  # 1: in equilibrium
     line_acceleration: float
     head: float  # energy/(m g), m above the body's lowest place
@@ -87,9 +98,14 @@ class Flight(ThetaConstants):
     exit_p: float  # P at the exit
     exit_t: float  # instant of the exit, in two doubles
     exit_t_low: float
-    sine_bound: float  # max |sin f|, |P| and |acceleration| on the flight
-    rate_bound: float
-    acceleration_bound: float
+    angular_bound: float  # bounds on the second (rad/s^2) and third (rad/s^3) derivative of f
+    jerk_bound: float
+    acceleration_bound: float  # and on the acceleration of the centre, m/s^2
+    speed: float  # scratch of an instant: speed of the centre, m/s
+    half_curvature: float  # 1/(2 rho), 0 on a line
+    segment: float  # length in time of a segment across pieces, s
+    series: Series  # acceleration along the path on it, in powers of t/segment (m/s^2)
+    nodal: Series  # scratch: acceleration at the nodes
 
 
 @record
@@ -103,7 +119,10 @@ class PairData:
     distance: float  # r_a + r_b, m
     clear_t: float  # no contact before this instant (two doubles)
     clear_t_low: float
-    touching: int  # 1: in contact and parting at that instant
+    touching: int  # PARTING or RELEASED: in contact at that instant and going apart
+    held: int  # 1: in lasting contact
+    release_t: float  # when the contact force changes sign, or NEVER (two doubles)
+    release_t_low: float
     contact_t: float  # first contact, or NEVER
     contact_t_low: float
     a_s: float  # (S, C, P) of both there
@@ -113,6 +132,16 @@ class PairData:
     b_c: float
     b_p: float
     apart: int  # 1: proved that the two flights never meet
+    normal_a: float  # scratch of an instant: n t of both bodies
+    normal_b: float
+    closing: int  # 1: approaches, so takes part in the joint impact
+    diagonal: float  # row of the tridiagonal system of a chain of contacts, and its solution
+    lower: float
+    upper: float
+    right: float
+    solution: float
+    series: Series  # contact force on a segment across pieces, in powers of t/segment (N)
+    nodal: Series  # scratch: force at the nodes
 
 
 @record
@@ -142,6 +171,7 @@ class Settings:
     right_wall: float
     stop_t: float
     stop_collisions: int
+    room: int  # rows of the logs that may be used; they hold twice as many
 
 
 @record
@@ -153,11 +183,15 @@ class Clock:
     collisions: int
     crossings: int
     contacts: int
+    held_pairs: int  # pairs in lasting contact now
     last_ball: int  # body of the last boundary event
     quiet_t: float
     energy_correction: float  # sum of |corrections|, J
     impact_rows: int  # rows used in the logs
     flight_rows: int
+    contact_rows: int
+    segment_rows: int
+    flights_before: int  # flight rows handed over so far
     searches: int  # what was done, for the benchmark and -v
     evaluations: int
     skipped_apart: int

@@ -20,6 +20,10 @@ from typing import Any, TypeVar
 Function = TypeVar("Function", bound=Callable[..., Any])
 RecordClass = TypeVar("RecordClass", bound=type)
 
+# Entries of a Series: the nodes of a collocation segment.
+SERIES_LENGTH = 8
+Series = list[float]
+
 _kernels: dict[str, dict[str, Callable[..., Any]]] = {}
 _compiled: dict[Callable[..., Any], Any] = {}
 
@@ -31,21 +35,25 @@ def kernel(function: Function) -> Function:
 
 
 def record(cls: RecordClass) -> RecordClass:
-    """Turn a class of annotated ``float`` and ``int`` fields into one with slots and zero values.
+    """Turn a class of annotated fields into one with slots and zero values.
 
-    The fields of base classes that are records come first.
+    The mapping ``fields`` of the result gives their names and kinds. Fields are ``float``, ``int`` or ``Series`` (a short row of floats, such as the coefficients
+    of a polynomial). The fields of base classes that are records come first.
     """
     fields: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         fields.update(getattr(base, "fields", {}))
     fields.update(cls.__annotations__)
     names = tuple(fields)
-    zeros = {"float": 0.0, "int": 0}
-    defaults = [zeros[kind] for kind in fields.values()]
+    scalars = [(name, 0.0 if kind == "float" else 0) for name, kind in fields.items()]
+    scalars = [(name, value) for name, value in scalars if fields[name] != "Series"]
+    series = [name for name, kind in fields.items() if kind == "Series"]
 
     def initialise(self: object) -> None:
-        for name, value in zip(names, defaults, strict=True):
+        for name, value in scalars:
             setattr(self, name, value)
+        for name in series:
+            setattr(self, name, [0.0] * SERIES_LENGTH)
 
     body = {
         "__slots__": names,
@@ -61,8 +69,13 @@ def dtype(cls: type) -> Any:
     """Return the structured numpy type of a record."""
     import numpy as np
 
-    kinds = {"float": "f8", "int": "i8"}
-    return np.dtype([(name, kinds[kind]) for name, kind in cls.fields.items()])  # type: ignore[attr-defined]
+    kinds: dict[str, Any] = {
+        "float": np.float64,
+        "int": np.int64,
+        "Series": (np.float64, (SERIES_LENGTH,)),
+    }
+    fields = cls.fields  # type: ignore[attr-defined]
+    return np.dtype([(name, kinds[kind]) for name, kind in fields.items()])
 
 
 def interpreted_rows(cls: type, count: int) -> list[Any]:
@@ -79,13 +92,6 @@ def compiled_rows(rows: Sequence[Any], cls: type) -> Any:
     for position, row in enumerate(rows):
         array[position] = tuple(getattr(row, name) for name in names)
     return array
-
-
-def copy_into_rows(array: Any, rows: Sequence[Any], cls: type) -> None:
-    """Copy a structured array back into interpreted records."""
-    for values, row in zip(array.tolist(), rows, strict=True):
-        for name, value in zip(cls.fields, values, strict=True):  # type: ignore[attr-defined]
-            setattr(row, name, value)
 
 
 def source_digest() -> str:

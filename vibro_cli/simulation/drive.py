@@ -7,8 +7,17 @@ from typing import Any
 from vibro_cli.numerics import engine
 from vibro_cli.simulation.loop import advance, start
 from vibro_cli.simulation.record import Log
-from vibro_cli.simulation.world import LOG_FULL, RECORDS, FlightRow, ImpactRow, World
+from vibro_cli.simulation.world import LOG_FULL, LOGS, RECORDS, World
 
+# The field of the clock that counts the rows used of each log.
+ROWS_USED = {
+    "impacts": "impact_rows",
+    "log": "flight_rows",
+    "touches": "contact_rows",
+    "segments": "segment_rows",
+}
+# The records that change in a run, which are its state.
+STATE = ("clock", "flights", "pairs")
 # Room in the logs, in rows; the interpreter's are made of objects and stay small.
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
@@ -20,25 +29,29 @@ COMPILE_AFTER_FLIGHTS = 8192
 class Driver:
     """One run in progress."""
 
-    def __init__(self, world: World, engine_name: str) -> None:
-        self.impacts = Log(ImpactRow)
-        self.flights = Log(FlightRow)
+    def __init__(
+        self, world: World, engine_name: str, state: dict[str, Any] | None = None
+    ) -> None:
+        self.logs = {name: Log(RECORDS[name]) for name in LOGS}
         self.engine = "numba" if engine_name == "numba" else "python"
         self._may_compile = engine_name == "auto"
-        self._flights_done = 0
         self.world = _interpreted_logs(world)
+        self._begun = state is not None
+        if state is not None:
+            restore(self.world, state)
         if self.engine == "numba":
             self._compile()
 
     def run(self) -> int:
         """Run to the end; return the cause (see ``simulation.world``)."""
-        self._call(start)
+        if not self._begun:
+            self._call(start)
         while True:
             cause = self._advance()
             self._collect()
             if cause != LOG_FULL:
                 return cause
-            if self._may_compile and self._flights_done >= COMPILE_AFTER_FLIGHTS:
+            if self._may_compile and self.clock_value("flights_before") >= COMPILE_AFTER_FLIGHTS:
                 self._compile()
 
     def _call(self, function: Any, *arguments: Any) -> Any:
@@ -47,28 +60,29 @@ class Driver:
         return function(self.world, *arguments)
 
     def _advance(self) -> int:
-        return int(self._call(advance, len(self.world.impacts), len(self.world.log)))
+        return int(self._call(advance))
 
     def _collect(self) -> None:
-        impacts = int(self.clock_value("impact_rows"))
-        flights = int(self.clock_value("flight_rows"))
-        self.impacts.take(self.world.impacts, impacts)
-        self.flights.take(self.world.log, flights)
-        self._flights_done += flights
-        self._reset("impact_rows")
-        self._reset("flight_rows")
+        flights = 0
+        for name, used in ROWS_USED.items():
+            count = int(self.clock_value(used))
+            self.logs[name].take(getattr(self.world, name), count)
+            self._set_clock(used, 0)
+            if name == "log":
+                flights = count
+        self._set_clock("flights_before", int(self.clock_value("flights_before")) + flights)
 
     def clock_value(self, name: str) -> float:
         """Return a field of the run's clock, whichever engine holds it."""
         clock: Any = self.world.clock[0]
         return float(clock[name] if self.engine == "numba" else getattr(clock, name))
 
-    def _reset(self, name: str) -> None:
+    def _set_clock(self, name: str, value: int) -> None:
         clock: Any = self.world.clock[0]
         if self.engine == "numba":
-            clock[name] = 0
+            clock[name] = value
         else:
-            setattr(clock, name, 0)
+            setattr(clock, name, value)
 
     def _compile(self) -> None:
         self.engine = "numba"
@@ -76,27 +90,65 @@ class Driver:
         self.world = compiled_world(self.world)
 
 
+    def state(self) -> dict[str, Any]:
+        """Return all that changes in a run, exactly, as plain values (see :func:`restore`)."""
+        values: dict[str, Any] = {}
+        for name in STATE:
+            rows: Any = getattr(self.world, name)
+            names = tuple(RECORDS[name].fields)
+            if self.engine == "numba":
+                plain = [row.tolist() for row in rows]
+                values[name] = [
+                    [v.tolist() if hasattr(v, "tolist") else v for v in row] for row in plain
+                ]
+            else:
+                values[name] = [[_plain(getattr(row, n)) for n in names] for row in rows]
+        return values
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, list) else value
+
+
+def restore(world: World, state: dict[str, Any]) -> None:
+    """Put an interpreted world into a state given by :meth:`Driver.state`.
+
+    Raises
+    ------
+    ValueError
+        If the state does not fit the world.
+    """
+    for name in STATE:
+        rows, values = getattr(world, name), state[name]
+        names = tuple(RECORDS[name].fields)
+        if len(rows) != len(values) or any(len(value) != len(names) for value in values):
+            raise ValueError(f"the state of {name} does not belong to this scenario")
+        for row, value in zip(rows, values, strict=True):
+            for field, number in zip(names, value, strict=True):
+                setattr(row, field, _plain(number))
+
+
 def _interpreted_logs(world: World) -> World:
     room = INTERPRETED_ROWS + 4 * len(world.flights)
-    return world._replace(
-        impacts=engine.interpreted_rows(ImpactRow, room),
-        log=engine.interpreted_rows(FlightRow, 2 * room),
-    )
+    settings = world.settings[0]
+    settings.room = room
+    rows = {name: engine.interpreted_rows(RECORDS[name], 2 * room) for name in LOGS}
+    return world._replace(**rows)
 
 
 def compiled_world(world: World) -> World:
     """Return a world of arrays with the contents of one of interpreted records."""
     import numpy as np
 
-    arrays = {
+    room = COMPILED_ROWS + 4 * len(world.flights)
+    world.settings[0].room = room
+    arrays: dict[str, Any] = {
         name: engine.compiled_rows(getattr(world, name), cls)
         for name, cls in RECORDS.items()
-        if name not in ("impacts", "log")
+        if name not in LOGS
     }
-    room = COMPILED_ROWS + 4 * len(world.flights)
-    return World(
-        **arrays,
-        far=np.array(world.far, dtype=np.int64),  # type: ignore[arg-type]
-        impacts=np.zeros(room, dtype=engine.dtype(ImpactRow)),  # type: ignore[arg-type]
-        log=np.zeros(2 * room, dtype=engine.dtype(FlightRow)),  # type: ignore[arg-type]
-    )
+    logs: dict[str, Any] = {
+        name: np.zeros(2 * room, dtype=engine.dtype(RECORDS[name])) for name in LOGS
+    }
+    far: Any = np.array(world.far, dtype=np.int64)
+    return World(**arrays, far=far, **logs)

@@ -11,8 +11,6 @@ from vibro_cli.mechanics.flight import squared_rate_at
 from vibro_cli.mechanics.flow import flow
 from vibro_cli.simulation.paths import Paths
 from vibro_cli.simulation.world import (
-    CONTACT_CLOSED,
-    CONTACT_OPENED,
     CROSSING,
     END_LIFT_OFF,
     END_OF_TRACE,
@@ -38,10 +36,15 @@ class Event(NamedTuple):
 
 
 def event_table(
-    paths: Paths, end_cause: int, end_ball: int, turning_points: bool, friction: float | None
+    paths: Paths,
+    touches: Any,
+    end_cause: int,
+    end_ball: int,
+    turning_points: bool,
+    friction: float | None,
 ) -> dict[str, Any]:
     """Return the columns of ``events.parquet``, in order of time."""
-    events = [*_boundaries(paths), *_lift_offs(paths)]
+    events = [*_boundaries(paths), *_contacts(paths, touches), *_lift_offs(paths)]
     if turning_points:
         events += _turnings(paths)
     if friction is not None:
@@ -67,15 +70,13 @@ def _columns(events: list[Event]) -> dict[str, Any]:
 
 
 def _boundaries(paths: Paths) -> list[Event]:
-    """Crossings, walls and the changes of lasting contact, from the starts of flights."""
-    names = {
-        CROSSING: "crossing",
-        WALL: "wall",
-        CONTACT_CLOSED: "contact_closed",
-        CONTACT_OPENED: "contact_opened",
-    }
+    """Crossings and walls, from the starts of flights."""
+    names = {CROSSING: "crossing", WALL: "wall"}
     log, places = paths.log, paths.places
-    rows = np.flatnonzero(np.isin(log["cause"], list(names)))
+    caused = np.isin(log["cause"], list(names))
+    # A group is launched anew as a whole: only the body that came to an end of its piece counts.
+    moved = np.append(False, paths.piece[1:] != paths.piece[:-1]) | (log["grouped"] == 0)
+    rows = np.flatnonzero(caused & moved)
     position = places.position(paths.piece[rows], log["s"][rows], log["c"][rows])
     s = places.arc_length(paths.piece[rows], position)
     speed = places.speed_factor(paths.body[rows], paths.piece[rows]) * log["p"][rows]
@@ -94,6 +95,30 @@ def _boundaries(paths: Paths) -> list[Event]:
                 s=float(s[number]),
                 speed=float(speed[number]),
                 value=value,
+            )
+        )
+    return events
+
+
+def _contacts(paths: Paths, touches: Any) -> list[Event]:
+    """Lasting contacts that close (``value``: duration of the accumulation, s) or open."""
+    places = paths.places
+    position = places.position(touches["piece_b"], touches["b_s"], touches["b_c"])
+    s = places.arc_length(touches["piece_b"], position)
+    events = []
+    for number, row in enumerate(touches):
+        opened = bool(row["opened"])
+        events.append(
+            Event(
+                t=float(row["t"]) + float(row["delay"]),
+                event="contact_opened" if opened else "contact_closed",
+                ball=int(row["a"]) + 1,
+                other=int(row["b"]) + 1,
+                arc_from=int(row["piece_a"]) + 1,
+                arc_to=int(row["piece_b"]) + 1,
+                s=float(s[number]),
+                speed=float(row["speed"]),
+                value=None if opened else float(row["delay"]),
             )
         )
     return events

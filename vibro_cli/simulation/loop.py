@@ -5,7 +5,10 @@ from __future__ import annotations
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.numerics.double import time_between
 from vibro_cli.numerics.engine import kernel
-from vibro_cli.simulation.changes import begin_flight, collide, leave_piece
+from vibro_cli.simulation.chain import set_normals, set_speed
+from vibro_cli.simulation.changes import collide, leave_piece, release
+from vibro_cli.simulation.contact_changes import launch_chain, settle
+from vibro_cli.simulation.joint import CONTACT_ROUNDING
 from vibro_cli.simulation.search import first_contact
 from vibro_cli.simulation.world import (
     END_NO_MORE_COLLISIONS,
@@ -20,21 +23,40 @@ from vibro_cli.simulation.world import (
 
 @kernel
 def start(world: World) -> None:
-    """Launch the first flight of every body from the initial states."""
-    for ball in range(world.settings[0].bodies):
-        begin_flight(world, ball, START, 1)
+    """Launch the first flight of every body; bodies that touch and press start in contact."""
+    settings = world.settings[0]
+    for ball in range(settings.bodies):
+        flight = world.flights[ball]
+        flight.before_s = flight.s
+        flight.before_c = flight.c
+        flight.before_p = flight.p
+        set_speed(world, ball)
+    first = 0
+    while first < settings.bodies:
+        count = 0
+        while first + count < settings.bodies - 1 and _in_contact(world, first + count):
+            count += 1
+        settle(world, first, count)
+        launch_chain(world, first, count, START)
+        first += count + 1
 
 
 @kernel
-def advance(world: World, impact_rows: int, flight_rows: int) -> int:
-    """Run until an end cause, or until a log has no room for another event.
+def _in_contact(world: World, j: int) -> bool:
+    """Tell whether a pair starts in contact, up to the rounding of the positions."""
+    pair = world.pairs[j]
+    gap = set_normals(world, j)
+    size = pair.distance
+    for ball in range(2):
+        flight = world.flights[pair.a if ball == 0 else pair.b]
+        piece = world.pieces[flight.piece]
+        size += abs(piece.x) + abs(piece.y)
+    return abs(gap) <= CONTACT_ROUNDING * size
 
-    Parameters
-    ----------
-    world
-        The whole run; changed in place.
-    impact_rows, flight_rows
-        Room in the logs.
+
+@kernel
+def advance(world: World) -> int:
+    """Run until an end cause, or until a log has no room for another event.
 
     Returns
     -------
@@ -42,33 +64,55 @@ def advance(world: World, impact_rows: int, flight_rows: int) -> int:
     """
     settings = world.settings[0]
     clock = world.clock[0]
-    room_for_event = 2 * settings.bodies + 2
     while True:
-        if clock.impact_rows + room_for_event > impact_rows:
+        if max(clock.impact_rows, clock.contact_rows) > settings.room:
             return LOG_FULL
-        if clock.flight_rows + room_for_event > flight_rows:
+        if max(clock.flight_rows, clock.segment_rows) > settings.room:
             return LOG_FULL
         ball = _first_exit(world)
+        pair = _first_release(world) if clock.held_pairs > 0 else -1
         horizon_t = settings.stop_t
         horizon_low = 0.0
-        if ball >= 0 and world.flights[ball].exit_t < NEVER:
+        if ball >= 0:
             flight = world.flights[ball]
             if time_between(flight.exit_t, flight.exit_t_low, horizon_t, 0.0) <= 0.0:
                 horizon_t = flight.exit_t
                 horizon_low = flight.exit_t_low
             else:
                 ball = -1
-        else:
-            ball = -1
-        pair = first_contact(world, horizon_t, horizon_low)
         if pair >= 0:
-            cause = collide(world, pair)
+            held = world.pairs[pair]
+            if time_between(held.release_t, held.release_t_low, horizon_t, horizon_low) < 0.0:
+                horizon_t = held.release_t
+                horizon_low = held.release_t_low
+            else:
+                pair = -1
+        meeting = first_contact(world, horizon_t, horizon_low)
+        if meeting >= 0:
+            cause = collide(world, meeting)
+        elif pair >= 0:
+            cause = release(world, pair)
         elif ball >= 0:
             cause = leave_piece(world, ball)
         else:
             return _finish(world)
         if cause != RUNNING:
             return cause
+
+
+@kernel
+def _first_release(world: World) -> int:
+    """The pair in lasting contact that parts first, or -1."""
+    first = -1
+    t = NEVER
+    t_low = 0.0
+    for j in range(world.settings[0].pairs):
+        pair = world.pairs[j]
+        if pair.held == 1 and time_between(pair.release_t, pair.release_t_low, t, t_low) < 0.0:
+            first = j
+            t = pair.release_t
+            t_low = pair.release_t_low
+    return first
 
 
 @kernel
@@ -82,7 +126,7 @@ def _finish(world: World) -> int:
         quiet = quiet and world.flights[ball].exit_t == NEVER
         resting = resting and world.flights[ball].at_rest == 1
     for j in range(settings.pairs):
-        quiet = quiet and world.pairs[j].apart == 1
+        quiet = quiet and (world.pairs[j].apart == 1 or world.pairs[j].held == 1)
     if quiet:
         clock.quiet_t = clock.t
     if settings.stop_t < NEVER:

@@ -7,11 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.mechanics.flow import LINE, flow, time_to
+from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow, time_to
+from vibro_cli.mechanics.heights import heights
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics.elliptic import carlson_rf, set_theta_constants
 from vibro_cli.simulation.geometry import Floats, Places
+from vibro_cli.mechanics.trace import sine_cosine
 from vibro_cli.simulation.world import CAUSE_NAMES
+
+_GROUP_FIELDS = (
+    "flow_s", "flow_c", "flow_p", "shift_s", "shift_c", "rate_ratio", "frequency",
+    "line_acceleration", "segment",
+)  # fmt: skip
 
 
 class Paths:
@@ -23,14 +30,20 @@ class Paths:
         Geometry of the system.
     log
         Rows of ``FlightRow``.
+    segments
+        Rows of ``SegmentRow``.
     end_t, end_t_low
         The instant at which the run ended (two doubles, s).
     """
 
-    def __init__(self, places: Places, log: Any, end_t: float, end_t_low: float) -> None:
+    def __init__(
+        self, places: Places, log: Any, segments: Any, end_t: float, end_t_low: float
+    ) -> None:
         self.places = places
         order = np.lexsort((np.arange(len(log)), log["body"]))
         self.log = log[order]
+        self._number = order
+        self._series = {int(row["flight"]): row["series"].tolist() for row in segments}
         self.body = self.log["body"]
         self.piece = self.log["piece"]
         last = np.append(self.body[1:] != self.body[:-1], True)
@@ -56,17 +69,36 @@ class Paths:
         flight.piece = int(row["piece"])
         flight.lap = int(row["lap"])
         flight.s, flight.c, flight.p = float(row["s"]), float(row["c"]), float(row["p"])
-        if piece.is_line:
+        flight.flow_s, flight.flow_c, flight.flow_p = flight.s, flight.c, flight.p
+        flight.own_frequency = float(self.places.frequency(row["body"], row["piece"]))
+        flight.frequency = flight.own_frequency
+        if row["grouped"]:
+            self._complete_group(flight, row, index)
+        if piece.is_line and flight.form != POLYNOMIAL:
             flight.form = LINE
-            body = self.places.system.bodies[row["body"]]
-            rate = self.places.gravity / body.kappa
-            flight.line_acceleration = -rate * math.sin(piece.start_slope)
+            if not flight.grouped:
+                body = self.places.system.bodies[row["body"]]
+                rate = self.places.gravity / body.kappa
+                flight.line_acceleration = -rate * sine_cosine(piece.start_slope)[0]
             return flight
-        flight.frequency = float(self.places.frequency(row["body"], row["piece"]))
+        if flight.form == POLYNOMIAL:
+            return flight
         set_theta_constants(flight, float(row["parameter"]), float(row["root_complement"]))
-        if flight.p == 0.0 and (flight.s == 0.0 or flight.c == 0.0):
+        if flight.flow_p == 0.0 and (flight.flow_s == 0.0 or flight.flow_c == 0.0):
             flight.at_rest = 1
         return flight
+
+    def _complete_group(self, flight: Flight, row: Any, index: int) -> None:
+        """Fill in what a flight in lasting contact has beyond its own state."""
+        flight.grouped = 1
+        for name in _GROUP_FIELDS:
+            setattr(flight, name, float(row[name]))
+        series = self._series.get(int(self._number[index]))
+        if series is not None:
+            flight.form = POLYNOMIAL
+            flight.series = series
+            rho = float(self.places.path_radius[row["body"], row["piece"]])
+            flight.half_curvature = 0.5 / rho if rho > 0.0 else 0.0
 
     def table(self) -> dict[str, Any]:
         """Return the flights as columns: body, arc, times, positions and rates at both ends."""
@@ -80,6 +112,7 @@ class Paths:
             "rate_start": self._rate(self.log["p"]),
             "angle_end": self.places.position(self.piece, self.end_s, self.end_c),
             "rate_end": self._rate(self.end_p),
+            "contact": self.log["grouped"] == 1,
             "cause_start": causes[self.log["cause"]],
             "cause_end": causes[self.end_cause],
         }
@@ -169,5 +202,21 @@ class Paths:
             "x": x,
             "y": y,
             "speed": self.places.speed_factor(body, piece) * p,
-            "energy": self.places.weight[body] * self.log["head"][chosen],
+            "energy": self._energy(chosen, s, c, p),
         }
+
+    def _energy(self, chosen: Any, s: Floats, c: Floats, p: Floats) -> Floats:
+        """Energy (J); carried on a free flight, from the state in lasting contact."""
+        body, piece = self.body[chosen], self.piece[chosen]
+        head = self.log["head"][chosen].copy()
+        grouped = self.log["grouped"][chosen] == 1
+        level = np.array(
+            [[h.bottom for h in heights(self.places.system.trace, b.radius)]
+             for b in self.places.system.bodies]
+        )  # fmt: skip
+        rise = np.array([sine_cosine(q.start_slope)[0] for q in self.places.system.trace.pieces])
+        rho = self.places.path_radius[body, piece]
+        speed = self.places.speed_factor(body, piece) * p
+        height = level[body, piece] + np.where(rho > 0.0, 2.0 * rho * s * s, rise[piece] * s)
+        own = height + 0.5 * self.places.kappa[body] * speed * speed / self.places.gravity
+        return self.places.weight[body] * np.where(grouped, own, head)

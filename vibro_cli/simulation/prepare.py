@@ -22,7 +22,7 @@ from vibro_cli.mechanics.records import (
 )
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece, sine_cosine
-from vibro_cli.simulation.world import FlightRow, ImpactRow, World
+from vibro_cli.simulation.world import ContactRow, FlightRow, ImpactRow, SegmentRow, World
 
 NO_WALL = -1.0
 
@@ -84,6 +84,8 @@ def make_world(system: System, stop_time: float | None, stop_collisions: int | N
         flights=[_initial_flight(system, number) for number in range(len(system.bodies))],
         impacts=[ImpactRow()],
         log=[FlightRow()],
+        touches=[ContactRow()],
+        segments=[SegmentRow()],
     )
 
 
@@ -190,6 +192,7 @@ def _pair_data(system: System, a: int, b: int, seam: int, number: int) -> PairDa
     pair.restitution = system.restitution[min(number, len(system.restitution) - 1)]
     pair.distance = system.bodies[a].radius + system.bodies[b].radius
     pair.contact_t = NEVER
+    pair.release_t = NEVER
     return pair
 
 
@@ -203,7 +206,9 @@ def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
         contact.normal_a = contact.normal_b = contact.sine / total
         return contact
     if not math.isfinite(contact_angle(piece, body_a.radius, body_b.radius)):
-        raise ValueError(f"bodies too large to touch one another on piece {piece.index + 1}")
+        # Two bodies that never stand in this valley side by side: always in contact there.
+        contact.sine = 1.0
+        return contact
     rho_a, rho_b = piece.path_radius(body_a.radius), piece.path_radius(body_b.radius)
     contact.sine = math.sqrt(product / (rho_a * rho_b))
     contact.cosine = math.sqrt((1.0 - contact.sine) * (1.0 + contact.sine))

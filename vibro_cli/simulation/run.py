@@ -16,9 +16,11 @@ from vibro_cli.simulation.impacts import collision_table
 from vibro_cli.simulation.paths import Paths
 from vibro_cli.simulation.prepare import make_world
 from vibro_cli.simulation.summary import summarise
-from vibro_cli.simulation.world import END_INADMISSIBLE, END_NAMES
+from vibro_cli.simulation.world import END_NAMES
 
 Table = dict[str, Any]
+
+CHECKPOINT_FORMAT = 1
 
 _CLOCK_FIELDS = (
     "t", "t_low", "collisions", "crossings", "contacts", "quiet_t", "energy_correction",
@@ -49,9 +51,9 @@ class Run:
     wanted: Wanted
     skipped: tuple[str, ...]
     _cause: int = field(repr=False)
-    _impacts: Any = field(repr=False)
-    _log: Any = field(repr=False)
+    _logs: dict[str, Any] = field(repr=False)
     _clock: dict[str, float] = field(repr=False)
+    _state: dict[str, Any] = field(repr=False)
 
     @cached_property
     def _places(self) -> Places:
@@ -59,18 +61,22 @@ class Run:
 
     @cached_property
     def _paths(self) -> Paths:
-        return Paths(self._places, self._log, self._clock["t"], self._clock["t_low"])
+        logs = self._logs
+        return Paths(
+            self._places, logs["log"], logs["segments"], self._clock["t"], self._clock["t_low"]
+        )
 
     @cached_property
     def collisions(self) -> Table:
         """Columns of ``collisions.parquet``, a row for each impact."""
-        return collision_table(self._places, self._impacts)
+        return collision_table(self._places, self._logs["impacts"])
 
     @cached_property
     def events(self) -> Table:
         """Columns of ``events.parquet``, in order of time."""
         return event_table(
             self._paths,
+            self._logs["touches"],
             self._cause,
             int(self._clock["last_ball"]),
             self.wanted.turning_points,
@@ -89,7 +95,9 @@ class Run:
 
     @cached_property
     def _record(self) -> dict[str, Any]:
-        return summarise(self._places, self._paths, self._impacts, self._cause, self._clock)
+        return summarise(
+            self._places, self._paths, self._logs["impacts"], self._cause, self._clock
+        )
 
     @property
     def summary(self) -> Table:
@@ -141,6 +149,13 @@ class Run:
         """
         return self._paths.curve(index, count)
 
+    def checkpoint(self) -> dict[str, Any]:
+        """Return the state after the last event, exact; a run continued from it has the same bits.
+
+        Plain values: floats are written by ``json`` so that they are read back exactly.
+        """
+        return {"format": CHECKPOINT_FORMAT, "end_cause": self.end_cause, "state": self._state}
+
     def statistics(self) -> dict[str, int]:
         """Return what the solver did: searches, evaluations of flows, searches spared."""
         names = ("searches", "evaluations", "skipped_apart")
@@ -153,6 +168,7 @@ def simulate_system(
     stop_collisions: int | None,
     engine: str = "auto",
     wanted: Wanted | None = None,
+    checkpoint: dict[str, Any] | None = None,
 ) -> Run:
     """Run a system until its stop.
 
@@ -167,22 +183,26 @@ def simulate_system(
         proved long; both give the same bits).
     wanted
         What is to be computed beside the collisions.
+    checkpoint
+        From :meth:`Run.checkpoint` of the same system: the run goes on from there.
 
     Raises
     ------
     ValueError
-        For an unknown engine, or without a stop.
+        For an unknown engine, without a stop, or for a checkpoint of another system.
     """
     if engine not in ("auto", "python", "numba"):
         raise ValueError(f"engine must be auto, python or numba, not {engine!r}")
     if stop_time is None and stop_collisions is None:
         raise ValueError("a run needs a stop: a time or a number of collisions")
-    driver = Driver(make_world(system, stop_time, stop_collisions), engine)
+    state = None
+    if checkpoint is not None:
+        if checkpoint.get("format") != CHECKPOINT_FORMAT:
+            raise ValueError("the checkpoint was written by another version")
+        state = checkpoint["state"]
+    driver = Driver(make_world(system, stop_time, stop_collisions), engine, state)
     cause = driver.run()
     clock = {name: driver.clock_value(name) for name in _CLOCK_FIELDS}
-    impacts = driver.impacts.table()
-    if cause == END_INADMISSIBLE:
-        impacts = impacts.copy()
     return Run(
         system=system,
         engine=driver.engine,
@@ -190,9 +210,9 @@ def simulate_system(
         wanted=wanted or Wanted(),
         skipped=_skipped(clock, wanted or Wanted()),
         _cause=cause,
-        _impacts=impacts,
-        _log=driver.flights.table(),
+        _logs={name: log.table() for name, log in driver.logs.items()},
         _clock=clock,
+        _state=driver.state(),
     )
 
 

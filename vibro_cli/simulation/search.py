@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.contact import contact_by_distance, contact_on_arc, contact_on_line
+from vibro_cli.mechanics.flow import LINE
 from vibro_cli.mechanics.records import NEVER, Flight, PairData, PieceData, TrackData
 from vibro_cli.numerics.double import add_to_time, time_between
 from vibro_cli.numerics.engine import kernel
@@ -13,18 +14,24 @@ from vibro_cli.simulation.world import World
 
 @kernel
 def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
-    """Search all pairs up to an instant; return the pair that meets first, or -1."""
+    """Search all pairs up to an instant; return the pair that meets first, or -1.
+
+    A search cut short by the stop of the run leaves no trace in the pair, so that a run continued
+    from there makes the same steps as one that was never stopped.
+    """
     first = -1
     settings = world.settings[0]
+    stopping = horizon_t == settings.stop_t
     for j in range(settings.pairs):
         pair = world.pairs[j]
-        if pair.contact_t == NEVER and pair.apart == 0:
+        if pair.contact_t == NEVER and pair.apart == 0 and pair.held == 0:
             ahead = time_between(horizon_t, horizon_low, pair.clear_t, pair.clear_t_low)
             if ahead > 0.0:
                 _search_pair(world, j, pair, ahead)
-                pair.clear_t = horizon_t
-                pair.clear_t_low = horizon_low
-                pair.touching = 0
+                if not stopping or pair.contact_t < NEVER:
+                    pair.clear_t = horizon_t
+                    pair.clear_t_low = horizon_low
+                    pair.touching = 0
         if pair.contact_t < NEVER:
             if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
                 first = j
@@ -62,7 +69,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         h = contact_on_arc(
             a, b, age_a, age_b, pair.touching, ahead, limit, contact, orientation, pair, clock
         )
-    elif a.piece == b.piece and laps == 0:
+    elif a.piece == b.piece and laps == 0 and a.form == LINE and b.form == LINE:
         contact = world.contacts[j * settings.pieces + a.piece]
         h = contact_on_line(a, b, age_a, age_b, pair.touching, limit, contact, pair, clock)
     else:
@@ -109,6 +116,8 @@ def _horizontal_extent(
     flight: Flight, piece: PieceData, track: TrackData
 ) -> tuple[float, float]:
     """Least and greatest x of the centre on a flight, where x grows along its path; else infinite."""
+    if flight.grouped == 1:
+        return -NEVER, NEVER
     if piece.sign == 0.0:
         if piece.tangent_x <= 0.0:
             return -NEVER, NEVER

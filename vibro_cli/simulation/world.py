@@ -15,7 +15,7 @@ from vibro_cli.mechanics.records import (
     Settings,
     TrackData,
 )
-from vibro_cli.numerics.engine import record
+from vibro_cli.numerics.engine import Series, record
 
 # Why a flight began.
 START = 0
@@ -24,7 +24,16 @@ CROSSING = 2
 WALL = 3
 CONTACT_CLOSED = 4
 CONTACT_OPENED = 5
-CAUSE_NAMES = ("start", "collision", "crossing", "wall", "contact_closed", "contact_opened")
+SEGMENT = 6  # the next piece of a motion that is integrated segment by segment
+CAUSE_NAMES = (
+    "start",
+    "collision",
+    "crossing",
+    "wall",
+    "contact_closed",
+    "contact_opened",
+    "segment",
+)
 
 # Why the loop came back; the first ones are causes of the end of a run.
 RUNNING = 0
@@ -105,6 +114,41 @@ class FlightRow:
     head: float
     cause: int
     exit_kind: int
+    flow_s: float
+    flow_c: float
+    flow_p: float
+    grouped: int
+    shift_s: float
+    shift_c: float
+    rate_ratio: float
+    frequency: float
+    line_acceleration: float
+    segment: float
+
+
+@record
+class SegmentRow:
+    """The motion of one body on a segment across pieces: belongs to flight row ``flight``."""
+
+    flight: int  # rows of all flights before it
+    series: Series
+
+
+@record
+class ContactRow:
+    """A lasting contact that closes or opens."""
+
+    t: float
+    t_low: float
+    delay: float  # time from the last impact to the end of the accumulation, s
+    a: int
+    b: int
+    opened: int
+    piece_a: int
+    piece_b: int
+    b_s: float
+    b_c: float
+    speed: float  # of b's centre, m/s
 
 
 class World(NamedTuple):
@@ -121,8 +165,11 @@ class World(NamedTuple):
     flights: Sequence[Flight]
     impacts: Sequence[ImpactRow]
     log: Sequence[FlightRow]
+    touches: Sequence[ContactRow]
+    segments: Sequence[SegmentRow]
 
 
+LOGS = ("impacts", "log", "touches", "segments")
 RECORDS = {
     "settings": Settings,
     "clock": Clock,
@@ -134,4 +181,6 @@ RECORDS = {
     "flights": Flight,
     "impacts": ImpactRow,
     "log": FlightRow,
+    "touches": ContactRow,
+    "segments": SegmentRow,
 }

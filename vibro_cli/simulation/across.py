@@ -1,0 +1,317 @@
+"""A group in lasting contact across several pieces: one degree of freedom, integrated by collocation.
+
+On different pieces the contact's geometry changes as the group moves, and no closed form is known. The
+equations of the chain (contact forces from the second derivative of each distance, so that the change
+of the normals is in them) are solved on short segments by collocation at Gauss nodes, to rounding;
+accelerations and forces are then polynomials in time, whose first roots are found with a certificate.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibro_cli.mechanics.flight import BOUNDARY
+from vibro_cli.mechanics.flow import POLYNOMIAL, path_on_segment, polynomial_flow
+from vibro_cli.mechanics.records import NEVER, Flight, TrackData
+from vibro_cli.numerics.double import add_to_time
+from vibro_cli.numerics.engine import SERIES_LENGTH, Series, kernel
+from vibro_cli.numerics.first_root import safe_step_second_order
+from vibro_cli.simulation.chain import contact_forces, free_acceleration, set_normals
+from vibro_cli.simulation.groups import AT_END
+from vibro_cli.simulation.world import World
+
+
+Row = tuple[float, ...]
+
+
+def _collocation() -> tuple[Row, tuple[Row, ...]]:
+    """Gauss nodes on [0, 1] and the matrix from nodal values to coefficients in powers of t."""
+    nodes = 0.5 * (np.polynomial.legendre.leggauss(SERIES_LENGTH)[0] + 1.0)
+    rows = []
+    for k in range(SERIES_LENGTH):
+        others = np.delete(nodes, k)
+        powers = np.polynomial.polynomial.polyfromroots(others) / np.prod(nodes[k] - others)
+        rows.append(powers)
+    return tuple(nodes.tolist()), tuple(tuple(row) for row in np.array(rows).T.tolist())
+
+
+NODES, TO_POWERS = _collocation()
+
+SEGMENT_END = 2  # a flight's exit kind, beside BOUNDARY and LIFT_OFF
+# Longest segment in units of the fastest time scale.
+LONGEST = 0.1
+# Share of the accelerations that an iteration may still change.
+CONVERGED = 2.0e-15
+ITERATIONS = 30
+
+
+@kernel
+def launch_across(world: World, first: int, count: int) -> None:
+    """Launch ``count`` bodies in contact on several pieces for one segment of time."""
+    bodies = world.settings[0].bodies
+    h = _first_length(world, first, count)
+    while not _integrate(world, first, count, h):
+        h *= 0.5
+    for step in range(count):
+        ball = (first + step) % bodies
+        flight = world.flights[ball]
+        _set_end(world, ball, h)
+        if step < count - 1:
+            pair = world.pairs[ball]
+            pair.release_t = NEVER
+            pair.release_t_low = 0.0
+            after = first_root_of_series(pair.series, h)
+            if after < h:
+                pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
+
+
+@kernel
+def _first_length(world: World, first: int, count: int) -> float:
+    """A segment short against the time scales of gravity and of the motion (s)."""
+    settings = world.settings[0]
+    fastest = 0.0
+    for step in range(count):
+        ball = (first + step) % settings.bodies
+        flight = world.flights[ball]
+        track = world.tracks[ball * settings.pieces + flight.piece]
+        size = world.bodies[ball].radius
+        if track.path_radius > 0.0:
+            size = min(size, track.path_radius)
+        speed = abs(track.speed_factor * flight.p)
+        fastest = max(fastest, math.sqrt(track.gravity_rate / size) + speed / size)
+    return LONGEST / fastest
+
+
+@kernel
+def _start_member(world: World, ball: int, h: float) -> None:
+    settings = world.settings[0]
+    flight = world.flights[ball]
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    flight.form = POLYNOMIAL
+    flight.grouped = 1
+    flight.at_rest = 0
+    flight.anchor = -1
+    flight.segment = h
+    flight.own_frequency = track.frequency
+    flight.frequency = track.frequency
+    flight.line_acceleration = 0.0
+    flight.flow_s = flight.s
+    flight.flow_c = flight.c
+    flight.flow_p = track.speed_factor * flight.p
+    flight.rate_ratio = 1.0 / track.speed_factor
+    flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
+    for k in range(SERIES_LENGTH):
+        flight.series[k] = 0.0
+
+
+@kernel
+def _integrate(world: World, first: int, count: int, h: float) -> bool:
+    """Collocation on a segment of length ``h`` (s); False if it does not converge to rounding."""
+    bodies = world.settings[0].bodies
+    for step in range(count):
+        ball = (first + step) % bodies
+        _start_member(world, ball, h)
+    for _ in range(ITERATIONS):
+        change = _iterate(world, first, count, h)
+        if change < CONVERGED:
+            _restore_members(world, first, count)
+            return _resolved(world, first, count)
+    _restore_members(world, first, count)
+    return False
+
+
+@kernel
+def _restore(flight: Flight) -> None:
+    flight.s = flight.flow_s
+    flight.c = flight.flow_c
+    flight.p = flight.flow_p * flight.rate_ratio
+    flight.speed = flight.flow_p
+
+
+@kernel
+def _restore_members(world: World, first: int, count: int) -> None:
+    for step in range(count):
+        _restore(world.flights[(first + step) % world.settings[0].bodies])
+
+
+@kernel
+def _iterate(world: World, first: int, count: int, h: float) -> float:
+    """One sweep over the nodes; returns the largest relative change of an acceleration."""
+    bodies = world.settings[0].bodies
+    for k in range(SERIES_LENGTH):
+        for step in range(count):
+            _move_to(world, (first + step) % bodies, NODES[k] * h)
+        for step in range(count - 1):
+            set_normals(world, (first + step) % bodies)
+        contact_forces(world, first, count - 1)
+        for step in range(count):
+            ball = (first + step) % bodies
+            world.flights[ball].nodal[k] = _acceleration(world, first, count, step)
+            if step < count - 1:
+                world.pairs[ball].nodal[k] = world.pairs[ball].solution
+    change = 0.0
+    for step in range(count):
+        ball = (first + step) % bodies
+        flight = world.flights[ball]
+        size = world.tracks[ball * world.settings[0].pieces + flight.piece].gravity_rate
+        for i in range(SERIES_LENGTH):
+            value = 0.0
+            force = 0.0
+            for k in range(SERIES_LENGTH):
+                value += TO_POWERS[i][k] * flight.nodal[k]
+            if step < count - 1:
+                for k in range(SERIES_LENGTH):
+                    force += TO_POWERS[i][k] * world.pairs[ball].nodal[k]
+                world.pairs[ball].series[i] = force
+            # What counts is the place: a coefficient enters it divided by (i + 1)(i + 2).
+            moved = abs(value - flight.series[i]) * (h * h / ((i + 1.0) * (i + 2.0)))
+            change = max(change, moved / (size * h * h + abs(flight.flow_p) * h))
+            flight.series[i] = value
+    return change
+
+
+@kernel
+def _move_to(world: World, ball: int, t: float) -> None:
+    """Set a member's state and speed from its present polynomial."""
+    flight = world.flights[ball]
+    s, c, p = polynomial_flow(flight, t)
+    flight.s = s
+    flight.c = c
+    flight.p = p
+    flight.speed = p / flight.rate_ratio
+
+
+@kernel
+def _acceleration(world: World, first: int, count: int, step: int) -> float:
+    """Acceleration (m/s^2) of a member along its path under gravity and its contact forces."""
+    bodies = world.settings[0].bodies
+    ball = (first + step) % bodies
+    force = 0.0
+    if step > 0:
+        before = world.pairs[(first + step - 1) % bodies]
+        force += before.solution * before.normal_b
+    if step < count - 1:
+        pair = world.pairs[ball]
+        force -= pair.solution * pair.normal_a
+    return free_acceleration(world, ball) + force / world.bodies[ball].rolling_mass
+
+
+@kernel
+def _resolved(world: World, first: int, count: int) -> bool:
+    """Tell whether the last coefficients no longer matter for the places."""
+    settings = world.settings[0]
+    for step in range(count):
+        ball = (first + step) % settings.bodies
+        flight = world.flights[ball]
+        size = world.tracks[ball * settings.pieces + flight.piece].gravity_rate
+        # The last powers, as they enter the place at the end of the segment.
+        last = abs(flight.series[SERIES_LENGTH - 1]) + abs(flight.series[SERIES_LENGTH - 2])
+        if last > 1.0e-5 * size:
+            return False
+    return True
+
+
+@kernel
+def _set_end(world: World, ball: int, h: float) -> None:
+    """Find where on the segment a member leaves its piece; else the segment's end is its exit."""
+    settings = world.settings[0]
+    flight = world.flights[ball]
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    to_left, to_right = _ways(flight, track)
+    _bound_member(flight, track)
+    right = _time_to_end(flight, to_right, 1.0, h)
+    left = _time_to_end(flight, to_left, -1.0, h)
+    flight.exit_side = 0
+    flight.exit_kind = SEGMENT_END
+    flight.exit_after = h
+    if min(left, right) < h:
+        flight.exit_kind = BOUNDARY
+        flight.exit_side = 1 if right < left else -1
+        flight.exit_after = min(left, right)
+    _, _, flight.exit_p = polynomial_flow(flight, flight.exit_after)
+    flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
+
+
+@kernel
+def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
+    """Length of the centre's path (m) to the left and to the right end of the piece."""
+    if track.path_radius == 0.0:
+        return flight.s - track.left_s, track.right_s - flight.s
+    left = math.atan2(
+        flight.s * track.left_c - flight.c * track.left_s,
+        flight.c * track.left_c + flight.s * track.left_s,
+    )
+    right = math.atan2(
+        track.right_s * flight.c - track.right_c * flight.s,
+        track.right_c * flight.c + track.right_s * flight.s,
+    )
+    return 2.0 * track.path_radius * left, 2.0 * track.path_radius * right
+
+
+@kernel
+def _bound_member(flight: Flight, track: TrackData) -> None:
+    """Bounds on speed and accelerations over the segment, from the coefficients."""
+    acceleration = 0.0
+    for k in range(SERIES_LENGTH):
+        acceleration += abs(flight.series[k])
+    speed = abs(flight.flow_p) + acceleration * flight.segment
+    central = 0.0
+    flight.angular_bound = 0.0
+    if track.path_radius > 0.0:
+        central = speed * speed / track.path_radius
+        flight.angular_bound = acceleration / track.path_radius
+    flight.jerk_bound = flight.angular_bound / flight.segment
+    flight.acceleration_bound = math.sqrt(acceleration * acceleration + central * central)
+    flight.parameter = 0.0
+    flight.root_complement = 0.0
+
+
+@kernel
+def _time_to_end(flight: Flight, way: float, side: float, h: float) -> float:
+    """First time (s) on the segment at which a member has gone ``way`` to one side, or ``h``."""
+    bound = flight.acceleration_bound
+    t = 0.0
+    if way <= AT_END * (1.0 + abs(way)):
+        # At this end already: it leaves only if it moves, or is driven, outwards.
+        outwards = side * flight.flow_p
+        if outwards > 0.0 or (outwards == 0.0 and side * flight.series[0] > 0.0):
+            return 0.0
+        way = 0.0
+        t = 2.0 * abs(flight.flow_p) / bound if bound > 0.0 else h
+    while t < h:
+        moved, speed = path_on_segment(flight, t)
+        left = way - side * moved
+        if left <= 1.0e-15 * (abs(way) + abs(moved)):
+            return t
+        t += safe_step_second_order(left, -side * speed, bound)
+    return h
+
+
+@kernel
+def first_root_of_series(series: Series, h: float) -> float:
+    """First time (s) at which a force, positive at first, falls through zero; ``h`` if not before.
+
+    Its second derivative on the segment is bounded by ``sum k (k-1) |c_k|/h^2``.
+    """
+    bound = 0.0
+    size = 0.0
+    for k in range(SERIES_LENGTH):
+        bound += k * (k - 1.0) * abs(series[k])
+        size += abs(series[k])
+    if size == 0.0:
+        return h
+    t = 0.0
+    while t < 1.0:
+        value = 0.0
+        slope = 0.0
+        for k in range(SERIES_LENGTH - 1, -1, -1):
+            slope = slope * t + value
+            value = value * t + series[k]
+        if value <= 1.0e-14 * size:
+            if slope < 0.0:
+                return t * h
+            value = 1.0e-14 * size
+        t += safe_step_second_order(value, slope, bound + 1.0e-9 * size)
+    return h

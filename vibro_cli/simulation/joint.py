@@ -1,0 +1,267 @@
+"""Impacts of several touching pairs at one instant, solved jointly.
+
+All pairs of a chain that close at that instant are solved together, each with its own k; pairs that
+close because of it follow at the same instant as impacts of their own, and so on.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.mechanics.flight import head_from_state
+from vibro_cli.mechanics.gap import centre_position
+from vibro_cli.mechanics.laws import NORMAL_IMPULSE
+from vibro_cli.mechanics.records import PARTING
+from vibro_cli.numerics.engine import kernel
+from vibro_cli.simulation.chain import (
+    apply_impulses,
+    joint_impulses,
+    parting_speed,
+    set_normals,
+    set_speed,
+)
+from vibro_cli.simulation.contact_changes import close_if_accumulated, launch_chain, settle
+from vibro_cli.simulation.flights import bring_to, place_at, project, state_at
+from vibro_cli.simulation.rows import SPEED_ROUNDING, log_impact, parts
+from vibro_cli.simulation.world import (
+    COLLISION,
+    END_INADMISSIBLE,
+    RUNNING,
+    ImpactRow,
+    World,
+)
+
+# At one instant gaps below this many units in the last place of the positions are contact.
+CONTACT_ROUNDING = 16.0 * 2.220446049250313e-16
+
+
+@kernel
+def chain_of_contacts(world: World, j: int) -> tuple[int, int]:
+    """First pair and number of pairs of the chain that touches at the contact time of pair ``j``."""
+    settings = world.settings[0]
+    first = j
+    count = 1
+    while count < settings.bodies - 1:
+        left = first - 1
+        if left < 0:
+            if settings.closed == 0:
+                break
+            left = settings.pairs - 1
+        if not _touches(world, left):
+            break
+        first = left
+        count += 1
+    while count < settings.bodies - 1:
+        right = first + count
+        if right >= settings.pairs:
+            if settings.closed == 0:
+                break
+            right -= settings.pairs
+        if not _touches(world, right):
+            break
+        count += 1
+    return first, count
+
+
+@kernel
+def _touches(world: World, j: int) -> bool:
+    """Tell whether a pair is in contact at the present instant, up to rounding."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    if pair.held == 1:
+        return True
+    if pair.apart == 1:
+        return False
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    a_s, a_c, _ = state_at(world, pair.a, clock.t, clock.t_low)
+    b_s, b_c, _ = state_at(world, pair.b, clock.t, clock.t_low)
+    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    ax, ay = centre_position(world.pieces[a.piece], track_a, a_s, a_c)
+    bx, by = centre_position(world.pieces[b.piece], track_b, b_s, b_c)
+    gap = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)) - pair.distance
+    size = abs(ax) + abs(ay) + abs(bx) + abs(by) + pair.distance
+    return gap <= CONTACT_ROUNDING * size
+
+
+@kernel
+def collide_jointly(world: World, j: int, first: int, count: int) -> int:
+    """Carry out the impacts of a chain of touching pairs at the contact time of pair ``j``."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    _bring_chain(world, j, first, count)
+    before = _energy_of_chain(world, first, count)
+    law = settings.law
+    start_row = clock.impact_rows
+    loss, admissible = _impulses(world, first, count, law)
+    if not admissible and settings.substitute == 0:
+        for row in range(start_row, clock.impact_rows):
+            complete_inadmissible(world, world.impacts[row])
+        return END_INADMISSIBLE
+    if not admissible:
+        law = NORMAL_IMPULSE
+        clock.collisions -= clock.impact_rows - start_row
+        clock.impact_rows = start_row
+        for step in range(count + 1):
+            set_speed(world, (first + step) % settings.bodies)
+        loss, _ = _impulses(world, first, count, law)
+        for row in range(start_row, clock.impact_rows):
+            world.impacts[row].substituted = 1
+            world.impacts[row].admissible = 0
+    settle(world, first, count)
+    launch_chain(world, first, count, COLLISION)
+    clock.energy_correction += abs(before - loss - _energy_of_chain(world, first, count))
+    for row in range(start_row, clock.impact_rows):
+        _complete(world, world.impacts[row], clock.impact_rows - start_row)
+    for step in range(count):
+        number = (first + step) % settings.pairs
+        pair = world.pairs[number]
+        if pair.touching == PARTING and pair.restitution < 1.0:
+            closed = close_if_accumulated(world, number, law)
+            for row in range(start_row, clock.impact_rows):
+                if world.impacts[row].pair == number:
+                    world.impacts[row].contact = closed
+    return RUNNING
+
+
+@kernel
+def _bring_chain(world: World, j: int, first: int, count: int) -> None:
+    """Put the bodies of a chain into their states at the instant; set speeds and normals."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    for step in range(count + 1):
+        ball = (first + step) % settings.bodies
+        flight = world.flights[ball]
+        free = flight.grouped == 0 and flight.frequency > 0.0
+        if ball == pair.a:
+            s, c, p = pair.a_s, pair.a_c, pair.a_p
+            if free:
+                s, c, p = project(flight, s, c, p)
+            place_at(flight, clock.t, clock.t_low, s, c, p)
+        elif ball == pair.b:
+            s, c, p = pair.b_s, pair.b_c, pair.b_p
+            if free:
+                s, c, p = project(flight, s, c, p)
+            place_at(flight, clock.t, clock.t_low, s, c, p)
+        else:
+            bring_to(world, ball, clock.t, clock.t_low)
+        set_speed(world, ball)
+    for step in range(count):
+        set_normals(world, (first + step) % settings.pairs)
+
+
+@kernel
+def _energy_of_chain(world: World, first: int, count: int) -> float:
+    """Energy (J) of the bodies of a chain from their states."""
+    settings = world.settings[0]
+    total = 0.0
+    for step in range(count + 1):
+        ball = (first + step) % settings.bodies
+        flight = world.flights[ball]
+        body = world.bodies[ball]
+        track = world.tracks[ball * settings.pieces + flight.piece]
+        flight.head = head_from_state(flight, body, track, settings.gravity)
+        total += body.weight * flight.head
+    return total
+
+
+@kernel
+def _impulses(world: World, first: int, count: int, law: int) -> tuple[float, bool]:
+    """Apply the joint impulses of all closing pairs and log them.
+
+    Returns the energy lost (J), and whether every pair of an impact parts after it.
+    """
+    pairs = world.settings[0].pairs
+    for step in range(count):
+        number = (first + step) % pairs
+        pair = world.pairs[number]
+        speed_a = abs(pair.normal_a * world.flights[pair.a].speed)
+        speed_b = abs(pair.normal_b * world.flights[pair.b].speed)
+        closing = parting_speed(world, number) < -SPEED_ROUNDING * (speed_a + speed_b)
+        pair.closing = 1 if closing else 0
+    loss = 0.0
+    admissible = True
+    start = 0
+    while start < count:
+        length = 0
+        while start + length < count and world.pairs[(first + start + length) % pairs].closing == 1:
+            length += 1
+        if length > 0:
+            begin = (first + start) % pairs
+            lost, fine = _impulses_of_run(world, begin, length, law)
+            loss += lost
+            admissible = admissible and fine
+        start += length + 1
+    return loss, admissible
+
+
+@kernel
+def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[float, bool]:
+    settings = world.settings[0]
+    clock = world.clock[0]
+    joint_impulses(world, begin, length, law, 0)
+    start_row = clock.impact_rows
+    for step in range(length):
+        log_impact(world, (begin + step) % settings.pairs, 0.0, 0.0, law, 0.0)
+        row = world.impacts[clock.impact_rows - 1]
+        pair = world.pairs[(begin + step) % settings.pairs]
+        row.head_a_pre = world.flights[pair.a].head
+        row.head_b_pre = world.flights[pair.b].head
+        row.simultaneous = 1 if length > 1 else 0
+    apply_impulses(world, begin, length, law)
+    loss = 0.0
+    fine = True
+    for step in range(length):
+        pair = world.pairs[(begin + step) % settings.pairs]
+        row = world.impacts[start_row + step]
+        row.speed_a_post = world.flights[pair.a].speed
+        row.speed_b_post = world.flights[pair.b].speed
+        row.admissible = parts(pair, row.speed_a_post, row.speed_b_post)
+        row.loss = _loss_of_pair(world, pair.solution, row, law)
+        loss += row.loss
+        fine = fine and row.admissible == 1
+    return loss, fine
+
+
+@kernel
+def _loss_of_pair(world: World, impulse: float, row: ImpactRow, law: int) -> float:
+    """Rolling energy (J) that the impulse of one pair takes: impulse times mean relative speed."""
+    body_a = world.bodies[row.a]
+    body_b = world.bodies[row.b]
+    if law == NORMAL_IMPULSE:
+        weight_a = row.normal_a
+        weight_b = row.normal_b
+    elif law == 0:
+        weight_a = 1.0 / body_a.radius
+        weight_b = 1.0 / body_b.radius
+    else:
+        weight_a = body_a.kappa
+        weight_b = body_b.kappa
+    sum_a = weight_a * (row.speed_a_pre + row.speed_a_post)
+    return 0.5 * impulse * (sum_a - weight_b * (row.speed_b_pre + row.speed_b_post))
+
+
+@kernel
+def _complete(world: World, row: ImpactRow, impacts: int) -> None:
+    """Fill in what is known only after the whole instant."""
+    row.head_a_post = world.flights[row.a].head
+    row.head_b_post = world.flights[row.b].head
+    if impacts > 1:
+        row.simultaneous = 1
+
+
+@kernel
+def complete_inadmissible(world: World, row: ImpactRow) -> None:
+    """Complete the row with what the law says; the states stay those before the impact."""
+    gravity = world.settings[0].gravity
+    kappa_a = world.bodies[row.a].kappa
+    kappa_b = world.bodies[row.b].kappa
+    va = row.speed_a_pre
+    vb = row.speed_b_pre
+    wa = row.speed_a_post
+    wb = row.speed_b_post
+    row.head_a_post = row.head_a_pre + 0.5 * kappa_a * (wa - va) * (wa + va) / gravity
+    row.head_b_post = row.head_b_pre + 0.5 * kappa_b * (wb - vb) * (wb + vb) / gravity
