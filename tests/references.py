@@ -1,0 +1,140 @@
+"""The reference files: their scenarios, their rows, and runs of them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from tests.highprecision.scene import Scene, scene_of_decimals, scene_of_system
+from tests.highprecision.sensitivity import amplification
+from tests.highprecision.taylor import mp
+from tests.highprecision.twin import Impact, Twin, happenings_of
+from vibro_cli.api import simulate
+from vibro_cli.build import build_system
+from vibro_cli.mechanics.system import System
+from vibro_cli.scenario import Scenario, scenario_of
+from vibro_cli.simulation.run import Run, simulate_system
+
+FOLDER = Path(__file__).parent / "reference"
+NAMES = tuple(sorted(path.stem for path in FOLDER.glob("*.json")))
+
+
+@cache
+def document(name: str) -> dict[str, Any]:
+    """A reference file: ``scenario`` and ``rows``."""
+    text = (FOLDER / f"{name}.json").read_text(encoding="utf-8")
+    content: dict[str, Any] = json.loads(text)
+    return content
+
+
+def collisions(name: str) -> list[dict[str, Any]]:
+    """The rows that are collisions."""
+    return [row for row in document(name)["rows"] if row["event"] == "collision"]
+
+
+@cache
+def scenario(name: str) -> Scenario:
+    """The scenario of a reference file."""
+    return scenario_of(document(name)["scenario"])
+
+
+@cache
+def system(name: str) -> System:
+    """The system that the solver gets, in doubles."""
+    return build_system(scenario(name))
+
+
+@cache
+def run(name: str, engine: str = "python") -> Run:
+    """The solver's run of a reference file."""
+    return simulate(scenario(name), engine)
+
+
+@cache
+def twin_of_doubles(name: str) -> list[Impact]:
+    """The impacts in high precision, from the doubles that the solver gets."""
+    return _follow(scene_of_system(system(name)), name)
+
+
+@cache
+def twin_of_decimals(name: str) -> list[Impact]:
+    """The impacts in high precision, from the decimals of the file."""
+    return _follow(scene_of_decimals(document(name)["scenario"]), name)
+
+
+def _follow(scene: Scene, name: str) -> list[Impact]:
+    return Twin(scene).follow(happenings_of(run(name)))
+
+
+# Quantities of a row: name in the collision table, in the reference files, and of the twin.
+SPEEDS = {
+    "speed_a_pre": ("v_a_pre", lambda impact: impact.a.speed),
+    "speed_b_pre": ("v_b_pre", lambda impact: impact.b.speed),
+    "speed_a_post": ("v_a_post", lambda impact: impact.after_a),
+    "speed_b_post": ("v_b_post", lambda impact: impact.after_b),
+    "separation_speed": ("rel", lambda impact: impact.separation),
+}
+PLACES = {
+    "place_a": ("angle_a", lambda impact: impact.a.place),
+    "place_b": ("angle_b", lambda impact: impact.b.place),
+}
+TIME = {"t": ("t", lambda impact: impact.t)}
+QUANTITIES: dict[str, tuple[str, Callable[[Impact], Any]]] = {**TIME, **PLACES, **SPEEDS}
+
+
+def solved(run: Run, quantity: str, row: int) -> Any:
+    """A quantity of the collision table, exactly: the time of both doubles, a place on its piece."""
+    table = run.collisions
+    if quantity == "t":
+        return mp.mpf(float(table["t"][row])) + mp.mpf(float(table["t_low"][row]))
+    if quantity in SPEEDS:
+        return mp.mpf(float(table[quantity][row]))
+    end = quantity[-1]
+    angle = float(table[f"angle_{end}"][row])
+    if math.isnan(angle):
+        piece = run.system.trace.pieces[int(table[f"arc_{end}"][row]) - 1]
+        return mp.mpf(float(table[f"s_{end}"][row])) - mp.mpf(piece.start_s)
+    return mp.mpf(angle)
+
+
+def deviation(quantity: str, value: Any, exact: Any, row: Impact) -> float:
+    """Difference of a quantity of a row, relative.
+
+    A time to itself; an angle to itself or 1 rad, a distance to 1 m (angles pass through zero); a
+    speed to the fastest of the impact, since a small one is a difference of larger ones.
+    """
+    if quantity == "t":
+        size = abs(exact)
+    elif quantity in PLACES:
+        size = max(abs(exact), 1)
+    else:
+        size = max(abs(speed) for speed in (row.a.speed, row.b.speed, row.after_a, row.after_b))
+    return float(abs(value - exact) / size)
+
+
+def mark(quantity: str, row: int) -> float:
+    """How closely a row (from 0) of a reference file is to be reproduced."""
+    if quantity in SPEEDS:
+        return 1e-11
+    return 1e-12 if row < 9 else 1e-10
+
+
+def solve(name: str, changed: System) -> Run:
+    """Run a changed system with the stop of a reference file."""
+    stop = scenario(name).stop
+    return simulate_system(changed, stop.time, stop.collisions, "python")
+
+
+@cache
+def amplified(name: str) -> dict[str, list[float]]:
+    """How much a relative change of an input changes each quantity of each row, at most."""
+    return amplification(system(name), lambda changed: _columns(solve(name, changed)))
+
+
+def _columns(of: Run) -> dict[str, list[float]]:
+    count = len(of.collisions["n"])
+    return {q: [float(solved(of, q, row)) for row in range(count)] for q in QUANTITIES}
