@@ -1,8 +1,8 @@
 """The certified search for the first contact of two neighbours.
 
 Each step is one that provably ends before the first contact, from bounds on the derivatives of the
-gap over both flights; when a simple root ahead is certified to be the first one, it is refined on the
-flows themselves. Nothing is sampled and no contact is passed over.
+gap over both flights; when a simple root ahead is certified to be the first one, it is refined on
+the flows themselves. Nothing is sampled and no contact is passed over.
 """
 
 from __future__ import annotations
@@ -102,7 +102,10 @@ def contact_on_arc(
         if rate < 0.0 and single and cosine > 0.0 and x < 0.5:
             x2 = x * x
             gap = 2.0 * x * (1.0 + x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0 + x2 * (15.0 / 336.0))))
-            if t + 2.0 * gap / (math.sqrt(rate * rate + 2.0 * bound_2 * max(gap, 0.0)) - rate) > limit:
+            if (
+                t + 2.0 * gap / (math.sqrt(rate * rate + 2.0 * bound_2 * max(gap, 0.0)) - rate)
+                > limit
+            ):
                 return NONE_BEFORE_LIMIT
             third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
             h = _cubic_guess(gap, rate, second, third)
@@ -110,10 +113,10 @@ def contact_on_arc(
             if h > NONE_BEFORE_LIMIT:
                 t = max(t + h, 0.0)
                 return t if t <= limit else NONE_BEFORE_LIMIT
-        step = safe_step_third_order(gap, rate, second, bound_2, bound_3)
+        step = safe_step_third_order(max(gap, 0.0), rate, second, bound_2, bound_3)
         if t + step >= horizon:
             return NONE_BEFORE_LIMIT
-        if t + step == t and t > 0.0:
+        if t + step == t and (t > 0.0 or touching == 0):
             # The gap closes below the resolution of time: contact, tangential within rounding.
             _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
             return t
@@ -198,9 +201,7 @@ def contact_on_line(
     gap = (b_s - a_s) - contact.sine
     if touching != 0 or gap < 0.0:
         gap = 0.0
-    h = first_root_of_parabola(
-        gap, b_p - a_p, b.line_acceleration - a.line_acceleration
-    )
+    h = first_root_of_parabola(gap, b_p - a_p, b.line_acceleration - a.line_acceleration)
     if h < 0.0 or h > limit:
         return NONE_BEFORE_LIMIT
     a_s, a_c, a_p = flow(a, age_a + h)
@@ -263,7 +264,7 @@ def contact_by_distance(
                     return t if t <= limit else NONE_BEFORE_LIMIT
         if t + step >= horizon:
             return NONE_BEFORE_LIMIT
-        if t + step == t and t > 0.0:
+        if t + step == t and (t > 0.0 or touching == 0):
             _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
             return t
         t += step

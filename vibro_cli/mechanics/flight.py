@@ -60,7 +60,10 @@ def head_from_state(flight: Flight, body: BodyData, track: TrackData, gravity: f
 
 @kernel
 def measure_energy(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> None:
-    """Take the energy from the state; near a crest also, to full accuracy, relative to the crest."""
+    """Take the energy from the state.
+
+    Near a crest also, to full accuracy, relative to the crest.
+    """
     flight.head = head_from_state(flight, body, track, gravity)
     anchor_at_crest(flight, track)
 
@@ -242,9 +245,7 @@ def set_flow_energy(flight: Flight) -> None:
 
 
 @kernel
-def _limit_by_lift_off(
-    flight: Flight, body: BodyData, piece: PieceData, track: TrackData
-) -> None:
+def _limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData, track: TrackData) -> None:
     """End the flight where the normal force of a one-sided trace would turn negative.
 
     N = 0 at ``S^2 = (1 + 4 m/kappa)/(2 + 4/kappa)``; a valley carries below it, a hump above.

@@ -163,7 +163,8 @@ def advance_slightly(
 def time_to(flight: Flight, s1: float, c1: float, p1: float) -> float:
     """Return the first time (s) at which an arc's flight takes its start to ``(S1, C1, P1)``.
 
-    The state is one of the flow's pendulum and must lie on the flight's orbit, less than a period ahead. Relative error a few ulp.
+    The state is one of the flow's pendulum and must lie on the flight's orbit, less than a
+    period ahead. Relative error a few ulp.
     """
     m = flight.parameter
     if flight.root_complement < 0.0:

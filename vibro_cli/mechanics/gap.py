@@ -1,8 +1,8 @@
 """The gap between two neighbours: on one arc as an angle, elsewhere as a distance of the centres.
 
-On one arc two bodies touch at a constant angle beta between their centres seen from the centre of the
-arc, ``sin(beta/2) = sqrt(r_a r_b/(rho_a rho_b))`` (A (6), B (48) without the loss of digits of their
-arc cosine). On two pieces they touch where the distance of the centres is ``r_a + r_b``.
+On one arc two bodies touch at a constant angle beta between their centres seen from the centre of
+the arc, ``sin(beta/2) = sqrt(r_a r_b/(rho_a rho_b))`` (A (6), B (48) without the loss of digits of
+their arc cosine). On two pieces they touch where the distance of the centres is ``r_a + r_b``.
 """
 
 from __future__ import annotations
@@ -35,9 +35,7 @@ def half_gap_sine(
 
 
 @kernel
-def centre_position(
-    piece: PieceData, track: TrackData, s: float, c: float
-) -> tuple[float, float]:
+def centre_position(piece: PieceData, track: TrackData, s: float, c: float) -> tuple[float, float]:
     """Position of a body's centre (m)."""
     if piece.sign == 0.0:
         return track.line_x + piece.tangent_x * s, track.line_y + piece.tangent_y * s

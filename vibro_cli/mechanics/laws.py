@@ -1,7 +1,8 @@
 """The three impact laws, for one pair and for several pairs at one instant.
 
 Every law is an impulse ``I`` between the bodies of a pair that turns the law's own relative speed
-``u = q_a v_a - q_b v_b`` (of approach) into ``-k u``; the speeds change by ``-I h_a`` and ``+I h_b``:
+``u = q_a v_a - q_b v_b`` (of approach) into ``-k u``; the speeds change by ``-I h_a`` and ``+I
+h_b``:
 
 ===============  ==================  ==================
 law              weight ``q``        response ``h``
@@ -72,8 +73,6 @@ def impact_of_pair(
 
 
 @kernel
-def separation_speed(
-    normal_a: float, normal_b: float, speed_a: float, speed_b: float
-) -> float:
+def separation_speed(normal_a: float, normal_b: float, speed_a: float, speed_b: float) -> float:
     """Speed at which a pair parts along its line of centres, ``n (v_b t_b - v_a t_a)``, m/s."""
     return normal_b * speed_b - normal_a * speed_a

@@ -1,10 +1,11 @@
 """The records that the kernels share: what is known of pieces, bodies, flights and pairs.
 
-Half-angle variables. On an arc the place of a body is ``(S, C) = (sin f/2, cos f/2)`` and its motion
-``P = f'/(2w)`` with ``w^2 = g/(kappa rho)``; ``f = phi`` in a valley and ``f = psi + pi`` on a hump,
-where ``C = -sin(psi/2)`` keeps its relative accuracy at the crest. ``S^2 + C^2 = 1`` and
-``S^2 + P^2 = m`` is the energy. On a line ``S`` is the distance from the line's left end, ``P`` the
-speed and ``C`` is unused. The speed of the centre is ``v = speed_factor P`` on every piece.
+Half-angle variables. On an arc the place of a body is ``(S, C) = (sin f/2, cos f/2)`` and its
+motion ``P = f'/(2w)`` with ``w^2 = g/(kappa rho)``; ``f = phi`` in a valley and ``f = psi + pi``
+on a hump, where ``C = -sin(psi/2)`` keeps its relative accuracy at the crest. ``S^2 + C^2 = 1``
+and ``S^2 + P^2 = m`` is the energy. On a line ``S`` is the distance from the line's left end,
+``P`` the speed and ``C`` is unused. The speed of the centre is ``v = speed_factor P`` on every
+piece.
 """
 
 from __future__ import annotations
@@ -110,7 +111,10 @@ class Flight(ThetaConstants):
 
 @record
 class PairData:
-    """Two neighbours, ``a`` left of ``b``; across the seam of a closed trace ``a`` is the last body."""
+    """Two neighbours, ``a`` left of ``b``.
+
+    Across the seam of a closed trace ``a`` is the last body.
+    """
 
     a: int
     b: int
@@ -121,6 +125,10 @@ class PairData:
     clear_t_low: float
     touching: int  # PARTING or RELEASED: in contact at that instant and going apart
     held: int  # 1: in lasting contact
+    logged: int  # what of it has been logged: 1 closed, 0 open
+    change_t: float  # when ``held`` last changed (two doubles)
+    change_t_low: float
+    delay: float  # time from then to the end of the accumulation, s
     release_t: float  # when the contact force changes sign, or NEVER (two doubles)
     release_t_low: float
     contact_t: float  # first contact, or NEVER
@@ -184,6 +192,7 @@ class Clock:
     crossings: int
     contacts: int
     held_pairs: int  # pairs in lasting contact now
+    unlogged: int  # 1: some contact may have changed since it was logged
     last_ball: int  # body of the last boundary event
     quiet_t: float
     energy_correction: float  # sum of |corrections|, J

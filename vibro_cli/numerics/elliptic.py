@@ -3,8 +3,8 @@
 The functions solve Euler's top ``s' = c d, c' = -s d, d' = -m s c`` from ``(0, 1, 1)`` for every
 ``m >= 0``: for ``m <= 1`` they are sn, cn, dn of parameter ``m``; for ``m > 1`` they follow from
 those of parameter ``1/m`` by the reciprocal-modulus transformation. What depends on ``m`` alone is
-set up once for a flight (:func:`set_theta_constants`); one evaluation then costs one sine and cosine
-or one exponential, and a division that the caller shares (:func:`theta_functions`).
+set up once for a flight (:func:`set_theta_constants`); one evaluation then costs one sine and
+cosine or one exponential, and a division that the caller shares (:func:`theta_functions`).
 
 The parameter is given twice, as ``m`` and as the signed root of its complement
 ``root_complement = sign(1 - m) sqrt|1 - m|``, because near the separatrix the complement holds all

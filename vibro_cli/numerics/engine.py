@@ -37,8 +37,9 @@ def kernel(function: Function) -> Function:
 def record(cls: RecordClass) -> RecordClass:
     """Turn a class of annotated fields into one with slots and zero values.
 
-    The mapping ``fields`` of the result gives their names and kinds. Fields are ``float``, ``int`` or ``Series`` (a short row of floats, such as the coefficients
-    of a polynomial). The fields of base classes that are records come first.
+    The mapping ``fields`` of the result gives their names and kinds. Fields are ``float``,
+    ``int`` or ``Series`` (a short row of floats, such as the coefficients of a polynomial).
+    The fields of base classes that are records come first.
     """
     fields: dict[str, str] = {}
     for base in reversed(cls.__mro__):
@@ -109,14 +110,20 @@ def source_digest() -> str:
         if path is None:  # pragma: no cover - kernels are always defined in files
             raise RuntimeError(f"kernel module {name} has no source file")
         digest.update(Path(path).read_bytes())
-    processor = (llvmlite.binding.get_host_cpu_name(), str(llvmlite.binding.get_host_cpu_features()))
+    processor = (
+        llvmlite.binding.get_host_cpu_name(),
+        str(llvmlite.binding.get_host_cpu_features()),
+    )
     versions = (numba.__version__, llvmlite.__version__, sys.version)
     digest.update(repr((versions, processor)).encode())
     return digest.hexdigest()[:16]
 
 
 def cache_folder() -> Path:
-    """Return the folder of the machine code: ``VIBRO_CACHE_DIR``, else the platform's cache folder."""
+    """Return the folder of the machine code.
+
+    ``VIBRO_CACHE_DIR``, else the platform's cache folder.
+    """
     named = os.environ.get("VIBRO_CACHE_DIR")
     if named:
         return Path(named)

@@ -35,9 +35,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
     quadrant = math.floor(x * TWO_OVER_PI + 0.5)
     r = (x - quadrant * HALF_PI_HIGH) - quadrant * HALF_PI_LOW
     z = r * r
-    s = r + r * z * (
-        SIN_3 + z * (SIN_5 + z * (SIN_7 + z * (SIN_9 + z * (SIN_11 + z * SIN_13))))
-    )
+    s = r + r * z * (SIN_3 + z * (SIN_5 + z * (SIN_7 + z * (SIN_9 + z * (SIN_11 + z * SIN_13)))))
     c = (
         1.0
         - 0.5 * z

@@ -1,9 +1,11 @@
-"""A group in lasting contact across several pieces: one degree of freedom, integrated by collocation.
+"""A group in lasting contact across several pieces: one degree of freedom, integrated by
+collocation.
 
-On different pieces the contact's geometry changes as the group moves, and no closed form is known. The
-equations of the chain (contact forces from the second derivative of each distance, so that the change
-of the normals is in them) are solved on short segments by collocation at Gauss nodes, to rounding;
-accelerations and forces are then polynomials in time, whose first roots are found with a certificate.
+On different pieces the contact's geometry changes as the group moves, and no closed form is known.
+The equations of the chain (contact forces from the second derivative of each distance, so that the
+change of the normals is in them) are solved on short segments by collocation at Gauss nodes, to
+rounding; accelerations and forces are then polynomials in time, whose first roots are found with a
+certificate.
 """
 
 from __future__ import annotations
@@ -21,7 +23,6 @@ from vibro_cli.numerics.first_root import safe_step_second_order
 from vibro_cli.simulation.chain import contact_forces, free_acceleration, set_normals
 from vibro_cli.simulation.groups import AT_END
 from vibro_cli.simulation.world import World
-
 
 Row = tuple[float, ...]
 

@@ -38,7 +38,10 @@ SLOW_CROSSING = 1.0e-6
 
 @kernel
 def collide(world: World, j: int) -> int:
-    """Carry out the impact of pair ``j`` at its contact time; return the cause of an end, or RUNNING."""
+    """Carry out the impact of pair ``j`` at its contact time.
+
+    Return the cause of an end, or RUNNING.
+    """
     settings = world.settings[0]
     clock = world.clock[0]
     pair = world.pairs[j]

@@ -1,8 +1,8 @@
 """When lasting contact begins, goes on and ends.
 
-Contact is kept where the contact force presses. A pair held before keeps its contact through a change
-of piece if the force still presses there; a pair that bounces with k < 1 closes when the sum of its
-remaining bounces can be taken in closed form to rounding (accumulation, Zeno).
+Contact is kept where the contact force presses. A pair held before keeps its contact through a
+change of piece if the force still presses there; a pair that bounces with k < 1 closes when the
+sum of its remaining bounces can be taken in closed form to rounding (accumulation, Zeno).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vibro_cli.simulation.chain import (
 )
 from vibro_cli.simulation.flights import begin_flight, log_flight
 from vibro_cli.simulation.groups import launch_group
-from vibro_cli.simulation.rows import SPEED_ROUNDING, log_contact
+from vibro_cli.simulation.rows import SPEED_ROUNDING, hold
 from vibro_cli.simulation.world import CONTACT_CLOSED, CONTACT_OPENED, World
 
 EPSILON = 2.220446049250313e-16
@@ -79,14 +79,9 @@ def settle(world: World, first: int, count: int) -> None:
         share = HELD_ROUNDING if pair.held == 1 else SPEED_ROUNDING
         parting = parting_speed(world, j)
         pair.closing = 0
-        was_held = pair.held
-        pair.held = 1 if abs(parting) <= share * (speed_a + speed_b) else 0
-        if was_held == 1 and pair.held == 0:
-            world.clock[0].held_pairs -= 1
-            log_contact(world, j, 1, 0.0)
-        if was_held == 0 and pair.held == 1:
-            world.clock[0].held_pairs += 1
-            log_contact(world, j, 0, 0.0)
+        held = 1 if abs(parting) <= share * (speed_a + speed_b) else 0
+        if held != pair.held:
+            hold(world, j, held, 0.0)
         if pair.held == 0 and parting > 0.0:
             pair.closing = PARTING
     while _drop_pulling(world, first, count):
@@ -120,10 +115,8 @@ def _drop_pulling(world: World, first: int, count: int) -> bool:
     if worst < 0:
         return False
     pair = world.pairs[worst]
-    pair.held = 0
+    hold(world, worst, 0, 0.0)
     pair.closing = RELEASED if least > -1.0e-6 else PARTING
-    world.clock[0].held_pairs -= 1
-    log_contact(world, worst, 1, 0.0)
     return True
 
 
@@ -212,9 +205,7 @@ def open_contact(world: World, j: int, first: int, count: int) -> None:
     for step in range(count):
         set_normals(world, (first + step) % settings.pairs)
     pair = world.pairs[j]
-    pair.held = 0
-    world.clock[0].held_pairs -= 1
-    log_contact(world, j, 1, 0.0)
+    hold(world, j, 0, 0.0)
     left = (j - first) % settings.pairs
     if left > 0:
         settle(world, first, left)
@@ -251,9 +242,7 @@ def close_if_accumulated(world: World, j: int, law: int) -> int:
         delay = _remaining_bounces(world, j, u, c)
         if delay < 0.0 or delay >= a.exit_after or delay >= b.exit_after:
             return 0
-    pair.held = 1
-    world.clock[0].held_pairs += 1
-    log_contact(world, j, 0, delay)
+    hold(world, j, 1, delay)
     first, count = held_run(world, j)
     for step in range(count):
         set_normals(world, (first + step) % world.settings[0].pairs)

@@ -29,9 +29,7 @@ COMPILE_AFTER_FLIGHTS = 8192
 class Driver:
     """One run in progress."""
 
-    def __init__(
-        self, world: World, engine_name: str, state: dict[str, Any] | None = None
-    ) -> None:
+    def __init__(self, world: World, engine_name: str, state: dict[str, Any] | None = None) -> None:
         self.logs = {name: Log(RECORDS[name]) for name in LOGS}
         self.engine = "numba" if engine_name == "numba" else "python"
         self._may_compile = engine_name == "auto"
@@ -88,7 +86,6 @@ class Driver:
         self.engine = "numba"
         self._may_compile = False
         self.world = compiled_world(self.world)
-
 
     def state(self) -> dict[str, Any]:
         """Return all that changes in a run, exactly, as plain values (see :func:`restore`)."""

@@ -1,9 +1,9 @@
 """Normal force and friction demand of whole flights, in closed form.
 
-On an arc ``N/(m g) = sign(cos f + (4/kappa) P^2)`` is linear in ``S^2`` (f = phi in a valley, psi + pi
-on a hump, whose sign is -1), so its extremes over a flight lie at the extremes of ``S^2``; the friction
-that rolling needs, ``|F|/N`` with ``F = m g sin(alpha)(1 - 1/kappa)``, is stationary also where
-``cos f = -B/A``, ``N/m = A + B cos f``.
+On an arc ``N/(m g) = sign(cos f + (4/kappa) P^2)`` is linear in ``S^2`` (f = phi in a valley, psi
++ pi on a hump, whose sign is -1), so its extremes over a flight lie at the extremes of ``S^2``;
+the friction that rolling needs, ``|F|/N`` with ``F = m g sin(alpha)(1 - 1/kappa)``, is stationary
+also where ``cos f = -B/A``, ``N/m = A + B cos f``.
 """
 
 from __future__ import annotations
@@ -64,11 +64,16 @@ def normal_force(paths: Paths, s2: Floats) -> Floats:
 
 
 def friction_demand(paths: Paths, s2: Floats) -> Floats:
-    """Coefficient of friction that rolling needs where each flight passes ``S^2``; inf for N <= 0."""
+    """Coefficient of friction that rolling needs where each flight passes ``S^2``.
+
+    Inf for N <= 0.
+    """
     places = paths.places
     sign = places.sign[paths.piece]
     slopes = np.array([piece.start_slope for piece in places.system.trace.pieces])[paths.piece]
-    sine = np.where(sign == 0.0, np.abs(np.sin(slopes)), 2.0 * np.sqrt(np.clip(s2 * (1 - s2), 0, 1)))
+    sine = np.where(
+        sign == 0.0, np.abs(np.sin(slopes)), 2.0 * np.sqrt(np.clip(s2 * (1 - s2), 0, 1))
+    )
     force = places.weight[paths.body] * sine * (1.0 - 1.0 / places.kappa[paths.body])
     normal = normal_force(paths, s2)
     with np.errstate(divide="ignore", invalid="ignore"):

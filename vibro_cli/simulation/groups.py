@@ -1,8 +1,8 @@
 """Groups of bodies in lasting contact: one pendulum on an arc, one parabola on a line.
 
-On one arc a group is one pendulum ``(sum kappa_i m_i rho_i^2) f'' = -g A sin(f + delta)``; the force
-between two neighbours is ``U sin f + V cos f`` in its angle, so that the angle at which they part is
-known in closed form. On a line the acceleration and the forces are constant.
+On one arc a group is one pendulum ``(sum kappa_i m_i rho_i^2) f'' = -g A sin(f + delta)``; the
+force between two neighbours is ``U sin f + V cos f`` in its angle, so that the angle at which they
+part is known in closed form. On a line the acceleration and the forces are constant.
 """
 
 from __future__ import annotations

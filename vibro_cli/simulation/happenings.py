@@ -179,7 +179,7 @@ def _passing_times(paths: Paths, index: int, s2: float) -> list[tuple[float, flo
     for s in (s0, -s0):
         for c in (c0, -c0):
             square = squared_rate_at(flight, s, c)
-            if square <= 0.0 or flight.root_complement >= 0.0 and c * flight.c < 0.0:
+            if square <= 0.0 or (flight.root_complement >= 0.0 and c * flight.c < 0.0):
                 continue
             for p in (math.sqrt(square), -math.sqrt(square)):
                 if flight.root_complement < 0.0 and p * flight.p <= 0.0:

@@ -9,6 +9,7 @@ from vibro_cli.simulation.chain import set_normals, set_speed
 from vibro_cli.simulation.changes import collide, leave_piece, release
 from vibro_cli.simulation.contact_changes import launch_chain, settle
 from vibro_cli.simulation.joint import CONTACT_ROUNDING
+from vibro_cli.simulation.rows import log_contacts
 from vibro_cli.simulation.search import first_contact
 from vibro_cli.simulation.world import (
     END_NO_MORE_COLLISIONS,
@@ -88,6 +89,11 @@ def advance(world: World) -> int:
             else:
                 pair = -1
         meeting = first_contact(world, horizon_t, horizon_low)
+        if meeting >= 0:
+            horizon_t = world.pairs[meeting].contact_t
+            horizon_low = world.pairs[meeting].contact_t_low
+        if clock.unlogged == 1:
+            log_contacts(world, horizon_t, horizon_low)
         if meeting >= 0:
             cause = collide(world, meeting)
         elif pair >= 0:

@@ -10,9 +10,9 @@ import numpy as np
 from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow, time_to
 from vibro_cli.mechanics.heights import heights
 from vibro_cli.mechanics.records import Flight
+from vibro_cli.mechanics.trace import sine_cosine
 from vibro_cli.numerics.elliptic import carlson_rf, set_theta_constants
 from vibro_cli.simulation.geometry import Floats, Places
-from vibro_cli.mechanics.trace import sine_cosine
 from vibro_cli.simulation.world import CAUSE_NAMES
 
 _GROUP_FIELDS = (

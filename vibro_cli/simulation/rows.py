@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from vibro_cli.mechanics.laws import separation_speed
 from vibro_cli.mechanics.records import PairData
+from vibro_cli.numerics.double import time_between
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.world import World
 
 # A parting speed above -this (relative) is zero up to rounding.
 SPEED_ROUNDING = 8.0 * 2.220446049250313e-16
+
+# Times closer than this share of themselves are one instant.
+SAME_INSTANT = 64.0 * 2.220446049250313e-16
 
 
 @kernel
@@ -57,24 +61,54 @@ def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float
 
 
 @kernel
-def log_contact(world: World, j: int, opened: int, delay: float) -> None:
-    """Log that a lasting contact of a pair closes (``delay`` s from now) or opens."""
+def hold(world: World, j: int, held: int, delay: float) -> None:
+    """Begin or end the lasting contact of a pair now, its bounces lasting ``delay`` (s) more."""
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    clock.held_pairs += held - pair.held
+    clock.unlogged = 1
+    pair.held = held
+    pair.change_t = clock.t
+    pair.change_t_low = clock.t_low
+    pair.delay = delay
+
+
+@kernel
+def log_contacts(world: World, t: float, t_low: float) -> None:
+    """Log the contacts that have closed or opened for good before the next event at ``t``.
+
+    Within one instant, or one accumulation, a contact may open and close many times.
+    """
+    clock = world.clock[0]
+    clock.unlogged = 0
+    for j in range(world.settings[0].pairs):
+        pair = world.pairs[j]
+        if pair.held == pair.logged:
+            continue
+        later = time_between(t, t_low, pair.change_t, pair.change_t_low)
+        if later > pair.delay + SAME_INSTANT * abs(t):
+            _log_contact(world, j, pair)
+            pair.logged = pair.held
+        else:
+            clock.unlogged = 1
+
+
+@kernel
+def _log_contact(world: World, j: int, pair: PairData) -> None:
     clock = world.clock[0]
     row = world.touches[clock.contact_rows]
-    pair = world.pairs[j]
     a = world.flights[pair.a]
     b = world.flights[pair.b]
-    row.t = clock.t
-    row.t_low = clock.t_low
-    row.delay = delay
+    row.t = pair.change_t
+    row.t_low = pair.change_t_low
+    row.delay = pair.delay
     row.a = pair.a
     row.b = pair.b
-    row.opened = opened
+    row.opened = 1 - pair.held
     row.piece_a = a.piece
     row.piece_b = b.piece
     row.b_s = b.s
     row.b_c = b.c
-    row.speed = b.speed
+    row.speed = b.p * world.tracks[pair.b * world.settings[0].pieces + b.piece].speed_factor
     clock.contact_rows += 1
-    if opened == 0:
-        clock.contacts += 1
+    clock.contacts += pair.held

@@ -95,9 +95,7 @@ class Run:
 
     @cached_property
     def _record(self) -> dict[str, Any]:
-        return summarise(
-            self._places, self._paths, self._logs["impacts"], self._cause, self._clock
-        )
+        return summarise(self._places, self._paths, self._logs["impacts"], self._cause, self._clock)
 
     @property
     def summary(self) -> Table:

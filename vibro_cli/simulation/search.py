@@ -112,10 +112,11 @@ def _separated(
 
 
 @kernel
-def _horizontal_extent(
-    flight: Flight, piece: PieceData, track: TrackData
-) -> tuple[float, float]:
-    """Least and greatest x of the centre on a flight, where x grows along its path; else infinite."""
+def _horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
+    """Least and greatest x of the centre on a flight, where x grows along its path.
+
+    Else infinite.
+    """
     if flight.grouped == 1:
         return -NEVER, NEVER
     if piece.sign == 0.0:
