@@ -87,7 +87,7 @@ QUANTITIES: dict[str, tuple[str, Callable[[Impact], Any]]] = {**TIME, **PLACES, 
 
 
 def solved(run: Run, quantity: str, row: int) -> Any:
-    """A quantity of the collision table, exactly: the time of both doubles, a place on its piece."""
+    """A quantity of the collision table, without rounding: the time as the sum of both doubles."""
     table = run.collisions
     if quantity == "t":
         return mp.mpf(float(table["t"][row])) + mp.mpf(float(table["t_low"][row]))

@@ -2,8 +2,8 @@
 
 On an arc the angle f from the lowest point of the full circle obeys ``f'' = -w^2 sin f``. In
 ``S = sin(f/2)``, ``C = cos(f/2)``, ``P = f'/(2w)`` that is ``S' = wPC, C' = -wPS, P' = -wSC``;
-their Taylor coefficients follow from one another by products of series. Nothing is known here of elliptic
-functions, of periods or of the energy.
+their Taylor coefficients follow from one another by products of series. Nothing is known here of
+elliptic functions, of periods or of the energy.
 """
 
 from __future__ import annotations

@@ -17,9 +17,8 @@ from tests.highprecision.scene import Scene
 from tests.highprecision.taylor import ArcMotion, Real, mp
 
 ENOUGH = mp.mpf(10) ** -44
-SLACK = (
-    mp.mpf(10) ** -9
-)  # a body farther beyond its piece, or two deeper in one another: wrong event
+# A body farther beyond its piece, or two deeper in one another, have missed an event.
+SLACK = mp.mpf(10) ** -9
 
 
 class Happening(NamedTuple):
@@ -159,8 +158,8 @@ class Twin:
             offset = mp.asin(offset / self.path_radius(ball, piece))
         goal = shape.high - offset if right else shape.low + offset
         self.t = self._reach(ball, goal, guess)
-        speed = self.at(ball, self.t).speed
-        self._begin(ball, piece, goal, -self.scene.walls[1 if right else 0] * speed)
+        restitution: Real = self.scene.walls[1 if right else 0]
+        self._begin(ball, piece, goal, -restitution * self.at(ball, self.t).speed)
         return self.t
 
     def meet(self, a: int, b: int, guess: float) -> Real:

@@ -46,10 +46,9 @@ def test_pairs_arcs_and_crossings(name: str, engine: str) -> None:
     assert [(row["arc_a"], row["arc_b"]) for row in rows] == list(
         zip(table["arc_a"].tolist(), table["arc_b"].tolist(), strict=True)
     )
-    crossing_times = events["t"][events["event"] == "crossing"]
-    assert [row["crossings"] for row in rows] == [
-        int((crossing_times <= t).sum()) for t in table["t"]
-    ]
+    times = events["t"][events["event"] == "crossing"]
+    crossings = [int((times <= t).sum()) for t in table["t"]]
+    assert [row["crossings"] for row in rows] == crossings
 
 
 @pytest.mark.parametrize("name", references.NAMES)

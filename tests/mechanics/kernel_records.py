@@ -1,0 +1,78 @@
+"""Flights, bodies, pieces and tracks for tests of single kernels."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.records import BodyData, Flight, PairTrack, PieceData, TrackData
+from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.trace import ArcShape, Trace
+from vibro_cli.numerics.elliptic import set_theta_constants
+from vibro_cli.simulation.prepare import make_world
+
+GRAVITY = 9.81
+
+
+class Records(NamedTuple):
+    """What the kernels know of two bodies on a trace; ``tracks[body][piece]``."""
+
+    bodies: list[BodyData]
+    pieces: list[PieceData]
+    tracks: list[list[TrackData]]
+    contacts: list[PairTrack]
+    flights: list[Flight]
+
+
+def flight_on_arc(frequency: float, s: float, c: float, p: float) -> Flight:
+    """A flight whose constants come from its state, as after an impact.
+
+    1 - m = (C - P)(C + P), each factor under its own root, so that it is good near a crest.
+    """
+    flight = Flight()
+    flight.frequency = flight.own_frequency = frequency
+    flight.s, flight.c, flight.p = s, c, p
+    flight.flow_s, flight.flow_c, flight.flow_p = s, c, p
+    root = math.sqrt(abs(c - p)) * math.sqrt(abs(c + p))
+    set_theta_constants(flight, s * s + p * p, -root if abs(p) > abs(c) else root)
+    return flight
+
+
+def records(
+    trace: Trace,
+    bodies: tuple[Body, ...],
+    initial: tuple[InitialState, ...],
+    law: str = "normal-impulse",
+) -> Records:
+    """The records that the solver itself makes of a system."""
+    system = System(
+        gravity=GRAVITY, trace=trace, bodies=bodies, initial=initial,
+        restitution=(1.0,) * max(len(bodies) - 1, 1), law=law, inadmissible="stop",
+        surface="two-sided", left_end=None, right_end=None, turning=None,
+    )  # fmt: skip
+    world = make_world(system, 1.0, None)
+    count = len(trace.pieces)
+    rows = list(world.tracks)
+    return Records(
+        list(world.bodies), list(world.pieces),
+        [rows[body * count : (body + 1) * count] for body in range(len(bodies))],
+        list(world.contacts), list(world.flights),
+    )  # fmt: skip
+
+
+def ball(radius: float = 0.1, mass: float = 1.0) -> Body:
+    """A homogeneous ball."""
+    return Body("ball", radius, mass, 0.4)
+
+
+def three_arcs() -> Trace:
+    """Valley, hump, valley."""
+    return Trace.chain(
+        math.radians(-120.0),
+        [
+            ArcShape("valley", radius=1.0, end_slope=math.radians(50.0)),
+            ArcShape("hump", radius=0.5, end_slope=math.radians(-50.0)),
+            ArcShape("valley", radius=1.2, end_slope=math.radians(120.0)),
+        ],
+    )

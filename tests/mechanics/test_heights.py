@@ -1,0 +1,107 @@
+"""Heights of the arcs, each rounded once, against the chain laid in high precision."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.highprecision.scene import Piece, chain
+from tests.highprecision.taylor import Real, mp
+from tests.mechanics.kernel_records import three_arcs
+from vibro_cli.mechanics.heights import contains_turn, heights
+from vibro_cli.mechanics.trace import ArcShape, Trace
+
+SETTINGS = settings(deadline=None, derandomize=True, max_examples=60)
+
+
+def laid(trace: Trace) -> tuple[Piece, ...]:
+    """The chain in high precision, of the very doubles of the slopes."""
+    shapes = [
+        (piece.shape, mp.mpf(piece.length if piece.is_line else piece.radius),
+         mp.mpf(piece.end_slope))
+        for piece in trace.pieces
+    ]  # fmt: skip
+    return chain(mp.mpf(trace.pieces[0].start_slope), shapes)
+
+
+def height_at(piece: Piece, radius: Real, place: Real) -> Real:
+    """Height of a centre on a piece."""
+    if piece.sign == 0:
+        slope = piece.slopes[0]
+        return piece.origin[1] + place * mp.sin(slope) + radius * mp.cos(slope)
+    return piece.origin[1] - piece.sign * (piece.size - piece.sign * radius) * mp.cos(place)
+
+
+def lowest(pieces: tuple[Piece, ...], radius: Real) -> Real:
+    """Lowest place of the centre: at an end of a piece, or where its slope is level."""
+    found = []
+    for piece in pieces:
+        places = [piece.low, piece.high]
+        if piece.sign:
+            level = 0 if piece.sign > 0 else mp.pi
+            for turn in (-4, -2, 0, 2, 4):
+                place = level + turn * mp.pi
+                if piece.low <= place <= piece.high:
+                    places.append(place)
+        found += [height_at(piece, radius, place) for place in places]
+    return min(found)
+
+
+def check(trace: Trace, radius: float) -> None:
+    pieces, r = laid(trace), mp.mpf(radius)
+    zero = lowest(pieces, r)
+    for piece, found in zip(pieces, heights(trace, radius), strict=True):
+        if piece.sign == 0:
+            exact = height_at(piece, r, piece.low), height_at(piece, r, piece.high)
+        else:
+            rho = piece.size - piece.sign * r
+            exact = piece.origin[1] - rho, piece.origin[1] + rho
+        for value, true in zip((found.bottom, found.top), exact, strict=True):
+            assert abs(value - (true - zero)) <= 0.5000001 * math.ulp(value) + 1e-45
+
+
+def test_three_arcs() -> None:
+    for radius in (0.0, 0.01, 0.1, 0.4):
+        check(three_arcs(), radius)
+
+
+def test_lines_and_arcs() -> None:
+    trace = Trace.chain(
+        -1.3,
+        [
+            ArcShape("line", length=0.7), ArcShape("valley", radius=0.8, end_slope=0.6),
+            ArcShape("line", length=1.1), ArcShape("hump", radius=0.9, end_slope=-0.4),
+            ArcShape("line", length=0.3), ArcShape("valley", radius=2.0, end_slope=1.4),
+        ],
+    )  # fmt: skip
+    check(trace, 0.07)
+
+
+@pytest.mark.parametrize("turn", [math.pi, 1.5 * math.pi])
+def test_most_of_a_circle(turn: float) -> None:
+    check(Trace.chain(-turn, [ArcShape("valley", radius=1.0, end_slope=0.9)]), 0.2)
+
+
+@SETTINGS
+@given(
+    slopes=st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=6, unique=True),
+    radius=st.floats(0.01, 0.3),
+)
+def test_random_chains(slopes: list[float], radius: float) -> None:
+    shapes = [
+        ArcShape("valley" if end > start else "hump", radius=0.5 + abs(end), end_slope=end)
+        for start, end in pairwise(slopes)
+    ]
+    check(Trace.chain(slopes[0], shapes), radius)
+
+
+def test_contains_turn() -> None:
+    valley = Trace.chain(-1.0, [ArcShape("valley", radius=1.0, end_slope=4.0)]).pieces[0]
+    assert contains_turn(valley, 0.0)
+    assert contains_turn(valley, math.pi)
+    assert not contains_turn(valley, 4.5)
+    assert contains_turn(valley, 2.0 * math.pi)
