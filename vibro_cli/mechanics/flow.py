@@ -12,8 +12,11 @@ import math
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics.elliptic import (
     HYPERBOLIC_TINY,
+    ROOT_COMPLEMENT_TINY,
     TRIGONOMETRIC,
     carlson_rf,
+    quarter_period,
+    rf_near_logarithm,
     theta_functions,
 )
 from vibro_cli.numerics.engine import SERIES_LENGTH, kernel
@@ -197,8 +200,7 @@ def _stays_on_one_side(sc0: float, p0: float, sc1: float, p1: float) -> bool:
 def _libration_argument(flight: Flight, s1: float, c1: float, p1: float) -> float:
     """Argument between two states of a libration, each counted from a passage of the bottom."""
     m = flight.parameter
-    complement = flight.root_complement * flight.root_complement
-    quarter = math.sqrt(m) * carlson_rf(0.0, m * complement, m)
+    quarter = quarter_period(m, flight.root_complement)
     first = _argument_along_libration(m, quarter, flight.flow_s, flight.flow_c, flight.flow_p)
     second = _argument_along_libration(m, quarter, s1, c1, p1)
     if second < first:
@@ -221,7 +223,7 @@ def _rotation_argument(flight: Flight, s1: float, c1: float) -> float:
     """Argument between two places of a rotation, each counted from the bottom."""
     m = flight.parameter
     complement = flight.root_complement * flight.root_complement
-    half_turn = carlson_rf(complement, 0.0, m)
+    half_turn = quarter_period(m, flight.root_complement)
     first = _argument_along_rotation(m, complement, half_turn, flight.flow_s, flight.flow_c)
     second = _argument_along_rotation(m, complement, half_turn, s1, c1)
     return abs(second - first)
@@ -266,11 +268,16 @@ def _argument_by_addition(flight: Flight, s1: float, c1: float, p1: float) -> fl
     one_c = 1.0 + c if c > -0.5 else size * size / (1.0 - c)
     one_d = 1.0 + d if d > -0.5 else m * size * size / (1.0 - d)
     if c >= 0.0 and d >= 0.0:
-        both = c + d
+        root = math.sqrt(c + d)
     else:
-        k = flight.root_complement * size
-        both = k * (abs(k) / (d - c))
-    u = 2.0 * size * carlson_rf(both * one_c, both * one_d, one_c * one_d)
+        # c + d = (1 - m) s^2/(d - c): its root, since it may underflow itself.
+        root = abs(flight.root_complement) * size / math.sqrt(abs(d - c))
+    if root < ROOT_COMPLEMENT_TINY:
+        u = rf_near_logarithm(root * math.sqrt(one_c), root * math.sqrt(one_d), one_c * one_d)
+    else:
+        both = root * root
+        u = carlson_rf(both * one_c, both * one_d, one_c * one_d)
+    u *= 2.0 * size
     if s >= 0.0:
         return u
     return _double_period(flight) - u

@@ -1,8 +1,8 @@
 """The three impact laws, for one pair and for several pairs at one instant.
 
 Every law is an impulse ``I`` between the bodies of a pair that turns the law's own relative speed
-``u = q_a v_a - q_b v_b`` (of approach) into ``-k u``; the speeds change by ``-I h_a`` and ``+I
-h_b``:
+``u = q_a v_a - q_b v_b`` (of approach) into ``-k u``; the speeds change by ``-I h_a`` and
+``+I h_b``:
 
 ===============  ==================  ==================
 law              weight ``q``        response ``h``
@@ -38,6 +38,14 @@ def weight_and_response(law: int, body: BodyData, normal: float) -> tuple[float,
 
 
 @kernel
+def law_approach(qa: float, qb: float, speed_a: float, speed_b: float) -> float:
+    """Relative speed ``q_a v_a - q_b v_b`` of a law, exact up to one rounding for equal weights."""
+    if qa == qb:
+        return qa * (speed_a - speed_b)
+    return qa * speed_a - qb * speed_b
+
+
+@kernel
 def impact_of_pair(
     law: int,
     restitution: float,
@@ -57,7 +65,7 @@ def impact_of_pair(
     """
     qa, ha = weight_and_response(law, body_a, normal_a)
     qb, hb = weight_and_response(law, body_b, normal_b)
-    approach = qa * speed_a - qb * speed_b
+    approach = law_approach(qa, qb, speed_a, speed_b)
     impulse = (1.0 + restitution) * approach / (qa * ha + qb * hb)
     after_a = speed_a - impulse * ha
     after_b = speed_b + impulse * hb

@@ -83,6 +83,8 @@ class Flight(ThetaConstants):
     flow_c: float
     flow_p: float
     grouped: int  # 1: rolls in lasting contact with a neighbour
+    group_first: int  # leftmost body of its group, and number of its bodies
+    group_count: int
     shift_s: float  # sine and cosine of half the angle from the group's pendulum to the body
     shift_c: float
     rate_ratio: float  # P of the body over P of the group

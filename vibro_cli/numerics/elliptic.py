@@ -207,6 +207,29 @@ def _hyperbolic(theta: ThetaConstants, u: float) -> tuple[float, float, float, f
 
 
 @kernel
+def rf_near_logarithm(root_x: float, root_y: float, z: float) -> float:
+    """Carlson's ``R_F(x, y, z)`` for x and y below 1e-40 z, given their square roots.
+
+    ``ln(4 sqrt z/(sqrt x + sqrt y))/sqrt z`` (DLMF 19.27.2), where x and y may underflow.
+    """
+    root = math.sqrt(z)
+    return math.log(4.0 * root / (root_x + root_y)) / root
+
+
+@kernel
+def quarter_period(m: float, root_complement: float) -> float:
+    """Argument from the bottom to the turning point (m < 1) or to the top (m > 1).
+
+    K(m) for a libration, ``K(1/m)/sqrt m`` for a rotation.
+    """
+    root = abs(root_complement)
+    size = 1.0 if root_complement >= 0.0 else m
+    if root < ROOT_COMPLEMENT_TINY:
+        return rf_near_logarithm(root, 0.0, size)
+    return carlson_rf(root * root, 0.0, size)
+
+
+@kernel
 def carlson_rf(x: float, y: float, z: float) -> float:
     """Carlson's ``R_F(x, y, z)`` for non-negative arguments, at most one of them zero.
 

@@ -152,7 +152,9 @@ def compiled(entry: Callable[..., Any]) -> Any:
 def _compile_all() -> None:
     import numba
 
-    numba.config.CACHE_DIR = str(cache_folder() / f"kernels-{source_digest()}")
+    numba.config.CACHE_DIR = str(  # type: ignore[attr-defined]
+        cache_folder() / f"kernels-{source_digest()}"
+    )
     namespaces: dict[str, dict[str, Any]] = {}
     twins: dict[Callable[..., Any], Any] = {}
     for module, functions in _kernels.items():

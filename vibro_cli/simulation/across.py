@@ -1,5 +1,4 @@
-"""A group in lasting contact across several pieces: one degree of freedom, integrated by
-collocation.
+"""A group in lasting contact across several pieces: one degree of freedom, by collocation.
 
 On different pieces the contact's geometry changes as the group moves, and no closed form is known.
 The equations of the chain (contact forces from the second derivative of each distance, so that the

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.gap import centre_position, centre_tangent
-from vibro_cli.mechanics.laws import weight_and_response
+from vibro_cli.mechanics.laws import law_approach, weight_and_response
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.world import World
 
@@ -160,7 +160,8 @@ def joint_impulses(world: World, first: int, count: int, law: int, plastic: int)
         pair = world.pairs[j]
         qa, ha = weight_and_response(law, world.bodies[pair.a], pair.normal_a)
         qb, hb = weight_and_response(law, world.bodies[pair.b], pair.normal_b)
-        approach = qa * world.flights[pair.a].speed - qb * world.flights[pair.b].speed
+        speed_a = world.flights[pair.a].speed
+        approach = law_approach(qa, qb, speed_a, world.flights[pair.b].speed)
         k = 0.0 if plastic == 1 else pair.restitution
         pair.diagonal = qa * ha + qb * hb
         pair.right = (1.0 + k) * approach

@@ -181,6 +181,9 @@ def _launch_together(world: World, first: int, count: int, cause: int) -> None:
     else:
         launch_across(world, first, count)
     for step in range(count):
+        flight = world.flights[(first + step) % bodies]
+        flight.group_first = first
+        flight.group_count = count
         log_flight(world, (first + step) % bodies, cause)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from vibro_cli.numerics import engine
 from vibro_cli.simulation.loop import advance, start
@@ -18,6 +18,8 @@ ROWS_USED = {
 }
 # The records that change in a run, which are its state.
 STATE = ("clock", "flights", "pairs")
+# What the solver did, which a continued run counts anew: searches cut short by a stop are repeated.
+WORK_DONE = ("searches", "evaluations", "skipped_apart")
 # Room in the logs, in rows; the interpreter's are made of objects and stay small.
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
@@ -26,17 +28,26 @@ COMPILED_ROWS = 16384
 COMPILE_AFTER_FLIGHTS = 8192
 
 
+class Earlier(NamedTuple):
+    """The part of a run that is continued: its state at the end, and its logs."""
+
+    state: dict[str, Any]
+    logs: dict[str, Any]
+
+
 class Driver:
     """One run in progress."""
 
-    def __init__(self, world: World, engine_name: str, state: dict[str, Any] | None = None) -> None:
+    def __init__(self, world: World, engine_name: str, earlier: Earlier | None = None) -> None:
         self.logs = {name: Log(RECORDS[name]) for name in LOGS}
         self.engine = "numba" if engine_name == "numba" else "python"
         self._may_compile = engine_name == "auto"
         self.world = _interpreted_logs(world)
-        self._begun = state is not None
-        if state is not None:
-            restore(self.world, state)
+        self._begun = earlier is not None
+        if earlier is not None:
+            restore(self.world, earlier.state)
+            for name, rows in earlier.logs.items():
+                self.logs[name].take(rows, len(rows))
         if self.engine == "numba":
             self._compile()
 
@@ -100,6 +111,8 @@ class Driver:
                 ]
             else:
                 values[name] = [[_plain(getattr(row, n)) for n in names] for row in rows]
+        for name in WORK_DONE:
+            values["clock"][0][tuple(RECORDS["clock"].fields).index(name)] = 0
         return values
 
 

@@ -75,6 +75,8 @@ def _log_group(world: World, flight: Flight) -> None:
     """Log what a flight in lasting contact needs beyond its own state."""
     clock = world.clock[0]
     row = world.log[clock.flight_rows]
+    row.group_first = flight.group_first
+    row.group_count = flight.group_count
     row.flow_s = flight.flow_s
     row.flow_c = flight.flow_c
     row.flow_p = flight.flow_p

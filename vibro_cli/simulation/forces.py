@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibro_cli.simulation.contact_forces import contact_extremes
 from vibro_cli.simulation.geometry import Floats
 from vibro_cli.simulation.paths import Paths
 
@@ -46,7 +47,7 @@ def ranges(paths: Paths) -> Range:
 
 
 def _half_period(paths: Paths, index: int) -> float:
-    if paths.places.system.trace.pieces[paths.piece[index]].is_line:
+    if paths.log["grouped"][index] or paths.places.sign[paths.piece[index]] == 0.0:
         return np.inf
     return paths.half_period(index)
 
@@ -60,7 +61,8 @@ def normal_force(paths: Paths, s2: Floats) -> Floats:
     arc = sign * ((1.0 + 4.0 * m / kappa) - (2.0 + 4.0 / kappa) * s2)
     slopes = np.array([piece.start_slope for piece in places.system.trace.pieces])
     line = np.cos(slopes[paths.piece])
-    return places.weight[paths.body] * np.where(sign == 0.0, line, arc)
+    force: Floats = places.weight[paths.body] * np.where(sign == 0.0, line, arc)
+    return force
 
 
 def friction_demand(paths: Paths, s2: Floats) -> Floats:
@@ -83,12 +85,16 @@ def friction_demand(paths: Paths, s2: Floats) -> Floats:
 
 def extremes(paths: Paths) -> dict[str, Any]:
     """Return the least normal force (N) and the greatest friction demand over all flights."""
+    free = paths.log["grouped"] == 0
     span = ranges(paths)
-    least = np.minimum(normal_force(paths, span.low), normal_force(paths, span.high))
+    least = np.minimum(normal_force(paths, span.low), normal_force(paths, span.high))[free]
     candidates = [friction_demand(paths, span.low), friction_demand(paths, span.high)]
     stationary = _stationary(paths, span)
     candidates.append(friction_demand(paths, stationary))
-    demand = float(np.max(candidates)) if len(least) else 0.0
+    demands = np.max(candidates, axis=0)[free]
+    in_contact = contact_extremes(paths)
+    least = np.append(least, [forces.least for forces in in_contact])
+    demand = float(np.max(np.append(demands, [forces.demand for forces in in_contact])))
     return {
         "min_normal_force": float(np.min(least)),
         "max_friction_demand": demand if np.isfinite(demand) else np.nan,

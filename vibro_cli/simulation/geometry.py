@@ -50,7 +50,8 @@ class Places:
     def arc_length(self, piece: Any, position: Floats) -> Floats:
         """Arc length (m) of the contact point from the left end of the trace."""
         along = self.radius[piece] * (position - self.angle_start[piece])
-        return self.start_s[piece] + np.where(self.sign[piece] == 0.0, position, along)
+        s: Floats = self.start_s[piece] + np.where(self.sign[piece] == 0.0, position, along)
+        return s
 
     def centre(self, body: Any, piece: Any, s: Floats, c: Floats) -> tuple[Floats, Floats]:
         """Centre (m) of bodies at ``(S, C)``."""

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.mechanics.flight import squared_rate_at
-from vibro_cli.mechanics.flow import flow
+from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
+from vibro_cli.mechanics.records import Flight
 from vibro_cli.simulation.paths import Paths
 from vibro_cli.simulation.world import (
     CROSSING,
@@ -159,16 +160,34 @@ def _turnings(paths: Paths) -> list[Event]:
 def _turning_times(paths: Paths, index: int) -> list[float]:
     flight = paths.flight(index)
     duration = float(paths.duration[index])
-    if paths.places.system.trace.pieces[flight.piece].is_line:
+    if flight.form == POLYNOMIAL:
+        return _turning_on_segment(flight, duration)
+    if flight.form == LINE:
         a = flight.line_acceleration
         after = -flight.p / a if a != 0.0 else -1.0
         return [after] if 0.0 < after < duration else []
     if flight.root_complement <= 0.0 or flight.at_rest:
         return []
-    s, c = math.sqrt(flight.parameter), flight.root_complement
-    c = math.copysign(c, flight.c)
+    s = math.sqrt(flight.parameter)
+    c = math.copysign(flight.root_complement, flight.flow_c)
     times = [*paths.passages(index, s, c, 0.0), *paths.passages(index, -s, c, 0.0)]
     return sorted(after for after in times if 0.0 < after < duration)
+
+
+def _turning_on_segment(flight: Flight, duration: float) -> list[float]:
+    """Turning point on a short segment across pieces, where the speed is nearly linear in time."""
+    low, high = 0.0, duration
+    start, end = flow(flight, low)[2], flow(flight, high)[2]
+    if start * end >= 0.0:
+        return []
+    while True:
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            return [middle]
+        if flow(flight, middle)[2] * start > 0.0:
+            low = middle
+        else:
+            high = middle
 
 
 def _passing_times(paths: Paths, index: int, s2: float) -> list[tuple[float, float]]:
@@ -200,7 +219,8 @@ def _passing_times(paths: Paths, index: int, s2: float) -> list[tuple[float, flo
 def _lift_offs(paths: Paths) -> list[Event]:
     """Instants at which the normal force turns negative; ``value`` is that force (N) afterwards.
 
-    On a two-sided surface they only mark where a one-sided trace could not hold the body.
+    On a two-sided surface they only mark where a one-sided trace could not hold the body. Flights
+    in lasting contact are left out.
     """
     places = paths.places
     kappa = places.kappa[paths.body]
@@ -209,7 +229,7 @@ def _lift_offs(paths: Paths) -> list[Event]:
     start = paths.log["s"] ** 2
     outside = sign * (start - limit) > 0.0
     events = []
-    for index in np.flatnonzero(sign != 0.0):
+    for index in np.flatnonzero((sign != 0.0) & (paths.log["grouped"] == 0)):
         was_outside = index > 0 and bool(
             outside[index - 1] and paths.body[index - 1] == paths.body[index]
         )
@@ -223,7 +243,7 @@ def _lift_offs(paths: Paths) -> list[Event]:
 
 
 def _slips(paths: Paths, friction: float) -> list[Event]:
-    """Instants from which rolling needs more friction than there is; ``value`` is the coefficient.
+    """Instants from which free rolling needs more friction than there is (``value``).
 
     ``|sin f| (1 - 1/kappa) = mu (A + B cos f)`` is a quadratic in ``cos f``.
     """
@@ -232,7 +252,7 @@ def _slips(paths: Paths, friction: float) -> list[Event]:
     for index in range(len(paths.log)):
         kappa = float(places.kappa[paths.body[index]])
         sign = float(places.sign[paths.piece[index]])
-        if kappa == 1.0 or sign == 0.0:
+        if kappa == 1.0 or sign == 0.0 or paths.log["grouped"][index]:
             continue
         m = float(paths.log["parameter"][index])
         a, b = sign * (4.0 * m - 2.0) / kappa, sign * (1.0 + 2.0 / kappa)

@@ -148,7 +148,8 @@ def residual_gap(places: Places, rows: Any) -> Floats:
     along = rows["b_s"] - rows["a_s"]
     distance = 2.0 * np.sqrt(radius_a * radius_b)
     on_line = (along - distance) * (along + distance) / (2.0 * reach)
-    return np.where(arc, on_arc, np.where(line, on_line, gap))
+    result: Floats = np.where(arc, on_arc, np.where(line, on_line, gap))
+    return result
 
 
 def _grazing(places: Places, rows: Any, approach: Floats, table: dict[str, Any]) -> Any:

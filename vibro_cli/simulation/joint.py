@@ -37,7 +37,7 @@ CONTACT_ROUNDING = 16.0 * 2.220446049250313e-16
 
 @kernel
 def chain_of_contacts(world: World, j: int) -> tuple[int, int]:
-    """First pair and number of pairs of the chain that touches at the contact time of pair ``j``."""
+    """First pair and number of pairs of the chain that touches when pair ``j`` does."""
     settings = world.settings[0]
     first = j
     count = 1

@@ -123,7 +123,10 @@ def _first_release(world: World) -> int:
 
 @kernel
 def _finish(world: World) -> int:
-    """End a run without a further event before its stop time, if it has one."""
+    """End a run without a further event before its stop time, if it has one.
+
+    The clock stays at the last event, for a run that is continued from there.
+    """
     settings = world.settings[0]
     clock = world.clock[0]
     quiet = True
@@ -136,8 +139,6 @@ def _finish(world: World) -> int:
     if quiet:
         clock.quiet_t = clock.t
     if settings.stop_t < NEVER:
-        clock.t = settings.stop_t
-        clock.t_low = 0.0
         return END_TIME
     return END_REST if resting else END_NO_MORE_COLLISIONS
 

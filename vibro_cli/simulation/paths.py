@@ -11,7 +11,7 @@ from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow, time_to
 from vibro_cli.mechanics.heights import heights
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.mechanics.trace import sine_cosine
-from vibro_cli.numerics.elliptic import carlson_rf, set_theta_constants
+from vibro_cli.numerics.elliptic import quarter_period, set_theta_constants
 from vibro_cli.simulation.geometry import Floats, Places
 from vibro_cli.simulation.world import CAUSE_NAMES
 
@@ -125,13 +125,10 @@ class Paths:
     def half_period(self, index: int) -> float:
         """Half the period (s) of a flight's full orbit on its arc (infinite on a separatrix)."""
         row = self.log[index]
-        m, root = float(row["parameter"]), float(row["root_complement"])
-        complement = root * root
-        if root >= 0.0:
-            argument = 2.0 * carlson_rf(0.0, complement, 1.0)
-        else:
-            argument = 2.0 * carlson_rf(0.0, complement, m)
-        return argument / float(self.places.frequency(row["body"], row["piece"]))
+        argument = 2.0 * quarter_period(float(row["parameter"]), float(row["root_complement"]))
+        grouped = bool(row["grouped"])
+        own = self.places.frequency(row["body"], row["piece"])
+        return argument / float(row["frequency"] if grouped else own)
 
     def passages(self, index: int, s: float, c: float, p: float) -> list[float]:
         """Times (s from the flight's start) at which it passes a state of its orbit on an arc.
@@ -140,12 +137,13 @@ class Paths:
         """
         flight = self.flight(index)
         duration = float(self.duration[index])
-        if flight.at_rest or flight.root_complement == 0.0:
+        if flight.at_rest or flight.root_complement == 0.0 or flight.form == POLYNOMIAL:
             return []
         first = time_to(flight, s, c, p)
         if flight.root_complement < 0.0:
             # A rotation passes a place once on its piece, ahead only.
-            ahead = (math.atan2(s, c) - math.atan2(flight.s, flight.c)) * flight.p
+            ahead = math.atan2(s, c) - math.atan2(flight.flow_s, flight.flow_c)
+            ahead *= flight.flow_p
             return [first] if ahead > 0.0 and first <= duration else []
         period = 2.0 * self.half_period(index)
         times = []
@@ -219,4 +217,5 @@ class Paths:
         speed = self.places.speed_factor(body, piece) * p
         height = level[body, piece] + np.where(rho > 0.0, 2.0 * rho * s * s, rise[piece] * s)
         own = height + 0.5 * self.places.kappa[body] * speed * speed / self.places.gravity
-        return self.places.weight[body] * np.where(grouped, own, head)
+        energy: Floats = self.places.weight[body] * np.where(grouped, own, head)
+        return energy

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ class Log:
         self._names = tuple(cls.fields)  # type: ignore[attr-defined]
         self._chunks: list[Any] = []
 
-    def take(self, rows: Sequence[Any], count: int) -> None:
+    def take(self, rows: Any, count: int) -> None:
         """Copy the first ``count`` rows."""
         if count == 0:
             return

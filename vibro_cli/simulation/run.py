@@ -9,18 +9,20 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.mechanics.system import System
-from vibro_cli.simulation.drive import Driver
+from vibro_cli.simulation.drive import Driver, Earlier
 from vibro_cli.simulation.geometry import Floats, Places
 from vibro_cli.simulation.happenings import event_table
 from vibro_cli.simulation.impacts import collision_table
 from vibro_cli.simulation.paths import Paths
 from vibro_cli.simulation.prepare import make_world
 from vibro_cli.simulation.summary import summarise
-from vibro_cli.simulation.world import END_NAMES
+from vibro_cli.simulation.world import END_NAMES, END_TIME, LOGS
 
 Table = dict[str, Any]
 
 CHECKPOINT_FORMAT = 1
+# Ends after which nothing can follow, whatever the stop.
+FINAL = ("inadmissible", "end_of_trace", "lift_off")
 
 _CLOCK_FIELDS = (
     "t", "t_low", "collisions", "crossings", "contacts", "quiet_t", "energy_correction",
@@ -154,6 +156,13 @@ class Run:
         """
         return {"format": CHECKPOINT_FORMAT, "end_cause": self.end_cause, "state": self._state}
 
+    def history(self) -> dict[str, Any]:
+        """Return the logs of the whole run, which its tables and figures are made from.
+
+        A run continued from the checkpoint takes them up, so that it is whole too.
+        """
+        return dict(self._logs)
+
     def statistics(self) -> dict[str, int]:
         """Return what the solver did: searches, evaluations of flows, searches spared."""
         names = ("searches", "evaluations", "skipped_apart")
@@ -167,6 +176,7 @@ def simulate_system(
     engine: str = "auto",
     wanted: Wanted | None = None,
     checkpoint: dict[str, Any] | None = None,
+    history: dict[str, Any] | None = None,
 ) -> Run:
     """Run a system until its stop.
 
@@ -182,25 +192,27 @@ def simulate_system(
     wanted
         What is to be computed beside the collisions.
     checkpoint
-        From :meth:`Run.checkpoint` of the same system: the run goes on from there.
+        From :meth:`Run.checkpoint` of the same system: the run goes on from there, as if it had
+        never stopped.
+    history
+        From :meth:`Run.history` of the same run; it comes with the checkpoint.
 
     Raises
     ------
     ValueError
-        For an unknown engine, without a stop, or for a checkpoint of another system.
+        For an unknown engine, without a stop, for a checkpoint of another system, and for one of a
+        run that had ended for good (see :data:`FINAL`).
     """
     if engine not in ("auto", "python", "numba"):
         raise ValueError(f"engine must be auto, python or numba, not {engine!r}")
     if stop_time is None and stop_collisions is None:
         raise ValueError("a run needs a stop: a time or a number of collisions")
-    state = None
-    if checkpoint is not None:
-        if checkpoint.get("format") != CHECKPOINT_FORMAT:
-            raise ValueError("the checkpoint was written by another version")
-        state = checkpoint["state"]
-    driver = Driver(make_world(system, stop_time, stop_collisions), engine, state)
+    earlier = None if checkpoint is None else _earlier(checkpoint, history)
+    driver = Driver(make_world(system, stop_time, stop_collisions), engine, earlier)
     cause = driver.run()
     clock = {name: driver.clock_value(name) for name in _CLOCK_FIELDS}
+    if cause == END_TIME and stop_time is not None:
+        clock["t"], clock["t_low"] = stop_time, 0.0
     return Run(
         system=system,
         engine=driver.engine,
@@ -212,6 +224,17 @@ def simulate_system(
         _clock=clock,
         _state=driver.state(),
     )
+
+
+def _earlier(checkpoint: dict[str, Any], history: dict[str, Any] | None) -> Earlier:
+    """The part of a run before its checkpoint, once it is known that it can go on."""
+    if checkpoint.get("format") != CHECKPOINT_FORMAT:
+        raise ValueError("the checkpoint was written by another version")
+    if checkpoint["end_cause"] in FINAL:
+        raise ValueError(f"the run had ended for good: {checkpoint['end_cause']}")
+    if history is None or set(history) != set(LOGS):
+        raise ValueError("a checkpoint needs the history of its run")
+    return Earlier(checkpoint["state"], history)
 
 
 def _skipped(clock: dict[str, float], wanted: Wanted) -> tuple[str, ...]:

@@ -32,11 +32,11 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
                     pair.clear_t = horizon_t
                     pair.clear_t_low = horizon_low
                     pair.touching = 0
-        if pair.contact_t < NEVER:
-            if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
-                first = j
-                horizon_t = pair.contact_t
-                horizon_low = pair.contact_t_low
+        to_contact = time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low)
+        if pair.contact_t < NEVER and to_contact < 0.0:
+            first = j
+            horizon_t = pair.contact_t
+            horizon_low = pair.contact_t_low
     return first
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from vibro_cli.mechanics.records import (
     BodyData,
@@ -118,6 +118,8 @@ class FlightRow:
     flow_c: float
     flow_p: float
     grouped: int
+    group_first: int
+    group_count: int
     shift_s: float
     shift_c: float
     rate_ratio: float
@@ -170,7 +172,7 @@ class World(NamedTuple):
 
 
 LOGS = ("impacts", "log", "touches", "segments")
-RECORDS = {
+RECORDS: dict[str, Any] = {
     "settings": Settings,
     "clock": Clock,
     "bodies": BodyData,

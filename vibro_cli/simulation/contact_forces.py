@@ -1,0 +1,218 @@
+"""Normal force and friction demand of flights in lasting contact.
+
+The contact forces of a group follow from its motion, body by body from the left: ``f_i c_a =
+f_{i-1} c_b - m g sin(alpha) - M v'``; the trace then carries ``m g cos(alpha) +- m v^2/rho`` less
+the contact forces along its normal, and friction is ``(kappa - 1) m |v'|``. On one arc the normal
+force is ``a + b cos f + c sin f`` in the angle of the group's pendulum, so its extremes are exact;
+on a short segment across pieces the ends are taken, on a line it is constant.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibro_cli.mechanics.flow import POLYNOMIAL, flow
+from vibro_cli.mechanics.records import Flight
+from vibro_cli.mechanics.trace import sine_cosine
+from vibro_cli.simulation.geometry import Places
+from vibro_cli.simulation.paths import Paths
+
+
+class Extremes(NamedTuple):
+    """Least normal force (N) and greatest friction demand of one body on one flight."""
+
+    least: float
+    demand: float
+
+
+class _Motion(NamedTuple):
+    """Place and motion of one body at one instant."""
+
+    body: int
+    x: float
+    y: float
+    slope: tuple[float, float]  # sine and cosine
+    bend: float  # v^2/rho, m/s^2, positive in a valley
+    acceleration: float  # along the path, m/s^2
+
+
+def contact_extremes(paths: Paths) -> list[Extremes]:
+    """Return the extremes of every body of every flight in lasting contact."""
+    rows: dict[tuple[int, float, float], int] = {}
+    grouped = np.flatnonzero(paths.log["grouped"] == 1)
+    for index in grouped:
+        rows[_key(paths, index, int(paths.body[index]))] = int(index)
+    bodies = len(paths.places.system.bodies)
+    found = []
+    for index in grouped:
+        first, count = int(paths.log["group_first"][index]), int(paths.log["group_count"][index])
+        if first != paths.body[index]:
+            continue
+        members = [rows[_key(paths, index, (first + i) % bodies)] for i in range(count)]
+        flights = [paths.flight(member) for member in members]
+        if flights[0].form == POLYNOMIAL or flights[0].frequency == 0.0:
+            found += _of_segment(paths, members, flights)
+        else:
+            found += _of_pendulum(paths, members, flights)
+    return found
+
+
+def _key(paths: Paths, index: Any, body: int) -> tuple[int, float, float]:
+    return body, float(paths.log["t"][index]), float(paths.log["t_low"][index])
+
+
+def _forces(places: Places, motions: list[_Motion]) -> list[tuple[float, float]]:
+    """Normal force (N) and friction (N) of each body of a group."""
+    gravity = places.gravity
+    before = 0.0  # force of the contact on the left
+    result = []
+    for i, motion in enumerate(motions):
+        mass, kappa = float(places.mass[motion.body]), float(places.kappa[motion.body])
+        sine, cosine = motion.slope
+        normal = mass * (gravity * cosine + motion.bend)
+        along = -mass * (gravity * sine + kappa * motion.acceleration)
+        if i > 0:
+            nx, ny = _direction(motions[i - 1], motion)
+            along += before * (nx * cosine + ny * sine)
+            normal -= before * (ny * cosine - nx * sine)
+        if i < len(motions) - 1:
+            nx, ny = _direction(motion, motions[i + 1])
+            before = along / (nx * cosine + ny * sine)
+            normal += before * (ny * cosine - nx * sine)
+        result.append((normal, (kappa - 1.0) * mass * abs(motion.acceleration)))
+    return result
+
+
+def _direction(a: _Motion, b: _Motion) -> tuple[float, float]:
+    distance = math.hypot(b.x - a.x, b.y - a.y)
+    return (b.x - a.x) / distance, (b.y - a.y) / distance
+
+
+def _of_segment(paths: Paths, members: list[int], flights: list[Flight]) -> list[Extremes]:
+    """Extremes at both ends of a segment, or of a flight on a line."""
+    duration = float(paths.duration[members[0]])
+    ends = [_forces(paths.places, _states(paths, members, flights, t)) for t in (0.0, duration)]
+    found = []
+    for pair in zip(*ends, strict=True):
+        least = min(normal for normal, _ in pair)
+        found.append(Extremes(least, max(_demand(normal, force) for normal, force in pair)))
+    return found
+
+
+def _demand(normal: float, friction: float) -> float:
+    if normal > 0.0:
+        return friction / normal
+    return math.inf if friction > 0.0 or normal < 0.0 else 0.0
+
+
+def _states(paths: Paths, members: list[int], flights: list[Flight], t: float) -> list[_Motion]:
+    motions = []
+    for member, flight in zip(members, flights, strict=True):
+        s, c, p = flow(flight, t)
+        acceleration = flight.line_acceleration
+        if flight.form == POLYNOMIAL:
+            x = t / flight.segment
+            acceleration = math.fsum(value * x**k for k, value in enumerate(flight.series))
+        body, piece = int(paths.body[member]), int(paths.piece[member])
+        speed = float(paths.places.speed_factor(body, piece)) * p
+        motions.append(_motion(paths.places, body, piece, (s, c), speed * speed, acceleration))
+    return motions
+
+
+def _motion(
+    places: Places,
+    body: int,
+    piece: int,
+    half: tuple[float, float],
+    speed_squared: float,
+    acceleration: float,
+) -> _Motion:
+    data = places.system.trace.pieces[piece]
+    s, c = half
+    column = np.array([body]), np.array([piece]), np.array([s]), np.array([c])
+    x, y = places.centre(*column)
+    if data.is_line:
+        slope, bend = sine_cosine(data.start_slope), 0.0
+    else:
+        slope = (2.0 * s * c, data.sign * (c - s) * (c + s))
+        bend = data.sign * speed_squared / float(places.path_radius[body, piece])
+    return _Motion(body, float(x[0]), float(y[0]), slope, bend, acceleration)
+
+
+def _of_pendulum(paths: Paths, members: list[int], flights: list[Flight]) -> list[Extremes]:
+    """Extremes on one arc, from ``N = a + b cos f + c sin f`` fitted at three angles."""
+    angles = np.array([0.0, math.tau / 3.0, 2.0 * math.tau / 3.0])
+    table = np.array([_at_angle(paths, members, flights, angle) for angle in angles])
+    low, high = _range(paths, members[0], flights[0])
+    found = []
+    for i, flight in enumerate(flights):
+        values = table[:, i]
+        a = float(np.mean(values))
+        b = float(np.mean(values * np.cos(angles)) * 2.0)
+        c = float(np.mean(values * np.sin(angles)) * 2.0)
+        body, piece = int(paths.body[members[i]]), int(paths.piece[members[i]])
+        rho = float(paths.places.path_radius[body, piece])
+        mass, kappa = float(paths.places.mass[body]), float(paths.places.kappa[body])
+        force = (kappa - 1.0) * mass * rho * flight.frequency**2
+        candidates = [low, high, *_inside(math.atan2(c, b) + math.pi, low, high)]
+        if abs(a) > abs(b):
+            for sign in (1.0, -1.0):
+                candidates += _inside(sign * math.acos(-b / a), low, high)
+        normals = [a + b * math.cos(f) + c * math.sin(f) for f in candidates]
+        demands = [
+            _demand(normal, abs(force * math.sin(f)))
+            for f, normal in zip(candidates, normals, strict=True)
+        ]
+        found.append(Extremes(min(normals), max(demands)))
+    return found
+
+
+def _inside(angle: float, low: float, high: float) -> list[float]:
+    """The angles equal to ``angle`` up to whole turns that lie between two others."""
+    first = angle + math.tau * math.ceil((low - angle) / math.tau)
+    return [first] if first <= high else []
+
+
+def _at_angle(paths: Paths, members: list[int], flights: list[Flight], angle: float) -> list[float]:
+    """Normal forces (N) of a group whose pendulum is at an angle, at its energy."""
+    s, c = math.sin(0.5 * angle), math.cos(0.5 * angle)
+    motions = []
+    for member, flight in zip(members, flights, strict=True):
+        body, piece = int(paths.body[member]), int(paths.piece[member])
+        rho = float(paths.places.path_radius[body, piece])
+        half = (
+            s * flight.shift_c + c * flight.shift_s,
+            c * flight.shift_c - s * flight.shift_s,
+        )
+        rate_squared = 4.0 * flight.frequency**2 * (flight.parameter - s * s)
+        acceleration = -rho * flight.frequency**2 * (2.0 * s * c)
+        squared = rho * rho * rate_squared
+        motions.append(_motion(paths.places, body, piece, half, squared, acceleration))
+    return [normal for normal, _ in _forces(paths.places, motions)]
+
+
+def _range(paths: Paths, index: int, flight: Flight) -> tuple[float, float]:
+    """Least and greatest angle (rad) of a group's pendulum on a flight."""
+    s, c, p = flight.flow_s, flight.flow_c, flight.flow_p
+    start = 2.0 * math.atan2(s, c)
+    end_s, end_c = float(paths.end_s[index]), float(paths.end_c[index])
+    end_p = float(paths.end_p[index])
+    end = 2.0 * math.atan2(
+        end_s * flight.shift_c - end_c * flight.shift_s,
+        end_c * flight.shift_c + end_s * flight.shift_s,
+    )
+    low, high = min(start, end), max(start, end)
+    if flight.root_complement < 0.0 or flight.at_rest:
+        return low, high
+    turn = 2.0 * math.atan2(math.sqrt(flight.parameter), flight.root_complement)
+    centre = 0.0 if c > 0.0 else math.copysign(math.tau, s)
+    duration, half = float(paths.duration[index]), paths.half_period(index)
+    twice = duration >= half and p * end_p > 0.0
+    if duration >= 2.0 * half or twice or (p > 0.0 > end_p):
+        high = centre + turn
+    if duration >= 2.0 * half or twice or (p < 0.0 < end_p):
+        low = centre - turn
+    return low, high
