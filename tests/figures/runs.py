@@ -72,6 +72,7 @@ class HandMade:
             "rate_start": start[1],
             "angle_end": end[0],
             "rate_end": end[1],
+            "contact": False,
             "cause_start": "collision",
             "cause_end": "collision",
         }

@@ -189,11 +189,42 @@ def test_long_run_is_rasterised_and_thinned() -> None:
 def test_flights_in_contact_are_sampled_from_the_run() -> None:
     run = on_circle(3)
     rate = run.rows[-1]["rate_end"]
-    run.fly(1, (0.1, rate), (0.3, 0.5), cause_start="contact_closed")
-    run.fly(1, (0.3, 0.5), (0.3, 0.5), cause_start="crossing")  # still in contact
+    run.fly(1, (0.1, rate), (0.3, 0.5), cause_start="contact_closed", contact=True)
+    run.fly(1, (0.3, 0.5), (0.3, 0.5), cause_start="crossing", contact=True)
     run.fly(1, (0.3, 0.5), (0.3, -0.5), cause_start="contact_opened")
     trajectory(run, 1)
-    assert run.sampled == [len(run.rows) - 3, len(run.rows) - 2]
+    assert set(run.sampled) == {len(run.rows) - 3, len(run.rows) - 2}
+
+
+def test_segments_of_lasting_contact_are_one_branch() -> None:
+    run = on_circle(3)
+    rate = run.rows[-1]["rate_end"]
+    before = len(run.rows)
+    run.fly(1, (0.1, rate), (0.2, 0.7), cause_start="contact_closed", contact=True)
+    for angle in (0.2, 0.3, 0.4):
+        ends = (angle, 0.9 - angle), (angle + 0.1, 0.8 - angle)
+        run.fly(1, *ends, cause_start="segment", contact=True)
+    drawn = trajectory(run, 1).branches[0]
+    assert len(drawn.time) == before + 1
+    assert (drawn.position[-1][0], drawn.rate[-1][0]) == (0.1, rate)
+    assert (drawn.position[-1][-1], drawn.rate[-1][-1]) == pytest.approx((0.5, 0.4))
+    assert np.all(np.diff(drawn.position[-1]) >= 0.0)
+
+
+def test_thinned_curves_stay_within_a_hair_of_the_true_ones() -> None:
+    run = on_circle(5)
+    drawn = lines(phase_portrait(run, 1), 0, 2.0)
+    full = trajectory(run, 1).branches[0]
+    assert sum(map(len, drawn)) < full.position.size
+    for segment, position, rate in zip(drawn, full.position, full.rate, strict=True):
+        along = np.interp(
+            np.linspace(0, 1, len(position)), np.linspace(0, 1, len(segment)), segment[:, 0]
+        )
+        across = np.interp(
+            np.linspace(0, 1, len(rate)), np.linspace(0, 1, len(segment)), segment[:, 1]
+        )
+        assert np.max(np.abs(along - position)) < 1e-3 * 2 * math.pi
+        assert np.max(np.abs(across - rate)) < 1e-3 * 2 * np.max(np.abs(full.rate))
 
 
 def test_flight_without_constant_energy_is_sampled_from_the_run() -> None:

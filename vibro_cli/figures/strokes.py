@@ -21,6 +21,8 @@ from vibro_cli.figures.trajectory import Branches, Jumps, Trajectory
 
 _MOST_VECTOR_POINTS = 20000
 """Of more points than this a curve is rasterised in PDF and SVG."""
+_HAIR = 0.008
+"""How far a curve that is drawn may lie from the true one (mm)."""
 _MARK = 0.7
 """Radius of a mark with some room around it (mm)."""
 _FEW = 60
@@ -117,17 +119,48 @@ def draw_branches(one: Panel, path: Trajectory, times: tuple[float, float] | Non
     branches = path.branches[one.piece.index]
     if not len(branches.time):
         return
-    lines = np.stack([branches.position + one.shift, branches.rate], axis=-1)
+    order, lines = _thinned(one, branches)
     look: dict[str, Any] = dict(BRANCH)
     if times is not None:
         total = sum(len(each.time) for each in path.branches)
-        look = {"array": branches.time, "cmap": time_colours(), "norm": Normalize(*times)}
+        look = {"array": branches.time[order], "cmap": time_colours(), "norm": Normalize(*times)}
         look |= {"linewidth": thinner(BRANCH["linewidth"], total), "alpha": fainter(total)}
     if one.window.overview:
         look["linewidth"] *= _OVERVIEW
-    collection = LineCollection(list(lines), zorder=2.0, **look)
-    collection.set_rasterized(branches.position.size > _MOST_VECTOR_POINTS)
+    collection = LineCollection(lines, zorder=2.0, **look)
+    collection.set_rasterized(sum(map(len, lines)) > _MOST_VECTOR_POINTS)
     one.axes.add_collection(collection, autolim=False)
+
+
+def _thinned(one: Panel, branches: Branches) -> tuple[list[int], list[Array]]:
+    """Return the branches in order of time, each with only the points that its shape needs.
+
+    Of 2ⁿ + 1 points every second, fourth, … is kept, as long as the rest lies within a hair's
+    breadth of the line through them.
+    """
+    lines = np.stack([branches.position + one.shift, branches.rate], axis=-1)
+    scale = np.array(
+        [one.width / (one.window.high - one.window.low), 0.5 * one.height / one.window.top]
+    )
+    intervals = lines.shape[1] - 1
+    stride = np.ones(len(lines), dtype=np.int64)
+    step = 2
+    while step <= intervals and intervals % step == 0:
+        strayed = _stray(lines * scale, step)
+        stride = np.where((strayed <= _HAIR) & (stride == step // 2), step, stride)
+        step *= 2
+    order = np.argsort(branches.time, kind="stable").tolist()
+    return order, [lines[n, :: stride[n]] for n in order]
+
+
+def _stray(lines: Array, step: int) -> Array:
+    """Return how far points (mm) lie from those between every `step`-th; shape (lines,)."""
+    kept = lines[:, ::step]
+    share = (np.arange(step) / step)[:, None]
+    between = kept[:, :-1, None] * (1.0 - share) + kept[:, 1:, None] * share
+    off = lines[:, :-1].reshape(between.shape) - between
+    strayed: Array = np.max(np.hypot(off[..., 0], off[..., 1]), axis=(1, 2))
+    return strayed
 
 
 def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:

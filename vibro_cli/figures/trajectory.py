@@ -19,6 +19,12 @@ Flags = NDArray[np.bool_]
 MOST_BRANCHES = 4000
 """Of more branches than this an even choice is drawn; more would only make a stain."""
 
+_PER_PERIOD = 64
+"""Points of a small oscillation in lasting contact; up to the number below."""
+_MOST_POINTS = 8192
+_TURNS = 2
+"""Turning points after which, at the next, an oscillation has come round."""
+
 _SAME_ENERGY = 1e-9
 """A free flight keeps its energy at least to this fraction, ..."""
 _NO_ENERGY = 1e-12
@@ -80,61 +86,73 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     """
     flights = run.flights()
     mine = np.flatnonzero(np.asarray(flights["ball"]) == ball)
-    every = max(1, math.ceil(len(mine) / MOST_BRANCHES))
-    jumps = jumps_of(run, ball, every)
-    first = mine[0]
-    start = (
-        int(flights["arc"][first]) - 1,
-        float(flights["angle_start"][first]),
-        float(flights["rate_start"][first]),
-    )
-    chosen = mine[::every]
-    count = _points(len(chosen))
-    free = _free(run, ball, flights, mine)[::every]
+    first, last = strands(flights, mine)
+    every = max(1, math.ceil(len(first) / MOST_BRANCHES))
+    count = _points(len(first[::every]))
+    free = _free(run, ball, flights, first)[::every]
     branches = tuple(
-        _branches(run, ball, flights, piece, chosen, free, count)
+        _branches(run, ball, piece, (first[::every], last[::every]), free, count)
         for piece in run.system.trace.pieces
     )
+    start = (
+        int(flights["arc"][mine[0]]) - 1,
+        float(flights["angle_start"][mine[0]]),
+        float(flights["rate_start"][mine[0]]),
+    )
     end = float(np.max(flights["t_end"][mine]))
-    return Trajectory(branches, jumps, start, end, every)
+    return Trajectory(branches, jumps_of(run, ball, every), start, end, every)
+
+
+def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
+    """Return the first and the last flight of each branch of one body.
+
+    A flight is a branch, but lasting contact across pieces, which the run has in short segments,
+    is one as long as the body stays on a piece. `mine` are the rows of the body's flights.
+    """
+    contact = np.asarray(flights["contact"], dtype=np.bool_)[mine]
+    arc = np.asarray(flights["arc"])[mine]
+    segment = np.asarray(flights["cause_start"], dtype=object)[mine] == "segment"
+    goes_on = segment[1:] & contact[1:] & contact[:-1] & (arc[1:] == arc[:-1])
+    begins = np.append(True, ~goes_on)
+    ends = np.append(~goes_on, True)
+    return mine[begins], mine[ends]
 
 
 def _points(branches: int) -> int:
-    """Return the points of each branch: fewer where there are many."""
-    return int(np.clip(60000 // max(branches, 1), 40, 161))
+    """Return the points of each branch, one more than a power of 2: fewer where there are many."""
+    return int(2 ** np.clip(round(math.log2(40000 / max(branches, 1))), 5, 7)) + 1
 
 
-def _free(run: Recorded, ball: int, flights: Table, mine: Integers) -> Flags:
+def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
     """Return which flights of a body are free: on a trace at rest and not in lasting contact."""
     if run.system.turning is not None:
-        return np.zeros(len(mine), dtype=np.bool_)
-    causes = np.asarray(flights["cause_start"], dtype=object)[mine]
-    # the body may be in contact on both sides: count what has closed and not opened again
-    closed = np.cumsum(causes == "contact_closed") - np.cumsum(causes == "contact_opened")
+        return np.zeros(len(rows), dtype=np.bool_)
     landscape = Landscape.of(run.system, ball)
     least = _NO_ENERGY * landscape.body.mass * landscape.gravity * landscape.trace.length
-    kept = np.zeros(len(mine), dtype=np.bool_)
+    kept = np.zeros(len(rows), dtype=np.bool_)
     for piece in run.system.trace.pieces:
-        here = np.asarray(flights["arc"])[mine] == piece.index + 1
-        rows = mine[here]
-        start = landscape.energy(piece, flights["angle_start"][rows], flights["rate_start"][rows])
-        end = landscape.energy(piece, flights["angle_end"][rows], flights["rate_end"][rows])
+        here = np.asarray(flights["arc"])[rows] == piece.index + 1
+        mine = rows[here]
+        start = landscape.energy(piece, flights["angle_start"][mine], flights["rate_start"][mine])
+        end = landscape.energy(piece, flights["angle_end"][mine], flights["rate_end"][mine])
         kept[here] = np.abs(end - start) <= _SAME_ENERGY * np.maximum(start, end) + least
-    free: Flags = kept & (closed <= 0)
+    free: Flags = kept & ~np.asarray(flights["contact"], dtype=np.bool_)[rows]
     return free
 
 
 def _branches(
     run: Recorded,
     ball: int,
-    flights: Table,
     piece: Piece,
-    chosen: Integers,
+    ends: tuple[Integers, Integers],
     free: Flags,
     count: int,
 ) -> Branches:
-    here = np.asarray(flights["arc"])[chosen] == piece.index + 1
-    rows = chosen[here & free]
+    """Return the branches on one piece, of those that begin and end with the given flights."""
+    flights = run.flights()
+    first, last = ends
+    here = np.asarray(flights["arc"])[first] == piece.index + 1
+    rows = first[here & free]
     position = np.empty((0, count))
     rate = np.empty((0, count))
     if len(rows):
@@ -146,13 +164,47 @@ def _branches(
             flights["t_end"][rows] - flights["t_start"][rows],
             count,
         )
-    bound = chosen[here & ~free]
-    sampled = [run.flight_curve(int(index), count) for index in bound]
+    pace = _pace(run, ball, piece)
+    bound = here & ~free
+    sampled = [
+        _sampled(run, flights, range(one, other + 1), pace, count)
+        for one, other in zip(first[bound].tolist(), last[bound].tolist(), strict=True)
+    ]
     return Branches(
-        np.concatenate([position, *(curve[1][None, :] for curve in sampled)]),
-        np.concatenate([rate, *(curve[2][None, :] for curve in sampled)]),
-        flights["t_start"][np.concatenate([rows, bound])].astype(np.float64),
+        np.concatenate([position, *(curve[None, :, 0] for curve in sampled)]),
+        np.concatenate([rate, *(curve[None, :, 1] for curve in sampled)]),
+        flights["t_start"][np.concatenate([rows, first[bound]])].astype(np.float64),
     )
+
+
+def _pace(run: Recorded, ball: int, piece: Piece) -> float:
+    """Return how many points a body's motion on a piece wants per second."""
+    if piece.is_line:
+        return 0.0
+    body = run.system.bodies[ball - 1]
+    rate = math.sqrt(run.system.gravity / (body.kappa * piece.path_radius(body.radius)))
+    return _PER_PERIOD * rate / (2.0 * math.pi)
+
+
+def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int) -> Array:
+    """Return `count` states of the run, shape (count, 2), along flights that follow one another.
+
+    An oscillation in lasting contact may go on for long: of its closed curve one period is drawn.
+    """
+    times = flights["t_end"][rows.start : rows.stop] - flights["t_start"][rows.start : rows.stop]
+    share = times / max(float(np.sum(times)), float(np.finfo(np.float64).tiny))
+    wanted = np.maximum(2 * count * share, np.minimum(pace * times, _MOST_POINTS))
+    curves = [
+        np.column_stack(run.flight_curve(row, math.ceil(number) + 1)[1:])
+        for row, number in zip(rows, wanted.tolist(), strict=True)
+    ]
+    points = np.concatenate(curves)
+    if len(rows) == 1:
+        turns = np.flatnonzero(points[1:, 1] * points[:-1, 1] < 0.0)
+        if len(turns) > _TURNS:
+            points = points[: turns[_TURNS] + 2]
+    states: Array = points[np.linspace(0.0, len(points) - 1.0, count).round().astype(np.int64)]
+    return states
 
 
 def jumps_of(run: Recorded, ball: int, every: int = 1) -> Jumps:
