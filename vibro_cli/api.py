@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from vibro_cli.build import build_system
 from vibro_cli.scenario import Scenario, load_scenario
 from vibro_cli.simulation.run import Run, Wanted, simulate_system
@@ -9,7 +11,12 @@ from vibro_cli.simulation.run import Run, Wanted, simulate_system
 __all__ = ["Run", "load_scenario", "simulate"]
 
 
-def simulate(scenario: Scenario, engine: str = "auto") -> Run:
+def simulate(
+    scenario: Scenario,
+    engine: str = "auto",
+    checkpoint: dict[str, Any] | None = None,
+    history: dict[str, Any] | None = None,
+) -> Run:
     """Run a scenario to its end.
 
     Parameters
@@ -19,6 +26,9 @@ def simulate(scenario: Scenario, engine: str = "auto") -> Run:
     engine
         ``"python"`` (interpreted), ``"numba"`` (compiled) or ``"auto"``, which starts interpreted
         and compiles once the run has proved long. All give the same bits.
+    checkpoint, history
+        From ``run.checkpoint()`` and ``run.history()`` of an earlier run of this scenario with a
+        nearer stop: it goes on from there, and the result is that of one run without a break.
 
     Returns
     -------
@@ -28,6 +38,8 @@ def simulate(scenario: Scenario, engine: str = "auto") -> Run:
     ------
     ScenarioError
         If the scenario is mechanically impossible; every problem with its place.
+    ValueError
+        If the earlier run was of another scenario or had ended for good.
     """
     output = scenario.output
     wanted = Wanted(
@@ -37,4 +49,5 @@ def simulate(scenario: Scenario, engine: str = "auto") -> Run:
         friction=output.friction,
     )
     system = build_system(scenario)
-    return simulate_system(system, scenario.stop.time, scenario.stop.collisions, engine, wanted)
+    stop = scenario.stop
+    return simulate_system(system, stop.time, stop.collisions, engine, wanted, checkpoint, history)
