@@ -9,6 +9,7 @@ from vibro_cli import __version__
 from vibro_cli.commands.boundary import CommandError, perform
 from vibro_cli.commands.check import check
 from vibro_cli.commands.new import new
+from vibro_cli.commands.portrait import portrait
 from vibro_cli.commands.run import run
 from vibro_cli.commands.schema import schema
 from vibro_cli.commands.show import show
@@ -22,7 +23,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-for command in (run, check, show, schema, new):
+for command in (run, portrait, check, show, schema, new):
     app.command()(command)
 
 

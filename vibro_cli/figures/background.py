@@ -36,13 +36,13 @@ class Background:
 def background(landscape: Landscape, highest: float) -> Background:
     """Return the curves behind a portrait whose branches have energies up to `highest` (J)."""
     points = singular_points(landscape)
-    saddles = _distinct([point.energy for point in points if point.kind == SADDLE], _SAME)
+    saddles = saddle_energies(points)
     pieces = landscape.trace.pieces
     own = [] if saddles else [arc_separatrix(landscape, piece) for piece in pieces]
     return Background(
         separatrices=_curves(landscape, saddles),
         arc_separatrices=tuple(curve for curve in own if curve is not None),
-        levels=_curves(landscape, _between(points, saddles, highest)),
+        levels=_curves(landscape, level_energies(points, highest)),
         points=points,
     )
 
@@ -65,10 +65,14 @@ def _distinct(energies: Sequence[float], share: float) -> list[float]:
     return chosen
 
 
-def _between(
-    points: Sequence[SingularPoint], saddles: Sequence[float], highest: float
-) -> list[float]:
+def saddle_energies(points: Sequence[SingularPoint]) -> list[float]:
+    """Return the energies (J) of the separatrices: of all saddles, those that are equal once."""
+    return _distinct([point.energy for point in points if point.kind == SADDLE], _SAME)
+
+
+def level_energies(points: Sequence[SingularPoint], highest: float) -> list[float]:
     """Return energies of level curves: between the singular ones, and above up to the highest."""
+    saddles = saddle_energies(points)
     centres = [point.energy for point in points if point.kind == CENTRE]
     bounds = _distinct([0.0, *centres, *saddles, highest], _APART)
     return [

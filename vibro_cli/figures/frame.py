@@ -21,8 +21,8 @@ _TITLE_CHARACTER = 1.25
 """Mean width of a character of a title (mm)."""
 
 
-def label(panels: Sequence[Panel], ball: int) -> None:
-    """Set ticks, axis labels and titles of all panels, for a body counted from 1."""
+def label(panels: Sequence[Panel], ball: int | str) -> None:
+    """Set ticks, axis labels and titles of all panels, for a body (from 1) or several (`1,2`)."""
     for _, members in groupby(panels, key=lambda one: one.row):
         row = list(members)
         _horizontal(row, ball)
@@ -30,7 +30,7 @@ def label(panels: Sequence[Panel], ball: int) -> None:
     _titles(panels)
 
 
-def _horizontal(row: Sequence[Panel], ball: int) -> None:
+def _horizontal(row: Sequence[Panel], ball: int | str) -> None:
     proposed = [_horizontal_ticks(one) for one in row]
     places = [(one.left, one.width, ticks) for one, ticks in zip(row, proposed, strict=True)]
     spans = [one.span for one in row]
@@ -46,7 +46,7 @@ def _horizontal_ticks(one: Panel) -> Ticks:
     return angle_ticks(*one.span, one.width)
 
 
-def _vertical(row: Sequence[Panel], ball: int) -> None:
+def _vertical(row: Sequence[Panel], ball: int | str) -> None:
     for one in row:
         ticks = vertical_ticks(-one.window.top, one.window.top, one.height)
         shown = ticks.labels if one.labelled else ("",) * len(ticks.labels)
@@ -57,7 +57,7 @@ def _vertical(row: Sequence[Panel], ball: int) -> None:
             one.axes.set_ylabel(f"{_rate_symbol(row, one, ball)} [{scaled}]", labelpad=1.0)
 
 
-def _rate_symbol(row: Sequence[Panel], one: Panel, ball: int) -> str:
+def _rate_symbol(row: Sequence[Panel], one: Panel, ball: int | str) -> str:
     """Return the symbol of a vertical axis that holds for the row's panels of the same unit."""
     if one.piece.is_line:
         return rf"$v_{{{ball}}}$"

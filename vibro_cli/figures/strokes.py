@@ -69,13 +69,13 @@ START: dict[str, Any] = {
 NUMBER: dict[str, Any] = {"fontsize": style.SMALL, "ha": "center", "va": "center_baseline"}
 LEADER: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.35, "linestyle": "solid"}
 WINDOW: dict[str, Any] = {"fill": False, "edgecolor": style.BLACK, "linewidth": 0.5}
-_POINT: dict[str, Any] = {
+POINT: dict[str, Any] = {
     "color": style.SEPARATRIX_GREY,
     "markersize": 3.2,
     "markeredgewidth": 0.6,
     "linestyle": "none",
 }
-_MARKER = {CENTRE: "+", SADDLE: "x"}
+MARKER = {CENTRE: "+", SADDLE: "x"}
 
 
 def time_colours() -> Colormap:
@@ -109,9 +109,9 @@ def draw_background(one: Panel, behind: Background) -> None:
         if lines:
             one.axes.add_collection(LineCollection(lines, zorder=order, **look), autolim=False)
     for point in behind.points:
-        if point.piece == one.piece.index and point.kind in _MARKER:
-            marker = _MARKER[point.kind]
-            one.axes.plot(point.position, 0.0, marker=marker, zorder=1.3, **_POINT)
+        if point.piece == one.piece.index and point.kind in MARKER:
+            marker = MARKER[point.kind]
+            one.axes.plot(point.position, 0.0, marker=marker, zorder=1.3, **POINT)
 
 
 def draw_branches(one: Panel, path: Trajectory, times: tuple[float, float] | None) -> None:

@@ -1,0 +1,72 @@
+"""Types of portraits, and the parameter at which they change, against the formula by hand."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import pytest
+
+from tests.analysis.traces import BALL, DEGREE, circle, three_arcs
+from vibro_cli.analysis.family import changes
+from vibro_cli.analysis.portrait_type import as_record, condition, portrait_of
+
+OUTER = 70.0
+# (R − r)(1 − cos θ_end) = (R + R₀)(1 − cos J) with R = 1, R₀ = 0.5, J = 50°
+THRESHOLD = 1.0 - 1.5 * (1.0 - math.cos(50 * DEGREE)) / (1.0 - math.cos(OUTER * DEGREE))
+
+
+def type_at(radius: float) -> str:
+    return portrait_of(three_arcs(OUTER, replace(BALL, radius=radius))).type
+
+
+def test_three_arcs_have_two_centres_a_saddle_and_a_figure_eight() -> None:
+    portrait = portrait_of(three_arcs())
+    assert portrait.type == "centre, saddle, centre; figure eight"
+    assert portrait.names == ("C1", "S1", "C2")
+    saddle = portrait.points[1]
+    assert portrait.height(saddle.energy) == pytest.approx(1.5 * (1 - math.cos(50 * DEGREE)))
+
+
+def test_the_circle_has_no_trigger() -> None:
+    portrait = portrait_of(circle())
+    assert portrait.type == "saddle, centre"
+    assert portrait.triggers == ()
+
+
+def test_the_figure_eight_opens_at_the_radius_of_the_condition() -> None:
+    values = [0.05, 0.10, 0.15, 0.20, 0.25]
+    assert 0.15 < THRESHOLD < 0.20
+    (change,) = changes(type_at, values)
+    assert change.low == pytest.approx(THRESHOLD, rel=1e-14)
+    assert change.high == math.nextafter(change.low, 1.0)
+    assert change.before.endswith("figure eight")
+    assert change.after.endswith("open")
+
+
+def test_several_changes_between_two_values_are_all_found() -> None:
+    def type_of(value: float) -> str:
+        return str(sum(value >= step for step in (0.1, 0.5, 0.7)))
+
+    found = changes(type_of, [0.0, 1.0])
+    assert [change.high for change in found] == [0.1, 0.5, 0.7]
+    assert [change.before + change.after for change in found] == ["01", "12", "23"]
+
+
+def test_the_condition_says_which_barrier_is_too_low() -> None:
+    portrait = portrait_of(three_arcs(OUTER, replace(BALL, radius=0.2)))
+    short = 0.8 * (1 - math.cos(OUTER * DEGREE)) - 1.5 * (1 - math.cos(50 * DEGREE))
+    text = condition(portrait, portrait.triggers[0])
+    assert f"−{-short:.4g} m" in text
+    assert "of S1" in text
+
+
+def test_the_record_is_plain_and_has_the_points() -> None:
+    record = as_record(portrait_of(three_arcs()))
+    assert json.loads(json.dumps(record, allow_nan=False)) == record
+    assert [point["kind"] for point in record["points"]] == ["centre", "saddle", "centre"]
+    assert [point["arc"] for point in record["points"]] == [1, 2, 3]
+    assert record["points"][0]["natural_rate"] == pytest.approx(math.sqrt(9.81 / (1.4 * 0.9)))
+    assert record["points"][1]["natural_rate"] == pytest.approx(math.sqrt(9.81 / (1.4 * 0.6)))
+    assert record["triggers"][0]["points"] == "C1-S1-C2"

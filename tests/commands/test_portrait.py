@@ -1,0 +1,72 @@
+"""`vibro portrait`: tables and figures of singular points, families, misuse."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from tests.commands.conftest import Vibro
+from vibro_cli.storage.provenance import read_manifest
+
+GALLERY = Path(__file__).parents[2] / "scenarios"
+THREE_ARCS = GALLERY / "three_arcs.toml"
+STEEP = ("--set", "trace.start_slope=-70 deg", "--set", "balls[1].angle=-1.2")
+
+
+def test_portraits_and_their_table_are_written(vibro: Vibro) -> None:
+    outcome = vibro("portrait", THREE_ARCS)
+    assert outcome.code == 0
+    assert "C1-S1-C2: figure eight" in outcome.text
+    folder = Path("outputs/three_arcs-portrait")
+    names = {path.name for path in folder.iterdir()}
+    # the balls have the same radius and inertia ratio, hence the same portrait
+    figures = {"portrait_1_2.png", "portrait_1_2.pdf"}
+    assert names == figures | {"portrait.json", "scenario.json", "manifest.json"}
+    manifest = read_manifest(folder)
+    assert manifest is not None
+    assert set(manifest["files"]) | {"manifest.json"} == names
+    assert vibro("portrait", THREE_ARCS).code == 0  # ours: replaced
+
+
+def test_json_has_the_singular_points_of_each_body(vibro: Vibro) -> None:
+    outcome = vibro("portrait", THREE_ARCS, "--json", "--no-figures")
+    found = json.loads(outcome.text)
+    assert [body["ball"] for body in found["bodies"]] == [1, 2]
+    saddle = found["bodies"][0]["points"][1]
+    mass = found["bodies"][0]["mass"]
+    height = 1.5 * (1.0 - math.cos(math.radians(50)))
+    assert saddle["height"] == pytest.approx(height, rel=1e-14)
+    assert saddle["energy"] == pytest.approx(mass * 9.81 * height, rel=1e-14)
+    assert not Path("outputs").exists()
+
+
+def test_a_family_tells_where_the_type_changes(vibro: Vibro) -> None:
+    vary = "balls[1].radius=0.05:0.3:6"
+    outcome = vibro("portrait", THREE_ARCS, *STEEP, "--vary", vary, "--json", "-o", "family")
+    (change,) = json.loads(outcome.text)["family"]["changes"]
+    rise = 1.5 * (1.0 - math.cos(math.radians(50)))
+    threshold = 1.0 - rise / (1.0 - math.cos(math.radians(70)))
+    assert change["high"] == pytest.approx(threshold, rel=1e-13)
+    assert Path("family/family.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_impossible_members_are_named(vibro: Vibro) -> None:
+    outcome = vibro("portrait", THREE_ARCS, "--vary", "balls[1].radius=0.5:2:4", "--no-figures")
+    assert outcome.code == 0
+    assert "impossible" in outcome.text
+
+
+@pytest.mark.parametrize("vary", ["r", "r=1:2", "r=2:1:3", "r=1:2:1", "r=a:b:3", "=1:2:3"])
+def test_a_wrong_family_is_refused(vibro: Vibro, vary: str) -> None:
+    outcome = vibro("portrait", THREE_ARCS, "--vary", vary)
+    assert outcome.code == 2
+    assert "PATH=LOW:HIGH:N" in outcome.err
+
+
+def test_a_folder_that_is_not_a_portrait_is_left_alone(vibro: Vibro) -> None:
+    Path("mine").mkdir()
+    Path("mine/notes.txt").write_text("keep")
+    outcome = vibro("portrait", THREE_ARCS, "-o", "mine")
+    assert outcome.code == 2
+    assert Path("mine/notes.txt").read_text() == "keep"

@@ -1,0 +1,120 @@
+"""Portraits without a run: what is drawn, by number, and that no text overlaps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from tests.analysis.traces import circle, hump, landscape, line, three_arcs, valley
+from tests.figures.layout import assert_texts_are_apart, texts
+from vibro_cli import load_scenario
+from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.portrait_type import portrait_of
+from vibro_cli.build import build_system
+from vibro_cli.figures.family import family
+from vibro_cli.figures.structure import structure
+
+SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
+WAVES = [valley(1.0, 50), hump(0.5, -50), valley(1.0, 50), hump(0.5, -50), valley(1.0, 90)]
+HILLS = {
+    "three arcs": three_arcs(),
+    "open": three_arcs(60.0),
+    "circle": circle(),
+    "waves": landscape(-90, *WAVES),
+    "line": landscape(-90, valley(1.0, 0), line(1.5), valley(1.0, 90)),
+    "slope": landscape(-30, line(2.0)),
+}
+
+
+def collections(figure: Figure, panel: int, zorder: float) -> list[Any]:
+    return [
+        segment
+        for one in figure.axes[panel].collections
+        if isinstance(one, LineCollection) and one.get_zorder() == zorder
+        for segment in one.get_segments()
+    ]
+
+
+@pytest.mark.parametrize("name", HILLS)
+def test_energy_is_constant_along_every_curve(name: str) -> None:
+    """In both coordinates, to 1e-12 of the energy."""
+    hills = HILLS[name]
+    figure = structure(portrait_of(hills))
+    pieces = hills.trace.pieces
+    for panel, piece in enumerate(pieces):
+        shift = piece.start_s if piece.is_line else 0.0
+        for zorder in (1.0, 1.2, 1.25):
+            for curve in collections(figure, panel, zorder):
+                energy = hills.energy(piece, curve[:, 0] - shift, curve[:, 1])
+                np.testing.assert_allclose(energy, energy[0], rtol=1e-12)
+    below = len(pieces)
+    for zorder in (1.0, 1.2, 1.25):
+        for curve in collections(figure, below, zorder):
+            count = len(curve) // 97
+            inner = [curve[n * 97 + 1 : n * 97 + 96] for n in range(count)]
+            energies = np.concatenate([_energies(hills, points) for points in inner])
+            np.testing.assert_allclose(energies, energies[0], rtol=2e-12)
+
+
+def _energies(hills: Landscape, points: Any) -> Any:
+    middle = points[len(points) // 2, 0]
+    piece = next(p for p in hills.trace.pieces if p.start_s <= middle <= p.start_s + p.length)
+    along = points[:, 0] - piece.start_s
+    place = along if piece.is_line else piece.angle_start + along / piece.radius
+    return hills.energy(piece, place, points[:, 1] / hills.path_scale(piece))
+
+
+def test_the_figure_eight_is_drawn_through_the_saddle_when_it_exists() -> None:
+    hills = three_arcs()
+    eights = [collections(structure(portrait_of(hills)), panel, 1.25) for panel in range(4)]
+    assert all(eights)
+    saddle = portrait_of(hills).points[1]
+    for curve in eights[3]:
+        assert np.min(np.hypot(curve[:, 0] - saddle.s, curve[:, 1])) < 0.02
+    figure = structure(portrait_of(three_arcs(60.0)))
+    assert not any(collections(figure, panel, 1.25) for panel in range(4))
+    shown = " ".join(text.get_text() for text in texts(figure))
+    assert "open separatrix" in shown
+    assert "figure eight needs both" in shown
+
+
+def test_values_stand_beside_the_points() -> None:
+    figure = structure(portrait_of(three_arcs()))
+    shown = {text.get_text() for text in texts(figure)}
+    assert {"C1: 0 m", "S1: 0.5358 m", "C2: 0 m"} <= shown
+    below = figure.axes[3]
+    assert (below.get_xlabel(), below.get_ylabel()) == ("$s$ [m]", "$v$ [m/s]")
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("name", HILLS)
+def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
+    assert_texts_are_apart(structure(portrait_of(HILLS[name]), width))
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_the_gallery_has_portraits(path: Path, width: str) -> None:
+    system = build_system(load_scenario(path))
+    for ball in range(1, len(system.bodies) + 1):
+        portrait = portrait_of(Landscape.of(system, ball))
+        assert_texts_are_apart(structure(portrait, width, str(ball)))
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("number", [1, 2, 5, 30])
+def test_a_family_has_a_panel_for_each_member(number: int, width: str) -> None:
+    members = [(f"r = {n}", portrait_of(three_arcs(60.0 + n))) for n in range(number)]
+    figure = family(members, width)
+    assert len(figure.axes) == (number if number <= 12 else 10)
+    assert_texts_are_apart(figure)
+
+
+def test_an_empty_family_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        family([])

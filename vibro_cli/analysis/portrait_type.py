@@ -1,0 +1,121 @@
+"""What kind of phase portrait a body has: its singular points and what their separatrices do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.singular import CENTRE, DEGENERATE, SADDLE, SingularPoint, singular_points
+from vibro_cli.analysis.trigger import Trigger, triggers
+
+_LETTER = {CENTRE: "C", SADDLE: "S", DEGENERATE: "D"}
+
+
+@dataclass(frozen=True)
+class Portrait:
+    """The structure of the phase portrait of one body on the whole trace."""
+
+    landscape: Landscape
+    points: tuple[SingularPoint, ...]
+    """From left to right."""
+    names: tuple[str, ...]
+    """Names of the points: C1, S1, C2, …, each kind counted from the left."""
+    triggers: tuple[Trigger, ...]
+
+    @property
+    def type(self) -> str:
+        """The type in words: equal for portraits that can be deformed into one another."""
+        kinds = ", ".join(point.kind for point in self.points) or "no singular point"
+        orbits = ", ".join(trigger.orbit for trigger in self.triggers)
+        return f"{kinds}; {orbits}" if orbits else kinds
+
+    def name(self, point: SingularPoint) -> str:
+        """Return the name of one of the points."""
+        return self.names[self.points.index(point)]
+
+    def height(self, energy: float) -> float:
+        """Return E/(m g) (m): how high above its lowest place the body can come to rest."""
+        weight = self.landscape.body.mass * self.landscape.gravity
+        return energy / weight if weight else 0.0
+
+
+def portrait_of(landscape: Landscape) -> Portrait:
+    """Return the structure of the phase portrait of a body, in closed form (D)."""
+    points = singular_points(landscape)
+    counts = dict.fromkeys(_LETTER, 0)
+    names = []
+    for point in points:
+        counts[point.kind] += 1
+        names.append(f"{_LETTER[point.kind]}{counts[point.kind]}")
+    return Portrait(landscape, points, tuple(names), triggers(landscape))
+
+
+def condition(portrait: Portrait, trigger: Trigger) -> str:
+    """Return in words what makes the separatrix of a trigger what it is.
+
+    The figure eight exists while the barrier on either side is at least as high as the saddle,
+    (R − r)(1 − cos θ_end) ≥ (R + R₀)(1 − cos J) on three arcs (D).
+    """
+    left, right = (portrait.height(m) for m in (trigger.margin_left, trigger.margin_right))
+    saddle = portrait.name(trigger.saddle)
+    return (
+        f"barriers {_signed(left)} (left) and {_signed(right)} (right) of {saddle}; "
+        "a figure eight needs both ≥ 0"
+    )
+
+
+def _signed(height: float) -> str:
+    return f"{height:+.4g} m".replace("-", "−")
+
+
+def as_record(portrait: Portrait) -> dict[str, Any]:
+    """Return the structure as plain values: the body, its singular points and its triggers."""
+    body = portrait.landscape.body
+    return {
+        "body": body.kind,
+        "radius": body.radius,
+        "mass": body.mass,
+        "kappa": body.kappa,
+        "type": portrait.type,
+        "points": [
+            _point(portrait, name, point)
+            for name, point in zip(portrait.names, portrait.points, strict=True)
+        ],
+        "triggers": [_trigger(portrait, trigger) for trigger in portrait.triggers],
+    }
+
+
+def _point(portrait: Portrait, name: str, point: SingularPoint) -> dict[str, Any]:
+    piece = portrait.landscape.trace.pieces[point.piece]
+    x, y = piece.body_center(point.position, portrait.landscape.body.radius)
+    inner = piece.angle_start < point.position < piece.angle_end and not piece.is_line
+    return {
+        "name": name,
+        "kind": point.kind,
+        "arc": piece.index + 1,
+        "angle": None if piece.is_line else point.position,
+        "s": point.s,
+        "extent": point.extent,
+        "x": x,
+        "y": y,
+        "slope": point.slope,
+        "energy": point.energy,
+        "height": portrait.height(point.energy),
+        # w = √(g/κρ): frequency about a centre, exponent of a saddle; at a junction it has two
+        "natural_rate": portrait.landscape.natural_rate(piece) if inner else None,
+    }
+
+
+def _trigger(portrait: Portrait, trigger: Trigger) -> dict[str, Any]:
+    names = [portrait.name(p) for p in (trigger.left, trigger.saddle, trigger.right)]
+    return {
+        "points": "-".join(names),
+        "orbit": trigger.orbit,
+        "condition": condition(portrait, trigger),
+        "energy": trigger.saddle.energy,
+        "margin_left": trigger.margin_left,
+        "margin_right": trigger.margin_right,
+        "turning_left": trigger.turning_left,
+        "turning_right": trigger.turning_right,
+    }

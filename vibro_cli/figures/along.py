@@ -1,0 +1,148 @@
+"""The phase plane along the whole trace: speed of the centre against arc length."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from vibro_cli.analysis.levels import SpeedCurve, speed_curves
+from vibro_cli.analysis.portrait_type import Portrait
+from vibro_cli.analysis.singular import CENTRE, SADDLE
+from vibro_cli.analysis.trigger import FIGURE_EIGHT
+from vibro_cli.figures import strokes, style
+from vibro_cli.figures.background import level_energies, saddle_energies
+from vibro_cli.figures.numbering import place_numbers
+from vibro_cli.figures.source import Array
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+
+_ABOVE = 1.35
+"""Level curves go up to this multiple of the highest saddle or end of the trace."""
+_MARGIN = 1.04
+_DARK = 6
+"""How much rather a name covers a level curve than a separatrix."""
+EIGHT: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.0, "linestyle": "solid"}
+JUNCTION: dict[str, Any] = {"color": style.LEVEL_GREY, "linewidth": 0.4, "linestyle": (0, (1, 2))}
+REST: dict[str, Any] = {"color": style.SEPARATRIX_GREY, "linewidth": 1.6, "linestyle": "solid"}
+"""A level line: the body stays at rest anywhere on it."""
+_POINT = {CENTRE: "+", SADDLE: "x"}
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Level curves along the trace."""
+
+    levels: tuple[SpeedCurve, ...]
+    separatrices: tuple[SpeedCurve, ...]
+    eights: tuple[SpeedCurve, ...]
+    """The separatrices that are a figure eight."""
+
+    @property
+    def top(self) -> float:
+        """The greatest speed on any of them (m/s)."""
+        curves = (*self.levels, *self.separatrices, *self.eights)
+        return max((float(np.max(curve.speed)) for curve in curves), default=1.0) or 1.0
+
+
+def highest_energy(portrait: Portrait) -> float:
+    """Return the energy (J) up to which level curves are drawn."""
+    landscape = portrait.landscape
+    pieces = landscape.trace.pieces
+    ends = (pieces[0], pieces[0].angle_start), (pieces[-1], pieces[-1].angle_end)
+    barriers = [float(landscape.potential(piece, position)) for piece, position in ends]
+    barriers += [point.energy for point in portrait.points]
+    scale = landscape.body.mass * landscape.gravity * landscape.trace.length
+    return _ABOVE * max(barriers) or 0.1 * scale or landscape.body.mass
+
+
+def curves_of(portrait: Portrait, count: int = 97) -> Curves:
+    """Return level curves, separatrices and figure eights of a portrait, `count` points a piece."""
+    landscape = portrait.landscape
+
+    def all_of(energies: Sequence[float]) -> tuple[SpeedCurve, ...]:
+        return tuple(
+            curve for energy in energies for curve in speed_curves(landscape, energy, count)
+        )
+
+    eights = {one.saddle.energy: one for one in portrait.triggers if one.orbit == FIGURE_EIGHT}
+    on_eight = tuple(
+        curve
+        for energy, trigger in eights.items()
+        for curve in speed_curves(landscape, energy, count)
+        if curve.s[0] <= trigger.saddle.s <= curve.s[-1]
+    )
+    singular = all_of(saddle_energies(portrait.points))
+    others = tuple(
+        curve for curve in singular if not any(_same(curve, eight) for eight in on_eight)
+    )
+    levels = all_of(level_energies(portrait.points, highest_energy(portrait)))
+    return Curves(levels, others, on_eight)
+
+
+def _same(one: SpeedCurve, other: SpeedCurve) -> bool:
+    return np.array_equal(one.s, other.s) and np.allclose(one.speed, other.speed, rtol=1e-6)
+
+
+def draw_along(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float, float]) -> None:
+    """Draw a portrait along the trace on axes of a size (mm), with its singular points named."""
+    length = portrait.landscape.trace.length
+    axes.set_xlim(0.0, length)
+    axes.set_ylim(-_MARGIN * curves.top, _MARGIN * curves.top)
+    for piece in portrait.landscape.trace.pieces[1:]:
+        axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
+    for group, look, order in (
+        (curves.levels, strokes.LEVEL, 1.0),
+        (curves.separatrices, strokes.SEPARATRIX, 1.2),
+        (curves.eights, EIGHT, 1.25),
+    ):
+        lines = [
+            np.column_stack([curve.s, sign * curve.speed]) for curve in group for sign in (1, -1)
+        ]
+        axes.add_collection(LineCollection(lines, zorder=order, **look), autolim=False)
+    for point in portrait.points:
+        if point.kind in _POINT:
+            axes.plot(point.s, 0.0, marker=_POINT[point.kind], zorder=1.3, **strokes.POINT)
+        elif point.extent:
+            axes.plot([point.s, point.s + point.extent], [0.0, 0.0], zorder=1.3, **REST)
+    _ticks(axes, length, size)
+
+
+def _ticks(axes: Axes, length: float, size: tuple[float, float]) -> None:
+    across, along = number_ticks(0.0, length, size[0]), vertical_ticks(*axes.get_ylim(), size[1])
+    axes.set_xticks(across.places, across.labels)
+    axes.set_yticks(along.places, along.labels)
+    axes.set_xlabel("$s$ [m]")
+    scaled = rf"$10^{{{along.power}}}$ m/s" if along.power else "m/s"
+    axes.set_ylabel(f"$v$ [{scaled}]", labelpad=1.0)
+
+
+def name_points(
+    axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float, float], values: bool
+) -> None:
+    """Write the name of each singular point beside it, with its value E/(m g) if asked for."""
+    top, length = axes.get_ylim()[1], portrait.landscape.trace.length
+    scale = np.array([size[0] / length, 0.5 * size[1] / top])
+
+    def millimetres(s: Array, v: Array) -> Array:
+        points: Array = np.column_stack([s, v + top]) * scale
+        return points
+
+    named = [(name, p) for name, p in zip(portrait.names, portrait.points, strict=True)]
+    named = [(name, p) for name, p in named if p.kind in _POINT]
+    texts = [f"{name}: {portrait.height(p.energy):.4g} m" if values else name for name, p in named]
+    anchors = [millimetres(np.array([p.s]), np.zeros(1)) for _, p in named]
+    if not texts:
+        return
+    dark = (*curves.eights, *curves.separatrices) * _DARK
+    shown = [*dark, *curves.levels]
+    obstacles = [millimetres(c.s, sign * c.speed) for c in shown for sign in (1, -1)]
+    places = place_numbers(texts, anchors, np.concatenate([*obstacles, *anchors]), size)
+    halo = [patheffects.withStroke(linewidth=1.6, foreground="white")]
+    for text, (x, y) in zip(texts, places, strict=True):
+        where = x / scale[0], y / scale[1] - top
+        axes.text(*where, text, path_effects=halo, zorder=3.0, **strokes.NUMBER)

@@ -1,0 +1,33 @@
+"""The folder of a portrait: its figures, the table of its singular points, the scenario."""
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vibro_cli.storage.files import new_folder
+from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+
+if TYPE_CHECKING:
+    from vibro_cli.scenario import Scenario
+
+check_portrait_folder = partial(check_replaceable, kind="portrait")
+
+
+def write_portraits(
+    scenario: "Scenario", found: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]
+) -> None:
+    """Write the folder of a portrait, whole or not at all; `figures` are names and contents.
+
+    Raises `FolderRefused` when `target` is there and is no portrait of ours, `OSError` when it
+    cannot be written.
+    """
+    files = {
+        "portrait.json": json_bytes(found),
+        "scenario.json": json_bytes(scenario.resolved()),
+        **figures,
+    }
+    with new_folder(target, check_portrait_folder) as folder:
+        for name, content in files.items():
+            folder.write(name, content)
+        folder.write(MANIFEST_NAME, json_bytes(manifest("portrait", files, {})))
