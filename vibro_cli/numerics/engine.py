@@ -9,13 +9,18 @@ operations in the same order (no contraction, no reassociation), so they give th
 
 from __future__ import annotations
 
+import atexit
+import fcntl
 import hashlib
 import os
+import shutil
 import sys
+import tempfile
 import types
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TextIO, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 RecordClass = TypeVar("RecordClass", bound=type)
@@ -26,6 +31,8 @@ Series = list[float]
 
 _kernels: dict[str, dict[str, Callable[..., Any]]] = {}
 _compiled: dict[Callable[..., Any], Any] = {}
+_alone: dict[Callable[..., Any], _FirstCallAlone] = {}
+_tell: Callable[[str], None] | None = None
 
 
 def kernel(function: Function) -> Function:
@@ -149,12 +156,89 @@ def compiled(entry: Callable[..., Any]) -> Any:
     return _compiled[entry]
 
 
+def compiled_once(entry: Callable[..., Any]) -> Any:
+    """Return the compiled twin of a kernel for a program of which several run at one time.
+
+    It is called like :func:`compiled`'s; of several processes with a cold cache one makes the
+    machine code, and the others wait for it.
+    """
+    if entry not in _alone:
+        twin = compiled(entry)
+        _alone[entry] = _FirstCallAlone(twin, _machine_code())
+    return _alone[entry]
+
+
+def on_compiling(tell: Callable[[str], None] | None) -> None:
+    """Choose what is called with a line for the user when machine code has to be made or awaited.
+
+    ``None``, as at first, for nobody to be told.
+    """
+    global _tell
+    _tell = tell
+
+
+class _FirstCallAlone:
+    """A compiled kernel whose first call, if it has to write into the cache, does so alone.
+
+    numba replaces each file of its cache in one step, but two processes that add to the cache at
+    once may give different functions the same file. Processes that only read need no lock: what
+    is ready stays as it is.
+    """
+
+    def __init__(self, dispatcher: Any, folder: Path) -> None:
+        name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__name__}"
+        self._dispatcher = dispatcher
+        self._ready = folder / f"{name}.ready"
+        self._lock = folder / "lock"
+        self._called = False
+
+    def __call__(self, *arguments: Any) -> Any:
+        if self._called:
+            return self._dispatcher(*arguments)
+        self._called = True
+        if self._ready.exists():
+            return self._dispatcher(*arguments)
+        with self._lock.open("w") as lock:
+            _wait_for(lock)
+            if _tell is not None and not self._ready.exists():
+                _tell("compiling the kernels; this takes a minute or two, and only once")
+            result = self._dispatcher(*arguments)
+            self._ready.touch()
+        return result
+
+
+def _wait_for(lock: TextIO) -> None:
+    """Hold a lock alone until its file is closed; where files cannot be locked, go on without."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        if _tell is not None:
+            _tell("waiting for another process that compiles the kernels")
+        fcntl.flock(lock, fcntl.LOCK_EX)
+    except OSError:  # some network file systems
+        pass
+
+
+@cache
+def _machine_code() -> Path:
+    """The folder for this machine code; one of this process alone where it cannot be written."""
+    folder = cache_folder() / f"kernels-{source_digest()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError as error:
+        if _tell is not None:
+            _tell(f"compiled kernels cannot be kept in {folder} ({error.strerror})")
+        own = tempfile.mkdtemp(prefix="vibro-kernels-")
+        atexit.register(shutil.rmtree, own, ignore_errors=True)
+        return Path(own)
+
+
 def _compile_all() -> None:
     import numba
 
-    numba.config.CACHE_DIR = str(  # type: ignore[attr-defined]
-        cache_folder() / f"kernels-{source_digest()}"
-    )
+    numba.config.CACHE_DIR = str(_machine_code())  # type: ignore[attr-defined]
     namespaces: dict[str, dict[str, Any]] = {}
     twins: dict[Callable[..., Any], Any] = {}
     for module, functions in _kernels.items():

@@ -65,7 +65,7 @@ class Driver:
 
     def _call(self, function: Any, *arguments: Any) -> Any:
         if self.engine == "numba":
-            function = engine.compiled(function)
+            function = engine.compiled_once(function)
         return function(self.world, *arguments)
 
     def _advance(self) -> int:
