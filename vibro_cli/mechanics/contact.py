@@ -201,7 +201,8 @@ def contact_on_line(
     gap = (b_s - a_s) - contact.sine
     if touching != 0 or gap < 0.0:
         gap = 0.0
-    h = first_root_of_parabola(gap, b_p - a_p, b.line_acceleration - a.line_acceleration)
+    second = tangential_acceleration(b, 0.0, b_s, b_c) - tangential_acceleration(a, 0.0, a_s, a_c)
+    h = first_root_of_parabola(gap, b_p - a_p, second)
     if h < 0.0 or h > limit:
         return NONE_BEFORE_LIMIT
     a_s, a_c, a_p = flow(a, age_a + h)

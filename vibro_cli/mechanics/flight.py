@@ -27,6 +27,7 @@ def launch(
     flight.exit_after = NEVER
     flight.exit_p = 0.0
     flight.grouped = 0
+    flight.wall_side = 0
     flight.segment = 0.0
     flight.flow_s = flight.s
     flight.flow_c = flight.c

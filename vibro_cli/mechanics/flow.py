@@ -108,7 +108,7 @@ def angular_acceleration(flight: Flight, s: float, c: float) -> float:
 
     On a segment across pieces, 0 in place of it: there only its bound is used.
     """
-    if flight.form == POLYNOMIAL:
+    if flight.form == POLYNOMIAL or flight.at_rest == 1:
         return 0.0
     if flight.grouped == 1:
         s, c = group_of_body(flight, s, c)
@@ -132,7 +132,7 @@ def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
 def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: float) -> float:
     """Acceleration (m/s^2) of a body's centre along its path."""
     if flight.form == LINE:
-        return flight.line_acceleration
+        return flight.line_acceleration if flight.at_rest == 0 else 0.0
     return path_radius * angular_acceleration(flight, s, c)
 
 

@@ -91,6 +91,7 @@ class Flight(ThetaConstants):
     frequency: float  # w of the flow, rad/s; 0 on a line
     own_frequency: float  # w of the body alone on this piece
     at_rest: int  # 1: in equilibrium
+    wall_side: int  # +1, -1: pressed at rest to the wall on the right or left, else 0
     line_acceleration: float
     head: float  # energy/(m g), m above the body's lowest place
     anchor: int  # piece whose crest the energy is measured from, or -1

@@ -11,8 +11,12 @@ import math
 
 from vibro_cli.mechanics.gap import centre_position, centre_tangent
 from vibro_cli.mechanics.laws import law_approach, weight_and_response
+from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.world import World
+
+# The line of centres is level with the trace up to this share.
+LIFT_ROUNDING = 1.0e-14
 
 
 @kernel
@@ -42,6 +46,33 @@ def set_normals(world: World, j: int) -> float:
 
 
 @kernel
+def lifted_body(world: World, j: int) -> int:
+    """The body of a touching pair that an impact would lift off a one-sided trace, or -1.
+
+    The impulse P along the line of centres n needs impulses ``P n n_a`` and ``-P n n_b`` of the
+    trace along its normals; a one-sided trace cannot pull.
+    """
+    pieces = world.settings[0].pieces
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    piece_a = world.pieces[a.piece]
+    piece_b = world.pieces[b.piece]
+    ax, ay = centre_position(piece_a, world.tracks[pair.a * pieces + a.piece], a.s, a.c)
+    bx, by = centre_position(piece_b, world.tracks[pair.b * pieces + b.piece], b.s, b.c)
+    dx = bx - ax
+    dy = by - ay
+    tax, tay = centre_tangent(piece_a, a.s, a.c)
+    tbx, tby = centre_tangent(piece_b, b.s, b.c)
+    rounding = LIFT_ROUNDING * pair.distance
+    if dy * tax - dx * tay < -rounding:
+        return pair.a
+    if dy * tbx - dx * tby > rounding:
+        return pair.b
+    return -1
+
+
+@kernel
 def set_speed(world: World, ball: int) -> None:
     """Set a body's scratch speed from its state."""
     flight = world.flights[ball]
@@ -63,9 +94,24 @@ def free_acceleration(world: World, ball: int) -> float:
     """Tangential acceleration (m/s^2) of a body under gravity alone."""
     flight = world.flights[ball]
     track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    if supported(flight):
+        return 0.0
     if track.path_radius == 0.0:
         return track.line_acceleration
     return -track.gravity_rate * (2.0 * flight.s * flight.c)
+
+
+@kernel
+def supported(flight: Flight) -> bool:
+    """Tell whether a wall keeps a body from moving, being pressed to it at rest."""
+    return flight.wall_side != 0 and flight.speed * flight.wall_side >= 0.0
+
+
+@kernel
+def _mobility(world: World, ball: int) -> float:
+    """Acceleration of a body for one newton along its path; none at a wall."""
+    flight = world.flights[ball]
+    return 0.0 if supported(flight) else 1.0 / world.bodies[ball].rolling_mass
 
 
 @kernel
@@ -205,17 +251,20 @@ def contact_forces(world: World, first: int, count: int) -> None:
     for step in range(count):
         j = (first + step) % pairs
         pair = world.pairs[j]
-        mass_a = world.bodies[pair.a].rolling_mass
-        mass_b = world.bodies[pair.b].rolling_mass
+        ease_a = _mobility(world, pair.a)
+        ease_b = _mobility(world, pair.b)
         pair.right = -free_approach(world, j)
-        pair.diagonal = pair.normal_a * pair.normal_a / mass_a
-        pair.diagonal += pair.normal_b * pair.normal_b / mass_b
+        pair.diagonal = pair.normal_a * pair.normal_a * ease_a
+        pair.diagonal += pair.normal_b * pair.normal_b * ease_b
+        if pair.diagonal == 0.0:
+            # Both at walls: nothing moves, nothing presses.
+            pair.diagonal = 1.0
         pair.lower = 0.0
         pair.upper = 0.0
         if step > 0:
             before = world.pairs[(first + step - 1) % pairs]
-            pair.lower = -pair.normal_a * before.normal_b / mass_a
+            pair.lower = -pair.normal_a * before.normal_b * ease_a
         if step < count - 1:
             after = world.pairs[(first + step + 1) % pairs]
-            pair.upper = -pair.normal_b * after.normal_a / mass_b
+            pair.upper = -pair.normal_b * after.normal_a * ease_b
     solve_from_both_ends(world, first, count)

@@ -9,7 +9,7 @@ from vibro_cli.mechanics.laws import NORMAL_IMPULSE, impact_of_pair
 from vibro_cli.mechanics.records import PARTING, Flight, PairData, TrackData
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.across import SEGMENT_END
-from vibro_cli.simulation.chain import set_normals, set_speed
+from vibro_cli.simulation.chain import lifted_body, set_normals
 from vibro_cli.simulation.contact_changes import (
     close_if_accumulated,
     held_run,
@@ -19,6 +19,7 @@ from vibro_cli.simulation.contact_changes import (
 from vibro_cli.simulation.flights import begin_flight, bring_to, place_at, project
 from vibro_cli.simulation.joint import chain_of_contacts, collide_jointly, complete_inadmissible
 from vibro_cli.simulation.rows import log_impact, parts
+from vibro_cli.simulation.walls import group_rests, rest_at_wall, rest_group, rests_at_wall
 from vibro_cli.simulation.world import (
     COLLISION,
     CROSSING,
@@ -102,6 +103,12 @@ def _collide_alone(world: World, j: int) -> int:
     if admissible == 0 and substituted == 0:
         complete_inadmissible(world, row)
         return END_INADMISSIBLE
+    if settings.one_sided == 1:
+        lifted = lifted_body(world, j)
+        if lifted >= 0:
+            clock.last_ball = lifted
+            complete_inadmissible(world, row)
+            return END_LIFT_OFF
     a.p = wa / track_a.speed_factor
     b.p = wb / track_b.speed_factor
     a.speed = wa
@@ -200,6 +207,9 @@ def leave_piece(world: World, ball: int) -> int:
     if restitution < 0.0:
         return END_OF_TRACE
     flight.p = -restitution * exit_p
+    if rests_at_wall(world, ball, right):
+        rest_at_wall(world, ball, right)
+        return RUNNING
     begin_flight(world, ball, WALL, 1 if restitution < 1.0 else 0)
     return RUNNING
 
@@ -281,6 +291,8 @@ def _leave_in_group(world: World, ball: int) -> int:
     if restitution < 0.0:
         return END_OF_TRACE
     flight.p = -restitution * exit_p
-    set_speed(world, ball)
+    if group_rests(world, first, count, ball, right):
+        rest_group(world, first, count, right)
+        return RUNNING
     relaunch_run(world, first, count, WALL)
     return RUNNING

@@ -58,6 +58,7 @@ def log_flight(world: World, ball: int, cause: int) -> None:
     row.head = flight.head
     row.cause = cause
     row.exit_kind = flight.exit_kind
+    row.at_rest = flight.at_rest
     row.grouped = flight.grouped
     if flight.grouped != 0:
         _log_group(world, flight)

@@ -49,6 +49,7 @@ def launch_group(world: World, first: int, count: int) -> None:
 @kernel
 def _clear(flight: Flight, track: TrackData) -> None:
     flight.at_rest = 0
+    flight.wall_side = 0
     flight.exit_kind = BOUNDARY
     flight.exit_side = 0
     flight.exit_after = NEVER

@@ -16,6 +16,7 @@ from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.chain import (
     apply_impulses,
     joint_impulses,
+    lifted_body,
     parting_speed,
     set_normals,
     set_speed,
@@ -26,6 +27,7 @@ from vibro_cli.simulation.rows import SPEED_ROUNDING, log_impact, parts
 from vibro_cli.simulation.world import (
     COLLISION,
     END_INADMISSIBLE,
+    END_LIFT_OFF,
     RUNNING,
     ImpactRow,
     World,
@@ -100,6 +102,14 @@ def collide_jointly(world: World, j: int, first: int, count: int) -> int:
         for row in range(start_row, clock.impact_rows):
             complete_inadmissible(world, world.impacts[row])
         return END_INADMISSIBLE
+    if settings.one_sided == 1:
+        for row in range(start_row, clock.impact_rows):
+            lifted = lifted_body(world, world.impacts[row].pair)
+            if lifted >= 0:
+                clock.last_ball = lifted
+                for every in range(start_row, clock.impact_rows):
+                    complete_inadmissible(world, world.impacts[every])
+                return END_LIFT_OFF
     if not admissible:
         law = NORMAL_IMPULSE
         clock.collisions -= clock.impact_rows - start_row

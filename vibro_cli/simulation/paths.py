@@ -72,6 +72,7 @@ class Paths:
         flight.flow_s, flight.flow_c, flight.flow_p = flight.s, flight.c, flight.p
         flight.own_frequency = float(self.places.frequency(row["body"], row["piece"]))
         flight.frequency = flight.own_frequency
+        flight.at_rest = int(row["at_rest"])
         if row["grouped"]:
             self._complete_group(flight, row, index)
         if piece.is_line and flight.form != POLYNOMIAL:
@@ -84,8 +85,6 @@ class Paths:
         if flight.form == POLYNOMIAL:
             return flight
         set_theta_constants(flight, float(row["parameter"]), float(row["root_complement"]))
-        if flight.flow_p == 0.0 and (flight.flow_s == 0.0 or flight.flow_c == 0.0):
-            flight.at_rest = 1
         return flight
 
     def _complete_group(self, flight: Flight, row: Any, index: int) -> None:

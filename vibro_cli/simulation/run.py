@@ -30,6 +30,10 @@ _CLOCK_FIELDS = (
 )  # fmt: skip
 
 
+class CannotContinue(ValueError):
+    """An earlier run cannot go on; the message says why."""
+
+
 @dataclass(frozen=True)
 class Wanted:
     """What is to be computed beside the collisions."""
@@ -154,7 +158,13 @@ class Run:
 
         Plain values: floats are written by ``json`` so that they are read back exactly.
         """
-        return {"format": CHECKPOINT_FORMAT, "end_cause": self.end_cause, "state": self._state}
+        return {
+            "format": CHECKPOINT_FORMAT,
+            "end_cause": self.end_cause,
+            "end_time": self._clock["t"],
+            "collisions": int(self._clock["collisions"]),
+            "state": self._state,
+        }
 
     def history(self) -> dict[str, Any]:
         """Return the logs of the whole run, which its tables and figures are made from.
@@ -200,14 +210,17 @@ def simulate_system(
     Raises
     ------
     ValueError
-        For an unknown engine, without a stop, for a checkpoint of another system, and for one of a
-        run that had ended for good (see :data:`FINAL`).
+        For an unknown engine, without a stop, and for a checkpoint of another system.
+    CannotContinue
+        If the earlier run had ended for good (see :data:`FINAL`), or is past the stop.
     """
     if engine not in ("auto", "python", "numba"):
         raise ValueError(f"engine must be auto, python or numba, not {engine!r}")
     if stop_time is None and stop_collisions is None:
         raise ValueError("a run needs a stop: a time or a number of collisions")
-    earlier = None if checkpoint is None else _earlier(checkpoint, history)
+    earlier = (
+        None if checkpoint is None else _earlier(checkpoint, history, stop_time, stop_collisions)
+    )
     driver = Driver(make_world(system, stop_time, stop_collisions), engine, earlier)
     cause = driver.run()
     clock = {name: driver.clock_value(name) for name in _CLOCK_FIELDS}
@@ -226,14 +239,24 @@ def simulate_system(
     )
 
 
-def _earlier(checkpoint: dict[str, Any], history: dict[str, Any] | None) -> Earlier:
+def _earlier(
+    checkpoint: dict[str, Any],
+    history: dict[str, Any] | None,
+    stop_time: float | None,
+    stop_collisions: int | None,
+) -> Earlier:
     """The part of a run before its checkpoint, once it is known that it can go on."""
     if checkpoint.get("format") != CHECKPOINT_FORMAT:
-        raise ValueError("the checkpoint was written by another version")
+        raise CannotContinue("the checkpoint was written by another version")
     if checkpoint["end_cause"] in FINAL:
-        raise ValueError(f"the run had ended for good: {checkpoint['end_cause']}")
+        raise CannotContinue(f"the run had ended for good: {checkpoint['end_cause']}")
     if history is None or set(history) != set(LOGS):
-        raise ValueError("a checkpoint needs the history of its run")
+        raise CannotContinue("a checkpoint needs the history of its run")
+    reached, count = checkpoint["end_time"], checkpoint["collisions"]
+    if stop_time is not None and stop_time <= reached:
+        raise CannotContinue(f"the run is at t = {reached!r} s; expected a later stop.time")
+    if stop_collisions is not None and stop_collisions <= count:
+        raise CannotContinue(f"the run has {count} impacts; expected a greater stop.collisions")
     return Earlier(checkpoint["state"], history)
 
 

@@ -114,6 +114,7 @@ class FlightRow:
     head: float
     cause: int
     exit_kind: int
+    at_rest: int
     flow_s: float
     flow_c: float
     flow_p: float

@@ -1,0 +1,140 @@
+"""Rest against a wall: where the bounces of a body, or of a group, are lost in rounding.
+
+Bounces at a wall accumulate like those of two bodies, and those of a row of bodies against a wall
+accumulate together. What is left out here is lower than the rounding of the places.
+"""
+
+from __future__ import annotations
+
+from vibro_cli.mechanics.gap import centre_position
+from vibro_cli.mechanics.records import NEVER
+from vibro_cli.numerics.engine import kernel
+from vibro_cli.simulation.chain import free_acceleration, set_normals, set_speed
+from vibro_cli.simulation.contact_changes import launch_chain, relaunch_run
+from vibro_cli.simulation.flights import begin_flight, bring_to, state_at
+from vibro_cli.simulation.rows import hold
+from vibro_cli.simulation.world import WALL, World
+
+# Height of a bounce that is lost in rounding, as a share of the size of the places.
+BOUNCE_ROUNDING = 16.0 * 2.220446049250313e-16
+# Speeds and gaps of a neighbour count as lost up to this many times as large.
+NEIGHBOUR = 16.0
+
+
+@kernel
+def rests_at_wall(world: World, ball: int, right: bool) -> bool:
+    """Tell whether a body is pressed to a wall and its next bounce is lost in rounding."""
+    set_speed(world, ball)
+    speed = world.flights[ball].speed
+    pull = _pull(world, ball, right)
+    return pull > 0.0 and speed * speed <= 2.0 * pull * _lost_height(world, ball)
+
+
+@kernel
+def _pull(world: World, ball: int, right: bool) -> float:
+    """Acceleration (m/s^2) of a body towards the wall."""
+    pull = free_acceleration(world, ball)
+    return pull if right else -pull
+
+
+@kernel
+def _lost_height(world: World, ball: int) -> float:
+    """Height (m) of a bounce that is lost in the rounding of the body's place."""
+    flight = world.flights[ball]
+    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    x, y = centre_position(world.pieces[flight.piece], track, flight.s, flight.c)
+    return BOUNCE_ROUNDING * (abs(x) + abs(y) + world.bodies[ball].radius)
+
+
+@kernel
+def rest_at_wall(world: World, ball: int, right: bool) -> None:
+    """Let a body rest at a wall, with the neighbours that have come to rest against it."""
+    settings = world.settings[0]
+    flight = world.flights[ball]
+    flight.p = 0.0
+    flight.speed = 0.0
+    height = _lost_height(world, ball)
+    count = 0
+    while count < settings.bodies - 1:
+        inner = ball - count - 1 if right else ball + count + 1
+        j = inner if right else inner - 1
+        if inner < 0 or inner >= settings.bodies:
+            break
+        if not _neighbour_rests(world, inner, right, flight.t, flight.t_low, height):
+            break
+        bring_to(world, inner, flight.t, flight.t_low)
+        if set_normals(world, j) > NEIGHBOUR * height:
+            break
+        hold(world, j, 1, 0.0)
+        world.flights[inner].p = 0.0
+        world.flights[inner].speed = 0.0
+        count += 1
+    if count == 0:
+        begin_flight(world, ball, WALL, 1)
+        _rest(world, ball, right)
+        return
+    first = ball - count if right else ball
+    launch_chain(world, first, count, WALL)
+    for step in range(count + 1):
+        _rest(world, first + step, right)
+
+
+@kernel
+def _neighbour_rests(
+    world: World, ball: int, right: bool, t: float, t_low: float, height: float
+) -> bool:
+    """Tell whether a body is pressed towards the wall with a speed lost in rounding."""
+    flight = world.flights[ball]
+    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    if flight.grouped == 1:
+        return False
+    _, _, p = state_at(world, ball, t, t_low)
+    speed = track.speed_factor * p
+    pull = _pull(world, ball, right)
+    return pull > 0.0 and speed * speed <= 2.0 * NEIGHBOUR * pull * height
+
+
+@kernel
+def group_rests(world: World, first: int, count: int, ball: int, right: bool) -> bool:
+    """Tell whether a group is pressed to a wall and every motion of it is lost in rounding."""
+    settings = world.settings[0]
+    fastest = 0.0
+    for step in range(count + 1):
+        member = (first + step) % settings.bodies
+        set_speed(world, member)
+        fastest = max(fastest, abs(world.flights[member].speed))
+    pull = _pull(world, ball, right)
+    height = NEIGHBOUR * _lost_height(world, ball)
+    return pull > 0.0 and fastest * fastest <= 2.0 * pull * height
+
+
+@kernel
+def rest_group(world: World, first: int, count: int, right: bool) -> None:
+    """Let a whole group rest against a wall."""
+    bodies = world.settings[0].bodies
+    for step in range(count + 1):
+        world.flights[(first + step) % bodies].p = 0.0
+    relaunch_run(world, first, count, WALL)
+    for step in range(count + 1):
+        _rest(world, (first + step) % bodies, right)
+
+
+@kernel
+def _rest(world: World, ball: int, right: bool) -> None:
+    flight = world.flights[ball]
+    flight.at_rest = 1
+    flight.wall_side = 1 if right else -1
+    flight.exit_after = NEVER
+    flight.exit_t = NEVER
+    flight.exit_t_low = 0.0
+    flight.angular_bound = 0.0
+    flight.jerk_bound = 0.0
+    flight.acceleration_bound = 0.0
+    last = world.clock[0].flight_rows - 1
+    while world.log[last].body != ball:
+        last -= 1
+    world.log[last].at_rest = 1
+    for j in range(world.settings[0].pairs):
+        pair = world.pairs[j]
+        if pair.held == 1 and (pair.a == ball or pair.b == ball):
+            pair.release_t = NEVER
