@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.numerics.engine import dtype
+from vibro_cli.simulation.world import LOGS, RECORDS
 from vibro_cli.storage import schema
 
 _ROWS = 3
@@ -71,6 +73,9 @@ class FakeRun:
             "min_normal_force": 3.5,
             "max_friction_demand": 0.25,
         }
+
+    def history(self) -> dict[str, Any]:
+        return {name: np.zeros(_ROWS, dtype=dtype(RECORDS[name])) for name in LOGS}
 
     def checkpoint(self) -> dict[str, Any]:
         return {"t": 0.1 + 0.2}

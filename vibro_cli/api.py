@@ -6,9 +6,9 @@ from typing import Any
 
 from vibro_cli.build import build_system
 from vibro_cli.scenario import Scenario, load_scenario
-from vibro_cli.simulation.run import Run, Wanted, simulate_system
+from vibro_cli.simulation.run import CannotContinue, Run, Wanted, simulate_system
 
-__all__ = ["Run", "load_scenario", "simulate"]
+__all__ = ["CannotContinue", "Run", "load_scenario", "simulate"]
 
 
 def simulate(
@@ -38,8 +38,8 @@ def simulate(
     ------
     ScenarioError
         If the scenario is mechanically impossible; every problem with its place.
-    ValueError
-        If the earlier run was of another scenario or had ended for good.
+    CannotContinue
+        If the earlier run had ended for good, or is past the stop.
     """
     output = scenario.output
     wanted = Wanted(

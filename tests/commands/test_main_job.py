@@ -2,9 +2,9 @@
 
 import csv
 import json
+import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -87,12 +87,86 @@ def test_the_gallery_runs(vibro: Vibro, path: Path) -> None:
     assert outcome.lines[0]["status"] == "ok"
 
 
-@pytest.mark.parametrize(("options", "limit"), [(("--no-figures",), 1.0), ((), 2.5)])
-def test_the_main_job_is_quick(tmp_path: Path, options: tuple[str, ...], limit: float) -> None:
-    command = [sys.executable, "-m", "vibro_cli", "run", str(THREE_ARCS), *options, "-q"]
+LIBRARIES = "numpy, pydantic, pyarrow.parquet, scipy.special, typer"
+DRAWING = "matplotlib.figure, matplotlib.backends.backend_agg, matplotlib.backends.backend_pdf"
+
+
+def least_time(command: list[str]) -> float:
+    """Time (s) of the processor for the quickest of several calls."""
     times = []
-    for _ in range(3):
-        begin = time.perf_counter()
-        subprocess.run([*command, "-o", str(tmp_path / "run")], check=True)
-        times.append(time.perf_counter() - begin)
-    assert min(times) <= limit
+    for _ in range(4):
+        begin = os.times()
+        subprocess.run(command, check=True)
+        end = os.times()
+        user, system = (
+            end.children_user - begin.children_user,
+            end.children_system - begin.children_system,
+        )
+        times.append(user + system)
+    return min(times)
+
+
+@pytest.mark.parametrize(
+    ("options", "libraries"), [(("--no-figures",), LIBRARIES), ((), f"{LIBRARIES}, {DRAWING}")]
+)
+def test_the_main_job_is_quick(tmp_path: Path, options: tuple[str, ...], libraries: str) -> None:
+    """Little more than loading the libraries takes: a measure that holds on a busy machine too."""
+    python = [sys.executable, "-m", "vibro_cli", "run", str(THREE_ARCS), *options, "-q"]
+    taken = least_time([*python, "-o", str(tmp_path / "run")])
+    assert taken <= 3.5 * least_time([sys.executable, "-c", f"import {libraries}"])
+
+
+def test_a_run_does_not_load_what_it_does_not_need(tmp_path: Path) -> None:
+    command = [sys.executable, "-X", "importtime", "-m", "vibro_cli", "run", str(THREE_ARCS)]
+    outcome = subprocess.run(
+        [*command, *FEW, "--no-figures", "-o", str(tmp_path / "run")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = {line.split("|")[-1].strip() for line in outcome.stderr.splitlines()}
+    assert "numpy" in loaded
+    assert not loaded & {"pandas", "matplotlib", "numba", "ruamel.yaml"}
+
+
+def test_a_run_in_two_parts_is_the_run_in_one(vibro: Vibro) -> None:
+    assert vibro("run", THREE_ARCS, "--set", "stop.time=30", "-o", "parts").code == 0
+    assert vibro("run", THREE_ARCS, "-o", "whole").code == 0
+    assert vibro("run", "--continue", "parts", "--set", "stop.time=60").code == 0
+    assert contents(Path("parts")) == contents(Path("whole"))
+
+
+def test_a_run_goes_on_by_impacts_and_elsewhere(vibro: Vibro) -> None:
+    samples = ("--set", "output.step=0.5")
+    vibro("run", THREE_ARCS, "--set", "stop.collisions=50", "-o", "part", "--no-figures")
+    before = contents(Path("part"))
+    vibro("run", THREE_ARCS, "--set", "stop.collisions=90", *samples, "-o", "one", "--no-figures")
+    more = ("--set", "stop.collisions=90", *samples, "-o", "other", "--no-figures")
+    assert vibro("run", "--continue", "part", *more).code == 0
+    assert contents(Path("other")) == contents(Path("one"))
+    assert contents(Path("part")) == before
+
+
+def test_what_cannot_be_continued_is_said(vibro: Vibro) -> None:
+    def refused(*arguments: object) -> str:
+        outcome = vibro("run", "--continue", *arguments)
+        assert (outcome.code, outcome.out) == (2, b"")
+        assert outcome.err.count("\n") == 1
+        return outcome.err
+
+    vibro("run", THREE_ARCS, *FEW, "-o", "run", "--no-figures")
+    later = ("--set", "stop.collisions=9")
+    assert "run cannot be continued: the run has 5 impacts" in refused("run")
+    assert "found a value of 'collision', expected one of stop" in refused(
+        "run", *later, "--set", "collision.k=0.5"
+    )
+    assert "found a SCENARIO and --continue" in refused("run", THREE_ARCS)
+    assert "nothing is no vibro run" in refused("nothing")
+    vibro("run", GALLERY / "unequal_hedrih.toml", "-o", "ended", "--no-figures")
+    assert "had ended for good: inadmissible" in refused("ended", "--set", "stop.time=99")
+    checkpoint = Path("run/checkpoint.json")
+    checkpoint.write_text(checkpoint.read_text().replace("1", "2", 1))
+    assert "run/checkpoint.json is not as it was written" in refused("run", *later)
+    manifest = Path("run/manifest.json")
+    manifest.write_text(manifest.read_text().replace('"0.1.0"', '"0.0.9"'))
+    assert "run was written by vibro 0.0.9; expected 0.1.0" in refused("run", *later)

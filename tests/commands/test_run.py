@@ -13,7 +13,7 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
-from tests.commands.conftest import SCENARIO, ByHand, Vibro
+from tests.commands.conftest import SCENARIO, ByHand, Outcome, Vibro
 from vibro_cli.storage.tables import read_parquet
 
 INTERRUPTED = """
@@ -201,19 +201,67 @@ def test_strict_ends_with_3_unless_all_is_sound(
     assert vibro("run", scenario, "--no-figures", "--strict").code == code
 
 
-def test_all_problems_of_all_scenarios_are_told_and_nothing_runs(
-    vibro: Vibro, tmp_path: Path, by_hand: ByHand
-) -> None:
-    good, bad, worse = several(tmp_path, "good", "bad", "worse")
+def bad_and_good(folder: Path) -> list[Path]:
+    good, bad, worse = several(folder, "good", "bad", "worse")
     bad.write_text(SCENARIO.replace("mass = 2.0", "mass = -2.0"))
     worse.write_text(SCENARIO.replace("gravity", "gravitas").replace("k = 0.9", "k = 1.9"))
-    outcome = vibro("run", good, bad, worse, tmp_path / "none.toml")
+    return [bad, good, worse, folder / "none.toml"]
+
+
+def assert_all_told(outcome: Outcome) -> None:
     assert outcome.code == 2
-    assert outcome.out == b""
     for place in ("bad.toml:8:", "worse.toml:2:", "worse.toml:17:", "none.toml: "):
         assert place in outcome.err
     assert "balls[1].mass: found -2.0, expected" in outcome.err
+
+
+def test_bad_scenarios_are_told_and_the_good_ones_run(
+    vibro: Vibro, tmp_path: Path, by_hand: ByHand
+) -> None:
+    outcome = vibro("run", *bad_and_good(tmp_path), "--json", "--no-figures")
+    assert_all_told(outcome)
+    assert by_hand.calls == [("good", "auto")]
+    assert entries(Path("outputs")) == ["good"]
+    assert [line["status"] for line in outcome.lines] == ["invalid", "invalid", "invalid", "ok"]
+    first = outcome.lines[0]["problems"][0]
+    assert (first["path"], first["found"], first["line"]) == ("balls[1].mass", "-2.0", 8)
+
+
+def test_fail_fast_runs_nothing_when_a_scenario_is_bad(
+    vibro: Vibro, tmp_path: Path, by_hand: ByHand
+) -> None:
+    outcome = vibro("run", *bad_and_good(tmp_path), "--fail-fast")
+    assert_all_told(outcome)
+    assert outcome.out == b""
     assert by_hand.calls == []
+
+
+@pytest.mark.parametrize(("options", "done"), [((), ["first", "third"]), (("--fail-fast",), [])])
+def test_a_failure_does_not_stop_the_others_unless_it_should(
+    vibro: Vibro, tmp_path: Path, by_hand: ByHand, options: tuple[str, ...], done: list[str]
+) -> None:
+    def act() -> None:
+        if by_hand.calls[-1][0] == ("second" if not options else "first"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    by_hand.act = act
+    outcome = vibro("run", *several(tmp_path, "first", "second", "third"), "--no-figures", *options)
+    assert outcome.code == 1
+    assert "vibro: No space left on device\n" in outcome.err
+    assert [name for name in ("first", "second", "third") if Path("outputs", name).exists()] == done
+
+
+def test_words_and_errors_as_json(vibro: Vibro, scenario: Path, by_hand: ByHand) -> None:
+    outcome = vibro("run", scenario, "--no-figures", "-v", "--log-format", "json")
+    words = [json.loads(line) for line in outcome.err.splitlines()]
+    assert [word["level"] for word in words] == ["info", "detail"]
+    assert words[0]["scenario"] == "small"
+    scenario.write_text(SCENARIO.replace("mass = 2.0", "mass = -2.0"))
+    (word,) = map(json.loads, vibro("check", scenario, "--log-format=json").err.splitlines())
+    assert word["level"] == "error"
+    assert word["problems"][0]["path"] == "balls[1].mass"
+    (word,) = map(json.loads, vibro("run", "--log-format", "json", "--fly").err.splitlines())
+    assert word["level"] == "error"
 
 
 def test_a_scenario_comes_from_standard_input(
@@ -241,7 +289,9 @@ def test_a_fault_of_the_program_is_named_and_its_traceback_kept(
     monkeypatch.setattr("tempfile.tempdir", str(scenario.parent))
     outcome = vibro("run", scenario)
     assert outcome.code == 1
-    assert outcome.err.startswith("vibro: fault of the program: KeyError: 'no such\\nthing' (")
+    assert outcome.err.startswith(
+        "vibro: fault of the program, please report it: KeyError: 'no such\\nthing' ("
+    )
     assert outcome.err.count("\n") == 1
     (kept,) = scenario.parent.glob("vibro-fault-*.txt")
     assert str(kept) in outcome.err
@@ -270,7 +320,6 @@ def test_errors_of_the_system_are_one_line(
         raise error
 
     by_hand.act = act
-    monkeypatch.setattr("vibro_cli.commands.boundary._silence_standard_output", lambda: None)
     outcome = vibro("run", scenario)
     assert outcome.code == code
     assert message in outcome.err

@@ -8,7 +8,7 @@ import pytest
 
 from tests.simulation.test_engines import FOLDER, NAMES, bits
 from vibro_cli.api import load_scenario, simulate
-from vibro_cli.simulation.run import FINAL, Run
+from vibro_cli.simulation.run import FINAL, CannotContinue, Run
 
 AT_MOST = "stop.collisions=200"
 
@@ -77,10 +77,16 @@ def test_what_cannot_go_on_is_refused() -> None:
         simulate(scenario, "python", ended.checkpoint(), ended.history())
     scenario = load_scenario(FOLDER / "three_arcs.toml", ["stop.time=5"])
     run = simulate(scenario, "python")
-    with pytest.raises(ValueError, match="needs the history"):
+    with pytest.raises(CannotContinue, match=r"at t = 5.0 s; expected a later stop.time"):
+        simulate(scenario, "python", run.checkpoint(), run.history())
+    few = load_scenario(FOLDER / "three_arcs.toml", ["stop.time=50", "stop.collisions=1"])
+    with pytest.raises(CannotContinue, match=r"expected a greater stop.collisions"):
+        simulate(few, "python", run.checkpoint(), run.history())
+    scenario = load_scenario(FOLDER / "three_arcs.toml", ["stop.time=6"])
+    with pytest.raises(CannotContinue, match="needs the history"):
         simulate(scenario, "python", run.checkpoint())
     with pytest.raises(ValueError, match="another version"):
         simulate(scenario, "python", {**run.checkpoint(), "format": 0}, run.history())
-    other = load_scenario(FOLDER / "five_balls.toml", ["stop.time=5"])
+    other = load_scenario(FOLDER / "five_balls.toml", ["stop.time=6"])
     with pytest.raises(ValueError, match="does not belong to this scenario"):
         simulate(other, "python", run.checkpoint(), run.history())

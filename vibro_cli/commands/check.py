@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.boundary import DONE
-from vibro_cli.commands.options import Overrides, Quiet, Scenarios, Task
+from vibro_cli.commands.boundary import DONE, MISUSED, CommandError, say
+from vibro_cli.commands.options import FailFast, Overrides, Quiet, Scenarios, Task
 
 if TYPE_CHECKING:
     from vibro_cli.mechanics.system import System
@@ -21,22 +21,43 @@ def check(
     scenarios: Scenarios,
     overrides: Overrides = [],  # noqa: B006 (typer copies it)
     as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON, a line each.")] = False,
+    fail_fast: FailFast = False,
     quiet: Quiet = False,
 ) -> Task:
     """Validate scenarios and show what was understood."""
-    return partial(_check_all, scenarios, overrides, as_json, quiet)
+    return partial(_check_all, scenarios, overrides, as_json, fail_fast, quiet)
 
 
-def _check_all(sources: Sequence[str], overrides: Sequence[str], as_json: bool, quiet: bool) -> int:
-    from vibro_cli.commands.loading import load_all
+def _check_all(
+    sources: Sequence[str],
+    overrides: Sequence[str],
+    as_json: bool,
+    fail_fast: bool,
+    quiet: bool,
+) -> int:
+    """Show what was understood of each scenario, or what is wrong with it, in their order."""
+    from vibro_cli.commands.loading import load
 
-    for scenario, system in load_all(sources, overrides):
-        found = understood(scenario, system)
+    if sources.count("-") > 1:
+        raise CommandError("vibro: standard input (-) can be read only once")
+    code = DONE
+    for source in sources:
+        try:
+            found = understood(*load(source, overrides))
+        except CommandError as error:
+            if as_json:
+                refusal = {"source": source, "valid": False, "problems": error.problems}
+                print(json.dumps(refusal, ensure_ascii=False))
+            if fail_fast or len(sources) == 1:
+                raise
+            say(str(error), "error", problems=error.problems)
+            code = MISUSED
+            continue
         if as_json:
             print(json.dumps(found, ensure_ascii=False, allow_nan=False))
         elif not quiet:
             print("\n".join(_lines(found)))
-    return DONE
+    return code
 
 
 def understood(scenario: "Scenario", system: "System") -> dict[str, Any]:
@@ -45,6 +66,7 @@ def understood(scenario: "Scenario", system: "System") -> dict[str, Any]:
 
     return {
         "name": scenario.name,
+        "valid": True,
         "scenario": scenario.resolved(),
         "trace": {
             "length": system.trace.length,

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from vibro_cli.commands.boundary import CommandError, reason
@@ -11,28 +12,66 @@ if TYPE_CHECKING:
     from vibro_cli.scenario import Scenario
 
 
+@dataclass(frozen=True)
+class Refused:
+    """A scenario that cannot be used, and why."""
+
+    source: str
+    error: CommandError
+
+
+def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "System"]:
+    """A scenario with the system it describes.
+
+    Raises `CommandError` with every problem of it.
+    """
+    from vibro_cli.build import build_system
+    from vibro_cli.scenario import ScenarioError, load_scenario
+
+    try:
+        scenario = load_scenario(source, overrides)
+        return scenario, build_system(scenario)
+    except ScenarioError as error:
+        problems = [asdict(problem) for problem in error.problems]
+        raise CommandError(str(error), problems=problems) from error
+    except OSError as error:
+        text = f"cannot be read: {reason(error)}"
+        problem = {"path": "", "message": text, "file": source}
+        raise CommandError(f"{source}: {text}", problems=[problem]) from error
+
+
+def load_each(
+    sources: Sequence[str], overrides: Sequence[str]
+) -> tuple[list[tuple["Scenario", "System"]], list[Refused]]:
+    """Every scenario that can be used, and every one that cannot."""
+    if sources.count("-") > 1:
+        raise CommandError("vibro: standard input (-) can be read only once")
+    loaded, refused = [], []
+    for source in sources:
+        try:
+            loaded.append(load(source, overrides))
+        except CommandError as error:
+            refused.append(Refused(source, error))
+    return loaded, refused
+
+
 def load_all(sources: Sequence[str], overrides: Sequence[str]) -> list[tuple["Scenario", "System"]]:
     """Every scenario with the system it describes.
 
     Raises `CommandError` with every problem of every scenario.
     """
-    from vibro_cli.build import build_system
-    from vibro_cli.scenario import ScenarioError, load_scenario
-
-    if sources.count("-") > 1:
-        raise CommandError("vibro: standard input (-) can be read only once")
-    loaded, problems = [], []
-    for source in sources:
-        try:
-            scenario = load_scenario(source, overrides)
-            loaded.append((scenario, build_system(scenario)))
-        except ScenarioError as error:
-            problems.append(str(error))
-        except OSError as error:
-            problems.append(f"{source}: cannot be read: {reason(error)}")
-    if problems:
-        raise CommandError("\n".join(problems))
+    loaded, refused = load_each(sources, overrides)
+    if refused:
+        raise together(refused)
     return loaded
+
+
+def together(refused: Sequence[Refused]) -> CommandError:
+    """One error with the problems of all scenarios that cannot be used."""
+    return CommandError(
+        "\n".join(str(one.error) for one in refused),
+        problems=[problem for one in refused for problem in one.error.problems],
+    )
 
 
 def check_names(scenarios: Sequence["Scenario"]) -> None:

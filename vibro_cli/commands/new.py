@@ -1,5 +1,6 @@
 """`vibro new`: a commented scenario to start from."""
 
+import json
 import sys
 from functools import partial
 from pathlib import Path
@@ -8,12 +9,16 @@ from typing import Annotated
 import typer
 
 from vibro_cli.commands.boundary import DONE, CommandError, say
-from vibro_cli.commands.options import Quiet, Task
+from vibro_cli.commands.completing import gallery_names
+from vibro_cli.commands.options import Task
 
 
 def new(
     name: Annotated[
-        str | None, typer.Argument(help="Scenario of the gallery.", show_default=False)
+        str | None,
+        typer.Argument(
+            help="Scenario of the gallery.", show_default=False, autocompletion=gallery_names
+        ),
     ] = None,
     listing: Annotated[bool, typer.Option("--list", help="Print the gallery's names.")] = False,
     output: Annotated[
@@ -23,28 +28,33 @@ def new(
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
-    quiet: Quiet = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the names, or the file written, as JSON.")
+    ] = False,
 ) -> Task:
     """Write a commented scenario to start from."""
     if listing:
-        return _print_names
+        return partial(_print_names, as_json)
     if name is None:
         raise typer.BadParameter("expected the NAME of a scenario, or --list")
-    return partial(_write_scenario, name, output, force, quiet)
+    return partial(_write_scenario, name, output, force, as_json)
 
 
-def _print_names() -> int:
+def _print_names(as_json: bool) -> int:
     """Print each name with the title of its scenario, which is its first comment."""
     from vibro_cli.scenario.gallery import names, text
 
-    known = names()
-    width = max(map(len, known))
-    for name in known:
-        print(f"{name:{width}}  {text(name).partition(chr(10))[0].lstrip('# ')}")
+    titles = {name: text(name).partition("\n")[0].lstrip("# ") for name in names()}
+    width = max(map(len, titles))
+    for name, title in titles.items():
+        if as_json:
+            print(json.dumps({"name": name, "title": title}, ensure_ascii=False))
+        else:
+            print(f"{name:{width}}  {title}")
     return DONE
 
 
-def _write_scenario(name: str, output: str | None, force: bool, quiet: bool) -> int:
+def _write_scenario(name: str, output: str | None, force: bool, as_json: bool) -> int:
     """Write a scenario of the gallery to a file or to standard output."""
     from vibro_cli.scenario import ScenarioError
     from vibro_cli.scenario.gallery import text
@@ -61,6 +71,7 @@ def _write_scenario(name: str, output: str | None, force: bool, quiet: bool) -> 
     if path.exists() and not force:
         raise CommandError(f"vibro: {path} exists; --force replaces it")
     write_file(path, content.encode())
-    if not quiet:
-        say(f"{path} written; solve it with: vibro run {path}")
+    if as_json:
+        print(json.dumps({"file": str(path)}, ensure_ascii=False))
+    say(f"{path} written; solve it with: vibro run {path}")
     return DONE

@@ -1,9 +1,13 @@
 """Arguments and options that several commands share."""
 
+import functools
+import inspect
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
+
+from vibro_cli.commands.completing import scenario_files, scenario_keys
 
 Task = Callable[[], int]
 """What a command does once its arguments are read; it returns the exit code."""
@@ -16,6 +20,7 @@ Scenarios = Annotated[
         metavar="SCENARIO",
         help="Scenario files (TOML, JSON or YAML), or - for standard input.",
         show_default=False,
+        autocompletion=scenario_files,
     ),
 ]
 Overrides = Annotated[
@@ -25,11 +30,16 @@ Overrides = Annotated[
         metavar="PATH=VALUE",
         help="Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable.",
         show_default=False,
+        autocompletion=scenario_keys,
     ),
 ]
 Engine = Annotated[
     Literal["auto", "python", "numba"],
-    typer.Option("--engine", help="Kernels: interpreted, compiled, or as the scenario needs."),
+    typer.Option(
+        "--engine",
+        envvar="VIBRO_ENGINE",
+        help="Kernels: interpreted, compiled, or as the scenario needs.",
+    ),
 ]
 CollisionStream = Annotated[
     TableFormat | None,
@@ -40,9 +50,92 @@ CollisionStream = Annotated[
     ),
 ]
 Strict = Annotated[
-    bool, typer.Option("--strict", help="Exit with 3 when a run was inadmissible or invalid.")
+    bool,
+    typer.Option(
+        "--strict",
+        envvar="VIBRO_STRICT",
+        help="Exit with 3 when a run was inadmissible or invalid.",
+    ),
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+FailFast = Annotated[
+    bool,
+    typer.Option(
+        "--fail-fast", help="Stop at the first scenario that is invalid or fails; else go on."
+    ),
+]
+
+
+def _choose_least(level: str) -> Callable[[bool], bool]:
+    """A callback of a flag that chooses the least level of words that is said."""
+
+    def choose(given: bool) -> bool:
+        if given:
+            from vibro_cli.commands.boundary import choose_words
+
+            choose_words(least=level)
+        return given
+
+    return choose
+
+
+Quiet = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", help="Print errors only.", callback=_choose_least("error")),
+]
 Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Say what was not computed, and why.")
+    bool,
+    typer.Option(
+        "--verbose",
+        "-v",
+        help="Say what was not computed, and why.",
+        callback=_choose_least("detail"),
+    ),
 ]
+
+
+def choose_log_format(form: str) -> str:
+    """Take up the form of words on standard error."""
+    from vibro_cli.commands.boundary import choose_words
+
+    choose_words(as_json=form == "json")
+    return form
+
+
+LogFormat = Annotated[
+    Literal["text", "json"],
+    typer.Option(
+        "--log-format",
+        envvar="VIBRO_LOG_FORMAT",
+        help="Words and errors on standard error as text, or as a JSON object on each line.",
+        callback=choose_log_format,
+        is_eager=True,
+    ),
+]
+
+
+def with_common_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """A command that also takes the options every command has: words and their form."""
+    own = inspect.signature(command)
+
+    @functools.wraps(command)
+    def performed(**given: Any) -> Any:
+        return command(**{name: given[name] for name in own.parameters})
+
+    parameters = list(own.parameters.values())
+    for name, kind, default in _COMMON:
+        if name not in own.parameters:
+            parameters.append(
+                inspect.Parameter(
+                    name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind
+                )
+            )
+    performed.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    performed.__annotations__ = {one.name: one.annotation for one in parameters}
+    return performed
+
+
+_COMMON: tuple[tuple[str, Any, Any], ...] = (
+    ("quiet", Quiet, False),
+    ("verbose", Verbose, False),
+    ("log_format", LogFormat, "text"),
+)

@@ -17,8 +17,11 @@ def schema(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print the tables for reading, not as JSON.")
     ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, as without it.")] = False,
 ) -> Task:
     """Describe the form of scenarios, or the tables."""
+    if markdown and as_json:
+        raise typer.BadParameter("expected one of --markdown and --json")
     if markdown and subject != "tables":
         raise typer.BadParameter("--markdown describes the tables; expected `schema tables`")
     return partial(_print_schema, subject, markdown)

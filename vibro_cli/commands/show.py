@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, FAILED, CommandError, reason
+from vibro_cli.commands.boundary import DONE, FAILED, CommandError, reason, say
+from vibro_cli.commands.completing import table_files
 from vibro_cli.commands.options import TableFormat, Task
 
 if TYPE_CHECKING:
@@ -21,7 +22,9 @@ _DIGITS = 9
 
 
 def show(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A parquet table.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A parquet table.", autocompletion=table_files)
+    ],
     rows: Annotated[
         str | None,
         typer.Option(
@@ -97,7 +100,7 @@ def _show(
     else:
         width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
         print("\n".join(_blocks(chosen, first, width)))
-        print(f"rows {first + 1} to {first + chosen.num_rows} of {data.num_rows}", file=sys.stderr)
+        say(f"rows {first + 1} to {first + chosen.num_rows} of {data.num_rows}")
     return DONE
 
 

@@ -1,0 +1,58 @@
+"""`vibro help`: the reference on the terminal."""
+
+import difflib
+import json
+from functools import partial
+from typing import Annotated, Any
+
+import typer
+
+from vibro_cli.commands.boundary import DONE, CommandError
+from vibro_cli.commands.options import Task
+from vibro_cli.commands.reference import TOPICS, commands
+
+
+def help_topics(incomplete: str) -> list[str]:
+    """Topics that begin so, for the shell."""
+    return [topic for topic in TOPICS if topic.startswith(incomplete)]
+
+
+def help_command(
+    context: typer.Context,
+    topic: Annotated[
+        str | None,
+        typer.Argument(
+            help="A topic, or a command.", show_default=False, autocompletion=help_topics
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print topic and text as JSON.")] = False,
+) -> Task:
+    """Print the reference of a topic, the help of a command, or the topics there are."""
+    assert context.parent is not None
+    return partial(_print, topic, context.parent, as_json)
+
+
+def _print(topic: str | None, program: Any, as_json: bool) -> int:
+    text = _text(topic, program)
+    if as_json:
+        print(json.dumps({"topic": topic, "text": text}, ensure_ascii=False))
+    else:
+        print(text, end="")
+    return DONE
+
+
+def _text(topic: str | None, program: Any) -> str:
+    """What is known of a topic."""
+    if topic is None:
+        return "".join(f"vibro help {name:12} {what}\n" for name, (what, _) in TOPICS.items())
+    if topic in TOPICS:
+        text = TOPICS[topic][1]
+        return commands(program) if text is None else text()
+    if topic in program.command.commands:
+        command = program.command.commands[topic]
+        with command.make_context(topic, [], parent=program, resilient_parsing=True) as context:
+            return str(command.get_help(context)) + "\n"
+    known = [*TOPICS, *program.command.commands]
+    close = difflib.get_close_matches(topic, known, n=1)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    raise CommandError(f"vibro: no help on {topic!r}{hint}, expected one of {', '.join(known)}")
