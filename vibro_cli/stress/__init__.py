@@ -1,0 +1,1 @@
+"""The stability suite: every mark of the solver, what was tried against it and what was reached."""

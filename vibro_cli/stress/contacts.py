@@ -1,0 +1,193 @@
+"""First contacts: the solver's against the judge's, 50 digits and SciPy's event finder."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.stress import engine_batch, event_finder, fifty_digits
+from vibro_cli.stress.finding import Document, Finding, Plan
+from vibro_cli.stress.flights import (
+    Family,
+    States,
+    for_judge,
+    for_solver,
+    random_family,
+    random_states,
+    scenario_of_flight,
+)
+from vibro_cli.stress.grazing import near_grazing
+from vibro_cli.stress.judge import CONTACT, NO_CONTACT, UNDECIDED, judge_all, workspace
+
+CHECK = "contacts"
+# A contact is another one, not the same a little displaced, beyond this part of a radius.
+DISPLACED = 1.0e-11
+# A contact and the end of a flight closer than this (relative) are not told apart.
+AT_THE_END = 1.0e-12
+WORKERS = 2
+FLIGHTS_OF_A_FAMILY = 2500
+
+
+@dataclass
+class Tally:
+    """What became of many flights."""
+
+    flights: int = 0
+    contacts: int = 0
+    missed: int = 0
+    invented: int = 0
+    undecided: int = 0
+    agreed: int = 0
+    displacement: float = 0.0
+    """Greatest distance (relative to the largest radius) by which a contact is displaced."""
+    wrong: Document | None = None
+    worst: Document | None = None
+    sample: list[tuple[Any, float, float]] = field(default_factory=list)
+    """Some flights: row for the judge, the judge's instant, the solver's (inf: none)."""
+
+    def add(self, other: Tally) -> None:
+        """Add what became of other flights."""
+        for name in ("flights", "contacts", "missed", "invented", "undecided"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        if other.displacement >= self.displacement:
+            self.displacement, self.worst = other.displacement, other.worst or self.worst
+        self.wrong = self.wrong or other.wrong
+        self.sample += other.sample
+
+
+def compare(family: Family, states: States, keep: int) -> Tally:
+    """Give the flights of a family to the solver and to the judge."""
+    answers = engine_batch.first_contacts(family.system, for_solver(family, states))
+    on_the_way = np.flatnonzero(answers[:, engine_batch.HORIZON] > 0.0)
+    answers, states = answers[on_the_way], states.part(on_the_way)
+    rows = for_judge(family, states, answers[:, engine_batch.HORIZON])
+    verdicts: Any = np.zeros((len(rows), 4))
+    judge_all(rows, workspace(), verdicts)
+    tally = Tally(flights=len(rows))
+    size = max(p.length if p.is_line else p.radius for p in family.pieces)
+    for number, (answer, verdict) in enumerate(zip(answers, verdicts, strict=True)):
+        kind, displacement = _classify(answer, verdict, size)
+        setattr(tally, kind, getattr(tally, kind) + 1)
+        if kind in ("missed", "invented") and tally.wrong is None:
+            tally.wrong = scenario_of_flight(family, states, number)
+        if displacement > tally.displacement:
+            tally.displacement = displacement
+            tally.worst = scenario_of_flight(family, states, number)
+    tally.contacts = int((verdicts[:, 0] == CONTACT).sum())
+    for number in range(min(keep, len(rows))):
+        true = verdicts[number, 2] if verdicts[number, 0] == CONTACT else np.inf
+        met = answers[number, engine_batch.MET] > 0.0
+        tally.sample.append((rows[number], true, answers[number, 1] if met else np.inf))
+    return tally
+
+
+def _classify(answer: Any, verdict: Any, size: float) -> tuple[str, float]:
+    """What became of one flight: a field of the tally, and by how much its contact is displaced."""
+    met, instant = answer[engine_batch.MET] > 0.0, answer[engine_batch.T]
+    status, low, high, speed = verdict
+    horizon = answer[engine_batch.HORIZON]
+    if status == UNDECIDED or (status == CONTACT and (high - low) * speed > DISPLACED * size):
+        return "undecided", 0.0
+    if status == NO_CONTACT:
+        if met and horizon - instant < AT_THE_END * horizon:
+            return "undecided", 0.0
+        return ("invented", 0.0) if met else ("agreed", 0.0)
+    if not met:
+        return ("undecided" if horizon - high < AT_THE_END * horizon else "missed"), 0.0
+    displaced = max(low - instant, instant - high, 0.0) * speed / size
+    if displaced > DISPLACED:
+        return ("missed" if instant > high else "invented"), displaced
+    return "agreed", displaced
+
+
+def _portion(seed: np.random.SeedSequence, kind: int, grazing: bool, keep: int) -> Tally:
+    """One family: drawn, solved and judged."""
+    rng = np.random.default_rng(seed)
+    family = random_family(rng, kind)
+    if grazing:
+        states, _ = near_grazing(rng, family, FLIGHTS_OF_A_FAMILY)
+    else:
+        states = random_states(rng, family, FLIGHTS_OF_A_FAMILY)
+    return compare(family, states, keep)
+
+
+def run_flights(seed: int, wanted: int, grazing: bool, keep: int) -> Tally:
+    """Families one after another, on two cores, until so many flights are judged."""
+    seeds = np.random.SeedSequence([seed, int(grazing)])
+    total, kind = Tally(), 0
+    with ThreadPoolExecutor(WORKERS) as workers:
+        while total.flights < wanted:
+            some = seeds.spawn(2 * WORKERS)
+            kinds = range(kind, kind + len(some))
+            kind += len(some)
+            parts = workers.map(
+                lambda one, number: _portion(one, number, grazing, keep), some, kinds
+            )
+            for part in parts:
+                total.add(part)
+    return total
+
+
+def check(plan: Plan) -> list[Finding]:
+    """Missed and invented contacts on random and near-grazing flights."""
+    findings: list[Finding] = []
+    hostile: list[tuple[Any, float, float]] = []
+    for name, grazing, wanted in (
+        ("random flights", False, plan.amount(8_000, 1_000_000)),
+        ("near-grazing flights (1e-13 R ... 1e-2 R)", True, plan.amount(2_000, 100_000)),
+    ):
+        tally = run_flights(plan.seed, wanted, grazing, plan.amount(2, 10))
+        n = tally.flights
+        tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
+        findings += [
+            Finding(CHECK, "missed first contacts", tried, n, tally.missed, 0.0, tally.wrong),
+            Finding(CHECK, "invented contacts", tried, n, tally.invented, 0.0, tally.wrong),
+            Finding(CHECK, "undecided by the judge", tried, n, tally.undecided, None),
+            Finding(
+                CHECK, "displacement of a contact (R)", tried, n, tally.displacement, DISPLACED,
+                tally.worst,
+            ),
+        ]  # fmt: skip
+        if grazing:
+            hostile = tally.sample
+    findings.append(_by_fifty_digits(hostile, plan))
+    return findings + _by_scipy(hostile, plan)
+
+
+def _by_fifty_digits(sample: list[tuple[Any, float, float]], plan: Plan) -> Finding:
+    mp = fifty_digits.multiprecision()
+    wrong, chosen = 0, _spread(sample, plan.amount(20, 1000))
+    for row, true, solved in chosen:
+        exact = fifty_digits.first_contact(mp, row)
+        instant = float("inf") if exact is None else float(exact)
+        agree = [instant == other or abs(instant - other) < 1.0e-6 for other in (true, solved)]
+        wrong += not all(agree)
+    tried = "near-grazing flights, 50 digits against the judge and the solver"
+    return Finding(CHECK, "contacts decided otherwise", tried, len(chosen), wrong, 0.0)
+
+
+def _by_scipy(sample: list[tuple[Any, float, float]], plan: Plan) -> list[Finding]:
+    """What SciPy's event finder makes of near-grazing flights that do meet."""
+    meeting = [(row, true) for row, true, _ in sample if true < np.inf]
+    chosen = _spread(meeting, plan.amount(20, 200))
+    findings = []
+    for tolerance in event_finder.TOLERANCES:
+        missed = 0
+        for row, true in chosen:
+            found = event_finder.first_event(row, tolerance)
+            missed += found is None or found > true + 1.0e-3
+        tried = f"near-grazing flights with contact, SciPy's DOP853 at rtol {tolerance:g}"
+        findings.append(
+            Finding(CHECK, "missed by SciPy's event finder", tried, len(chosen), missed, None)
+        )
+    return findings
+
+
+def _spread(items: list[Any], count: int) -> list[Any]:
+    """So many items, evenly from all."""
+    if len(items) <= count:
+        return items
+    return [items[int(k * len(items) / count)] for k in range(count)]

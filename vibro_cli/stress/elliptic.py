@@ -1,0 +1,92 @@
+"""The elliptic functions against mpmath, from the middle to the last edge of the separatrix."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.numerics.elliptic import (
+    ThetaConstants,
+    carlson_rf,
+    set_theta_constants,
+    theta_functions,
+)
+from vibro_cli.stress.fifty_digits import multiprecision
+from vibro_cli.stress.finding import Finding, Plan, Worst
+
+CHECK = "elliptic"
+EPSILON = 2.0**-52
+
+
+def _exact(mp: Any, u: float, root: float) -> tuple[Any, Any, Any]:
+    """sn, cn, dn of parameter ``1 - root^2``, by Landen's ladder (DLMF 22.7) in many digits.
+
+    ``root`` is exact; its square may be as small as 1e-300, so the digits must reach beyond it.
+    """
+    complement = mp.mpf(root) ** 2
+    with mp.workdps(50 + 2 * max(0, -int(mp.log10(complement)))):
+        complement = mp.mpf(root) ** 2
+        a, b, c = [mp.one], [mp.sqrt(complement)], [mp.sqrt(1 - complement)]
+        while abs(c[-1]) > mp.eps:
+            c.append((a[-1] - b[-1]) / 2)
+            a.append((a[-1] + b[-1]) / 2)
+            b.append(mp.sqrt(a[-2] * b[-1]))
+        phase = mp.mpf(2) ** (len(a) - 1) * a[-1] * mp.mpf(u)
+        previous = phase
+        for k in range(len(a) - 1, 0, -1):
+            previous, phase = phase, (phase + mp.asin(c[k] / a[k] * mp.sin(phase))) / 2
+        sn, cn = mp.sin(phase), mp.cos(phase)
+        return sn, cn, mp.sqrt(cn * cn + complement * sn * sn)
+
+
+def check(plan: Plan) -> list[Finding]:
+    """sn, cn, dn over a period, and Carlson's integral, for 1 - m from 0.5 to 1e-300."""
+    mp = multiprecision()
+    rng = np.random.default_rng([plan.seed, 7])
+    return [*_jacobi(mp, rng, plan.amount(150, 4000)), _carlson(mp, rng, plan.amount(300, 10000))]
+
+
+def _jacobi(mp: Any, rng: np.random.Generator, count: int) -> list[Finding]:
+    absolute, relative = Worst(), Worst()
+    for number in range(count):
+        edge = number % 3 == 0
+        exponent = rng.uniform(-300.0, -16.0) if edge else rng.uniform(-16.0, math.log10(0.5))
+        root = math.sqrt(10.0**exponent)
+        theta = ThetaConstants()
+        set_theta_constants(theta, 1.0 - root * root, root)
+        quarter = float(mp.ellipk(1 - mp.mpf(root) ** 2)) if not edge else math.log(4.0 / root)
+        u = 4.0 * quarter * float(rng.uniform(-1.0, 1.0))
+        s, c, d, common = theta_functions(theta, u)
+        exact = _exact(mp, u, root)
+        allowed = 1.0e-14 + 2.0 * math.ulp(u)
+        for found, true in zip((s, c, d), exact, strict=True):
+            absolute.take(float(abs(mp.mpf(found) / common - true)) / allowed)
+        # Where cn passes zero no relative error is small; there its slope stands beside it.
+        for found, true, slope in zip((c, d), exact[1:], reversed(exact[1:]), strict=True):
+            off = abs(mp.mpf(found) / common - true) / (abs(true) + abs(exact[0] * slope))
+            relative.take(float(off) / (EPSILON * max(1.0, abs(u))))
+    tried = "sn, cn, dn over a period, 1 - m from 0.5 to 1e-300, against mpmath"
+    return [
+        Finding(CHECK, "absolute error / (1e-14 + 2 ulp(u))", tried, count, absolute.value, 1.0),
+        Finding(
+            CHECK, "relative error of cn, dn / (eps max(1, u))", tried, count, relative.value, 16.0
+        ),
+    ]
+
+
+def _carlson(mp: Any, rng: np.random.Generator, count: int) -> Finding:
+    """K and F as the solver computes them, by R_F."""
+    worst = Worst()
+    for _ in range(count):
+        complement = float(10.0 ** rng.uniform(-300.0, math.log10(0.5)))
+        m1 = mp.mpf(complement)
+        sine = float(rng.uniform(0.0, 1.0)) if rng.random() < 0.7 else 1.0
+        cosine2 = (1.0 - sine) * (1.0 + sine)
+        found = sine * carlson_rf(cosine2, cosine2 + complement * sine * sine, 1.0)
+        s = mp.mpf(sine)
+        exact = s * mp.elliprf(1 - s * s, 1 - s * s + m1 * s * s, 1)
+        worst.take(float(abs(mp.mpf(found) - exact)) / math.ulp(float(exact)))
+    tried = "F and K by Carlson's R_F, 1 - m from 0.5 to 1e-300, against mpmath"
+    return Finding(CHECK, "error (ulp)", tried, count, worst.value, 4.0)

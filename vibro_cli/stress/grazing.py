@@ -1,0 +1,173 @@
+"""Flights that just touch or just do not: made at the instant of grazing and followed backwards.
+
+At that instant the gap is ``-overshoot R``, its rate zero and its second derivative positive. The
+backward motion is in plain doubles (short Taylor steps of the pendulum equation), which places a
+flight within some 1e-15 R of what was meant; what then truly happens the judge decides.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.mechanics.trace import Piece
+from vibro_cli.stress.compile import compiled
+from vibro_cli.stress.flights import GRAVITY, LEAST_GAP, Family, States, distances
+
+_ORDER = 18
+_STEP = 0.15  # of a step in w t max(1, f'/w)
+_HALVINGS = 70
+_CHECKS = 8  # instants of the way back at which the bodies must be on their pieces
+_SMALLEST, _LARGEST = -13.0, -2.0  # powers of ten of the overshoot, in radii of the arc
+
+
+@compiled
+def _follow(sign: float, w: float, angle: float, rate: float, t: float) -> tuple[float, float]:
+    """Angle and rate of ``f'' = -sign w^2 sin f`` after a time t."""
+    v = rate / w
+    steps = int(math.ceil(abs(w * t) * (2.0 + abs(v)) / _STEP)) + 1
+    h = w * t / steps
+    s, c, f, series = np.zeros(_ORDER + 2), np.zeros(_ORDER + 2), angle, np.zeros(_ORDER + 2)
+    for _ in range(steps):
+        s[0], c[0], series[0] = math.sin(f), math.cos(f), v
+        power, moved, gained = h, 0.0, 0.0
+        for k in range(_ORDER):
+            moved += series[k] * power / (k + 1.0)
+            along, against = 0.0, 0.0
+            for j in range(k + 1):
+                along += c[j] * series[k - j]
+                against += s[j] * series[k - j]
+            s[k + 1], c[k + 1] = along / (k + 1.0), -against / (k + 1.0)
+            series[k + 1] = -sign * s[k] / (k + 1.0)
+            gained += series[k + 1] * power
+            power *= h
+        f += moved
+        v += gained
+    return f, v * w
+
+
+@compiled
+def _follow_all(sign: float, w: Any, angles: Any, rates: Any, times: Any) -> None:
+    for number in range(angles.shape[0]):
+        angles[number], rates[number] = _follow(
+            sign, w, angles[number], rates[number], times[number]
+        )
+
+
+def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple[Any, Any]:
+    """Places and speeds of one body after the given times (negative: before)."""
+    piece, body = family.pieces[ball], family.system.bodies[ball]
+    places, speeds = states.places[:, ball].copy(), states.speeds[:, ball].copy()
+    if piece.is_line:
+        pull = -GRAVITY / body.kappa * math.sin(piece.start_slope)
+        return places + times * (speeds + 0.5 * pull * times), speeds + pull * times
+    rho = piece.path_radius(body.radius)
+    rates = speeds / rho
+    _follow_all(piece.sign, math.sqrt(GRAVITY / (body.kappa * rho)), places, rates, times)
+    return places, rates * rho
+
+
+def _slopes(piece: Piece, places: Any) -> Any:
+    return np.full(len(places), piece.start_slope) if piece.is_line else piece.sign * places
+
+
+def _centres(family: Family, ball: int, places: Any) -> tuple[Any, Any]:
+    piece, radius = family.pieces[ball], family.system.bodies[ball].radius
+    if piece.is_line:
+        sine, cosine = math.sin(piece.start_slope), math.cos(piece.start_slope)
+        return (
+            piece.start[0] + places * cosine - radius * sine,
+            piece.start[1] + places * sine + radius * cosine,
+        )
+    rho = piece.path_radius(radius)
+    return (
+        piece.center[0] + rho * np.sin(places),
+        piece.center[1] - piece.sign * rho * np.cos(places),
+    )
+
+
+def _place_beside(family: Family, places: Any, distance: Any) -> tuple[Any, Any]:
+    """Places of the right body at the given distances of the centres, and where there is one."""
+    first, last = family.pieces
+    low = places.copy() if first is last else np.full(len(places), last.angle_start)
+    high = np.full(len(places), last.angle_end)
+    if first is last and not last.is_line:
+        high = np.minimum(high, places + math.pi)
+
+    def apart(candidates: Any) -> Any:
+        return distances(family, States(np.stack([places, candidates], axis=1), 0.0, 0.0))
+
+    found = (apart(low) < distance) & (apart(high) > distance)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        near = apart(middle) < distance
+        low, high = np.where(near, middle, low), np.where(near, high, middle)
+    return 0.5 * (low + high), found
+
+
+def _second_derivative(family: Family, states: States) -> tuple[Any, Any]:
+    """Speed of the right body at which the gap has no rate, and the gap's second derivative."""
+    centres = [_centres(family, ball, states.places[:, ball]) for ball in range(2)]
+    dx, dy = (centres[1][axis] - centres[0][axis] for axis in range(2))
+    tangents = []
+    for ball, piece in enumerate(family.pieces):
+        slopes = _slopes(piece, states.places[:, ball])
+        tangents.append((np.cos(slopes), np.sin(slopes)))
+    along = [dx * tx + dy * ty for tx, ty in tangents]
+    speed_a = states.speeds[:, 0]
+    speed_b = speed_a * along[0] / along[1]
+    second = np.zeros(len(dx))
+    for side, ball, speed in ((-1.0, 0, speed_a), (1.0, 1, speed_b)):
+        piece, body = family.pieces[ball], family.system.bodies[ball]
+        tx, ty = tangents[ball]
+        central = 0.0 if piece.is_line else piece.sign * speed**2 / piece.path_radius(body.radius)
+        pull = -GRAVITY / body.kappa * ty
+        second += side * (dx * (pull * tx - central * ty) + dy * (pull * ty + central * tx))
+    across_x = speed_b * tangents[1][0] - speed_a * tangents[0][0]
+    across_y = speed_b * tangents[1][1] - speed_a * tangents[0][1]
+    return speed_b, second + across_x**2 + across_y**2
+
+
+def near_grazing(rng: np.random.Generator, family: Family, tries: int) -> tuple[States, Any]:
+    """Flights of a family close to grazing, and their overshoots (m; negative: they stay apart).
+
+    Returns fewer than ``tries``: where bodies would leave their pieces or press there are none.
+    """
+    first, last = family.pieces
+    sizes = [piece.length if piece.is_line else piece.radius for piece in (first, last)]
+    overshoot = min(sizes) * 10.0 ** rng.uniform(_SMALLEST, _LARGEST, tries)
+    overshoot *= rng.choice([-1.0, 1.0], tries)
+    touch = sum(body.radius for body in family.system.bodies)
+    low = first.angle_start
+    if first is not last:
+        reach = 4.0 * touch / (1.0 if first.is_line else first.radius)
+        low = max(low, first.angle_end - reach)
+    places = np.zeros((tries, 2))
+    places[:, 0] = rng.uniform(low, first.angle_end, tries)
+    places[:, 1], found = _place_beside(family, places[:, 0], touch - overshoot)
+    speeds = np.zeros((tries, 2))
+    speeds[:, 0] = rng.normal(0.0, 1.0, tries) * math.sqrt(GRAVITY * min(sizes))
+    backwards = math.sqrt(max(sizes) / GRAVITY) * 10.0 ** rng.uniform(-1.5, 0.3, tries)
+    states = States(places, speeds, backwards)
+    speeds[:, 1], second = _second_derivative(family, states)
+    chosen = found & (second > 1.0e-3 * GRAVITY * touch) & (abs(speeds[:, 1]) < 20.0)
+    return _go_back(family, states.part(chosen), overshoot[chosen])
+
+
+def _go_back(family: Family, states: States, overshoot: Any) -> tuple[States, Any]:
+    """The states before grazing, of those that come from within their pieces and from apart."""
+    inside = np.ones(len(overshoot), dtype=bool)
+    step = -states.horizon / _CHECKS
+    before = States(states.places.copy(), states.speeds.copy(), 2.0 * states.horizon)
+    for _ in range(_CHECKS):
+        for ball, piece in enumerate(family.pieces):
+            places, speeds = _follow_body(family, ball, before, step)
+            before.places[:, ball], before.speeds[:, ball] = places, speeds
+            inside &= (places > piece.angle_start) & (places < piece.angle_end)
+    touch = sum(body.radius for body in family.system.bodies)
+    if family.pieces[0] is family.pieces[1]:
+        inside &= before.places[:, 0] < before.places[:, 1]
+    inside &= distances(family, before) > touch * (1.0 + LEAST_GAP)
+    return before.part(inside), overshoot[inside]

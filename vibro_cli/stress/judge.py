@@ -1,0 +1,374 @@
+"""A judge of first contacts that knows nothing of the solver.
+
+Two bodies move from exact initial states on one piece of a trace, or on two that join. Their paths
+are Taylor polynomials of the plain pendulum equation ``f'' = -sign w^2 sin f`` in numbers of two
+doubles, each with a proved bound of what it leaves out. On each of their steps the squared distance
+of the centres less ``(r_a + r_b)^2`` is a polynomial ``D``; it is proved positive on an interval of
+midpoint ``m`` and half width ``h`` by ``D(m) - |D'(m)| h - B h^2/2 > e``, with ``B`` a bound of
+``|D''|`` from the coefficients and ``e`` the bound of all errors. Where that fails the interval is
+halved. The verdict is a proof: contact within an enclosure, or none up to the horizon.
+
+Remainder. ``s = sin f, c = cos f, v = f'/w`` obey ``s' = c v, c' = -s v, v' = -sign s`` in ``w t``.
+A majorant ``y' = x, x' = x y`` from ``(x, y) = (1, V)``, ``V = |v|``, has ``y' <= y^2/2 + 1``, so
+that for ``u <= r = sqrt2 (1.45 - atan(V/sqrt2))`` both stay below 70; by Cauchy the terms from
+order n + 1 on are below ``70 (u/r)^(n+1)/(1 - u/r)``. For large V the majorant ``z' = z^2`` from
+``q = max(1, V)`` gives ``5 q`` at ``r = 0.8/q``. An error of the state grows at most as ``e^(w t)``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.stress.compile import compiled
+from vibro_cli.stress.double_double import (
+    Wide,
+    add,
+    divide,
+    exact_sum,
+    multiply,
+    negative,
+    scale,
+    sine_cosine,
+    square_root,
+)
+
+NO_CONTACT = 0
+CONTACT = 1
+UNDECIDED = 2
+
+ORDER = 30
+STEP = 0.15  # of the radius within which the majorant is bounded
+MOST_STEPS = 20000
+FINEST = 0.5**45  # share of a step below which nothing is halved any more
+GRID = 0.5**40  # of the horizon: instants are multiples of it, so that their sums are exact
+WIDE_ROUNDING = 1.0e-26  # of one step, relative; some hundred operations of 2^-98 each
+DOUBLE_ROUNDING = 2.0e-14  # of D evaluated in doubles, relative to its largest terms
+
+# Columns of a body: what the judge is told of it.
+SIGN, SIZE, RADIUS, KAPPA, PLACE, SPEED, SIDE = range(7)
+BODY_COLUMNS = 7
+# Columns of a flight: gravity, slope at the junction (or of the line), horizon, then two bodies.
+GRAVITY, SLOPE, HORIZON = range(3)
+BODY_A = 3
+BODY_B = BODY_A + BODY_COLUMNS
+COLUMNS = BODY_B + BODY_COLUMNS
+# Rows of a table of coefficients.
+X, Y = 0, 1
+HIGH, LOW = 0, 1
+
+
+@compiled
+def _origin(flight: Any, body: int) -> tuple[Wide, Wide]:
+    """Centre of a body's arc, or the place of its centre at the junction end of its line.
+
+    The junction of two pieces is the origin; a single arc has its centre there, a single line its
+    left end.
+    """
+    sine, cosine = sine_cosine((flight[SLOPE], 0.0))
+    sign, radius = flight[body + SIGN], flight[body + RADIUS]
+    away = radius if sign == 0.0 else sign * flight[body + SIZE]
+    if flight[body + SIDE] == 0.0 and sign != 0.0:
+        away = 0.0
+    return scale(sine, -away), scale(cosine, away)
+
+
+@compiled
+def _line_step(flight: Any, body: int, t: float, h: float, path: Any) -> None:
+    """Coefficients of the centre's place on a line, in powers of ``(time - t)/h``."""
+    sine, cosine = sine_cosine((flight[SLOPE], 0.0))
+    pull = divide(scale(sine, -flight[GRAVITY]), (flight[body + KAPPA], 0.0))
+    place = exact_sum(flight[body + PLACE], 0.0)
+    if flight[body + SIDE] < 0.0:
+        place = exact_sum(flight[body + PLACE], -flight[body + SIZE])
+    speed = add((flight[body + SPEED], 0.0), scale(pull, t))
+    mean = add((flight[body + SPEED], 0.0), scale(scale(pull, 0.5), t))
+    place = add(place, scale(mean, t))
+    x0, y0 = _origin(flight, body)
+    path[:] = 0.0
+    terms = (place, scale(speed, h), scale(scale(pull, 0.5 * h), h))
+    for k in range(3):
+        for axis in range(2):
+            value = multiply(terms[k], cosine if axis == X else sine)
+            if k == 0:
+                value = add(value, x0 if axis == X else y0)
+            path[axis, HIGH, k], path[axis, LOW, k] = value
+
+
+@compiled
+def _arc_series(sign: float, w_h: Wide, state: Any, rows: Any) -> None:
+    """Coefficients of ``s, c, v`` in powers of the share of a step ``w h``."""
+    for row in range(3):
+        rows[row, HIGH, 0], rows[row, LOW, 0] = state[row, HIGH], state[row, LOW]
+    for k in range(ORDER):
+        along, against = (0.0, 0.0), (0.0, 0.0)
+        for j in range(k + 1):
+            v = (rows[2, HIGH, k - j], rows[2, LOW, k - j])
+            along = add(along, multiply((rows[1, HIGH, j], rows[1, LOW, j]), v))
+            against = add(against, multiply((rows[0, HIGH, j], rows[0, LOW, j]), v))
+        factor = divide(w_h, (k + 1.0, 0.0))
+        rows[0, HIGH, k + 1], rows[0, LOW, k + 1] = multiply(along, factor)
+        rows[1, HIGH, k + 1], rows[1, LOW, k + 1] = multiply(against, negative(factor))
+        pull = multiply((rows[0, HIGH, k], rows[0, LOW, k]), factor)
+        rows[2, HIGH, k + 1], rows[2, LOW, k + 1] = scale(pull, -sign)
+
+
+@compiled
+def majorant(v: float) -> tuple[float, float]:
+    """Radius within which the majorant of the series stays below a bound, and that bound."""
+    plain = math.sqrt(2.0) * (1.45 - math.atan(v / math.sqrt(2.0)))
+    q = max(1.0, v)
+    if plain > 0.8 / q:
+        return plain, 70.0
+    return 0.8 / q, 5.0 * q
+
+
+@compiled
+def _path_radius(flight: Any, body: int) -> Wide:
+    return exact_sum(flight[body + SIZE], -flight[body + SIGN] * flight[body + RADIUS])
+
+
+@compiled
+def _frequency(flight: Any, body: int) -> Wide:
+    """``w = sqrt(g/(kappa rho))``, 0 on a line."""
+    if flight[body + SIGN] == 0.0:
+        return 0.0, 0.0
+    inertia = scale(_path_radius(flight, body), flight[body + KAPPA])
+    return square_root(divide((flight[GRAVITY], 0.0), inertia))
+
+
+@compiled
+def _start(flight: Any, body: int, state: Any) -> None:
+    """``(sin f, cos f, f'/w)`` at the start, f the papers' angle phi or psi."""
+    if flight[body + SIGN] == 0.0:
+        return
+    sine, cosine = sine_cosine((flight[body + PLACE], 0.0))
+    span = multiply(_path_radius(flight, body), _frequency(flight, body))
+    rate = divide((flight[body + SPEED], 0.0), span)
+    state[0, HIGH], state[0, LOW] = sine
+    state[1, HIGH], state[1, LOW] = cosine
+    state[2, HIGH], state[2, LOW] = rate
+
+
+@compiled
+def _arc_step(flight: Any, body: int, h: float, state: Any, rows: Any, path: Any) -> float:
+    """Coefficients of the centre's place on an arc, and the state at the end of the step.
+
+    Returns the bound of the error that the step adds to the state.
+    """
+    w_h = scale(_frequency(flight, body), h)
+    radius, bound = majorant(abs(state[2, HIGH]) + 1.0e-9)
+    share = w_h[0] / radius
+    _arc_series(flight[body + SIGN], w_h, state, rows)
+    rho = _path_radius(flight, body)
+    x0, y0 = _origin(flight, body)
+    for k in range(ORDER + 1):
+        path[X, HIGH, k], path[X, LOW, k] = multiply(rho, (rows[0, HIGH, k], rows[0, LOW, k]))
+        y = multiply(rho, (rows[1, HIGH, k], rows[1, LOW, k]))
+        path[Y, HIGH, k], path[Y, LOW, k] = scale(y, -flight[body + SIGN])
+    for axis in range(2):
+        value = add((path[axis, HIGH, 0], path[axis, LOW, 0]), x0 if axis == X else y0)
+        path[axis, HIGH, 0], path[axis, LOW, 0] = value
+    for row in range(3):
+        total = (0.0, 0.0)
+        for k in range(ORDER, -1, -1):
+            total = add(total, (rows[row, HIGH, k], rows[row, LOW, k]))
+        state[row, HIGH], state[row, LOW] = total
+    left_out = bound * share ** (ORDER + 1) / (1.0 - share)
+    return left_out + WIDE_ROUNDING * (1.0 + abs(state[2, HIGH]))
+
+
+@compiled
+def _step_length(flight: Any, body: int, state: Any) -> float:
+    w = _frequency(flight, body)[0]
+    if w == 0.0:
+        return math.inf
+    radius, _ = majorant(abs(state[2, HIGH]) + 1.0e-9)
+    return STEP * radius / w
+
+
+@compiled
+def _wide_gap(between: Any, touch: Wide, u: float) -> float:
+    """``D`` at a share ``u`` of the step, in numbers of two doubles."""
+    gap = negative(multiply(touch, touch))
+    for axis in range(2):
+        value = (0.0, 0.0)
+        for k in range(ORDER, -1, -1):
+            value = add(scale(value, u), (between[axis, HIGH, k], between[axis, LOW, k]))
+        gap = add(gap, multiply(value, value))
+    return gap[0] + gap[1]
+
+
+@compiled
+def _gap(between: Any, touch: float, u: float) -> tuple[float, float]:
+    """``D`` and ``dD/du`` at a share ``u`` of the step, in doubles."""
+    gap, rate = -touch * touch, 0.0
+    for axis in range(2):
+        value, slope = 0.0, 0.0
+        for k in range(ORDER, -1, -1):
+            slope = slope * u + value
+            value = value * u + between[axis, HIGH, k]
+        gap += value * value
+        rate += 2.0 * value * slope
+    return gap, rate
+
+
+@compiled
+def _bounds(between: Any) -> tuple[float, float, float, float]:
+    """Bounds over a step: of ``|D''|``, ``|D'|``, the squared distance, and ``|dx| + |dy|``."""
+    second, slope, square, extent = 0.0, 0.0, 0.0, 0.0
+    for axis in range(2):
+        zeroth, first, last = 0.0, 0.0, 0.0
+        for k in range(ORDER + 1):
+            size = abs(between[axis, HIGH, k])
+            zeroth += size
+            first += k * size
+            last += k * (k - 1.0) * size
+        second += 2.0 * (first * first + zeroth * last)
+        slope += 2.0 * zeroth * first
+        square += zeroth * zeroth
+        extent += zeroth
+    return second * (1.0 + 1.0e-12), slope, square * (1.0 + 1.0e-12), extent
+
+
+@compiled
+def _examine(
+    between: Any, touch: Wide, end: float, error: float, stack: Any
+) -> tuple[float, float, float]:
+    """Go through a step from left to right, halving what is not proved.
+
+    Returns the first share not proved free (above 1: none), the first share proved to be overlap
+    (above 1: none), and dD/du there.
+    """
+    second, steepest, square, extent = _bounds(between)
+    exact_error = error * (2.0 * extent + error) + WIDE_ROUNDING * (square + touch[0] ** 2)
+    plain_error = exact_error + DOUBLE_ROUNDING * (square + touch[0] ** 2)
+    doubtful, overlap, rate = 2.0, 2.0, 0.0
+    stack[0, 0], stack[0, 1], count = 0.0, end, 1
+    while count > 0:
+        count -= 1
+        low, high = stack[count, 0], stack[count, 1]
+        half = 0.5 * (high - low)
+        middle = low + half
+        gap, slope = _gap(between, touch[0], middle)
+        spread = (abs(slope) + DOUBLE_ROUNDING * steepest) * half + 0.5 * second * half * half
+        if gap - spread > plain_error:
+            continue
+        gap = _wide_gap(between, touch, middle)
+        if gap - spread > exact_error:
+            continue
+        if gap < -exact_error:
+            # Overlap: what lies to the right no longer matters.
+            overlap, rate, count = middle, slope, 0
+        if half < FINEST:
+            doubtful = min(doubtful, low)
+            continue
+        if gap >= -exact_error:
+            stack[count, 0], stack[count, 1] = middle, high
+            count += 1
+        stack[count, 0], stack[count, 1] = low, middle
+        count += 1
+    return doubtful, overlap, rate
+
+
+@compiled
+def _step(
+    flight: Any, body: int, t: float, h: float, error: float, state: Any, rows: Any, path: Any
+) -> float:
+    """Path of one body on a step; returns the bound of the error of its state there."""
+    if flight[body + SIGN] == 0.0:
+        _line_step(flight, body, t, h, path)
+        return WIDE_ROUNDING
+    growth = math.exp(1.001 * _frequency(flight, body)[0] * h)
+    return error * growth + _arc_step(flight, body, h, state, rows, path)
+
+
+@compiled
+def _reach(flight: Any, body: int) -> float:
+    """Length (m) that turns a bound of the state's error into one of the place's."""
+    if flight[body + SIGN] == 0.0:
+        return 1.0 + abs(flight[body + SIZE]) + abs(flight[body + SPEED] * flight[HORIZON])
+    return _path_radius(flight, body)[0]
+
+
+@compiled
+def _subtract(paths: Any, between: Any) -> None:
+    for axis in range(2):
+        for k in range(ORDER + 1):
+            b = (paths[1, axis, HIGH, k], paths[1, axis, LOW, k])
+            a = (paths[0, axis, HIGH, k], paths[0, axis, LOW, k])
+            between[axis, HIGH, k], between[axis, LOW, k] = add(b, negative(a))
+
+
+@compiled
+def judge(flight: Any, work: Any) -> tuple[int, float, float, float]:
+    """Judge one flight.
+
+    Parameters
+    ----------
+    flight
+        ``COLUMNS`` numbers: gravity (m/s^2), slope at the junction or of the line (rad), horizon
+        (s), and of each body the sign of its piece, R or length (m), r (m), kappa, its place (rad,
+        m), the speed of its centre (m/s), and the side of the junction (-1, +1; 0 if both bodies
+        are on one piece).
+    work
+        From :func:`workspace`.
+
+    Returns
+    -------
+    ``CONTACT``, ``NO_CONTACT`` or ``UNDECIDED``; the enclosure of the instant of the first contact
+    (s); the speed at which the centres approach there (m/s).
+    """
+    states, rows, paths, between, stack = work
+    states[:] = 0.0
+    touch = exact_sum(flight[BODY_A + RADIUS], flight[BODY_B + RADIUS])
+    _start(flight, BODY_A, states[0])
+    _start(flight, BODY_B, states[1])
+    t, doubtful, horizon = 0.0, math.inf, flight[HORIZON]
+    tick = GRID * 2.0 ** math.ceil(math.log2(horizon))
+    error_a, error_b = 0.0, 0.0
+    for _ in range(MOST_STEPS):
+        h = min(_step_length(flight, BODY_A, states[0]), _step_length(flight, BODY_B, states[1]))
+        h = tick * max(math.floor(min(h, horizon - t + tick) / tick), 1.0)
+        error_a = _step(flight, BODY_A, t, h, error_a, states[0], rows, paths[0])
+        error_b = _step(flight, BODY_B, t, h, error_b, states[1], rows, paths[1])
+        error = _reach(flight, BODY_A) * error_a + _reach(flight, BODY_B) * error_b
+        _subtract(paths, between)
+        end = min(1.0, (horizon - t) / h)
+        unsure, overlap, rate = _examine(between, touch, end, error, stack)
+        if unsure <= 1.0:
+            doubtful = min(doubtful, t + unsure * h)
+        if overlap <= 1.0:
+            instant = t + overlap * h
+            return CONTACT, min(doubtful, instant), instant, -rate / (h * 2.0 * touch[0])
+        t += h
+        if t >= horizon:
+            break
+    if doubtful < math.inf or t < horizon:
+        return UNDECIDED, min(doubtful, t), t, 0.0
+    return NO_CONTACT, horizon, horizon, 0.0
+
+
+def workspace() -> tuple[Any, ...]:
+    """Arrays for :func:`judge`: states, series, paths, their difference, intervals to examine."""
+    rows = ORDER + 1
+    return (
+        np.zeros((2, 3, 2)),
+        np.zeros((3, 2, rows)),
+        np.zeros((2, 2, 2, rows)),
+        np.zeros((2, 2, rows)),
+        np.zeros((200, 2)),
+    )
+
+
+@compiled
+def judge_all(flights: Any, work: Any, verdicts: Any) -> None:
+    """Judge many flights; ``verdicts`` gets the four results of each."""
+    for number in range(flights.shape[0]):
+        status, low, high, speed = judge(flights[number], work)
+        verdicts[number, 0] = status
+        verdicts[number, 1] = low
+        verdicts[number, 2] = high
+        verdicts[number, 3] = speed

@@ -1,0 +1,86 @@
+"""The table of the suite: as text, as plain values, and as a folder of results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vibro_cli import __version__
+from vibro_cli.storage.files import new_folder
+from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+from vibro_cli.storage.schema import Column, Table
+from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
+from vibro_cli.stress.finding import Finding, Plan
+
+TABLE = Table(
+    "stress",
+    "one quantity on one set of cases",
+    (
+        Column("check", "string", "", "name of the check (--only)"),
+        Column("quantity", "string", "", "what is measured, with its unit"),
+        Column("tried", "string", "", "what it was measured on"),
+        Column("cases", "int64", "", "how many cases"),
+        Column("worst", "float64", "", "the greatest value found"),
+        Column("mark", "float64", "", "what it may be at most; null: only told", True),
+        Column("met", "bool", "", "whether the mark is met"),
+        Column("scenario", "string", "", "file of the scenario of the worst case", True),
+    ),
+)
+
+check_stress_folder = partial(check_replaceable, kind="stress")
+
+
+def line_of(finding: Finding) -> str:
+    """One finding on one line of text."""
+    verdict = "told" if finding.mark is None else ("met" if finding.met else "MISSED")
+    mark = "" if finding.mark is None else f" (mark {finding.mark:.3g})"
+    return (
+        f"{verdict:6}  {finding.check:12}  {finding.quantity}: {finding.worst:.3g}{mark}; "
+        f"{finding.cases} cases: {finding.tried}"
+    )
+
+
+def record_of(finding: Finding) -> dict[str, Any]:
+    """One finding as plain values; what is not finite is null."""
+    record = asdict(finding) | {"met": finding.met}
+    record["worst"] = finding.worst if math.isfinite(finding.worst) else None
+    return record
+
+
+def _file_names(findings: Sequence[Finding]) -> list[str | None]:
+    """Names of the scenario files, None where a finding has none."""
+    return [
+        f"{finding.check}_{number}.json" if finding.scenario is not None else None
+        for number, finding in enumerate(findings, 1)
+    ]
+
+
+def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
+    """Write the table and the scenario of every worst case into a folder.
+
+    Raises FolderRefused when ``target`` is there and is none of ours, OSError when it cannot be
+    written.
+    """
+    names = _file_names(findings)
+    columns: dict[str, Any] = {}
+    for column in TABLE.columns:
+        values = names if column.name == "scenario" else [getattr(f, column.name) for f in findings]
+        if column.type == "float64":
+            values = [math.nan if value is None else value for value in values]
+        kind = {"string": object, "int64": np.int64, "float64": float, "bool": bool}[column.type]
+        columns[column.name] = np.array(values, dtype=kind)
+    origin = Origin(asdict(plan), __version__)
+    files = {"stress.parquet": parquet_bytes(to_arrow(TABLE, columns, origin))}
+    for name, finding in zip(names, findings, strict=True):
+        if name is not None:
+            files[name] = json_bytes(finding.scenario)
+    with new_folder(target, check_stress_folder) as folder:
+        for name, content in files.items():
+            folder.write(name, content)
+        folder.write(MANIFEST_NAME, json_bytes(manifest("stress", files, asdict(plan))))
