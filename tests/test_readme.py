@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from vibro_cli.build import build_system
-from vibro_cli.commands.app import app
+from vibro_cli.commands.app import app, run_command_line
+from vibro_cli.commands.reference import TOPICS
 from vibro_cli.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
@@ -18,12 +19,21 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 
 
-def test_every_command_is_described_and_no_other() -> None:
+@pytest.mark.parametrize("topic", TOPICS)
+def test_the_reference_is_what_the_program_says(
+    topic: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """To renew it: put the output of `vibro help TOPIC` between the markers."""
+    (found,) = re.findall(
+        rf"^<!-- reference: {topic} -->\n\n(.*?)\n<!-- end -->", README, re.MULTILINE | re.DOTALL
+    )
+    assert run_command_line(["help", topic]) == 0
+    assert found == capsys.readouterr().out
+
+
+def test_every_command_has_its_place() -> None:
     described = re.findall(r"^\| `vibro (\w+)", README, re.MULTILINE)
-    assert described == [
-        command.name or getattr(command.callback, "__name__", "")
-        for command in app.registered_commands
-    ]
+    assert described == [command.name for command in app.registered_commands]
 
 
 def test_the_scenario_is_valid(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 `vibro help TOPIC` prints it and README.md holds it between markers; a test keeps them equal.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -67,7 +68,9 @@ def _meaning(option: Any) -> str:
 
 
 def _cell(text: str | None) -> str:
-    return " ".join((text or "").split()).replace("|", "\\|")
+    """A text as it stands in a cell of a table, where words in angle brackets would be HTML."""
+    line = " ".join((text or "").split()).replace("|", "\\|")
+    return re.sub(r"[\w/]*<\w+>", lambda found: f"`{found[0]}`", line)
 
 
 def scenario() -> str:
