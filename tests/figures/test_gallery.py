@@ -66,3 +66,15 @@ def test_no_text_is_cut_off_or_overlaps_another(path: Path, width: str) -> None:
     run = run_of(path)
     for ball in range(1, len(run.system.bodies) + 1):
         assert_texts_are_apart(phase_portrait(run, ball, width))
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=NAMES)
+def test_curves_of_flights_begin_and_end_as_the_table_says(path: Path) -> None:
+    run = run_of(path)
+    flights = run.flights()
+    rows = np.flatnonzero(flights["contact"])
+    for row in [*rows[:20].tolist(), *rows[-5:].tolist(), 0]:
+        _, position, rate = run.flight_curve(row, 3)
+        for place, when in ((0, "start"), (-1, "end")):
+            assert position[place] == pytest.approx(flights[f"angle_{when}"][row], abs=1e-12)
+            assert rate[place] == pytest.approx(flights[f"rate_{when}"][row], rel=1e-9, abs=1e-9)

@@ -160,7 +160,7 @@ class Paths:
         states = np.array([flow(flight, float(t)) for t in after])
         piece = np.full(count, self.piece[index])
         position = self.places.position(piece, states[:, 0], states[:, 1])
-        frequency = flight.frequency
+        frequency = flight.own_frequency
         rate = states[:, 2] * (2.0 * frequency if frequency > 0.0 else 1.0)
         return start + after, position, rate
 

@@ -1,0 +1,123 @@
+"""Charts of a run: what is drawn, by number, and that nothing overlaps or is cut off."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.figures.layout import assert_texts_are_apart, texts
+from vibro_cli import load_scenario, simulate
+from vibro_cli.api import Run
+from vibro_cli.figures.chart import contact_times
+from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
+from vibro_cli.figures.output import render
+from vibro_cli.figures.plan import configurations
+from vibro_cli.figures.timeline import energy_course, energy_residuals, timeline
+
+FOLDER = Path(__file__).parents[2] / "scenarios"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+@cache
+def run_of(name: str, *overrides: str) -> Run:
+    return simulate(load_scenario(FOLDER / f"{name}.toml", [*overrides]))
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("name", NAMES)
+def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
+    run = run_of(name, "stop.collisions=60")
+    for drawn in draw_all(run, list(KINDS), width):
+        assert_texts_are_apart(drawn.figure)
+
+
+@pytest.mark.parametrize("name", ["three_arcs", "lone_particle", "closed_three_balls"])
+def test_every_axis_has_a_quantity(name: str) -> None:
+    for drawn in draw_all(run_of(name), [kind for kind in KINDS if kind != "plan"]):
+        shown = [text.get_text() for text in texts(drawn.figure)]
+        for axes in (axes for axes in drawn.figure.axes if axes.get_yticks().size):
+            assert axes.get_ylabel()
+        assert any("[" in text or "impact $n$" in text for text in shown)
+
+
+def test_places_are_those_of_the_motion() -> None:
+    run = run_of("three_arcs")
+    for ball in (1, 2):
+        line = timeline(run, ball, 60.0)
+        assert np.all(np.diff(line.time) >= 0.0)
+        # where an event is at the very time, either side is right: the place is continuous
+        sample = run.sample(line.time[::7])
+        exact = sample["s"][sample["ball"] == ball]
+        np.testing.assert_allclose(line.s[::7], exact, atol=1e-9)
+
+
+def test_lines_break_at_the_seam() -> None:
+    run = run_of("closed_three_balls")
+    lines = [timeline(run, ball, 40.0) for ball in (1, 2, 3)]
+    assert any(np.any(np.isnan(line.s)) for line in lines)
+    for line in lines:
+        steps = np.abs(np.diff(line.s))
+        assert np.nanmax(steps) < 0.5 * run.system.trace.length
+
+
+def test_energies_add_up_to_those_of_the_tables() -> None:
+    run = run_of("three_arcs")
+    table, record = run.collisions, run.summary_record()
+    courses = [energy_course(run, ball) for ball in (1, 2)]
+    assert sum(energy[0] for _, energy in courses) == pytest.approx(record["energy_start"])
+    assert sum(energy[-1] for _, energy in courses) == pytest.approx(record["energy_end"])
+    between = 0.5 * (table["t"][1:] + table["t"][:-1])
+    for (time, energy), side in zip(courses, "ab", strict=True):
+        assert np.all(np.diff(time) >= 0.0)
+        drawn = np.interp(between, time, energy)
+        np.testing.assert_allclose(drawn, table[f"energy_{side}_post"][:-1], rtol=1e-12)
+
+
+def test_the_sum_is_constant_in_lasting_contact() -> None:
+    run = run_of("three_arcs")
+    ((start, end),) = contact_times(run)
+    times = np.linspace(start, end, 3001)[1:-1]
+    total = sum(np.interp(times, *energy_course(run, ball)) for ball in (1, 2))
+    assert np.ptp(total) < 2e-3 * np.max(total)  # what straight lines between samples leave
+
+
+def test_the_energy_error_is_that_of_rounding() -> None:
+    _, error = energy_residuals(run_of("three_arcs"))
+    assert len(error) > 200
+    assert 0.0 < float(np.max(np.abs(error))) < 1e-14
+
+
+def test_configurations_are_the_start_the_first_impacts_and_the_last() -> None:
+    run = run_of("five_balls")
+    shown = configurations(run, 8)
+    assert [one.title.partition(",")[0] for one in shown] == [
+        "start",
+        *(f"impact {n}" for n in (1, 2, 3, 4, 5, 6, len(run.collisions["t"]))),
+    ]
+    exact = run.sample(run.collisions["t"][:6])
+    for number, one in enumerate(shown[1:7]):
+        here = slice(5 * number, 5 * number + 5)
+        places = np.column_stack([exact["x"][here], exact["y"][here]])
+        np.testing.assert_allclose(one.centres, places, atol=2e-5)
+
+
+def test_kinds_with_nothing_to_show_are_left_out() -> None:
+    drawn = [one.name for one in draw_all(run_of("lone_particle"), [PORTRAIT, *KINDS])]
+    assert drawn == ["portrait_1", "plan", "energy", "space_time", "accuracy"]
+
+
+def test_the_same_run_gives_the_same_bytes() -> None:
+    run = run_of("one_circle")
+    first, second = (
+        [render(one.figure, "pdf") for one in draw_all(run, list(KINDS), "single")]
+        for _ in range(2)
+    )
+    assert first == second
+
+
+def test_an_unknown_kind_is_refused() -> None:
+    with pytest.raises(ValueError, match="expected some of portrait, plan"):
+        list(draw_all(run_of("lone_particle"), ["painting"]))

@@ -1,0 +1,166 @@
+"""Charts of a run over time or over its impacts: panels one above the other, looks of bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from vibro_cli.figures import style
+from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+
+LEFT = 13.0
+"""Room for a vertical axis' label and numbers (mm)."""
+_RIGHT = 3.0
+_TOP = 5.5
+"""Room for the legend (mm)."""
+_BETWEEN = 3.0
+_BOTTOM = 8.5
+MOST_VECTOR_POINTS = 20000
+"""Of more points than this a curve is rasterised in PDF and SVG."""
+_MOST_NAMED = 6
+_LINE = 5.5
+"""Least distance of two numbers of a logarithmic axis (mm)."""
+_DASHES: tuple[Any, ...] = ("solid", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
+_COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, "#CC79A7", "#E69F00", "#56B4E9")
+TOTAL: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.9, "linestyle": "solid"}
+BAND: dict[str, Any] = {"color": "#e3e3e3", "linewidth": 0.0, "zorder": 0.5}
+CONTACT_LABEL = "lasting contact"
+
+
+def body_look(ball: int) -> dict[str, Any]:
+    """Return the line of a body (from 1): colour and dashes, told apart in grey too."""
+    return {
+        "color": _COLOURS[(ball - 1) % len(_COLOURS)],
+        "linestyle": _DASHES[(ball - 1) % len(_DASHES)],
+        "linewidth": 0.8,
+    }
+
+
+def stacked(width: str, heights: Sequence[float]) -> tuple[Figure, list[Axes], list[float]]:
+    """Return a figure with panels of the given heights (mm), top to bottom, and their widths (mm).
+
+    Raises ValueError for a width that is neither `single` nor `double`.
+    """
+    if width not in WIDTHS:
+        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    wide = WIDTHS[width]
+    total = _TOP + sum(heights) + _BETWEEN * (len(heights) - 1) + _BOTTOM
+    figure = Figure(figsize=(wide * MM, total * MM))
+    inner = wide - LEFT - _RIGHT
+    panels = []
+    top = total - _TOP
+    for high in heights:
+        box = (LEFT / wide, (top - high) / total, inner / wide, high / total)
+        panels.append(figure.add_axes(box))
+        top -= high + _BETWEEN
+    return figure, panels, [inner] * len(heights)
+
+
+def time_axis(axes: Axes, end: float, width: float, labelled: bool, start: float = 0.0) -> None:
+    """Set the horizontal axis of time from `start` to `end` (s)."""
+    end = end if end > start else start + 1.0
+    axes.set_xlim(start, end)
+    ticks = number_ticks(start, end, width)
+    axes.set_xticks(ticks.places, ticks.labels if labelled else ("",) * len(ticks.labels))
+    if labelled:
+        axes.set_xlabel("$t$ [s]")
+
+
+def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
+    """Set the horizontal axis of the numbers of impacts."""
+    low, high = (0.5, float(np.max(numbers)) + 0.5) if len(numbers) else (0.5, 1.5)
+    axes.set_xlim(low, high)
+    if high - low < 8.0:
+        places = tuple(float(n) for n in range(1, int(high + 0.5)))
+        axes.set_xticks(places, [f"{place:.0f}" if labelled else "" for place in places])
+    else:
+        ticks = number_ticks(low, high, width)
+        axes.set_xticks(ticks.places, ticks.labels if labelled else ("",) * len(ticks.labels))
+    if labelled:
+        axes.set_xlabel("impact $n$")
+
+
+def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, unit: str) -> None:
+    """Set a vertical axis with round numbers, in units of a power of ten where they are long."""
+    if not high > low:
+        low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
+    room = 0.06 * (high - low)
+    axes.set_ylim(low - room, high + room)
+    ticks = vertical_ticks(low - room, high + room, height)
+    axes.set_yticks(ticks.places, ticks.labels)
+    scaled = rf"$10^{{{ticks.power}}}$ {unit}" if ticks.power else unit
+    axes.set_ylabel(f"{symbol} [{scaled}]", labelpad=1.0)
+
+
+def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
+    """Set a logarithmic vertical axis around positive values, in whole decades."""
+    positive = values[np.isfinite(values) & (values > 0.0)]
+    low, high = (float(np.min(positive)), float(np.max(positive))) if len(positive) else (0.1, 1.0)
+    bottom, top = np.floor(np.log10(low) - 0.05), np.ceil(np.log10(high) + 0.05)
+    axes.set_yscale("log")
+    axes.set_ylim(10.0**bottom, 10.0**top)
+    height = axes.get_position().height * axes.get_figure(root=True).get_figheight() / MM
+    step = max(1, int(np.ceil((top - bottom) * _LINE / height)))
+    powers = range(int(bottom), int(top) + 1, step)
+    axes.set_yticks([10.0**power for power in powers], [rf"$10^{{{power}}}$" for power in powers])
+    axes.yaxis.minorticks_off()
+    axes.get_yticklabels()[0].set_va("bottom")  # clear of the horizontal axis' own numbers
+    axes.set_ylabel(f"{symbol} [{unit}]" if unit else symbol, labelpad=1.0)
+
+
+def legend(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]]) -> None:
+    """Write what the lines and marks mean in one line above the panels."""
+    figure.legend(
+        handles=[Line2D([], [], label=text, **look) for text, look in entries],
+        loc="upper center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=max(len(entries), 1),
+        borderaxespad=0.15,
+        borderpad=0.15,
+        handlelength=1.8 if len(entries) < _MOST_NAMED else 1.4,
+        handletextpad=0.4 if len(entries) < _MOST_NAMED else 0.25,
+        columnspacing=1.1 if len(entries) < _MOST_NAMED else 0.6,
+    )
+
+
+def contact_times(run: Recorded) -> list[tuple[float, float]]:
+    """Return from when to when (s) bodies are in lasting contact, joined where they follow on."""
+    flights = run.flights()
+    rows = np.flatnonzero(np.asarray(flights["contact"], dtype=np.bool_))
+    spans = sorted(
+        zip(flights["t_start"][rows].tolist(), flights["t_end"][rows].tolist(), strict=True)
+    )
+    joined: list[tuple[float, float]] = []
+    for start, end in spans:
+        if joined and start <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(end, joined[-1][1]))
+        else:
+            joined.append((start, end))
+    return joined
+
+
+def draw_contacts(axes: Axes, spans: Sequence[tuple[float, float]]) -> None:
+    """Draw the bands of lasting contact behind a chart over time."""
+    for start, end in spans:
+        axes.axvspan(start, end, **BAND)
+
+
+def band_entry(spans: Sequence[tuple[float, float]]) -> list[tuple[str, dict[str, Any]]]:
+    """Return the legend's entry of the bands, if there are any."""
+    look = {"color": BAND["color"], "linewidth": 4.0}
+    return [(CONTACT_LABEL, look)] if spans else []
+
+
+def body_entries(run: Recorded) -> list[tuple[str, dict[str, Any]]]:
+    """Return the legend's entries of the bodies; of very many only the first."""
+    number = len(run.system.bodies)
+    shown = range(1, min(number, _MOST_NAMED) + 1)
+    entries = [(f"body {ball}" if number <= 3 else str(ball), body_look(ball)) for ball in shown]
+    return entries if number <= _MOST_NAMED else [*entries, ("…", {"linestyle": "none"})]

@@ -1,0 +1,153 @@
+"""Charts of a run over its impacts: impact map, intervals, residual gap and energy error."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vibro_cli.figures import strokes, style
+from vibro_cli.figures.chart import (
+    MOST_VECTOR_POINTS,
+    count_axis,
+    legend,
+    log_axis,
+    stacked,
+    time_axis,
+    value_axis,
+)
+from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.ticks import number_ticks
+from vibro_cli.figures.timeline import energy_residuals
+
+_HIGH = {"single": 46.0, "double": 56.0}
+_SMALL = {"single": 26.0, "double": 30.0}
+_WIDE_RANGE = 50.0
+"""A range wider than this is shown on a logarithmic axis."""
+_EPSILON = float(np.finfo(np.float64).eps)
+DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "color": style.BLUE, "markersize": 2.2}
+REFUSED: dict[str, Any] = strokes.NOT_MADE
+EPSILON: dict[str, Any] = {
+    "color": style.VERMILLION,
+    "linewidth": 0.6,
+    "linestyle": (0, (4.0, 2.0)),
+}
+
+
+def impact_map(run: Recorded, width: str = "single") -> Figure | None:
+    """Return approach speed against place of every impact, coloured by its number.
+
+    The place is the arc length of the left body's contact point. None without an impact.
+    """
+    table = run.collisions
+    number = np.asarray(table["n"])
+    if not len(number):
+        return None
+    place = np.asarray(table["s_a"], dtype=np.float64)
+    speed = np.asarray(table["approach_speed"], dtype=np.float64)
+    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
+        table["substituted"], dtype=np.bool_
+    )
+    with style.journal():
+        figure, (axes,), (across,) = stacked(width, [_HIGH[width]])
+        dots = axes.scatter(
+            place, speed, c=number, cmap=strokes.time_colours(), s=_dot(len(number)), zorder=2.0
+        )
+        dots.set_rasterized(len(number) > MOST_VECTOR_POINTS)
+        if not np.all(made):
+            axes.plot(place[~made], speed[~made], zorder=2.2, label="inadmissible", **REFUSED)
+            axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
+        _speed_axis(axes, speed, _HIGH[width])
+        room = 0.08 * float(np.ptp(place)) or 0.05 * run.system.trace.length
+        low, high = float(np.min(place)) - room, float(np.max(place)) + room
+        axes.set_xlim(low, high)
+        ticks = number_ticks(low, high, across)
+        axes.set_xticks(ticks.places, ticks.labels)
+        axes.set_xlabel("$s$ of the left body [m]")
+        for piece in run.system.trace.pieces[1:]:
+            axes.axvline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
+        _number_bar(figure, len(number))
+    return figure
+
+
+def _dot(number: int) -> float:
+    """Return the area of a dot (pt²), less where there are many."""
+    return float(np.clip(1200.0 / number, 1.0, 9.0))
+
+
+def _speed_axis(axes: Axes, speed: Array, height: float) -> None:
+    positive = speed[speed > 0.0]
+    symbol = "approach speed"
+    if len(positive) and float(np.max(positive)) > _WIDE_RANGE * float(np.min(positive)):
+        log_axis(axes, positive, symbol, "m/s")
+    else:
+        value_axis(axes, 0.0, float(np.max(speed)), height, symbol, "m/s")
+
+
+def _number_bar(figure: Figure, last: int) -> None:
+    """Draw the bar of colours above the panel: from the first impact to the last."""
+    axes = figure.add_axes((0.42, 0.955, 0.25, 0.022))
+    axes.imshow(np.arange(256)[None, :], aspect="auto", cmap=strokes.time_colours())
+    axes.set_xticks([])
+    axes.set_yticks([])
+    look: dict[str, Any] = {"va": "center_baseline", "fontsize": style.SMALL}
+    figure.text(0.41, 0.966, "impact 1", ha="right", **look)
+    figure.text(0.68, 0.966, str(last), ha="left", **look)
+
+
+def intervals(run: Recorded, width: str = "single") -> Figure | None:
+    """Return the time between impacts against their number: straight where they accumulate.
+
+    None with fewer than two impacts. Impacts of several pairs at one instant have no interval.
+    """
+    table = run.collisions
+    number = np.asarray(table["n"])
+    if len(number) < 2:
+        return None
+    between = np.array(table["dt"], dtype=np.float64)
+    with style.journal():
+        figure, (axes,), across = stacked(width, [_HIGH[width]])
+        axes.plot(number, between, **(DOT | {"markersize": np.sqrt(_dot(len(number)))}))
+        axes.lines[0].set_rasterized(len(number) > MOST_VECTOR_POINTS)
+        log_axis(axes, between, r"$\Delta t$", "s")
+        count_axis(axes, number, across[0], labelled=True)
+        together = int(np.sum(between == 0.0))
+        text = f"time since the impact before ({together} of 0 not shown)" if together else ""
+        legend(figure, [(text or "time since the impact before", DOT)])
+    return figure
+
+
+def accuracy(run: Recorded, width: str = "single") -> Figure | None:
+    """Return the residual gap of each impact and the energy error of each free flight.
+
+    None for a trace that turns about a vertical.
+    """
+    if run.system.turning is not None:
+        return None
+    table = run.collisions
+    gap = np.abs(np.asarray(table["gap"], dtype=np.float64))
+    time, error = energy_residuals(run)
+    end = float(np.max(run.flights()["t_end"]))
+    with style.journal():
+        heights = [_SMALL[width]] * (2 if len(gap) else 1)
+        figure, panels, across = stacked(width, heights)
+        if len(gap):
+            _residuals(panels[0], np.asarray(table["t"]), gap, "gap", "m")
+            time_axis(panels[0], end, across[0], labelled=False)
+        _residuals(panels[-1], time, np.abs(error), r"$|\delta E|/E_0$", "1")
+        panels[-1].axhline(_EPSILON, zorder=1.0, **EPSILON)
+        time_axis(panels[-1], end, across[-1], labelled=True)
+        legend(figure, [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", EPSILON)])
+    return figure
+
+
+def _residuals(axes: Axes, time: Array, values: Array, symbol: str, unit: str) -> None:
+    """Draw residuals on a logarithmic axis; those that are exactly 0 lie on its lower edge."""
+    log_axis(axes, np.append(values, _EPSILON), symbol, unit)
+    bottom = axes.get_ylim()[0]
+    shown = np.where(values > 0.0, values, bottom)
+    size = float(np.sqrt(_dot(len(values))))
+    axes.plot(time, shown, clip_on=False, **(DOT | {"markersize": size}))
+    axes.lines[0].set_rasterized(len(values) > MOST_VECTOR_POINTS)

@@ -1,0 +1,127 @@
+"""The motion of one body over time, flight by flight: place and energy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.figures.source import Array, Recorded
+
+MOST_FLIGHTS = 3000
+"""Of more flights than this, of all bodies together, only the first are drawn over time."""
+_POINTS = 40000
+_PER_SECOND = 40.0
+"""Points of energies in lasting contact."""
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """States of one body in order of time; NaN where a line is to break."""
+
+    time: Array
+    """Times (s), shape (n,), not falling."""
+    s: Array
+    """Arc length of the contact point (m); NaN after the seam of a closed trace."""
+
+
+def shown_until(run: Recorded) -> float:
+    """Return the time (s) up to which the motion is drawn: the end, unless it would be a stain."""
+    flights = run.flights()
+    starts = np.sort(np.asarray(flights["t_start"]))
+    if len(starts) <= MOST_FLIGHTS:
+        return float(np.max(flights["t_end"]))
+    return float(starts[MOST_FLIGHTS])
+
+
+def timeline(run: Recorded, ball: int, until: float) -> Timeline:
+    """Return where a body (from 1) is, up to a time (s)."""
+    flights = run.flights()
+    mine = np.flatnonzero(
+        (np.asarray(flights["ball"]) == ball) & (np.asarray(flights["t_start"]) <= until)
+    )
+    lengths = flights["t_end"][mine] - flights["t_start"][mine]
+    total = max(float(np.sum(lengths)), float(np.finfo(np.float64).tiny))
+    wanted = np.maximum(_least(len(mine)), _POINTS / 20 * lengths / total)
+    times, places = [], []
+    seam = 0.5 * run.system.trace.length
+    last = math.nan
+    for row, number in zip(mine.tolist(), wanted.tolist(), strict=True):
+        piece = run.system.trace.pieces[int(flights["arc"][row]) - 1]
+        time, position, _ = run.flight_curve(row, math.ceil(number) + 1)
+        along = position if piece.is_line else piece.radius * (position - piece.angle_start)
+        s = piece.start_s + along
+        if abs(s[0] - last) > seam:
+            times.append(time[:1])
+            places.append(np.array([math.nan]))
+        times.append(time)
+        places.append(s)
+        last = float(s[-1])
+    return Timeline(np.maximum.accumulate(np.concatenate(times)), np.concatenate(places))
+
+
+def _least(flights: int) -> float:
+    """Return the least number of points of a flight: fewer where there are many."""
+    return float(np.clip(_POINTS / 4 / max(flights, 1), 2.0, 16.0))
+
+
+def energy_course(run: Recorded, ball: int) -> tuple[Array, Array]:
+    """Return times (s) and the energy (J) of a body (from 1) then; at a jump a time stands twice.
+
+    Constant on a free flight; in lasting contact, where bodies exchange energy, sampled.
+    """
+    flights = run.flights()
+    hills = Landscape.of(run.system, ball)
+    mine = np.flatnonzero(np.asarray(flights["ball"]) == ball)
+    contact = np.asarray(flights["contact"], dtype=np.bool_)[mine]
+    rows, times, energies = [], [], []
+    for piece in run.system.trace.pieces:
+        here = np.asarray(flights["arc"])[mine] == piece.index + 1
+        free = mine[here & ~contact]
+        energy = hills.energy(piece, flights["angle_start"][free], flights["rate_start"][free])
+        rows += [free, free]
+        times += [flights["t_start"][free], flights["t_end"][free]]
+        energies += [energy, energy]
+        for row in mine[here & contact].tolist():
+            lasts = float(flights["t_end"][row] - flights["t_start"][row])
+            count = int(np.clip(lasts * _PER_SECOND, 1, 4000)) + 1
+            time, position, rate = run.flight_curve(row, count)
+            rows.append(np.full(count, row))
+            times.append(time)
+            energies.append(hills.energy(piece, position, rate))
+    time, energy = np.concatenate(times), np.concatenate(energies)
+    order = np.lexsort((time, np.concatenate(rows)))
+    return np.maximum.accumulate(time[order]), energy[order]
+
+
+def energy_residuals(run: Recorded) -> tuple[Array, Array]:
+    """Return the ends (s) of all free flights and the change of energy along each.
+
+    Relative to the energy of all bodies at the start; from the states alone, so that it is a
+    measure of the error of the motion.
+    """
+    flights = run.flights()
+    ends, changes = [], []
+    whole = 0.0
+    for ball in range(1, len(run.system.bodies) + 1):
+        hills = Landscape.of(run.system, ball)
+        mine = np.asarray(flights["ball"]) == ball
+        first = int(np.flatnonzero(mine)[0])
+        start = run.system.trace.pieces[int(flights["arc"][first]) - 1]
+        whole += float(
+            hills.energy(start, flights["angle_start"][first], flights["rate_start"][first])
+        )
+        free = mine & ~np.asarray(flights["contact"], dtype=np.bool_)
+        # the last flight of an accumulation stands for all the impacts that are left
+        free &= np.asarray(flights["cause_end"], dtype=object) != "contact_closed"
+        for piece in run.system.trace.pieces:
+            rows = np.flatnonzero(free & (np.asarray(flights["arc"]) == piece.index + 1))
+            before = hills.energy(piece, flights["angle_start"][rows], flights["rate_start"][rows])
+            after = hills.energy(piece, flights["angle_end"][rows], flights["rate_end"][rows])
+            ends.append(flights["t_end"][rows])
+            changes.append(after - before)
+    time, change = np.concatenate(ends), np.concatenate(changes)
+    order = np.argsort(time, kind="stable")
+    return time[order], change[order] / (whole or 1.0)
