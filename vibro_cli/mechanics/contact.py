@@ -19,6 +19,7 @@ from vibro_cli.mechanics.flow import (
 )
 from vibro_cli.mechanics.gap import distance_gap, half_gap_sine
 from vibro_cli.mechanics.records import (
+    PARTING,
     RELEASED,
     Clock,
     Flight,
@@ -98,6 +99,10 @@ def contact_on_arc(
                 continue
             gap = 0.0
             rate = max(rate, 0.0)
+            if rate == 0.0 and second <= 0.0:
+                # Marked as parting, but at rest against one another and pressed together.
+                _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+                return 0.0
         single = rate * rate > SINGLE_ROOT * bound_2 * gap * (1.0 + 0.5 * x * x)
         if rate < 0.0 and single and cosine > 0.0 and x < 0.5:
             x2 = x * x
@@ -250,6 +255,9 @@ def contact_by_distance(
         if touching != 0 and t == 0.0:
             gap = 0.0
             rate = max(rate, 0.0)
+            if rate == 0.0 and second < 0.0 and touching == PARTING:
+                _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+                return 0.0
         step = safe_step_second_order(gap, rate, bound)
         if touching != 0 and t == 0.0:
             step = max(step, _parting_step(touching, pair.distance, bound))

@@ -87,6 +87,12 @@ def settle(world: World, first: int, count: int) -> None:
     while _drop_pulling(world, first, count):
         pass
     _equalise(world, first, count)
+    for step in range(count):
+        # The common speed of a run may turn a neighbour that just parted into one that closes.
+        j = (first + step) % pairs
+        pair = world.pairs[j]
+        if pair.held == 0 and pair.closing == PARTING and parting_speed(world, j) <= 0.0:
+            pair.closing = 0
 
 
 @kernel
