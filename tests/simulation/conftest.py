@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import fcntl
+import signal
+from collections.abc import Iterator
 
 import pytest
 
@@ -26,3 +28,21 @@ def engine(request: pytest.FixtureRequest) -> str:
     if request.param == "numba":
         request.getfixturevalue("compiled")
     return str(request.param)
+
+
+class TooLong(BaseException):
+    """A test has gone on for too long: no run may hang (not to be caught, nor shrunk)."""
+
+
+def _stop(*_: object) -> None:
+    raise TooLong
+
+
+@pytest.fixture
+def no_hang() -> Iterator[None]:
+    """Stop a test after a minute."""
+    before = signal.signal(signal.SIGALRM, _stop)
+    signal.alarm(60)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)

@@ -1,0 +1,130 @@
+"""The search for the first contact: passing touches, decided by the sign of the smallest gap."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.highprecision.scene import scene_of_system
+from tests.highprecision.taylor import Real, mp
+from tests.highprecision.twin import Twin
+from tests.mechanics.kernel_records import GRAVITY, ball, three_arcs
+from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.simulation.run import Run, simulate_system
+
+BODIES = (ball(0.1), Body("hoop", 0.08, 1.0, 1.0))
+TRACE = three_arcs()
+BEFORE = 0.25  # time from the start to the closest approach, s
+OVERLAPS = [10.0**-n for n in range(3, 14)]
+
+# (piece of a, place of a, piece of b, speed of a at the closest approach); b is beside a, to the
+# right and uphill. It rolls off more slowly, so that the gap there has its smallest value.
+TOUCHES = {
+    "valley, rising": (0, 0.5, 0, 1.0),
+    "valley, falling": (0, 0.5, 0, -0.6),
+    "right valley": (2, 0.8, 2, -0.6),
+    "hump": (1, -0.5, 1, 0.4),
+    "valley and hump": (0, 0.85, 1, -0.1),
+}
+
+
+def system_of(starts: tuple[InitialState, ...]) -> System:
+    return System(
+        gravity=GRAVITY, trace=TRACE, bodies=BODIES, initial=starts, restitution=(0.8,),
+        law="normal-impulse", inadmissible="stop", surface="two-sided", left_end=None,
+        right_end=None, turning=None,
+    )  # fmt: skip
+
+
+def gap_rates(twin: Twin, t: Real) -> tuple[Real, Real]:
+    """Distance of the surfaces and its rate."""
+    a, b = twin.at(0, t), twin.at(1, t)
+    dx, dy = b.centre[0] - a.centre[0], b.centre[1] - a.centre[1]
+    distance = mp.hypot(dx, dy)
+    vx = b.speed * b.tangent[0] - a.speed * a.tangent[0]
+    vy = b.speed * b.tangent[1] - a.speed * a.tangent[1]
+    reach = mp.mpf(BODIES[0].radius) + mp.mpf(BODIES[1].radius)
+    return distance - reach, (dx * vx + dy * vy) / distance
+
+
+def beside(name: str, gap: float) -> System:
+    """A state of closest approach: the surfaces a gap apart, at equal speeds along their line."""
+    piece_a, place_a, piece_b, speed = TOUCHES[name]
+    a = InitialState(piece_a, place_a, speed)
+    shape = TRACE.pieces[piece_b]
+    low = place_a if piece_a == piece_b else shape.angle_start
+    place = low + (0.15 if piece_a == piece_b else 0.05)
+    speed_b = speed
+    for _ in range(60):
+        system = system_of((a, InitialState(piece_b, place, speed_b)))
+        twin = Twin(scene_of_system(system))
+        now, rate = gap_rates(twin, mp.zero)
+        rest = system_of((replace(a, speed=0.0), InitialState(piece_b, place, 1.0)))
+        along = gap_rates(Twin(scene_of_system(rest)), mp.zero)[1]
+        place -= float((now - gap) / (along * shape.path_radius(BODIES[1].radius)))
+        speed_b -= float(rate / along)
+        if abs(now - gap) < 1e-16 and abs(rate) < 1e-16:
+            break
+    return system_of((a, InitialState(piece_b, place, speed_b)))
+
+
+def earlier(system: System) -> System:
+    """The state ``BEFORE`` earlier: forwards with opposite speeds, over no junction."""
+    turned = tuple(replace(state, speed=-state.speed) for state in system.initial)
+    twin = Twin(scene_of_system(replace(system, initial=turned)))
+    states = []
+    for number, start in enumerate(system.initial):
+        now = twin.at(number, mp.mpf(BEFORE))
+        shape = TRACE.pieces[now.piece]
+        assert shape.angle_start < now.place < shape.angle_end
+        states.append(InitialState(start.piece, float(now.place), -float(now.speed)))
+    return replace(system, initial=tuple(states))
+
+
+def closest(system: System) -> tuple[Real, Real]:
+    """Instant and size of the smallest gap near the closest approach, in high precision."""
+    twin = Twin(scene_of_system(system))
+    low, high = mp.mpf(BEFORE) - mp.mpf("0.05"), mp.mpf(BEFORE) + mp.mpf("0.05")
+    assert gap_rates(twin, low)[1] < 0 < gap_rates(twin, high)[1]
+    t = mp.findroot(lambda t: gap_rates(twin, t)[1], (low, high), solver="anderson", tol=1e-60)
+    return t, gap_rates(twin, t)[0]
+
+
+def meets(system: System) -> Run:
+    return simulate_system(system, BEFORE + 0.04, 1, "python")
+
+
+@pytest.mark.parametrize("overlap", OVERLAPS)
+@pytest.mark.parametrize("name", TOUCHES)
+def test_a_passing_touch_is_found(name: str, overlap: float) -> None:
+    system = earlier(beside(name, -overlap))
+    instant, smallest = closest(system)
+    assert smallest < 0
+    run = meets(system)
+    if abs(smallest) > 2e-15:
+        assert len(run.collisions["n"]) == 1
+    if len(run.collisions["n"]):
+        t = float(run.collisions["t"][0])
+        assert t < instant + 1e-7
+        gap, _ = gap_rates(Twin(scene_of_system(system)), mp.mpf(t))
+        assert abs(gap) < 8 * 2.0**-52
+
+
+@pytest.mark.parametrize("clearance", OVERLAPS)
+@pytest.mark.parametrize("name", TOUCHES)
+def test_a_near_miss_is_none(name: str, clearance: float) -> None:
+    system = earlier(beside(name, clearance))
+    _, smallest = closest(system)
+    assert smallest > 0
+    run = meets(system)
+    if smallest > 2e-15:
+        assert len(run.collisions["n"]) == 0
+        sample = run.sample(np.linspace(0.0, BEFORE + 0.04, 200))
+        x, y = sample["x"].reshape(-1, 2), sample["y"].reshape(-1, 2)
+        distance = np.hypot(x[:, 1] - x[:, 0], y[:, 1] - y[:, 0])
+        reach = math.fsum(body.radius for body in BODIES)
+        assert np.min(distance) > reach - 1e-15

@@ -1,0 +1,232 @@
+"""Laws that every run obeys, on random traces of one to seven pieces with one to six bodies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, reject, settings
+
+from tests.highprecision.sensitivity import amplification
+from tests.strategies import SETTINGS, mirrored, possible, scenarios
+from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.simulation.run import Run, simulate_system
+
+EPSILON = 2.0**-52
+pytestmark = pytest.mark.usefixtures("no_hang")
+TIME = 6.0
+FEWER = settings(SETTINGS, max_examples=20)  # where every example is many runs
+
+
+def run_of(document: dict[str, Any]) -> Run:
+    """The run of a document; one that the mechanics refuse is no example."""
+    system = possible(document)
+    if system is None:
+        reject()
+    stop = document["stop"]
+    return simulate_system(system, stop["time"], stop["collisions"], "python")
+
+
+def single(run: Run) -> list[int]:
+    """Rows that are one impact of one pair (not part of a joint one, not the end of bouncing)."""
+    table = run.collisions
+    return [
+        row for row in range(len(table["n"]))
+        if not table["simultaneous"][row] and not table["contact"][row]
+    ]  # fmt: skip
+
+
+def law_speeds(run: Run, row: int, when: str) -> tuple[float, float]:
+    """The relative speed that the row's law acts on, of approach, and the size of its terms."""
+    table = run.collisions
+    va, vb = (float(table[f"speed_{end}_{when}"][row]) for end in "ab")
+    if table["law"][row] == "hedrih":
+        va, vb = (float(table[f"omega_{end}_{when}"][row]) for end in "ab")
+    elif table["law"][row] == "normal-impulse":
+        name = "approach_speed" if when == "pre" else "separation_speed"
+        sign = 1.0 if when == "pre" else -1.0
+        return sign * float(table[name][row]), abs(va) + abs(vb)
+    return va - vb, abs(va) + abs(vb)
+
+
+@SETTINGS
+@given(document=scenarios())
+def test_restitution_on_the_laws_own_speed(document: dict[str, Any]) -> None:
+    run = run_of(document)
+    for row in single(run):
+        before, size = law_speeds(run, row, "pre")
+        after, size_after = law_speeds(run, row, "post")
+        k = run.system.restitution[int(run.collisions["ball_a"][row]) - 1]
+        assert abs(after + k * before) <= 32 * EPSILON * (size + size_after)
+
+
+@SETTINGS
+@given(document=scenarios())
+def test_impacts_approach_and_part(document: dict[str, Any]) -> None:
+    run = run_of(document)
+    table = run.collisions
+    for row in single(run):
+        size = float(abs(table["speed_a_pre"][row]) + abs(table["speed_b_pre"][row]))
+        assert table["approach_speed"][row] >= -16 * EPSILON * size
+        if table["admissible"][row] or table["substituted"][row]:
+            assert table["separation_speed"][row] >= -16 * EPSILON * size
+
+
+@SETTINGS
+@given(document=scenarios())
+def test_no_gap_is_left_at_an_impact(document: dict[str, Any]) -> None:
+    run = run_of(document)
+    table = run.collisions
+    for row in range(len(table["n"])):
+        places = [float(abs(table[f"{axis}_{end}"][row])) for axis in "xy" for end in "ab"]
+        assert abs(table["gap"][row]) <= 8 * math.ulp(max(*places, 1.0))
+
+
+@SETTINGS
+@given(document=scenarios())
+def test_bodies_keep_their_order_and_their_distance(document: dict[str, Any]) -> None:
+    run = run_of(document)
+    count = len(run.system.bodies)
+    end = run.summary_record()["end_time"]
+    times = np.unique(np.concatenate([np.linspace(0.0, end, 400), run.collisions["t"]]))
+    sample = run.sample(times)
+    columns = {name: sample[name].reshape(-1, count) for name in ("s", "x", "y")}
+    for a in range(count):
+        for b in range(a + 1, count):
+            distance = np.hypot(
+                columns["x"][:, a] - columns["x"][:, b], columns["y"][:, a] - columns["y"][:, b]
+            )
+            reach = run.system.bodies[a].radius + run.system.bodies[b].radius
+            assert np.min(distance) >= reach - 1e-13
+            assert np.all(columns["s"][:, b] > columns["s"][:, a])
+
+
+@SETTINGS
+@given(document=scenarios())
+def test_bodies_are_on_the_pieces_they_are_said_to_be_on(document: dict[str, Any]) -> None:
+    run = run_of(document)
+    sample = run.sample(np.linspace(0.0, run.summary_record()["end_time"], 100))
+    for row in range(len(sample["t"])):
+        piece = run.system.trace.pieces[int(sample["arc"][row]) - 1]
+        along = float(sample["s"][row]) - piece.start_s
+        assert -1e-12 <= along <= piece.length + 1e-12
+        body = run.system.bodies[int(sample["ball"][row]) - 1]
+        position = along if piece.is_line else piece.angle_start + along / piece.radius
+        x, y = piece.body_center(position, body.radius)
+        assert math.hypot(x - sample["x"][row], y - sample["y"][row]) <= 1e-13
+
+
+@SETTINGS
+@given(document=scenarios())
+def test_energy_goes_where_the_rows_say(document: dict[str, Any]) -> None:
+    """Start less losses is what samples of the motion have, after every impact.
+
+    The last, infinitely many bounces before lasting contact take a little energy without rows.
+    """
+    run = run_of(document)
+    table, record = run.collisions, run.summary_record()
+    count = len(run.system.bodies)
+    start = record["energy_start"]
+    times = np.concatenate([table["t"], [record["end_time"]]])
+    share = 1e-12 if not np.any(table["contact"]) else 1e-9
+    kept = run.sample(times)["energy"].reshape(-1, count).sum(axis=1)
+    for number, t in enumerate(times):
+        happened = (table["t"] <= t) & (table["admissible"] | table["substituted"])
+        lost = math.fsum(table["energy_loss"][happened])
+        assert abs(start - lost - kept[number]) <= share * max(start, 1.0)
+
+
+@SETTINGS
+@given(document=scenarios(k=1.0, law="normal-impulse"))
+def test_energy_is_kept_without_losses(document: dict[str, Any]) -> None:
+    record = run_of(document).summary_record()
+    assert abs(record["energy_end"] - record["energy_start"]) <= 1e-14 * record["energy_start"]
+
+
+def first_times(system: System) -> dict[str, list[float]]:
+    """Times of the first impacts, and where they happened."""
+    table = simulate_system(system, TIME, 4, "python").collisions
+    return {"t": table["t"].tolist(), "s": table["s_a"].tolist()}
+
+
+@FEWER
+@given(document=scenarios(pieces=4, bodies=4, collisions=4))
+def test_mirror_image(document: dict[str, Any]) -> None:
+    run, image = run_of(document), run_of(mirrored(document))
+    ours, theirs = run.collisions, image.collisions
+    if not len(ours["n"]) or np.any(ours["simultaneous"]):
+        reject()
+    try:
+        grown = amplification(run.system, first_times)
+    except ArithmeticError:
+        reject()  # hard by a grazing: even the number of impacts depends on the inputs' rounding
+    count = len(run.system.bodies)
+    assert len(ours["n"]) == len(theirs["n"])
+    assert (count + 1 - theirs["ball_b"]).tolist() == ours["ball_a"].tolist()
+    for row in range(len(ours["n"])):
+        assert abs(ours["t"][row] - theirs["t"][row]) <= 64 * EPSILON * grown["t"][row]
+        place = run.system.trace.length - theirs["s_b"][row]
+        size = max(grown["s"][row], run.system.trace.length)
+        assert abs(ours["s_a"][row] - place) <= 64 * EPSILON * size
+
+
+@SETTINGS
+@given(document=scenarios(pieces=1, bodies=3, collisions=40))
+def test_mirror_image_on_one_arc_to_the_bit(document: dict[str, Any]) -> None:
+    """Up to three bodies, until lasting contact: beyond that the last place may differ."""
+    ours, theirs = run_of(document).collisions, run_of(mirrored(document)).collisions
+    contact = np.flatnonzero(ours["contact"])
+    rows = slice(None, contact[0] if len(contact) else None)
+    assert ours["t"][rows].tolist() == theirs["t"][rows].tolist()
+    assert ours["t_low"][rows].tolist() == theirs["t_low"][rows].tolist()
+    assert ours["angle_a"][rows].tolist() == (-theirs["angle_b"])[rows].tolist()
+    assert ours["speed_a_post"][rows].tolist() == (-theirs["speed_b_post"])[rows].tolist()
+    assert ours["energy_loss"][rows].tolist() == theirs["energy_loss"][rows].tolist()
+
+
+def states(run: Run) -> tuple[InitialState, ...]:
+    """The bodies at the end of a run, going back."""
+    record = run.summary_record()
+    found = []
+    for number in range(1, len(run.system.bodies) + 1):
+        piece = run.system.trace.pieces[record[f"arc_{number}"] - 1]
+        place = record[f"angle_{number}"]
+        if piece.is_line:
+            place = record[f"s_{number}"] - piece.start_s
+        found.append(InitialState(piece.index, place, -record[f"speed_{number}"]))
+    return tuple(found)
+
+
+def back_home(system: System, time: float) -> dict[str, list[float]]:
+    """Where a system is after a time."""
+    record = simulate_system(system, time, None, "python").summary_record()
+    names = ("s", "speed")
+    count = len(system.bodies)
+    return {name: [record[f"{name}_{ball + 1}"] for ball in range(count)] for name in names}
+
+
+@FEWER
+@given(document=scenarios(pieces=4, bodies=3, k=1.0, law="normal-impulse", collisions=4))
+def test_time_reversal(document: dict[str, Any]) -> None:
+    run = run_of(document)
+    if run.end_cause == "end_of_trace" or np.any(run.collisions["simultaneous"]):
+        reject()
+    # Half-way between two events, not at one of them.
+    before_last = float(max(run.collisions["t"][-2:-1], default=0.0))
+    time = 0.5 * (run.summary_record()["end_time"] + before_last)
+    forth = simulate_system(run.system, time, None, "python")
+    reversed_start = replace(run.system, initial=states(forth))
+    try:
+        grown = amplification(reversed_start, lambda system: back_home(system, time))
+    except ArithmeticError:
+        reject()
+    found = back_home(reversed_start, time)
+    for ball, state in enumerate(run.system.initial):
+        home = run.system.trace.pieces[state.piece].arc_length(state.position)
+        size = max(grown["s"][ball], run.system.trace.length)
+        assert abs(found["s"][ball] - home) <= 64 * EPSILON * size
+        size = max(grown["speed"][ball], 10.0)
+        assert abs(found["speed"][ball] + state.speed) <= 64 * EPSILON * size
