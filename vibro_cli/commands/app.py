@@ -13,6 +13,7 @@ from vibro_cli.commands.help import help_command
 from vibro_cli.commands.new import new
 from vibro_cli.commands.options import with_common_options
 from vibro_cli.commands.portrait import portrait
+from vibro_cli.commands.report import report
 from vibro_cli.commands.run import run
 from vibro_cli.commands.schema import schema
 from vibro_cli.commands.show import show
@@ -27,7 +28,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-for command in (run, portrait, check, show, schema, new, warm):
+for command in (run, portrait, report, check, show, schema, new, warm):
     app.command(command.__name__)(with_common_options(command))
 app.command("help")(with_common_options(help_command))
 

@@ -106,12 +106,16 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     bottom, top = np.floor(np.log10(low) - 0.05), np.ceil(np.log10(high) + 0.05)
     axes.set_yscale("log")
     axes.set_ylim(10.0**bottom, 10.0**top)
-    height = axes.get_position().height * axes.get_figure(root=True).get_figheight() / MM
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    height = axes.get_position().height * figure.get_figheight() / MM
     step = max(1, int(np.ceil((top - bottom) * _LINE / height)))
     powers = range(int(bottom), int(top) + 1, step)
     axes.set_yticks([10.0**power for power in powers], [rf"$10^{{{power}}}$" for power in powers])
     axes.yaxis.minorticks_off()
-    axes.get_yticklabels()[0].set_va("bottom")  # clear of the horizontal axis' own numbers
+    axes.get_yticklabels()[0].set_verticalalignment(
+        "bottom"
+    )  # clear of the horizontal axis' own numbers
     axes.set_ylabel(f"{symbol} [{unit}]" if unit else symbol, labelpad=1.0)
 
 

@@ -7,6 +7,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.style import journal
@@ -52,3 +53,13 @@ def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png", "pdf")) ->
         write_file(path, content)
         paths.append(path)
     return tuple(paths)
+
+
+def render_pages(figures: Sequence[Figure]) -> bytes:
+    """Return figures as one PDF file, a page each."""
+    buffer = BytesIO()
+    metadata = {"CreationDate": None, "Creator": "vibro", "Producer": None}
+    with journal(), PdfPages(buffer, metadata=metadata) as pages:
+        for figure in figures:
+            pages.savefig(figure)
+    return buffer.getvalue()

@@ -1,0 +1,67 @@
+"""`vibro report`: where the page goes, what is left alone, misuse."""
+
+from pathlib import Path
+
+from tests.commands.conftest import Vibro
+
+GALLERY = Path(__file__).parents[2] / "scenarios"
+RUN = ("run", GALLERY / "one_circle.toml", "--set", "stop.collisions=4", "--no-figures")
+
+
+def test_a_page_stands_beside_the_folder(vibro: Vibro) -> None:
+    vibro(*RUN)
+    before = sorted(Path("outputs/one_circle").iterdir())
+    assert vibro("report", "outputs/one_circle").code == 0
+    page = Path("outputs/one_circle-report.html")
+    assert page.read_bytes().startswith(b"<!DOCTYPE html>")
+    assert b'href="one_circle/collisions.parquet"' in page.read_bytes()
+    assert sorted(Path("outputs/one_circle").iterdir()) == before
+    assert vibro("report", "outputs/one_circle").code == 0  # ours: replaced
+    assert vibro(*RUN).code == 0  # and the run's folder can still be replaced
+
+
+def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
+    vibro(*RUN, "-o", "one")
+    vibro(*RUN, "-o", "two", "--set", "collision.k=0.5")
+    assert vibro("report", "one", "two", "--pdf", "figures.pdf").code == 0
+    assert b"collision.k" in Path("report.html").read_bytes()
+    pdf = Path("figures.pdf").read_bytes()
+    assert pdf.startswith(b"%PDF-")
+    assert pdf.count(b"/Type /Page ") == 16
+    assert b"CreationDate" not in pdf
+
+
+def test_the_page_can_be_printed(vibro: Vibro) -> None:
+    vibro(*RUN)
+    outcome = vibro("report", "outputs/one_circle", "-o", "-")
+    assert outcome.code == 0
+    assert outcome.text.startswith("<!DOCTYPE html>")
+    assert not Path("outputs/one_circle-report.html").exists()
+
+
+def test_files_of_others_are_left_alone(vibro: Vibro) -> None:
+    vibro(*RUN)
+    Path("mine.html").write_text("<p>keep</p>")
+    Path("mine.pdf").write_text("keep")
+    for options in (("-o", "mine.html"), ("--pdf", "mine.pdf")):
+        outcome = vibro("report", "outputs/one_circle", *options)
+        assert outcome.code == 2
+        assert "left as it is" in outcome.err
+    assert Path("mine.html").read_text() == "<p>keep</p>"
+    assert Path("mine.pdf").read_text() == "keep"
+
+
+def test_what_is_no_run_is_refused(vibro: Vibro) -> None:
+    Path("empty").mkdir()
+    outcome = vibro("report", "empty")
+    assert outcome.code == 2
+    assert "empty is no vibro run" in outcome.err
+
+
+def test_a_changed_run_is_refused(vibro: Vibro) -> None:
+    vibro(*RUN)
+    with Path("outputs/one_circle/scenario.json").open("a") as file:
+        file.write(" ")
+    outcome = vibro("report", "outputs/one_circle")
+    assert outcome.code == 2
+    assert "not as it was written" in outcome.err

@@ -1,0 +1,216 @@
+"""Reports: self-contained, well-formed, harmless whatever the names, and true to the tables."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import math
+from itertools import pairwise
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pytest
+
+from tests.report.page_parser import Page
+from vibro_cli import load_scenario, simulate
+from vibro_cli.report.content import FIRST_ROWS, energy_balance, key_figures
+from vibro_cli.report.page import is_report, report_html
+from vibro_cli.report.words import number
+from vibro_cli.storage.runs import write_run
+from vibro_cli.storage.stored import StoredRun, open_run
+
+GALLERY = Path(__file__).parents[2] / "scenarios"
+NASTY = "<script>alert(1)<img src=x onerror=alert(2)>\"'&amp; {{ 7*7 }}"
+
+
+def stored(folder: Path, name: str, *overrides: str) -> StoredRun:
+    scenario = load_scenario(GALLERY / f"{name}.toml", [*overrides])
+    write_run(simulate(scenario), scenario, folder, {})
+    return open_run(folder)
+
+
+@pytest.fixture(scope="module")
+def beside(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("outputs")
+
+
+@pytest.fixture(scope="module")
+def run(beside: Path) -> StoredRun:
+    return stored(beside / "three arcs #1 ü", "three_arcs")
+
+
+@pytest.fixture(scope="module")
+def content(run: StoredRun, beside: Path) -> bytes:
+    return report_html([run], beside, "1.2.3")
+
+
+@pytest.fixture(scope="module")
+def page(content: bytes) -> Page:
+    return Page(content)
+
+
+def test_nothing_is_loaded_from_elsewhere(page: Page) -> None:
+    for element in page.elements:
+        for name in ("src", "href", "action", "data", "poster", "srcset"):
+            target = element.attributes.get(name)
+            if target is not None and not target.startswith(("data:", "#")):
+                assert (element.tag, name) == ("a", "href")
+                assert "//" not in target
+        assert not any(name.startswith("on") or name == "style" for name in element.attributes)
+    assert "@import" not in page.all("style")[0].text
+    assert "url(" not in page.all("style")[0].text
+
+
+def test_the_content_policy_lets_only_our_own_script_and_style_through(page: Page) -> None:
+    (policy,) = (
+        one.attributes["content"]
+        for one in page.all("meta")
+        if one.attributes.get("http-equiv") == "Content-Security-Policy"
+    )
+    assert policy.startswith("default-src 'none'; img-src data:;")
+    for tag in ("script", "style"):
+        (element,) = page.all(tag)
+        digest = base64.b64encode(hashlib.sha256(element.text.encode()).digest()).decode()
+        assert f"{tag}-src 'sha256-{digest}'" in policy
+
+
+def test_the_page_can_be_read_without_seeing_it(page: Page) -> None:
+    assert page.all("html")[0].attributes["lang"] == "en"
+    assert page.all("title")[0].text
+    identities = [one.attributes["id"] for one in page.elements if "id" in one.attributes]
+    assert len(identities) == len(set(identities))
+    levels = [int(one.tag[1]) for one in page.elements if one.tag in ("h1", "h2", "h3", "h4")]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+    assert all(len(image.attributes["alt"]) > 20 for image in page.all("img"))
+    assert all("scope" in head.attributes for head in page.all("th"))
+    assert len(page.all("caption")) == len(page.all("table")) > 2
+    assert all(button.text.strip() for button in page.all("button"))
+    for element in page.elements:
+        if "aria-labelledby" in element.attributes:
+            assert page.with_id(element.attributes["aria-labelledby"]).text
+        if element.tag == "a" and element.attributes["href"].startswith("#"):
+            assert page.with_id(element.attributes["href"][1:])
+    assert len(page.all("main")) == len(page.all("nav")) == 1
+
+
+def test_every_kind_of_figure_is_there(page: Page) -> None:
+    images = page.all("img")
+    assert len(images) == 8  # two portraits and six charts
+    for image in images:
+        head, _, body = image.attributes["src"].partition(";base64,")
+        start = b"<?xml" if head.endswith("svg+xml") else b"\x89PNG"
+        assert base64.b64decode(body).startswith(start)
+        assert int(image.attributes["width"]) > 300
+
+
+def test_the_table_has_the_first_impacts_with_units(run: StoredRun, page: Page) -> None:
+    heads = [head.text for head in page.all("button")]
+    assert heads[:3] == ["n", "t [s]", "dt [s]"]
+    assert "energy_loss [J]" in heads
+    cells = [one for one in page.all("td") if "data-key" in one.attributes]
+    rows = np.array([one.attributes["data-key"] for one in cells]).reshape(-1, len(heads))
+    assert len(rows) == min(FIRST_ROWS, len(run.collisions["n"]))
+    for name in ("t", "angle_a", "energy_loss"):
+        column = next(place for place, head in enumerate(heads) if head.split(" ")[0] == name)
+        assert [float(key) for key in rows[:, column]] == run.collisions[name][: len(rows)].tolist()
+    assert rows[0, 2] == ""  # the first row has no row before
+
+
+def test_the_link_leads_to_the_table(run: StoredRun, beside: Path, page: Page) -> None:
+    (link,) = (one for one in page.all("a") if one.text == "collisions.parquet")
+    assert (beside / unquote(link.attributes["href"])).resolve() == (
+        run.folder / "collisions.parquet"
+    ).resolve()
+
+
+def test_the_words_are_those_of_the_summary(run: StoredRun, page: Page) -> None:
+    text = page.with_id("run1-result").text
+    assert "The time asked for was reached." in text
+    assert "129" in text
+    assert dict(key_figures(run))["End"] == "60 s"
+    assert "hold bodies back" in page.with_id("run1-validity").text
+    assert "1.2.3" in page.all("footer")[0].text
+    assert "matplotlib" in page.with_id("run1-versions").text
+
+
+def test_the_energies_balance(run: StoredRun) -> None:
+    start, lost, rest, end = (float(text.split(" ")[0]) for _, text in _plain(run))
+    assert start - lost - rest == pytest.approx(end, rel=1e-5)
+    assert abs(rest) < 1e-6 * start
+
+
+def _plain(run: StoredRun) -> list[tuple[str, str]]:
+    digits = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
+    plain = []
+    for label, value in energy_balance(run):
+        text = value.translate(digits)
+        plain.append((label, text.replace("·10", "e") if "·10" in text else text))
+    return plain
+
+
+def test_names_with_markup_do_no_harm(beside: Path) -> None:
+    run = stored(beside / "<b onclick=x>", "one_circle", f"name={NASTY}", "stop.collisions=3")
+    page = Page(report_html([run], beside, "0"))
+    assert NASTY in page.all("h1")[0].text
+    assert len(page.all("script")) == 1
+    assert len(page.all("img")) == 8
+    assert not page.all("b")
+    assert not any("onerror" in one.attributes for one in page.elements)
+
+
+def test_several_runs_are_compared(run: StoredRun, beside: Path) -> None:
+    other = stored(beside / "other", "three_arcs", "collision.k=0.5", "name=softer")
+    page = Page(report_html([run, other], beside, "0"))
+    text = page.with_id("comparison").text
+    assert "collision.k" in text
+    assert "gravity" not in text  # the same in both
+    heads = [one.text for one in page.all("th")]
+    assert "softer" in heads
+    assert len(page.all("article")) == 2
+    assert len(page.all("img")) == 16
+
+
+def test_a_run_without_impacts_says_so(beside: Path) -> None:
+    run = stored(beside / "alone", "lone_particle", "stop.time=1")
+    page = Page(report_html([run], beside, "0"))
+    assert "There was no impact." in page.with_id("run1-impacts").text
+
+
+def test_an_inadmissible_end_is_told(beside: Path) -> None:
+    run = stored(beside / "through", "unequal_hedrih")
+    page = Page(report_html([run], beside, "0"))
+    assert "go through one another" in page.with_id("run1-result").text
+    assert "Inadmissible impacts: 1." in page.with_id("run1-validity").text
+
+
+def test_equal_runs_give_equal_bytes(run: StoredRun, beside: Path, content: bytes) -> None:
+    assert report_html([open_run(run.folder)], beside, "1.2.3") == content
+    assert is_report(content)
+
+
+def test_the_stored_run_moves_as_the_simulated_one(run: StoredRun) -> None:
+    fresh = simulate(load_scenario(GALLERY / "three_arcs.toml"))
+    for name, values in fresh.flights().items():
+        np.testing.assert_array_equal(run.flights()[name], values)
+    for mine, theirs in zip(run.flight_curve(5, 9), fresh.flight_curve(5, 9), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "–"),
+        (math.nan, "–"),
+        (0.5, "0.5 m"),
+        (-1.5e-9, "−1.5·10⁻⁹ m"),
+        (1e-16, "10⁻¹⁶ m"),
+        (12, "12 m"),
+        (True, "yes"),
+        ("word", "word"),
+    ],
+)
+def test_numbers_in_words(value: float | None, text: str) -> None:
+    assert number(value, "m") == text

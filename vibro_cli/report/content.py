@@ -1,0 +1,243 @@
+"""What stands in a report, as plain values for its template."""
+
+from __future__ import annotations
+
+import base64
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from vibro_cli.build import mechanics_warnings
+from vibro_cli.figures.kinds import KINDS, PORTRAIT, Drawn, draw_all
+from vibro_cli.figures.output import render
+from vibro_cli.report.words import END_CAUSES, LAWS, number, validity
+from vibro_cli.storage.schema import Column, collisions
+from vibro_cli.storage.stored import StoredRun
+
+FIRST_ROWS = 100
+"""Rows of the table of impacts that stand in the report."""
+_LARGEST_VECTOR = 400_000
+"""A figure with more bytes than this as SVG is put in as PNG."""
+_COLUMNS = (
+    "n", "t", "dt", "ball_a", "ball_b", "arc_a", "arc_b", "angle_a", "angle_b", "s_a", "s_b",
+    "omega_a_pre", "omega_a_post", "omega_b_pre", "omega_b_post", "energy_a_post",
+    "energy_b_post", "energy_loss", "impulse_moment", "approach_speed", "separation_speed", "gap",
+    "admissible", "substituted", "contact",
+)  # fmt: skip
+
+
+def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any]:
+    """Return the values of a report of runs whose file is to stand in the folder `beside`."""
+    names = [run.scenario.name for run in runs]
+    return {
+        "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
+        "version": version,
+        "runs": [_run(run, f"run{place}", beside) for place, run in enumerate(runs, 1)],
+        "comparison": _comparison(runs) if len(runs) > 1 else None,
+    }
+
+
+def _run(run: StoredRun, anchor: str, beside: Path) -> dict[str, Any]:
+    summary = run.summary
+    figures = [_figure(drawn, run) for drawn in draw_all(run, [PORTRAIT, *KINDS], "double")]
+    return {
+        "anchor": anchor,
+        "name": run.scenario.name,
+        "folder": str(run.folder),
+        "ending": END_CAUSES.get(summary["end_cause"], str(summary["end_cause"])),
+        "key_figures": key_figures(run),
+        "setting": _setting(run),
+        "pieces": [_piece(run, index) for index in range(len(run.system.trace.pieces))],
+        "bodies": [_body(run, index) for index in range(len(run.system.bodies))],
+        "figures": figures,
+        "energy": energy_balance(run),
+        "validity": validity(summary, _refused(run), mechanics_warnings(run.system)),
+        "accuracy": _accuracy(run),
+        "impacts": _impacts(run),
+        "link": _link(run.folder / "collisions.parquet", beside),
+        "versions": _versions(run.manifest),
+    }
+
+
+def _refused(run: StoredRun) -> int:
+    return int(np.sum(~np.asarray(run.collisions["admissible"], dtype=np.bool_)))
+
+
+def key_figures(run: StoredRun) -> list[tuple[str, str]]:
+    """Return what came out, as labels and values with units."""
+    summary = run.summary
+    found = [
+        ("End", number(summary["end_time"], "s")),
+        ("Impacts", number(summary["collisions"])),
+        ("First impact", number(summary["first_collision_time"], "s")),
+        ("Last impact", number(summary["last_collision_time"], "s")),
+        ("Junctions crossed", number(summary["crossings"])),
+        ("Lasting contacts begun", number(summary["contacts"])),
+        ("No impact possible since", number(summary["quiet_from"], "s")),
+        ("Energy at the start", number(summary["energy_start"], "J")),
+        ("Energy at the end", number(summary["energy_end"], "J")),
+        ("Largest gap left at an impact", number(summary["max_gap"], "m", 2)),
+    ]
+    return [(label, value) for label, value in found if value != "–"]
+
+
+def _setting(run: StoredRun) -> list[tuple[str, str]]:
+    system, scenario = run.system, run.scenario
+    kind = "closed" if system.trace.closed else "open"
+    stop = scenario.stop
+    limits = [
+        number(stop.time, "s"),
+        "" if stop.collisions is None else f"{stop.collisions} impacts",
+    ]
+    found = [
+        ("Trace", f"{kind}, {system.surface}, length {number(system.trace.length, 'm')}"),
+        ("Gravity", number(system.gravity, "m/s²")),
+        ("Impact law", f"{system.law}: {LAWS.get(system.law, '')}"),
+        ("Coefficient of restitution k", ", ".join(number(k) for k in system.restitution) or "–"),
+        ("Inadmissible impacts", system.inadmissible),
+        ("Stop", " or ".join(text for text in limits if text not in ("", "–"))),
+    ]
+    return [(label, value) for label, value in found if value != "–"]
+
+
+def _piece(run: StoredRun, index: int) -> list[str]:
+    piece = run.system.trace.pieces[index]
+    radius = number(piece.radius, "m") if math.isfinite(piece.radius) else "–"
+    slopes = [number(math.degrees(slope), "°") for slope in (piece.start_slope, piece.end_slope)]
+    return [str(index + 1), piece.shape, radius, *slopes, number(piece.length, "m")]
+
+
+def _body(run: StoredRun, index: int) -> list[str]:
+    body, state = run.system.bodies[index], run.system.initial[index]
+    on_line = run.system.trace.pieces[state.piece].is_line
+    return [
+        str(index + 1),
+        body.kind,
+        number(body.radius, "m"),
+        number(body.mass, "kg"),
+        number(body.kappa),
+        number(body.rolling_inertia, "kg m²"),
+        str(state.piece + 1),
+        number(state.position, "m" if on_line else "rad"),
+        number(state.speed, "m/s"),
+    ]
+
+
+def _figure(drawn: Drawn, run: StoredRun) -> dict[str, str]:
+    form, content = "svg+xml", render(drawn.figure, "svg")
+    if len(content) > _LARGEST_VECTOR:
+        form, content = "png", render(drawn.figure, "png")
+    width, height = drawn.figure.get_size_inches() * 96.0
+    return {
+        "title": drawn.title,
+        "caption": drawn.caption,
+        "alternative": f"{drawn.title}, run {run.scenario.name}. {drawn.caption}",
+        "source": f"data:image/{form};base64,{base64.b64encode(content).decode()}",
+        "width": f"{width:.0f}",
+        "height": f"{height:.0f}",
+    }
+
+
+def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
+    """Return where the energy went: in impacts, elsewhere, and what is left."""
+    table = run.collisions
+    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
+        table["substituted"], dtype=np.bool_
+    )
+    lost = math.fsum(np.asarray(table["energy_loss"], dtype=np.float64)[made].tolist())
+    start, end = run.summary["energy_start"], run.summary["energy_end"]
+    rest = start - lost - end
+    return [
+        ("At the start", number(start, "J")),
+        ("Lost in the impacts of the table", number(lost, "J")),
+        ("Lost elsewhere (walls, ends of accumulations) and rounding", number(rest, "J", 3)),
+        ("At the end", number(end, "J")),
+    ]
+
+
+def _accuracy(run: StoredRun) -> list[tuple[str, str]]:
+    summary = run.summary
+    found = [
+        ("Largest distance of the surfaces left at an impact", number(summary["max_gap"], "m", 2)),
+        (
+            "Relative drift of the energy, where it should be kept",
+            number(summary["energy_drift"], digits=2),
+        ),
+        (
+            "Corrections that keep the energy, sum of absolute values",
+            number(summary["energy_correction"], "J", 2),
+        ),
+    ]
+    return [(label, value) for label, value in found if value != "–"]
+
+
+def _impacts(run: StoredRun) -> dict[str, Any]:
+    """The first rows of the table, with what each column means."""
+    known = {column.name: column for column in collisions().columns}
+    columns = [known[name] for name in _COLUMNS]
+    total = len(run.collisions["n"])
+    rows = range(min(total, FIRST_ROWS))
+    return {
+        "columns": columns,
+        "rows": [[_cell(run.collisions, column, row) for column in columns] for row in rows],
+        "total": total,
+    }
+
+
+def _cell(table: Mapping[str, Any], column: Column, row: int) -> tuple[str, str]:
+    """Return a value to sort by and the value as it is shown."""
+    value = table[column.name][row].item()
+    if isinstance(value, float) and math.isnan(value):
+        return "", "–"
+    return repr(float(value)), number(value, digits=7)
+
+
+def _link(target: Path, beside: Path) -> str:
+    """Return a link to a file from a page in a folder."""
+    return quote(os.path.relpath(target.resolve(), beside.resolve()).replace(os.sep, "/"))
+
+
+def _versions(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
+    program = manifest["program"]
+    environment = manifest.get("environment", {})
+    return [(program["name"], program["version"]), *environment.items()]
+
+
+def _comparison(runs: Sequence[StoredRun]) -> dict[str, Any]:
+    """Return the key figures of several runs side by side, and what differs in the scenarios."""
+    results = [dict(key_figures(run)) for run in runs]
+    labels = list(dict.fromkeys(label for result in results for label in result))
+    settings = [_flat(run.scenario.resolved()) for run in runs]
+    paths = list(dict.fromkeys(path for setting in settings for path in setting))
+    differing = [
+        path for path in paths if len({repr(setting.get(path)) for setting in settings}) > 1
+    ]
+    endings = [END_CAUSES.get(run.summary["end_cause"], "") for run in runs]
+    return {
+        "names": [run.scenario.name for run in runs],
+        "results": [
+            ["Ending", *endings],
+            *([label, *(result.get(label, "–") for result in results)] for label in labels),
+        ],
+        "settings": [
+            [path, *(number(setting.get(path)) for setting in settings)]
+            for path in differing
+            if path != "name"
+        ],
+    }
+
+
+def _flat(value: Any, path: str = "") -> dict[str, Any]:
+    """Return plain values by their key path: `balls[1].radius`."""
+    if isinstance(value, dict):
+        inner = ((f"{path}.{key}" if path else key, each) for key, each in value.items())
+    elif isinstance(value, list | tuple):
+        inner = ((f"{path}[{place}]", each) for place, each in enumerate(value, 1))
+    else:
+        return {path: value}
+    return {key: leaf for name, each in inner for key, leaf in _flat(each, name).items()}

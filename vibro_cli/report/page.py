@@ -1,0 +1,61 @@
+"""The report as one HTML file: nothing is loaded from elsewhere, and nothing can be."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from vibro_cli.report.content import page
+from vibro_cli.report.words import METHOD
+from vibro_cli.storage.stored import StoredRun
+
+GENERATOR = "vibro report"
+
+
+def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
+    """Return the report of one run, or of several compared, as the bytes of an HTML file.
+
+    `beside` is the folder in which the file is to stand, for its links to the tables.
+    """
+    environment = Environment(
+        loader=PackageLoader("vibro_cli.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    style, script = _asset("report.css"), _asset("report.js")
+    policy = (
+        "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
+        f"style-src {_hash(style)}; script-src {_hash(script)}"
+    )
+    values: dict[str, Any] = {
+        **page(runs, beside, version),
+        "generator": GENERATOR,
+        "policy": policy,
+        "style": Markup(style),  # (our own file, and no one else's words)
+        "script": Markup(script),  # (our own file, and no one else's words)
+        "method": METHOD,
+    }
+    return environment.get_template("report.html").render(values).encode()
+
+
+def is_report(content: bytes) -> bool:
+    """Return whether the bytes are those of a report of ours."""
+    return f'<meta name="generator" content="{GENERATOR}">'.encode() in content[:2000]
+
+
+def _asset(name: str) -> str:
+    return (files("vibro_cli.report") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    """Return the source expression that lets just this text through the content policy."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

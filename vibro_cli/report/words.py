@@ -1,0 +1,77 @@
+"""What a report says: causes, numbers and validity in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+END_CAUSES = {
+    "time": "The time asked for was reached.",
+    "collisions": "The number of impacts asked for was reached.",
+    "no_more_collisions": "It is proved that no further impact can follow.",
+    "inadmissible": "After the next impact the law would let two bodies go through one another; "
+    "the run stops before it.",
+    "end_of_trace": "A body came to an end of the trace.",
+    "lift_off": "A body left the one-sided trace.",
+    "rest": "All bodies are at rest.",
+}
+LAWS = {
+    "hedrih": "moments of momentum about the contact points and the coefficient of restitution "
+    "on the angular velocities: A (3), B (15)–(16)",
+    "normal-impulse": "an impulse along the line of centres, rolling kept, the coefficient of "
+    "restitution on the speed of approach",
+    "translational": "classical central impact of bodies in translation: B (1)–(12)",
+}
+METHOD = (
+    "Between impacts each body moves in closed form (Jacobi elliptic functions on arcs), impacts "
+    "are the certified first zeros of the distance of the surfaces, and there is no time step.",
+    "K. R. (Stevanović) Hedrih: Vibro-impact dynamics of two rolling balls along curvilinear "
+    "trace. Procedia Engineering 199 (2017) 663–668. doi:10.1016/j.proeng.2017.09.120 (A)",
+    "K. R. (Stevanović) Hedrih: Central collision of two rolling balls: theory and examples. "
+    "Advances in Theoretical and Applied Mechanics 10 (2017) 33–79. doi:10.12988/atam.2017.765 (B)",
+    "K. R. (Stevanović) Hedrih: Non-linear dynamics of a heavy mass particle and rolling ball "
+    "along curvilinear trace of series of circle arcs: phase trajectory portraits, some analogies "
+    "and vibro-impacts (D)",
+)
+
+
+def number(value: float | None, unit: str = "", digits: int = 6) -> str:
+    """Return a number with its unit, the minus sign a minus and powers of ten as such."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if isinstance(value, bool | str):
+        return {True: "yes", False: "no"}.get(value, str(value))
+    text = f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+    mantissa, mark, power = text.partition("e")
+    if mark:
+        text = (
+            f"{mantissa}·10{_raised(int(power))}" if mantissa != "1" else f"10{_raised(int(power))}"
+        )
+    return f"{text.replace('-', '−')} {unit}".rstrip()
+
+
+def _raised(power: int) -> str:
+    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def validity(summary: Mapping[str, Any], refused: int, warnings: tuple[str, ...]) -> list[str]:
+    """Return what there is to say on whether the motion is possible as it was computed."""
+    said = []
+    force, friction = summary["min_normal_force"], summary["max_friction_demand"]
+    if force is not None and force < 0.0:
+        said.append(
+            f"The trace has to hold bodies back: the normal force goes down to "
+            f"{number(force, 'N')}. On a one-sided trace they would lift off."
+        )
+    elif force is not None:
+        said.append(f"The normal force is at least {number(force, 'N')}: no body lifts off.")
+    if friction is not None:
+        said.append(f"Rolling needs a coefficient of friction of {number(friction, digits=4)}.")
+    elif force is not None:
+        said.append("Where the normal force vanishes no friction is enough for rolling.")
+    if refused:
+        said.append(f"Inadmissible impacts: {refused}.")
+    else:
+        said.append("Every impact is admissible: the bodies separate after it.")
+    return [*said, *(f"Note: {warning}." for warning in warnings)]
