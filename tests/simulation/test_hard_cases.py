@@ -39,3 +39,19 @@ def test_runs_to_its_stop_in_order_and_without_gaining_energy(path: Path) -> Non
         assert distance.min() >= reach - 1e-9 * size
     energy = motion["energy"].reshape(len(times), bodies).sum(axis=1)
     assert (np.diff(energy) <= 1e-9 * energy[0]).all()
+
+
+@pytest.mark.usefixtures("no_hang", "compiled")
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_both_engines_give_the_same_tables(path: Path) -> None:
+    scenario = load_scenario(path)
+    interpreted, compiled = simulate(scenario, "python"), simulate(scenario, "numba")
+    assert (interpreted.engine, compiled.engine) == ("python", "numba")
+    for ours, theirs in (
+        (interpreted.collisions, compiled.collisions),
+        (interpreted.events, compiled.events),
+        (interpreted.summary, compiled.summary),
+    ):
+        assert list(ours) == list(theirs)
+        for name in ours:
+            np.testing.assert_array_equal(ours[name], theirs[name], err_msg=name)
