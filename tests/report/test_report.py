@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import hashlib
 import math
+import re
+from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
 from urllib.parse import unquote
@@ -170,6 +172,8 @@ def test_several_runs_are_compared(run: StoredRun, beside: Path) -> None:
     heads = [one.text for one in page.all("th")]
     assert "softer" in heads
     assert len(page.all("article")) == 2
+    regions = [one.attributes["aria-label"] for one in page.elements if one.attributes.get("role")]
+    assert len(regions) == len(set(regions))
     assert len(page.all("img")) == 16
 
 
@@ -214,3 +218,29 @@ def test_the_stored_run_moves_as_the_simulated_one(run: StoredRun) -> None:
 )
 def test_numbers_in_words(value: float | None, text: str) -> None:
     assert number(value, "m") == text
+
+
+def test_colours_can_be_told_apart_in_light_and_dark() -> None:
+    """Contrast of WCAG 2: at least 7 for words, 4.5 for links and what is less important."""
+    style = (files("vibro_cli.report") / "templates" / "report.css").read_text()
+    themes = re.findall(r":root \{(.*?)\}", style, re.DOTALL)
+    assert len(themes) == 3  # light, dark, paper
+    for theme in themes:
+        colour = dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", theme))
+        for ground in (colour["ground"], colour["panel"]):
+            assert contrast(colour["text"], ground) >= 7.0
+            assert contrast(colour["soft"], ground) >= 4.5
+            assert contrast(colour["link"], ground) >= 4.5
+
+
+def contrast(one: str, other: str) -> float:
+    light, dark = sorted((luminance(one), luminance(other)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
+
+
+def luminance(colour: str) -> float:
+    parts = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+    linear = [
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+    ]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
