@@ -1,0 +1,41 @@
+"""The short form of the fuzzing, with the same texts every time."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.judge import judge
+from tests.fuzz.mutation import FORMS, mutated, seeds
+
+COUNT = {"toml": 1500, "json": 1500, "yaml": 300}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_only_scenario_errors_leave_the_reader(form: str) -> None:
+    found = judge(form, range(COUNT[form]))
+    assert found.faults == []
+    assert found.valid + found.invalid == COUNT[form]
+    # Texts that are all refused at once would show little.
+    assert found.valid > 0.02 * COUNT[form]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_texts_are_the_same_every_time_and_differ(form: str) -> None:
+    texts = {mutated(form, number) for number in range(200)}
+    assert len(texts) > 190
+    assert mutated(form, 7) in texts
+    assert len(seeds(form)) > 14
+
+
+def test_the_long_form_says_what_it_found_and_keeps_within_its_memory() -> None:
+    outcome = subprocess.run(
+        [sys.executable, "-m", "tests.fuzz", "--form", "json", "--count", "200"],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert outcome.stdout.startswith("json to 200: ")
+    assert outcome.stdout.rstrip().endswith("0 faults")
