@@ -144,7 +144,7 @@ def test_the_history_reads_back_to_the_bit_and_damage_is_seen() -> None:
     assert all(rows.size == 0 for rows in read_history(history_bytes(empty)).values())
     middle = len(content) // 3
     damaged = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
-    with pytest.raises(ValueError, match="damaged|another version"):
+    with pytest.raises(ValueError, match=r"damaged|another version"):
         read_history(damaged)
     del logs["segments"]
     with pytest.raises(ValueError, match="written by another version"):
