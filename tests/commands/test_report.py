@@ -31,6 +31,20 @@ def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     assert b"CreationDate" not in pdf
 
 
+def test_each_figure_can_be_had_as_a_file(vibro: Vibro) -> None:
+    vibro(*RUN)
+    options = ("--figures", "figures", "--width", "single")
+    assert vibro("report", "outputs/one_circle", *options).code == 0
+    names = {path.name for path in Path("figures").iterdir()}
+    assert {"energy.pdf", "plan.svg", "portrait_2.png", "manifest.json"} <= names
+    assert len(names) == 3 * 8 + 1
+    assert vibro("report", "outputs/one_circle", *options).code == 0  # ours: replaced
+    Path("figures/notes.txt").write_text("keep")
+    outcome = vibro("report", "outputs/one_circle", *options)
+    assert outcome.code == 2
+    assert "notes.txt" in outcome.err
+
+
 def test_the_page_can_be_printed(vibro: Vibro) -> None:
     vibro(*RUN)
     outcome = vibro("report", "outputs/one_circle", "-o", "-")

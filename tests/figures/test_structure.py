@@ -76,6 +76,9 @@ def test_the_figure_eight_is_drawn_through_the_saddle_when_it_exists() -> None:
     saddle = portrait_of(hills).points[1]
     for curve in eights[3]:
         assert np.min(np.hypot(curve[:, 0] - saddle.s, curve[:, 1])) < 0.02
+    named = {text.get_text() for text in texts(structure(portrait_of(hills)))}
+    assert "figure eight" in named
+    assert "separatrix" not in named  # there is no other
     figure = structure(portrait_of(three_arcs(60.0)))
     assert not any(collections(figure, panel, 1.25) for panel in range(4))
     shown = " ".join(text.get_text() for text in texts(figure))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -24,6 +24,8 @@ class _Wishes:
     folders: Sequence[Path]
     output: str | None
     pdf: Path | None
+    figures: Path | None
+    width: str
 
 
 def report(
@@ -45,9 +47,17 @@ def report(
         Path | None,
         typer.Option(metavar="FILE", help="Also the figures as one PDF, a page each."),
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Also each figure as PNG, PDF and SVG."),
+    ] = None,
+    width: Annotated[
+        Literal["single", "double"],
+        typer.Option(help="Of --pdf and --figures: one column (85 mm) or two (170 mm)."),
+    ] = "double",
 ) -> Task:
     """Write a self-contained HTML page of a run, or of several runs compared."""
-    return partial(_report, _Wishes(folders, output, pdf))
+    return partial(_report, _Wishes(folders, output, pdf, figures, width))
 
 
 def _target(wishes: _Wishes) -> Path:
@@ -64,6 +74,7 @@ def _report(wishes: _Wishes) -> int:
     from vibro_cli.report.page import is_report, report_html
     from vibro_cli.storage.files import write_file
 
+    _check(wishes)
     target = _target(wishes)
     printed = wishes.output == "-"
     if not printed and target.exists() and not is_report(target.read_bytes()):
@@ -78,7 +89,9 @@ def _report(wishes: _Wishes) -> int:
         write_file(target, content)
         say(f"report in {target}")
     if wishes.pdf is not None:
-        _write_pdf(runs, wishes.pdf)
+        _write_pdf(runs, wishes.pdf, wishes.width)
+    if wishes.figures is not None:
+        _write_figures(runs, wishes.figures, wishes.width)
     return DONE
 
 
@@ -93,14 +106,43 @@ def _opened(folder: Path) -> "StoredRun":
         raise CommandError(f"vibro: {error}") from error
 
 
-def _write_pdf(runs: "Sequence[StoredRun]", target: Path) -> None:
+def _check(wishes: _Wishes) -> None:
+    """Raise `CommandError` before anything is drawn if some file could not take its place."""
+    from vibro_cli.storage.provenance import FolderRefused, check_replaceable
+
+    pdf = wishes.pdf
+    if pdf is not None and pdf.exists() and pdf.read_bytes()[:5] != b"%PDF-":
+        raise CommandError(f"vibro: {pdf} exists and is no PDF; it is left as it is")
+    try:
+        if wishes.figures is not None:
+            check_replaceable(wishes.figures, "figures")
+    except FolderRefused as error:
+        raise CommandError(f"vibro: {error}") from error
+
+
+def _write_pdf(runs: "Sequence[StoredRun]", target: Path, width: str) -> None:
     """Write all figures of all runs into one PDF."""
     from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
     from vibro_cli.figures.output import render_pages
     from vibro_cli.storage.files import write_file
 
-    if target.exists() and not target.read_bytes()[:5] == b"%PDF-":
-        raise CommandError(f"vibro: {target} exists and is no PDF; it is left as it is")
-    figures = [drawn.figure for run in runs for drawn in draw_all(run, [PORTRAIT, *KINDS])]
+    kinds = [PORTRAIT, *KINDS]
+    figures = [drawn.figure for run in runs for drawn in draw_all(run, kinds, width)]
     write_file(target, render_pages(figures))
+    say(f"figures in {target}")
+
+
+def _write_figures(runs: "Sequence[StoredRun]", target: Path, width: str) -> None:
+    """Write every figure of every run into a folder, in all forms."""
+    from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
+    from vibro_cli.figures.output import FORMATS, render
+    from vibro_cli.storage.portraits import write_figures
+
+    files = {}
+    for place, run in enumerate(runs, 1):
+        prefix = f"{place}_{run.scenario.name}_" if len(runs) > 1 else ""
+        for drawn in draw_all(run, [PORTRAIT, *KINDS], width):
+            for form in FORMATS:
+                files[f"{prefix}{drawn.name}.{form}"] = render(drawn.figure, form)
+    write_figures(files, target)
     say(f"figures in {target}")

@@ -122,7 +122,7 @@ def _draw_legend(figure: Figure, behind: Background, portrait: Portrait) -> None
     eights = [trigger for trigger in portrait.triggers if trigger.orbit == FIGURE_EIGHT]
     if eights:
         entries.append(("figure eight", EIGHT))
-    if any(p.kind == SADDLE and all(p is not one.saddle for one in eights) for p in behind.points):
+    if any(p.kind == SADDLE and all(p != one.saddle for one in eights) for p in behind.points):
         entries.append(("separatrix", strokes.SEPARATRIX))
     elif behind.arc_separatrices:
         entries.append(("separatrix of the full circle", strokes.ARC_SEPARATRIX))

@@ -1,4 +1,4 @@
-"""The folder of a portrait: its figures, the table of its singular points, the scenario."""
+"""Folders of figures: those of a portrait with its table and scenario, those of a report."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -27,7 +27,16 @@ def write_portraits(
         "scenario.json": json_bytes(scenario.resolved()),
         **figures,
     }
-    with new_folder(target, check_portrait_folder) as folder:
+    _write(files, target, "portrait")
+
+
+def write_figures(figures: Mapping[str, bytes], target: Path) -> None:
+    """Write a folder of figures, whole or not at all; raises as `write_portraits`."""
+    _write(figures, target, "figures")
+
+
+def _write(files: Mapping[str, bytes], target: Path, kind: str) -> None:
+    with new_folder(target, partial(check_replaceable, kind=kind)) as folder:
         for name, content in files.items():
             folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest("portrait", files, {})))
+        folder.write(MANIFEST_NAME, json_bytes(manifest(kind, files, {})))
