@@ -40,21 +40,22 @@ class Driver:
 
     def __init__(self, world: World, engine_name: str, earlier: Earlier | None = None) -> None:
         self.logs = {name: Log(RECORDS[name]) for name in LOGS}
-        self.engine = "numba" if engine_name == "numba" else "python"
+        self.engine = "python"
         self._may_compile = engine_name == "auto"
         self.world = _interpreted_logs(world)
-        self._begun = earlier is not None
-        if earlier is not None:
+        if earlier is None:
+            # Interpreted by either engine: for one call it is not worth compiling.
+            start(self.world)
+            self._collect()
+        else:
             restore(self.world, earlier.state)
             for name, rows in earlier.logs.items():
                 self.logs[name].take(rows, len(rows))
-        if self.engine == "numba":
+        if engine_name == "numba":
             self._compile()
 
     def run(self) -> int:
         """Run to the end; return the cause (see ``simulation.world``)."""
-        if not self._begun:
-            self._call(start)
         while True:
             cause = self._advance()
             self._collect()
@@ -63,13 +64,9 @@ class Driver:
             if self._may_compile and self.clock_value("flights_before") >= COMPILE_AFTER_FLIGHTS:
                 self._compile()
 
-    def _call(self, function: Any, *arguments: Any) -> Any:
-        if self.engine == "numba":
-            function = engine.compiled_once(function)
-        return function(self.world, *arguments)
-
     def _advance(self) -> int:
-        return int(self._call(advance))
+        function: Any = engine.compiled_once(advance) if self.engine == "numba" else advance
+        return int(function(self.world))
 
     def _collect(self) -> None:
         flights = 0
