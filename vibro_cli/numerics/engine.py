@@ -31,6 +31,9 @@ Series = list[float]
 
 _kernels: dict[str, dict[str, Callable[..., Any]]] = {}
 _compiled: dict[Callable[..., Any], Any] = {}
+_twins: dict[Callable[..., Any], Any] = {}
+# Same operations in the same order as the interpreter: no contraction, no reassociation.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
 _alone: dict[Callable[..., Any], _FirstCallAlone] = {}
 _tell: Callable[[str], None] | None = None
 
@@ -151,8 +154,12 @@ def compiled(entry: Callable[..., Any]) -> Any:
     -------
     The numba dispatcher; machine code is made, or read from the cache, at its first call.
     """
+    if not _twins:
+        _make_twins()
     if entry not in _compiled:
-        _compile_all()
+        import numba
+
+        _compiled[entry] = numba.njit(cache=True, **_OPTIONS)(_twins[entry])
     return _compiled[entry]
 
 
@@ -235,7 +242,12 @@ def _machine_code() -> Path:
         return Path(own)
 
 
-def _compile_all() -> None:
+def _make_twins() -> None:
+    """Make a twin of every kernel, in whose module every kernel means its compiled form.
+
+    Kernels called by kernels only have no entry from Python and are not cached on their own:
+    both would be made for every one of them, and take most of the time of compiling.
+    """
     import numba
 
     numba.config.CACHE_DIR = str(_machine_code())  # type: ignore[attr-defined]
@@ -248,10 +260,12 @@ def _compile_all() -> None:
                 function.__code__, namespaces[module], function.__name__, function.__defaults__
             )
             twin.__module__ = module
-            twins[function] = numba.njit(cache=True, error_model="numpy", nogil=True)(twin)
-    # Every name that means a kernel must mean its compiled twin, in whichever module it is used.
+            twins[function] = twin
+    # Options of numba that its type hints leave out.
+    inside: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    inner = {function: numba.njit(**_OPTIONS, **inside)(twin) for function, twin in twins.items()}
     for namespace in namespaces.values():
         for name, value in list(namespace.items()):
-            if isinstance(value, types.FunctionType) and value in twins:
-                namespace[name] = twins[value]
-    _compiled.update(twins)
+            if isinstance(value, types.FunctionType) and value in inner:
+                namespace[name] = inner[value]
+    _twins.update(twins)
