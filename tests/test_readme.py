@@ -23,7 +23,7 @@ def blocks(language: str) -> list[str]:
 def test_the_reference_is_what_the_program_says(
     topic: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """To renew it: put the output of `vibro help TOPIC` between the markers."""
+    """To renew it: python -m tests.renew_reference."""
     (found,) = re.findall(
         rf"^<!-- reference: {topic} -->\n\n(.*?)\n<!-- end -->", README, re.MULTILINE | re.DOTALL
     )

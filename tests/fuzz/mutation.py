@@ -18,7 +18,8 @@ WORDS = (
     '"""', '"', "'", "#", "&a ", "*a", "<<: *a", "!!python/object ", "---\n", "...", "|\n", ">-\n",
     "%YAML 1.1\n", "\\u0000", "\\ud800", "é", "π", "60 deg", "7.8 g/cm^3", "1 furlong",
     "[[balls]]\n", "[trace]\n", "a.b.c = 1\n", "1979-05-27", "[" * 40, "{a=" * 40, "- " * 40,
-    "gravity", "angle", "touching", "previous", "wall", "through_arc", "9.81", "-1.2", "1e308", "4.9e-324",
+    "gravity", "angle", "touching", "previous", "wall", "through_arc", "9.81", "-1.2", "1e308",
+    "4.9e-324",
 )  # fmt: skip
 
 

@@ -1,0 +1,25 @@
+"""Put the program's own reference into README.md: ``python -m tests.renew_reference``."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+README = Path(__file__).parents[1] / "README.md"
+MARKED = re.compile(r"^<!-- reference: ([\w-]+) -->\n.*?^<!-- end -->", re.MULTILINE | re.DOTALL)
+
+
+def reference(found: re.Match[str]) -> str:
+    """The text between two markers, with the markers."""
+    outcome = subprocess.run(
+        [sys.executable, "-m", "vibro_cli", "help", found[1]],
+        cwd=README.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return f"<!-- reference: {found[1]} -->\n\n{outcome.stdout}\n<!-- end -->"
+
+
+if __name__ == "__main__":
+    README.write_text(MARKED.sub(reference, README.read_text(encoding="utf-8")), encoding="utf-8")
