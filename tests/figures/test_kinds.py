@@ -123,3 +123,12 @@ def test_the_same_run_gives_the_same_bytes() -> None:
 def test_an_unknown_kind_is_refused() -> None:
     with pytest.raises(ValueError, match="expected some of portrait, plan"):
         list(draw_all(run_of("lone_particle"), ["painting"]))
+
+
+def test_a_long_run_is_drawn_in_short_time_and_says_where_it_ends() -> None:
+    run = run_of("one_circle", "collision.k=1", "stop.collisions=20000", "stop.time=1e6")
+    for drawn in draw_all(run, list(KINDS), "single"):
+        assert_texts_are_apart(drawn.figure)
+        if drawn.name == "space_time":
+            period = 2.0 * np.pi * np.sqrt(1.0 / 9.81)
+            assert drawn.figure.axes[0].get_xlim()[1] == pytest.approx(60 * period)

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from vibro_cli.figures import style
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import CHARACTER, Ticks, number_ticks, vertical_ticks
 
 LEFT = 13.0
 """Room for a vertical axis' label and numbers (mm)."""
@@ -68,9 +68,20 @@ def time_axis(axes: Axes, end: float, width: float, labelled: bool, start: float
     end = end if end > start else start + 1.0
     axes.set_xlim(start, end)
     ticks = number_ticks(start, end, width)
-    axes.set_xticks(ticks.places, ticks.labels if labelled else ("",) * len(ticks.labels))
+    _number(axes, ticks, (start, end), width, labelled)
     if labelled:
         axes.set_xlabel("$t$ [s]")
+
+
+def _number(
+    axes: Axes, ticks: Ticks, span: tuple[float, float], width: float, labelled: bool
+) -> None:
+    """Write the numbers of a horizontal axis, without those that would reach over the edge."""
+    labels = []
+    for place, text in zip(ticks.places, ticks.labels, strict=True):
+        room = (span[1] - place) / (span[1] - span[0]) * width + _RIGHT
+        labels.append(text if labelled and room > 0.6 * CHARACTER * len(text) else "")
+    axes.set_xticks(ticks.places, labels)
 
 
 def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
@@ -81,8 +92,7 @@ def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
         places = tuple(float(n) for n in range(1, int(high + 0.5)))
         axes.set_xticks(places, [f"{place:.0f}" if labelled else "" for place in places])
     else:
-        ticks = number_ticks(low, high, width)
-        axes.set_xticks(ticks.places, ticks.labels if labelled else ("",) * len(ticks.labels))
+        _number(axes, number_ticks(low, high, width), (low, high), width, labelled)
     if labelled:
         axes.set_xlabel("impact $n$")
 

@@ -11,7 +11,7 @@ from vibro_cli.figures.over_impacts import accuracy, impact_map, intervals
 from vibro_cli.figures.over_time import energies, space_time
 from vibro_cli.figures.plan import plan
 from vibro_cli.figures.portrait import phase_portrait
-from vibro_cli.figures.source import Recorded
+from vibro_cli.figures.source import Recorded, Remembered
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ KINDS = {
         space_time,
         "Motion along the trace",
         "Arc length of the contact points against time, with the impacts; horizontal lines are "
-        "junctions of the trace.",
+        "junctions of the trace. Of a long run the first part only.",
     ),
     "impact_map": Kind(
         impact_map,
@@ -88,12 +88,13 @@ def draw_all(run: Recorded, names: Sequence[str], width: str = "double") -> Iter
     if unknown:
         known = ", ".join((PORTRAIT, *KINDS))
         raise ValueError(f"unknown kind of figure {unknown[0]!r}, expected some of {known}")
+    once = Remembered(run)
     for name in names:
         if name == PORTRAIT:
-            yield from _portraits(run, width)
+            yield from _portraits(once, width)
             continue
         kind = KINDS[name]
-        figure = kind.draw(run, width)
+        figure = kind.draw(once, width)
         if figure is not None:
             yield Drawn(name, kind.title, kind.caption, figure)
 

@@ -26,6 +26,8 @@ from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.timeline import energy_course, shown_until, timeline
 
 _HIGH = {"single": (34.0, 20.0), "double": (44.0, 24.0)}
+MOST_STEMS = 2000
+"""Of more losses than this only the points are drawn."""
 LOSS: dict[str, Any] = {"color": style.VERMILLION, "marker": "o", "markersize": 1.8}
 IMPACT: dict[str, Any] = {
     "marker": "o",
@@ -85,7 +87,8 @@ def _draw_losses(axes: Any, times: Array, losses: Array) -> None:
     shown = losses > 0.0
     log_axis(axes, losses, r"$\Delta E$", "J")
     bottom = axes.get_ylim()[0]
-    axes.vlines(times[shown], bottom, losses[shown], linewidth=0.4, color=style.LEVEL_GREY)
+    if len(times) <= MOST_STEMS:
+        axes.vlines(times[shown], bottom, losses[shown], linewidth=0.4, color=style.LEVEL_GREY)
     axes.plot(times[shown], losses[shown], linestyle="none", **LOSS)
     if not np.any(shown):
         axes.text(0.5, 0.5, "no loss", transform=axes.transAxes, ha="center", va="center")

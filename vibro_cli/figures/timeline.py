@@ -12,6 +12,8 @@ from vibro_cli.figures.source import Array, Recorded
 
 MOST_FLIGHTS = 3000
 """Of more flights than this, of all bodies together, only the first are drawn over time."""
+MOST_PERIODS = 60
+"""Of more small oscillations than this only the first are drawn over time."""
 _POINTS = 40000
 _PER_SECOND = 40.0
 """Points of energies in lasting contact."""
@@ -31,9 +33,14 @@ def shown_until(run: Recorded) -> float:
     """Return the time (s) up to which the motion is drawn: the end, unless it would be a stain."""
     flights = run.flights()
     starts = np.sort(np.asarray(flights["t_start"]))
-    if len(starts) <= MOST_FLIGHTS:
-        return float(np.max(flights["t_end"]))
-    return float(starts[MOST_FLIGHTS])
+    end = float(np.max(flights["t_end"]))
+    if len(starts) > MOST_FLIGHTS:
+        end = float(starts[MOST_FLIGHTS])
+    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
+    if radii and run.system.gravity > 0.0:
+        period = 2.0 * math.pi * math.sqrt(max(radii) / run.system.gravity)
+        end = min(end, MOST_PERIODS * period)
+    return end
 
 
 def timeline(run: Recorded, ball: int, until: float) -> Timeline:

@@ -91,7 +91,7 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     count = _points(len(first[::every]))
     free = _free(run, ball, flights, first)[::every]
     branches = tuple(
-        _branches(run, ball, piece, (first[::every], last[::every]), free, count)
+        _branches(run, flights, ball, piece, (first[::every], last[::every]), free, count)
         for piece in run.system.trace.pieces
     )
     start = (
@@ -142,6 +142,7 @@ def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
 
 def _branches(
     run: Recorded,
+    flights: Table,
     ball: int,
     piece: Piece,
     ends: tuple[Integers, Integers],
@@ -149,7 +150,6 @@ def _branches(
     count: int,
 ) -> Branches:
     """Return the branches on one piece, of those that begin and end with the given flights."""
-    flights = run.flights()
     first, last = ends
     here = np.asarray(flights["arc"])[first] == piece.index + 1
     rows = first[here & free]
@@ -193,7 +193,7 @@ def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int
     """
     times = flights["t_end"][rows.start : rows.stop] - flights["t_start"][rows.start : rows.stop]
     share = times / max(float(np.sum(times)), float(np.finfo(np.float64).tiny))
-    wanted = np.maximum(2 * count * share, np.minimum(pace * times, _MOST_POINTS))
+    wanted = np.maximum(count * share, np.minimum(pace * times, _MOST_POINTS))
     curves = [
         np.column_stack(run.flight_curve(row, math.ceil(number) + 1)[1:])
         for row, number in zip(rows, wanted.tolist(), strict=True)
