@@ -19,6 +19,7 @@ LAYERS = (
     "report",
     "figures",
     "benchmark",
+    "stress",
     "analysis",
     "sweep",
     "storage",
@@ -128,7 +129,8 @@ def test_commands_are_imported_by_nobody(path: Path) -> None:
 
 def test_every_library_that_is_imported_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    required = [*project["dependencies"], *project["optional-dependencies"]["dask"]]
+    extras = project["optional-dependencies"]
+    required = [*project["dependencies"], *extras["dask"], *extras["stress"]]
     declared = {text.split(">")[0].split("[")[0].split(".")[0] for text in required}
     found = {name.split(".")[0] for path in SOURCES for name in imports(path)}
     found = {HALVES.get(name, name) for name in found}

@@ -17,6 +17,7 @@ from vibro_cli.commands.report import report
 from vibro_cli.commands.run import run
 from vibro_cli.commands.schema import schema
 from vibro_cli.commands.show import show
+from vibro_cli.commands.stress import stress
 from vibro_cli.commands.warm import warm
 
 app = typer.Typer(
@@ -28,7 +29,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-for command in (run, portrait, report, check, show, schema, new, warm):
+for command in (run, portrait, report, check, show, schema, new, stress, warm):
     app.command(command.__name__)(with_common_options(command))
 app.command("help")(with_common_options(help_command))
 

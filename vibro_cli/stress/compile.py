@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 from llvmlite import ir
@@ -15,8 +15,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def compiled(function: Function) -> Function:
     """Compile a function of floats and arrays, without the interpreter's lock."""
-    result: Function = numba.njit(nogil=True, error_model="numpy")(function)
-    return result
+    result: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    return cast(Function, result)
 
 
 def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:

@@ -34,9 +34,8 @@ def _exact(mp: Any, u: float, root: float) -> tuple[Any, Any, Any]:
             a.append((a[-1] + b[-1]) / 2)
             b.append(mp.sqrt(a[-2] * b[-1]))
         phase = mp.mpf(2) ** (len(a) - 1) * a[-1] * mp.mpf(u)
-        previous = phase
         for k in range(len(a) - 1, 0, -1):
-            previous, phase = phase, (phase + mp.asin(c[k] / a[k] * mp.sin(phase))) / 2
+            phase = (phase + mp.asin(c[k] / a[k] * mp.sin(phase))) / 2
         sn, cn = mp.sin(phase), mp.cos(phase)
         return sn, cn, mp.sqrt(cn * cn + complement * sn * sn)
 

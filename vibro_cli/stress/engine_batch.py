@@ -79,7 +79,8 @@ def first_contacts(system: System, starts: Any) -> Any:
     Rows of ``ANSWER_COLUMNS``.
     """
     world = compiled_world(make_world(system, NEVER, 1))
-    fresh = World(*(np.copy(array) for array in world))
+    copies: list[Any] = [np.array(array) for array in world]
+    fresh = World(*copies)
     answers: Any = np.zeros((len(starts), ANSWER_COLUMNS))
     if len(starts):
         _entry()(world, fresh, starts, answers)

@@ -8,7 +8,18 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.stress.judge import (
-    BODY_A, BODY_B, GRAVITY, HORIZON, KAPPA, PLACE, RADIUS, SIDE, SIGN, SIZE, SLOPE, SPEED,
+    BODY_A,
+    BODY_B,
+    GRAVITY,
+    HORIZON,
+    KAPPA,
+    PLACE,
+    RADIUS,
+    SIDE,
+    SIGN,
+    SIZE,
+    SLOPE,
+    SPEED,
 )  # fmt: skip
 
 TOLERANCES = (1.0e-9, 1.0e-12)
@@ -31,7 +42,7 @@ def first_event(flight: Any, tolerance: float) -> float | None:
     def gap(t: float, y: Any) -> float:
         ax, ay = _centre(flight, BODY_A, y[0])
         bx, by = _centre(flight, BODY_B, y[2])
-        return math.hypot(bx - ax, by - ay) - touch
+        return math.hypot(bx - ax, by - ay) - float(touch)
 
     gap.terminal, gap.direction = True, -1.0  # type: ignore[attr-defined]
     start = [value for body in bodies for value in _start(flight, body)]

@@ -5,7 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from vibro_cli.stress.judge import (
-    BODY_A, BODY_B, GRAVITY, HORIZON, KAPPA, PLACE, RADIUS, SIDE, SIGN, SIZE, SLOPE, SPEED,
+    BODY_A,
+    BODY_B,
+    GRAVITY,
+    HORIZON,
+    KAPPA,
+    PLACE,
+    RADIUS,
+    SIDE,
+    SIGN,
+    SIZE,
+    SLOPE,
+    SPEED,
 )  # fmt: skip
 
 DIGITS = 50
@@ -23,9 +34,9 @@ def multiprecision() -> Any:
     try:
         from mpmath import MPContext
     except ImportError as error:
-        raise MissingLibrary("mpmath is missing; install it with: pip install 'vibro[stress]'") from (
-            error
-        )
+        raise MissingLibrary(
+            "mpmath is missing; install it with: pip install 'vibro[stress]'"
+        ) from (error)
     context = MPContext()
     context.dps = DIGITS
     return context

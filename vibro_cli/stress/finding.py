@@ -1,4 +1,4 @@
-"""What a check reports: what was tried, the worst that was reached, and whether it meets its mark."""
+"""What a check reports: what was tried, the worst reached, and whether it meets its mark."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ _SMALLEST, _LARGEST = -13.0, -2.0  # powers of ten of the overshoot, in radii of
 def _follow(sign: float, w: float, angle: float, rate: float, t: float) -> tuple[float, float]:
     """Angle and rate of ``f'' = -sign w^2 sin f`` after a time t."""
     v = rate / w
-    steps = int(math.ceil(abs(w * t) * (2.0 + abs(v)) / _STEP)) + 1
+    steps = math.ceil(abs(w * t) * (2.0 + abs(v)) / _STEP) + 1
     h = w * t / steps
     s, c, f, series = np.zeros(_ORDER + 2), np.zeros(_ORDER + 2), angle, np.zeros(_ORDER + 2)
     for _ in range(steps):

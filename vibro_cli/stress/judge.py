@@ -12,7 +12,8 @@ Remainder. ``s = sin f, c = cos f, v = f'/w`` obey ``s' = c v, c' = -s v, v' = -
 A majorant ``y' = x, x' = x y`` from ``(x, y) = (1, V)``, ``V = |v|``, has ``y' <= y^2/2 + 1``, so
 that for ``u <= r = sqrt2 (1.45 - atan(V/sqrt2))`` both stay below 70; by Cauchy the terms from
 order n + 1 on are below ``70 (u/r)^(n+1)/(1 - u/r)``. For large V the majorant ``z' = z^2`` from
-``q = max(1, V)`` gives ``5 q`` at ``r = 0.8/q``. An error of the state grows at most as ``e^(w t)``.
+``q = max(1, V)`` gives ``5 q`` at ``r = 0.8/q``. An error of the state grows at most as ``e^(w t)``
+(the symmetric part of the equation's derivative has norm 1).
 """
 
 from __future__ import annotations
@@ -176,8 +177,9 @@ def _arc_step(flight: Any, body: int, h: float, state: Any, rows: Any, path: Any
         for k in range(ORDER, -1, -1):
             total = add(total, (rows[row, HIGH, k], rows[row, LOW, k]))
         state[row, HIGH], state[row, LOW] = total
-    left_out = bound * share ** (ORDER + 1) / (1.0 - share)
-    return left_out + WIDE_ROUNDING * (1.0 + abs(state[2, HIGH]))
+    left_out: float = bound * share ** (ORDER + 1) / (1.0 - share)
+    rounding: float = WIDE_ROUNDING * (1.0 + abs(state[2, HIGH]))
+    return left_out + rounding
 
 
 @compiled
@@ -282,7 +284,8 @@ def _step(
         _line_step(flight, body, t, h, path)
         return WIDE_ROUNDING
     growth = math.exp(1.001 * _frequency(flight, body)[0] * h)
-    return error * growth + _arc_step(flight, body, h, state, rows, path)
+    added = _arc_step(flight, body, h, state, rows, path)
+    return error * growth + added
 
 
 @compiled
@@ -290,7 +293,8 @@ def _reach(flight: Any, body: int) -> float:
     """Length (m) that turns a bound of the state's error into one of the place's."""
     if flight[body + SIGN] == 0.0:
         return 1.0 + abs(flight[body + SIZE]) + abs(flight[body + SPEED] * flight[HORIZON])
-    return _path_radius(flight, body)[0]
+    radius: float = _path_radius(flight, body)[0]
+    return radius
 
 
 @compiled

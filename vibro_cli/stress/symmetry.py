@@ -1,0 +1,178 @@
+"""Mirror images, time reversal, and runs that go on from a checkpoint."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.simulation.run import Run, simulate_system
+from vibro_cli.stress.finding import Document, Finding, Plan, Worst
+from vibro_cli.stress.scenes import THREE_ARCS, VALLEY, ball, scene, solve, system_of
+
+CHECK = "symmetry"
+EPSILON = 2.0**-52
+
+
+def check(plan: Plan) -> list[Finding]:
+    """Mirror images on one arc and on three, motion reversed, runs in two parts."""
+    rng = np.random.default_rng([plan.seed, 11])
+    count = plan.amount(20, 400)
+    return [
+        _mirror_on_one_arc(rng, count),
+        _mirror_on_three(rng, count),
+        _reversal(rng, count),
+        _continued(rng, plan.amount(6, 60)),
+    ]
+
+
+def _balls(rng: np.random.Generator, count: int, low: float, high: float) -> list[Document]:
+    """Balls of random masses and speeds in slots of one arc."""
+    edges = np.linspace(low, high, count + 1)
+    return [
+        ball(
+            float(rng.uniform(edges[n] + 0.12, edges[n + 1] - 0.12)),
+            mass=float(rng.uniform(0.3, 3.0)), speed=float(rng.normal(0.0, 1.0)),
+        )
+        for n in range(count)
+    ]  # fmt: skip
+
+
+def mirrored(document: Document) -> Document:
+    """The mirror image of a scene whose trace is its own mirror image."""
+    arcs = len(document["trace"]["arcs"])
+    balls = [
+        {
+            **old, "arc": arcs + 1 - old["arc"], "angle": -old["angle"],
+            "speed": -old.get("speed", 0.0),
+        }
+        for old in reversed(document["balls"])
+    ]  # fmt: skip
+    return {**document, "balls": balls}
+
+
+def _pairs_of_columns(run: Run, image: Run) -> list[tuple[Any, Any]]:
+    """Columns of a run and the same of its image, mirrored back."""
+    one, other = run.collisions, image.collisions
+    pairs = [(one["t"], other["t"]), (one["t_low"], other["t_low"])]
+    for a, b in ("ab", "ba"):
+        pairs += [(one[f"angle_{a}"], -other[f"angle_{b}"])]
+        pairs += [(one[f"speed_{a}_post"], -other[f"speed_{b}_post"])]
+    return pairs
+
+
+def _mirror_on_one_arc(rng: np.random.Generator, count: int) -> Finding:
+    worst = Worst()
+    for _ in range(count):
+        balls = _balls(rng, int(rng.integers(2, 5)), -2.0, 2.0)
+        k = float(rng.choice([1.0, 0.9, 0.6]))
+        document = scene(VALLEY, balls, k, collisions=60, time=20.0)
+        run, image = solve(document), solve(mirrored(document))
+        different = len(run.collisions["t"]) != len(image.collisions["t"])
+        if not different:
+            pairs = _pairs_of_columns(run, image)
+            different = any(not np.array_equal(one, other) for one, other in pairs)
+        worst.take(float(different), document)
+    tried = "2 to 4 balls in a valley and their mirror images, up to 60 impacts, to the bit"
+    return Finding(CHECK, "runs that differ", tried, worst.cases, worst.value, 0.0, worst.scenario)
+
+
+def _sensitivity(document: Document, run: Run) -> Any:
+    """Change of the impacts' times (s) for a relative change of 1 of a start, row by row."""
+    change = 2.0**-30
+    greatest: Any = np.abs(run.collisions["t"]).copy()
+    for number, old in enumerate(document["balls"]):
+        for key in ("angle", "speed"):
+            balls = list(document["balls"])
+            balls[number] = {**old, key: old.get(key, 0.0) * (1.0 + change)}
+            other = solve({**document, "balls": balls}).collisions["t"]
+            rows = min(len(other), len(greatest))
+            moved = np.abs(other[:rows] - run.collisions["t"][:rows]) / change
+            greatest[:rows] = np.maximum(greatest[:rows], moved)
+    return greatest
+
+
+def _mirror_on_three(rng: np.random.Generator, count: int) -> Finding:
+    worst = Worst()
+    for _ in range(count):
+        balls = [*_balls(rng, 1, -1.4, 0.5), *_balls(rng, 1, -0.5, 1.4)]
+        balls[1]["arc"] = 3
+        document = scene(THREE_ARCS, balls, 1.0, collisions=10, time=60.0)
+        run, image = solve(document), solve(mirrored(document))
+        rows = min(len(run.collisions["t"]), len(image.collisions["t"]))
+        if rows == 0:
+            continue
+        allowed = EPSILON * _sensitivity(document, run)[:rows]
+        off = np.abs(run.collisions["t"][:rows] - image.collisions["t"][:rows])
+        worst.take(float(np.max(off / allowed)), document)
+    tried = "two balls on three arcs and their mirror images, times of the first 10 impacts"
+    return Finding(
+        CHECK, "difference / (eps x amplification)", tried, worst.cases, worst.value, 64.0,
+        worst.scenario,
+    )  # fmt: skip
+
+
+def _reversal(rng: np.random.Generator, count: int) -> Finding:
+    """Forward, every speed reversed, back: the start again."""
+    worst = Worst()
+    for _ in range(count):
+        document = scene(VALLEY, _balls(rng, 2, -1.5, 1.5), 1.0, time=4.0)
+        run = solve(document)
+        if run.end_cause != "time":
+            continue
+        end = run.sample([4.0])
+        balls = [
+            {**old, "angle": float(angle), "speed": -float(speed)}
+            for old, angle, speed in zip(document["balls"], end["angle"], end["speed"], strict=True)
+        ]
+        back = solve({**document, "balls": balls}).sample([4.0])["angle"]
+        start = np.array([old["angle"] for old in document["balls"]])
+        allowed = EPSILON * _growth(document, end["angle"])
+        worst.take(float(np.max(np.abs(back - start))) / allowed, document)
+    tried = "two balls in a valley for 4 s, all speeds reversed, back for 4 s"
+    return Finding(
+        CHECK, "distance from the start / (eps x amplification)", tried, worst.cases, worst.value,
+        64.0, worst.scenario,
+    )  # fmt: skip
+
+
+def _growth(document: Document, end: Any) -> float:
+    """Greatest change of the final angles for a change of 1 of a start (at least 1)."""
+    change, greatest = 2.0**-30, 1.0
+    for number, old in enumerate(document["balls"]):
+        for key in ("angle", "speed"):
+            balls = list(document["balls"])
+            balls[number] = {**old, key: old[key] + change}
+            moved = solve({**document, "balls": balls}).sample([4.0])["angle"]
+            greatest = max(greatest, float(np.max(np.abs(moved - end))) / change)
+    return greatest
+
+
+def _continued(rng: np.random.Generator, count: int) -> Finding:
+    worst = Worst()
+    for number in range(count):
+        trace, first = (VALLEY, 1) if number % 2 else (THREE_ARCS, 3)
+        balls = [*_balls(rng, 1, -1.4, 0.5), *_balls(rng, 1, 0.6, 1.4)]
+        balls[1]["arc"] = first
+        k = float(rng.choice([1.0, 0.7]))
+        document = scene(trace, balls, k, time=8.0)
+        whole = solve(document)
+        part = float(rng.uniform(0.5, 7.5))
+        begun = solve({**document, "stop": {"time": part}})
+        if begun.end_cause != "time":
+            continue
+        checkpoint = json.loads(json.dumps(begun.checkpoint()))
+        rest = simulate_system(
+            system_of(document), 8.0, None, "python", checkpoint=checkpoint,
+            history=begun.history(),
+        )  # fmt: skip
+        same = whole.checkpoint() == rest.checkpoint()
+        same &= whole.summary_record() == rest.summary_record()
+        for name, column in whole.collisions.items():
+            if column.dtype != object:
+                equal = np.array_equal(column, rest.collisions[name], equal_nan=True)
+                same &= bool(equal)
+        worst.take(float(not same), document)
+    tried = "one run and the same run in two parts, joined at a checkpoint, to the bit"
+    return Finding(CHECK, "runs that differ", tried, worst.cases, worst.value, 0.0, worst.scenario)
