@@ -138,6 +138,15 @@ def test_the_words_are_those_of_the_summary(run: StoredRun, page: Page) -> None:
     assert "matplotlib" in page.with_id("run1-versions").text
 
 
+def test_the_jump_across_the_figure_eight_is_told(page: Page) -> None:
+    """Ball 1 comes over the crest and stays: it must have jumped into a loop."""
+    cells = [one.text for one in page.all("td") + page.all("th")]
+    text = page.with_id("run1-sides").text
+    assert "outside" in cells
+    assert "right loop" in cells
+    assert "figure eight" in text
+
+
 def test_the_energies_balance(run: StoredRun) -> None:
     start, lost, rest, end = (float(text.split(" ")[0]) for _, text in _plain(run))
     assert start - lost - rest == pytest.approx(end, rel=1e-5)

@@ -12,6 +12,10 @@ from urllib.parse import quote
 
 import numpy as np
 
+from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.portrait_type import portrait_of
+from vibro_cli.analysis.sides import side
+from vibro_cli.analysis.trigger import FIGURE_EIGHT
 from vibro_cli.build import mechanics_warnings
 from vibro_cli.figures.kinds import KINDS, PORTRAIT, Drawn, draw_all
 from vibro_cli.figures.output import render
@@ -21,6 +25,8 @@ from vibro_cli.storage.stored import StoredRun
 
 FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""
+MOST_JUMPS = 40
+"""Jumps across the figure eight that stand in the report, about."""
 _LARGEST_VECTOR = 400_000
 """A figure with more bytes than this as SVG is put in as PNG."""
 _COLUMNS = (
@@ -58,6 +64,7 @@ def _run(run: StoredRun, anchor: str, beside: Path) -> dict[str, Any]:
         "energy": energy_balance(run),
         "validity": validity(summary, _refused(run), mechanics_warnings(run.system)),
         "accuracy": _accuracy(run),
+        "sides": _sides(run),
         "impacts": _impacts(run),
         "link": _link(run.folder / "collisions.parquet", beside),
         "versions": _versions(run.manifest),
@@ -158,6 +165,32 @@ def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
         ("Lost elsewhere (walls, ends of accumulations) and rounding", number(rest, "J", 3)),
         ("At the end", number(end, "J")),
     ]
+
+
+def _sides(run: StoredRun) -> list[list[str]]:
+    """The first impacts at which a body jumps from one side of its figure eight to another."""
+    if run.system.turning is not None:
+        return []
+    portraits = [
+        portrait_of(Landscape.of(run.system, n + 1)) for n in range(len(run.system.bodies))
+    ]
+    if not any(trigger.orbit == FIGURE_EIGHT for one in portraits for trigger in one.triggers):
+        return []
+    table, found = run.collisions, []
+    for row in range(len(table["n"])):
+        for name in "ab":
+            ball = int(table[f"ball_{name}"][row])
+            s = float(table[f"s_{name}"][row])
+            before, after = (
+                side(portraits[ball - 1], s, float(table[f"energy_{name}_{when}"][row]))
+                for when in ("pre", "post")
+            )
+            if before is not None and after is not None and before != after:
+                time = number(float(table["t"][row]), "s")
+                found.append([str(int(table["n"][row])), time, str(ball), before, after])
+        if len(found) >= MOST_JUMPS:
+            break
+    return found
 
 
 def _accuracy(run: StoredRun) -> list[tuple[str, str]]:
