@@ -186,6 +186,15 @@ def test_several_runs_are_compared(run: StoredRun, beside: Path) -> None:
     assert len(page.all("img")) == 16
 
 
+def test_runs_of_the_same_name_are_told_apart(beside: Path) -> None:
+    runs = [stored(beside / name, "one_circle", "stop.collisions=2") for name in ("one", "two")]
+    page = Page(report_html(runs, beside, "0"))
+    heads = [one.text for one in page.all("h2")]
+    assert len(heads) == len(set(heads))
+    regions = [one.attributes["aria-label"] for one in page.elements if one.attributes.get("role")]
+    assert len(regions) == len(set(regions))
+
+
 def test_a_run_without_impacts_says_so(beside: Path) -> None:
     run = stored(beside / "alone", "lone_particle", "stop.time=1")
     page = Page(report_html([run], beside, "0"))

@@ -39,21 +39,32 @@ _COLUMNS = (
 
 def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any]:
     """Return the values of a report of runs whose file is to stand in the folder `beside`."""
-    names = [run.scenario.name for run in runs]
+    names = _names(runs)
     return {
         "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
         "version": version,
-        "runs": [_run(run, f"run{place}", beside) for place, run in enumerate(runs, 1)],
-        "comparison": _comparison(runs) if len(runs) > 1 else None,
+        "runs": [
+            _run(run, name, f"run{place}", beside)
+            for place, (run, name) in enumerate(zip(runs, names, strict=True), 1)
+        ],
+        "comparison": _comparison(runs, names) if len(runs) > 1 else None,
     }
 
 
-def _run(run: StoredRun, anchor: str, beside: Path) -> dict[str, Any]:
+def _names(runs: Sequence[StoredRun]) -> list[str]:
+    """Return names that tell the runs apart: those of the scenarios, else with the folders'."""
+    names = [run.scenario.name for run in runs]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{name} in {run.folder}" for name, run in zip(names, runs, strict=True)]
+
+
+def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]:
     summary = run.summary
-    figures = [_figure(drawn, run) for drawn in draw_all(run, [PORTRAIT, *KINDS], "double")]
+    figures = [_figure(drawn, name) for drawn in draw_all(run, [PORTRAIT, *KINDS], "double")]
     return {
         "anchor": anchor,
-        "name": run.scenario.name,
+        "name": name,
         "folder": str(run.folder),
         "ending": END_CAUSES.get(summary["end_cause"], str(summary["end_cause"])),
         "key_figures": key_figures(run),
@@ -135,7 +146,7 @@ def _body(run: StoredRun, index: int) -> list[str]:
     ]
 
 
-def _figure(drawn: Drawn, run: StoredRun) -> dict[str, str]:
+def _figure(drawn: Drawn, name: str) -> dict[str, str]:
     form, content = "svg+xml", render(drawn.figure, "svg")
     if len(content) > _LARGEST_VECTOR:
         form, content = "png", render(drawn.figure, "png")
@@ -143,7 +154,7 @@ def _figure(drawn: Drawn, run: StoredRun) -> dict[str, str]:
     return {
         "title": drawn.title,
         "caption": drawn.caption,
-        "alternative": f"{drawn.title}, run {run.scenario.name}. {drawn.caption}",
+        "alternative": f"{drawn.title}, run {name}. {drawn.caption}",
         "source": f"data:image/{form};base64,{base64.b64encode(content).decode()}",
         "width": f"{width:.0f}",
         "height": f"{height:.0f}",
@@ -241,7 +252,7 @@ def _versions(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(program["name"], program["version"]), *environment.items()]
 
 
-def _comparison(runs: Sequence[StoredRun]) -> dict[str, Any]:
+def _comparison(runs: Sequence[StoredRun], names: Sequence[str]) -> dict[str, Any]:
     """Return the key figures of several runs side by side, and what differs in the scenarios."""
     results = [dict(key_figures(run)) for run in runs]
     labels = list(dict.fromkeys(label for result in results for label in result))
@@ -252,7 +263,7 @@ def _comparison(runs: Sequence[StoredRun]) -> dict[str, Any]:
     ]
     endings = [END_CAUSES.get(run.summary["end_cause"], "") for run in runs]
     return {
-        "names": [run.scenario.name for run in runs],
+        "names": list(names),
         "results": [
             ["Ending", *endings],
             *([label, *(result.get(label, "–") for result in results)] for label in labels),
