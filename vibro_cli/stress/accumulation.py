@@ -99,7 +99,7 @@ def _to_contact(mp: Any, bodies: list[_Pendulum], beta: Any) -> Any:
         root = _root(mp, gap[1:] if parting else gap, step)
         h = step if root is None else root
         for body, row in zip(bodies, rows, strict=True):
-            body.angle, body.rate = mp.polyval(row[::-1], h, derivative=True)
+            body.angle, body.rate = mp.polyval(row, h, derivative=True, asc=True)
         t += h
         if root is not None:
             return t
@@ -107,25 +107,25 @@ def _to_contact(mp: Any, bodies: list[_Pendulum], beta: Any) -> Any:
 
 def _root(mp: Any, coefficients: list[Any], step: Any) -> Any:
     """First root of a polynomial on a step, None if it has none."""
-    row = coefficients[::-1]
+    row = coefficients
     low = mp.zero
     for k in range(1, 9):
         high = step * k / 8
-        if mp.polyval(row, high) <= 0:
+        if mp.polyval(row, high, asc=True) <= 0:
             break
         low = high
     else:
         return None
     # A root much shorter than the step is first bracketed by its own size.
-    while low == 0 and mp.polyval(row, high / 8) <= 0:
+    while low == 0 and mp.polyval(row, high / 8, asc=True) <= 0:
         high /= 8
     u = high
     for _ in range(60):
-        value, slope = mp.polyval(row, u, derivative=True)
+        value, slope = mp.polyval(row, u, derivative=True, asc=True)
         following = u - value / slope if slope else low
         if not low <= following <= high:
             following = (low + high) / 2
-        if mp.polyval(row, following) <= 0:
+        if mp.polyval(row, following, asc=True) <= 0:
             high = following
         else:
             low = following

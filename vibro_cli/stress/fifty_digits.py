@@ -102,11 +102,12 @@ def first_contact(mp: Any, flight: Any) -> Any:
     while t < horizon:
         rates = [body.fastest() for body in bodies]
         h = min(mp.mpf(STEP) / max(*rates, 1.0e-3), horizon - t)
-        rows = [body.series()[::-1] for body in bodies]
+        rows = [body.series() for body in bodies]
 
         def gap(u: Any, rows: list[Any] = rows) -> Any:
             (ax, ay), (bx, by) = (
-                body.centre(mp.polyval(row, u)) for body, row in zip(bodies, rows, strict=True)
+                body.centre(mp.polyval(row, u, asc=True))
+                for body, row in zip(bodies, rows, strict=True)
             )
             return (bx - ax) ** 2 + (by - ay) ** 2 - touch**2
 
@@ -114,7 +115,7 @@ def first_contact(mp: Any, flight: Any) -> Any:
         if found is not None:
             return t + found
         for body, row in zip(bodies, rows, strict=True):
-            body.place, body.rate = mp.polyval(row, h, derivative=True)
+            body.place, body.rate = mp.polyval(row, h, derivative=True, asc=True)
         t += h
     return None
 

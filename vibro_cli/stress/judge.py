@@ -292,7 +292,8 @@ def _step(
 def _reach(flight: Any, body: int) -> float:
     """Length (m) that turns a bound of the state's error into one of the place's."""
     if flight[body + SIGN] == 0.0:
-        return 1.0 + abs(flight[body + SIZE]) + abs(flight[body + SPEED] * flight[HORIZON])
+        way: float = abs(flight[body + SIZE]) + abs(flight[body + SPEED] * flight[HORIZON])
+        return 1.0 + way
     radius: float = _path_radius(flight, body)[0]
     return radius
 

@@ -1,0 +1,121 @@
+"""The judge of first contacts: against closed forms, 50 digits, and the solver against it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli.stress import fifty_digits
+from vibro_cli.stress.flights import (
+    KINDS,
+    Family,
+    States,
+    for_judge,
+    random_family,
+    random_states,
+    scenario_of_flight,
+)
+from vibro_cli.stress.grazing import near_grazing
+from vibro_cli.stress.judge import COLUMNS, CONTACT, HORIZON, NO_CONTACT, judge_all, workspace
+from vibro_cli.stress.scenes import solve
+
+
+def verdicts_on(rows: Any) -> Any:
+    verdicts: Any = np.zeros((len(rows), 4))
+    judge_all(np.asarray(rows), workspace(), verdicts)
+    return verdicts
+
+
+def level_line(speed_a: float, speed_b: float, horizon: float) -> Any:
+    """Two balls of radius 1/4 and 1/8 on a level line, their centres' feet 2 m apart."""
+    row = [9.81, 0.0, horizon]
+    row += [0.0, 8.0, 0.25, 1.4, 1.0, speed_a, 0.0]
+    row += [0.0, 8.0, 0.125, 1.4, 3.0, speed_b, 0.0]
+    assert len(row) == COLUMNS
+    return row
+
+
+def test_a_level_line() -> None:
+    meeting = (2.0 - 2.0 * math.sqrt(0.25 * 0.125)) / 1.5
+    early, late, never = verdicts_on(
+        [
+            level_line(1.0, -0.5, meeting - 1e-9),
+            level_line(1.0, -0.5, 3.0),
+            level_line(1.0, 1.0, 9.0),
+        ]
+    )
+    assert early[0] == NO_CONTACT
+    assert never[0] == NO_CONTACT
+    assert late[0] == CONTACT
+    assert late[1] <= meeting * (1 + 1e-15)
+    assert late[2] >= meeting * (1 - 1e-15)
+    assert late[2] - late[1] < 1e-13
+
+
+def some_flights(kind: int, grazing: bool, count: int) -> tuple[Family, States]:
+    rng = np.random.default_rng([5, kind, int(grazing)])
+    family = random_family(rng, kind)
+    if grazing:
+        states, _ = near_grazing(rng, family, 2000)
+    else:
+        states = random_states(rng, family, 200)
+    return family, states.part(slice(0, count))
+
+
+@pytest.mark.parametrize("grazing", [False, True])
+def test_fifty_digits_agree(grazing: bool) -> None:
+    mp = fifty_digits.multiprecision()
+    judged = 0
+    for kind in range(len(KINDS)):
+        family, states = some_flights(kind, grazing, 2)
+        rows = for_judge(family, states, states.horizon)
+        for row, (status, low, high, _) in zip(rows, verdicts_on(rows), strict=True):
+            exact = fifty_digits.first_contact(mp, row)
+            judged += 1
+            assert status == (NO_CONTACT if exact is None else CONTACT)
+            if exact is not None:
+                assert low - 1e-15 * row[HORIZON] <= exact <= high + 1e-15 * row[HORIZON]
+    assert judged >= 10
+
+
+@pytest.mark.parametrize("grazing", [False, True])
+def test_the_interpreted_solver_agrees(grazing: bool) -> None:
+    met = 0
+    for kind in range(len(KINDS)):
+        family, states = some_flights(kind, grazing, 8)
+        for number in range(len(states.places)):
+            run = solve(scenario_of_flight(family, states, number))
+            flights = run.flights()
+            ends = flights["t_end"][flights["t_start"] == 0.0]
+            one = states.part(slice(number, number + 1))
+            row = for_judge(family, one, min([*ends.tolist(), float(one.horizon[0])]))
+            # Up to the first end of a flight, which may be the contact itself.
+            row[0, HORIZON] *= 1.0 + 1e-9
+            status, _, high, speed = verdicts_on(row)[0]
+            times = run.collisions["t"]
+            if len(times) and times[0] <= row[0, HORIZON]:
+                assert status == CONTACT
+                assert abs(times[0] - high) * speed < 1e-12
+                met += 1
+            else:
+                assert status == NO_CONTACT
+    assert met >= 10
+
+
+def test_near_grazing_is_near() -> None:
+    """What is made to overlap meets, and what is made to pass, mostly, does not."""
+    outcome = []
+    for kind in range(len(KINDS)):
+        rng = np.random.default_rng([9, kind])
+        family = random_family(rng, kind)
+        states, overshoot = near_grazing(rng, family, 1500)
+        rows = for_judge(family, states, states.horizon)
+        outcome += list(zip(overshoot, verdicts_on(rows)[:, 0], strict=True))
+    overlapping = [status for size, status in outcome if size > 0.0]
+    passing = [status for size, status in outcome if size < 0.0]
+    assert min(abs(size) for size, _ in outcome) < 1e-11
+    assert set(overlapping) == {CONTACT}
+    assert passing.count(NO_CONTACT) > 0.8 * len(passing)

@@ -1,0 +1,79 @@
+"""The suite as a program: its table, its files, its exit codes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from vibro_cli.commands.app import run_command_line
+from vibro_cli.scenario import scenario_of
+from vibro_cli.storage.tables import read_parquet
+from vibro_cli.stress import suite
+from vibro_cli.stress.finding import Finding, Plan, Worst
+from vibro_cli.stress.report import line_of, write
+from vibro_cli.stress.scenes import VALLEY, ball, scene
+
+QUICK = ("elliptic", "crest")
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_quick_checks_meet_their_marks(name: str) -> None:
+    findings = list(suite.run(Plan(3, False), [name]))
+    assert len(findings) >= 3
+    assert [line_of(one) for one in findings if not one.met] == []
+    assert all(one.cases > 0 and one.worst >= 0.0 for one in findings)
+
+
+def test_a_missed_mark_and_a_told_value() -> None:
+    assert not Finding("a", "b", "c", 1, 2.0, 1.0).met
+    assert Finding("a", "b", "c", 1, 1.0, 1.0).met
+    assert Finding("a", "b", "c", 1, 9.0, None).met
+    assert not Finding("a", "b", "c", 1, float("nan"), 1.0).met
+
+
+def test_the_worst_is_kept_with_its_scenario() -> None:
+    worst = Worst()
+    worst.take(1.0, {"name": "one"})
+    worst.take(3.0, {"name": "three"})
+    worst.take(2.0, {"name": "two"})
+    assert (worst.value, worst.cases, worst.scenario) == (3.0, 3, {"name": "three"})
+    worst.take(float("nan"), {"name": "nan"})
+    assert worst.value == float("inf")
+
+
+def test_the_folder(tmp_path: Path) -> None:
+    document = scene(VALLEY, [ball(-0.5), ball(0.5)], 0.9, time=1.0)
+    findings = [
+        Finding("one", "error", "cases", 3, 2.0, 1.0, document),
+        Finding("two", "count", "cases", 5, 0.0, None),
+    ]
+    write(findings, Plan(1, False), tmp_path / "out")
+    table = read_parquet(tmp_path / "out" / "stress.parquet").to_pylist()
+    assert [row["met"] for row in table] == [False, True]
+    assert [row["mark"] for row in table] == [1.0, None]
+    assert table[1]["scenario"] is None
+    kept = json.loads((tmp_path / "out" / table[0]["scenario"]).read_text(encoding="utf-8"))
+    assert scenario_of(kept) == scenario_of(document)
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = str(tmp_path / "out")
+    code = run_command_line(["stress", "--only", "elliptic", "--json", "-o", target])
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert code == 0
+    assert {line["check"] for line in lines} == {"elliptic"}
+    assert all(line["met"] for line in lines)
+    assert (tmp_path / "out" / "stress.parquet").exists()
+
+
+def test_an_unknown_check(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command_line(["stress", "--only", "nothing"]) == 2
+    assert "expected one of elliptic" in capsys.readouterr().err
+
+
+def test_a_missed_mark_is_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    missed = Finding("elliptic", "error", "cases", 1, 2.0, 1.0)
+    monkeypatch.setattr(suite, "run", lambda plan, names: iter([missed]))
+    assert run_command_line(["stress", "-q"]) == 1
