@@ -117,7 +117,7 @@ def _collide_alone(world: World, j: int) -> int:
     row.head_a_post = a.head
     row.head_b_post = b.head
     pair.touching = PARTING
-    if pair.restitution < 1.0 and close_if_accumulated(world, j, law) == 1:
+    if close_if_accumulated(world, j, law) == 1:
         row.contact = 1
     return RUNNING
 

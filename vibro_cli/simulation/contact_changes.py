@@ -33,6 +33,8 @@ HELD_ROUNDING = 1.0e-9
 FORCE_ROUNDING = 1.0e-12
 # A bounce must be this small against the bodies before its accumulation is looked at.
 SMALL_BOUNCE = 1.0e-4
+# A bounce lower than this many units in the last place of the places is lost in rounding.
+LOST_BOUNCE = 4.0
 
 
 @kernel
@@ -275,13 +277,18 @@ def _remaining_bounces(world: World, j: int, u: float, c: float) -> float:
     pair = world.pairs[j]
     a = world.flights[pair.a]
     b = world.flights[pair.b]
-    first_term = 2.0 * u / (c * (1.0 - pair.restitution))
-    free = a.piece == b.piece and a.grouped == 0 and b.grouped == 0 and a.own_frequency > 0.0
-    size = 0.0
+    size = pair.distance
     for ball in range(2):
         flight = a if ball == 0 else b
         size += abs(world.pieces[flight.piece].x) + abs(world.pieces[flight.piece].y)
-    rounding = EPSILON * (size + pair.distance)
+    rounding = EPSILON * size
+    if pair.restitution == 1.0:
+        # Nothing accumulates; but a bounce lower than the rounding of the places is contact.
+        return 0.0 if u * u <= 2.0 * c * LOST_BOUNCE * rounding else -1.0
+    first_term = 2.0 * u / (c * (1.0 - pair.restitution))
+    if u * u <= 2.0 * c * LOST_BOUNCE * rounding:
+        return first_term
+    free = a.piece == b.piece and a.grouped == 0 and b.grouped == 0 and a.own_frequency > 0.0
     rate = (a.jerk_bound + b.jerk_bound) * pair.distance
     if not free:
         rate += (a.acceleration_bound + b.acceleration_bound) * _fastest(world, j)

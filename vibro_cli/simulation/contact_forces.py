@@ -42,7 +42,8 @@ class _Motion(NamedTuple):
 def contact_extremes(paths: Paths) -> list[Extremes]:
     """Return the extremes of every body of every flight in lasting contact."""
     rows: dict[tuple[int, float, float], int] = {}
-    grouped = np.flatnonzero(paths.log["grouped"] == 1)
+    # Of several launches at one instant only the last one lasts.
+    grouped = np.flatnonzero((paths.log["grouped"] == 1) & (paths.duration > 0.0))
     for index in grouped:
         rows[_key(paths, index, int(paths.body[index]))] = int(index)
     bodies = len(paths.places.system.bodies)

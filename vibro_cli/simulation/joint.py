@@ -128,7 +128,7 @@ def collide_jointly(world: World, j: int, first: int, count: int) -> int:
     for step in range(count):
         number = (first + step) % settings.pairs
         pair = world.pairs[number]
-        if pair.touching == PARTING and pair.restitution < 1.0:
+        if pair.touching == PARTING:
             closed = close_if_accumulated(world, number, law)
             for row in range(start_row, clock.impact_rows):
                 if world.impacts[row].pair == number:

@@ -33,10 +33,8 @@ def summarise(
 ) -> dict[str, Any]:
     """Return the record of ``summary.json``: plain values, None for null."""
     log = paths.log
-    weights = places.weight
-    first = np.array([np.flatnonzero(paths.body == body)[0] for body in range(len(weights))])
-    start = math.fsum(weights * log["head"][first])
-    end = math.fsum(weights * log["head"][paths.last])
+    start = math.fsum(paths.start_energies())
+    end = math.fsum(paths.end_energies())
     if end_cause == END_INADMISSIBLE:
         impacts = impacts[:-1]
     walls = int(np.count_nonzero(log["cause"] == WALL))
