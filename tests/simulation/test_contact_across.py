@@ -1,8 +1,8 @@
 """Lasting contact across a junction, against one quadrature of its single degree of freedom.
 
-With q the place of the left body along its path, the right body's place follows from the distance of
-the centres; ``M(q) q'^2/2 + V(q) = E`` then gives the time between two places as an integral. The
-solver integrates forces instead, so that the two have nothing in common but the geometry.
+With q the place of the left body along its path, the right body's place follows from the distance
+of the centres; ``M(q) q'^2/2 + V(q) = E`` then gives the time between two places as an integral.
+The solver integrates forces instead, so that the two have nothing in common but the geometry.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DIGITS = 30
 
 
 class Constrained:
-    """Two equal balls in contact, the left one on the hump, the right one in the valley after it."""
+    """Two equal balls in contact, the left one on the hump, the right one in the next valley."""
 
     def __init__(self, run: Run) -> None:
         system = run.system
