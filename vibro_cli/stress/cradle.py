@@ -99,6 +99,9 @@ def _symmetric(plan: Plan) -> list[Finding]:
         if hangs:
             continue
         run, image = solve(document), solve(mirrored(document))
+        if run.end_cause != "time":
+            ended.take(1.0, document)
+            continue
         end = [state.sample([6.0])["angle"] for state in (run, image)]
         lopsided = float(np.max(np.abs(end[0] + end[0][::-1])))
         different = float(np.max(np.abs(end[0] + end[1][::-1])))
@@ -111,6 +114,7 @@ def _symmetric(plan: Plan) -> list[Finding]:
             worst.scenario,
         ),
         Finding(
-            CHECK, "runs that hang or fail", tried, ended.cases, ended.value, 0.0, ended.scenario
+            CHECK, "runs that hang, fail or have too many impacts", tried, ended.cases,
+            ended.value, 0.0, ended.scenario,
         ),
     ]  # fmt: skip
