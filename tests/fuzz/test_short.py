@@ -1,5 +1,6 @@
 """The short form of the fuzzing, with the same texts every time."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 
 from tests.fuzz.judge import judge
 from tests.fuzz.mutation import FORMS, mutated, seeds
+from vibro_cli.scenario import ScenarioError, parse_scenario
 
 COUNT = {"toml": 1500, "json": 1500, "yaml": 300}
 
@@ -19,6 +21,14 @@ def test_only_scenario_errors_leave_the_reader(form: str) -> None:
     assert found.valid + found.invalid == COUNT[form]
     # Texts that are all refused at once would show little.
     assert found.valid > 0.02 * COUNT[form]
+
+
+@pytest.mark.parametrize("key", ["<<: *ands", "<", "<wall>"])
+def test_a_key_that_looks_like_a_tag_is_an_unknown_key(key: str) -> None:
+    """Found by the long form, after 166,463 texts."""
+    for text in (f'{{"{key}": 1}}', f'{{"ends": {{"left": {{"{key}": 1, "wall": 1}}}}}}'):
+        with pytest.raises(ScenarioError, match=re.escape(f'the unknown key "{key}"')):
+            parse_scenario(text, "json")
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -34,10 +34,12 @@ def faults(error: ValidationError) -> list[Fault]:
 
 
 def _fault(details: ErrorDetails) -> Fault:
-    # tags of unions, such as "<wall>", are no part of the path
-    loc = tuple(part for part in details["loc"] if not str(part).startswith("<"))
     context: Mapping[str, Any] = details.get("ctx", {})
-    kind, value = details["type"], details["input"]
+    kind, value, given = details["type"], details["input"], details["loc"]
+    # tags of unions, such as "<wall>", are no part of the path; an unknown key may look like one
+    loc = tuple(part for part in given if not str(part).startswith("<"))
+    if kind == "extra_forbidden":
+        loc = (*(part for part in given[:-1] if not str(part).startswith("<")), given[-1])
     if kind == "vibro":
         return Fault(loc, context["found"], context["expected"])
     if kind == "missing":
