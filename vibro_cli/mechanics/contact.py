@@ -116,7 +116,11 @@ def contact_on_arc(
             h = _cubic_guess(gap, rate, second, third)
             h = _refine_on_arc(a, b, age_a + t, age_b + t, h, contact, orientation, pair, clock)
             if h > NONE_BEFORE_LIMIT:
-                t = max(t + h, 0.0)
+                t += h
+                if t < 0.0:
+                    # In contact already, by rounding: now, in the states of now.
+                    _keep_present(a, b, age_a, age_b, pair)
+                    return 0.0
                 return t if t <= limit else NONE_BEFORE_LIMIT
         step = safe_step_third_order(max(gap, 0.0), rate, second, bound_2, bound_3)
         if t + step >= horizon:
@@ -138,6 +142,14 @@ def _keep_states(
     pair.b_s = b_s
     pair.b_c = b_c
     pair.b_p = b_p
+
+
+@kernel
+def _keep_present(a: Flight, b: Flight, age_a: float, age_b: float, pair: PairData) -> None:
+    """Keep the states of now as those of contact."""
+    a_s, a_c, a_p = flow(a, age_a)
+    b_s, b_c, b_p = flow(b, age_b)
+    _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
 
 
 @kernel
@@ -269,7 +281,11 @@ def contact_by_distance(
                     piece_a, track_a, piece_b, track_b, pair, clock,
                 )  # fmt: skip
                 if h > NONE_BEFORE_LIMIT:
-                    t = max(t + h, 0.0)
+                    t += h
+                    if t < 0.0:
+                        # In contact already, by rounding: now, in the states of now.
+                        _keep_present(a, b, age_a, age_b, pair)
+                        return 0.0
                     return t if t <= limit else NONE_BEFORE_LIMIT
         if t + step >= horizon:
             return NONE_BEFORE_LIMIT
