@@ -8,7 +8,16 @@ from importlib import import_module
 from vibro_cli.stress.finding import Finding, Plan
 
 # Each is a module beside this one with a function ``check``; the quick ones first.
-NAMES = ("elliptic", "crest", "accumulation", "cradle", "symmetry", "energy", "contacts")
+NAMES = (
+    "elliptic",
+    "crest",
+    "accumulation",
+    "cradle",
+    "symmetry",
+    "extremes",
+    "energy",
+    "contacts",
+)
 
 
 def run(plan: Plan, names: Sequence[str]) -> Iterator[Finding]:
