@@ -4,6 +4,7 @@ import resource
 import sys
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from tests.fuzz.mutation import mutated
 from vibro_cli.build import build_system
@@ -48,6 +49,14 @@ def judge(form: str, numbers: range) -> Found:
 
 
 def peak_memory() -> float:
-    """Largest memory (MB) this process has had."""
+    """Largest memory (MB) this process has had.
+
+    On Linux the peak that getrusage tells outlives exec: a process started by a larger one
+    would answer with the size of its parent.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        peak = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+        return int(peak.split()[1]) * 1024 / 1e6
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
