@@ -81,15 +81,16 @@ def test_the_figure_eight_is_drawn_through_the_saddle_when_it_exists() -> None:
     assert "separatrix" not in named  # there is no other
     figure = structure(portrait_of(three_arcs(60.0)))
     assert not any(collections(figure, panel, 1.25) for panel in range(4))
-    shown = " ".join(text.get_text() for text in texts(figure))
+    shown = " ".join(reversed([text.get_text() for text in texts(figure)]))
     assert "open separatrix" in shown
     assert "figure eight needs both" in shown
 
 
-def test_values_stand_beside_the_points() -> None:
+def test_points_have_names_beside_them_and_values_above() -> None:
     figure = structure(portrait_of(three_arcs()))
-    shown = {text.get_text() for text in texts(figure)}
-    assert {"C1: 0 m", "S1: 0.5358 m", "C2: 0 m"} <= shown
+    shown = [text.get_text() for text in texts(figure)]
+    assert {"C1", "S1", "C2"} <= set(shown)
+    assert "C1 0 m, S1 0.5358 m, C2 0 m" in " ".join(reversed(shown))
     below = figure.axes[3]
     assert (below.get_xlabel(), below.get_ylabel()) == ("$s$ [m]", "$v$ [m/s]")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,10 @@ _ABOVE = 1.35
 _MARGIN = 1.04
 _DARK = 6
 """How much rather a name covers a level curve than a separatrix."""
+_NEVER = 20
+"""How much rather a name covers a level curve than the mark of a point."""
+_MARK = 0.6
+"""Half the size of such a mark (mm)."""
 EIGHT: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.0, "linestyle": "solid"}
 JUNCTION: dict[str, Any] = {"color": style.LEVEL_GREY, "linewidth": 0.4, "linestyle": (0, (1, 2))}
 REST: dict[str, Any] = {"color": style.SEPARATRIX_GREY, "linewidth": 1.6, "linestyle": "solid"}
@@ -121,10 +126,8 @@ def _ticks(axes: Axes, length: float, size: tuple[float, float]) -> None:
     axes.set_ylabel(f"$v$ [{scaled}]", labelpad=1.0)
 
 
-def name_points(
-    axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float, float], values: bool
-) -> None:
-    """Write the name of each singular point beside it, with its value E/(m g) if asked for."""
+def name_points(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float, float]) -> None:
+    """Write the name of each singular point beside it."""
     top, length = axes.get_ylim()[1], portrait.landscape.trace.length
     scale = np.array([size[0] / length, 0.5 * size[1] / top])
 
@@ -134,14 +137,17 @@ def name_points(
 
     named = [(name, p) for name, p in zip(portrait.names, portrait.points, strict=True)]
     named = [(name, p) for name, p in named if p.kind in _POINT]
-    texts = [f"{name}: {portrait.height(p.energy):.4g} m" if values else name for name, p in named]
+    texts = [name for name, _ in named]
     anchors = [millimetres(np.array([p.s]), np.zeros(1)) for _, p in named]
     if not texts:
         return
     dark = (*curves.eights, *curves.separatrices) * _DARK
     shown = [*dark, *curves.levels]
     obstacles = [millimetres(c.s, sign * c.speed) for c in shown for sign in (1, -1)]
-    places = place_numbers(texts, anchors, np.concatenate([*obstacles, *anchors]), size)
+    marks = np.concatenate(anchors)
+    on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
+    obstacles += on_marks * _NEVER
+    places = place_numbers(texts, anchors, np.concatenate(obstacles), size)
     halo = [patheffects.withStroke(linewidth=1.6, foreground="white")]
     for text, (x, y) in zip(texts, places, strict=True):
         where = x / scale[0], y / scale[1] - top

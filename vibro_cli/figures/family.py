@@ -45,7 +45,7 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
             axes = figure.add_axes((left / wide, bottom / high, size[0] / wide, size[1] / high))
             curves = curves_of(portrait, 65)
             draw_along(axes, portrait, curves, size)
-            name_points(axes, portrait, curves, size, values=False)
+            name_points(axes, portrait, curves, size)
             over = (bottom + _HIGH + 1.0) / high
             figure.text(left / wide, over, portrait.type, fontsize=style.SMALL, va="baseline")
             above = over + _LINE / high

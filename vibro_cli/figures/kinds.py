@@ -34,8 +34,8 @@ KINDS = {
     "plan": Kind(
         plan,
         "Configurations at the impacts",
-        "The trace with the bodies at the start (filled) and at the impacts; the first impacts are "
-        "numbered at the point where the bodies touch.",
+        "The trace with the bodies at the start, at the first impacts and at the last one; bodies "
+        "that do not collide then are pale.",
     ),
     "energy": Kind(
         energies,

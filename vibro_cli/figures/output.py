@@ -25,20 +25,25 @@ _METADATA: dict[str, dict[str, str | None]] = {
 }
 
 
-def render(figure: Figure, form: str) -> bytes:
-    """Return a figure as the bytes of a file of one of `FORMATS`; PNG and rasters at 300 dpi.
+def render(figure: Figure, form: str, dpi: float = 300.0) -> bytes:
+    """Return a figure as the bytes of a file of one of `FORMATS`; `dpi` is that of PNG and rasters.
 
     Raises ValueError for another format.
     """
     if form not in FORMATS:
         raise ValueError(f"unknown figure format {form!r}, expected one of {', '.join(FORMATS)}")
-    options: dict[str, Any] = {"format": form, "metadata": _METADATA[form]}
+    options: dict[str, Any] = {"format": form, "dpi": dpi, "metadata": _METADATA[form]}
     if form == "png":
         options["pil_kwargs"] = {"compress_level": _COMPRESSION}
     buffer = BytesIO()
     with journal():
         figure.savefig(buffer, **options)
     return buffer.getvalue()
+
+
+def has_rasters(figure: Figure) -> bool:
+    """Return whether some of a figure is drawn as a raster in vector files, being too much."""
+    return bool(figure.findobj(lambda artist: bool(artist.get_rasterized())))
 
 
 def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png", "pdf")) -> tuple[Path, ...]:

@@ -40,7 +40,7 @@ IMPACT: dict[str, Any] = {
 
 
 def energies(run: Recorded, width: str = "single") -> Figure | None:
-    """Return the energy of each body and of all against time, and the loss at each impact.
+    """Return the energy of each body and of all against time, and what impacts lose, if they do.
 
     None for a trace that turns about a vertical: its energy is another one.
     """
@@ -49,7 +49,8 @@ def energies(run: Recorded, width: str = "single") -> Figure | None:
     table = run.collisions
     losses = np.asarray(table["energy_loss"], dtype=np.float64)
     with style.journal():
-        figure, panels, across = stacked(width, _HIGH[width][: 2 if len(losses) else 1])
+        lossy = bool(np.any(losses > 0.0))
+        figure, panels, across = stacked(width, _HIGH[width][: 2 if lossy else 1])
         end = float(np.max(run.flights()["t_end"]))
         spans = contact_times(run)
         for axes in panels:
@@ -57,7 +58,7 @@ def energies(run: Recorded, width: str = "single") -> Figure | None:
         highest = _draw_energies(panels[0], run)
         time_axis(panels[0], end, across[0], labelled=len(panels) == 1)
         value_axis(panels[0], 0.0, highest, _HIGH[width][0], "$E$", "J")
-        if len(losses):
+        if lossy:
             _draw_losses(panels[1], np.asarray(table["t"]), losses)
             time_axis(panels[1], end, across[1], labelled=True)
         total = [("sum", TOTAL)] if len(run.system.bodies) > 1 else []
@@ -83,15 +84,13 @@ def _draw_energies(axes: Any, run: Recorded) -> float:
 
 
 def _draw_losses(axes: Any, times: Array, losses: Array) -> None:
-    """Draw the loss at each impact; with a logarithmic axis, where no loss has no place."""
+    """Draw the losses at the impacts on a logarithmic axis, where none has no place."""
     shown = losses > 0.0
     log_axis(axes, losses, r"$\Delta E$", "J")
     bottom = axes.get_ylim()[0]
     if len(times) <= MOST_STEMS:
         axes.vlines(times[shown], bottom, losses[shown], linewidth=0.4, color=style.LEVEL_GREY)
     axes.plot(times[shown], losses[shown], linestyle="none", **LOSS)
-    if not np.any(shown):
-        axes.text(0.5, 0.5, "no loss", transform=axes.transAxes, ha="center", va="center")
     for artist in (*axes.lines, *axes.collections):
         artist.set_rasterized(len(times) > MOST_VECTOR_POINTS)
 

@@ -27,17 +27,17 @@ _HIGH = {"single": 44.0, "double": 50.0}
 """Height of the panel along the trace (mm)."""
 _LINE = 3.1
 """Height of a line of words (mm)."""
-_CHARACTER = 1.12
+_CHARACTER = 1.03
 """Mean width of a character of the words (mm)."""
-_MOST_LINES = 4
+_MOST_LINES = 6
 
 
 def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Figure:
     """Return the phase portrait of a body on the whole trace, in both coordinates.
 
     Above, branch by branch as in the papers: φ̇ against φ, ψ̇ against ψ, speed against arc length on
-    lines. Below, speed against arc length along the trace, with the values E/(m g) of centres and
-    saddles. `bodies` stands as index of the symbols. Raises ValueError for an unknown width.
+    lines. Below, speed against arc length along the trace, over it the values E/(m g) of centres
+    and saddles. `bodies` stands as index of the symbols. Raises ValueError for an unknown width.
     """
     behind = background(portrait.landscape, highest_energy(portrait))
     words = _words(portrait, WIDTHS.get(width, 0.0) - LEFT - RIGHT)
@@ -91,7 +91,7 @@ def _draw_below(figure: Figure, portrait: Portrait, width: str, words: Sequence[
     axes = figure.add_axes((LEFT / wide, BOTTOM / high, size[0] / wide, size[1] / high))
     curves = curves_of(portrait)
     draw_along(axes, portrait, curves, size)
-    name_points(axes, portrait, curves, size, values=True)
+    name_points(axes, portrait, curves, size)
     look: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY, "va": "baseline"}
     for number, line in enumerate(reversed(words)):
         height = BOTTOM + size[1] + 1.2 + number * _LINE
@@ -106,11 +106,17 @@ def _words(portrait: Portrait, width: float) -> list[str]:
         said.append(f"{names}: trigger of coupled singular points, {_named(trigger.orbit)}")
         said.append(condition(portrait, trigger))
     said = said or ["no trigger of coupled singular points"]
-    said.append("beside the points: E/(m g), the height above the lowest place of the centre")
-    lines = [line for one in said for line in textwrap.wrap(one, max(20, int(width / _CHARACTER)))]
-    if len(lines) > _MOST_LINES + 3:
-        lines = [*lines[: _MOST_LINES + 2], "…"]
-    return lines
+    named = zip(portrait.names, portrait.points, strict=True)
+    heights = ", ".join(f"{name} {portrait.height(point.energy):.4g} m" for name, point in named)
+    values = [f"E/(m g), height above the lowest place: {heights}"] if heights else []
+    return [*_wrapped(said, width), *_wrapped(values, width)]
+
+
+def _wrapped(said: Sequence[str], width: float) -> list[str]:
+    """Return sentences in lines of a width (mm), not too many."""
+    characters = max(20, int(width / _CHARACTER))
+    lines = [line for one in said for line in textwrap.wrap(one, characters)]
+    return lines if len(lines) <= _MOST_LINES else [*lines[: _MOST_LINES - 1], "…"]
 
 
 def _named(orbit: str) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import quote
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
@@ -18,7 +19,7 @@ from vibro_cli.analysis.sides import side
 from vibro_cli.analysis.trigger import FIGURE_EIGHT
 from vibro_cli.build import mechanics_warnings
 from vibro_cli.figures.kinds import KINDS, PORTRAIT, Drawn, draw_all
-from vibro_cli.figures.output import render
+from vibro_cli.figures.output import has_rasters, render
 from vibro_cli.report.words import END_CAUSES, LAWS, number, validity
 from vibro_cli.storage.schema import Column, collisions
 from vibro_cli.storage.stored import StoredRun
@@ -27,8 +28,9 @@ FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""
 MOST_JUMPS = 40
 """Jumps across the figure eight that stand in the report, about."""
-_LARGEST_VECTOR = 400_000
-"""A figure with more bytes than this as SVG is put in as PNG."""
+_DPI = 192.0
+"""Resolution of figures with too many points for SVG: two pixels for each of a plain screen."""
+_TYPES = {"png": "png", "svg": "svg+xml"}
 _COLUMNS = (
     "n", "t", "dt", "ball_a", "ball_b", "arc_a", "arc_b", "angle_a", "angle_b", "s_a", "s_b",
     "omega_a_pre", "omega_a_post", "omega_b_pre", "omega_b_post", "energy_a_post",
@@ -61,7 +63,13 @@ def _names(runs: Sequence[StoredRun]) -> list[str]:
 
 def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]:
     summary = run.summary
-    figures = [_figure(drawn, name) for drawn in draw_all(run, [PORTRAIT, *KINDS], "double")]
+    kinds = [PORTRAIT, *KINDS]
+    figures = [
+        _figure(wide, narrow, name)
+        for wide, narrow in zip(
+            draw_all(run, kinds, "double"), draw_all(run, kinds, "single"), strict=True
+        )
+    ]
     return {
         "anchor": anchor,
         "name": name,
@@ -146,16 +154,23 @@ def _body(run: StoredRun, index: int) -> list[str]:
     ]
 
 
-def _figure(drawn: Drawn, name: str) -> dict[str, str]:
-    form, content = "svg+xml", render(drawn.figure, "svg")
-    if len(content) > _LARGEST_VECTOR:
-        form, content = "png", render(drawn.figure, "png")
-    width, height = drawn.figure.get_size_inches() * 96.0
+def _figure(wide: Drawn, narrow: Drawn, name: str) -> dict[str, Any]:
+    """A figure as the page has it: in two columns' width, and in one's for a narrow screen."""
     return {
-        "title": drawn.title,
-        "caption": drawn.caption,
-        "alternative": f"{drawn.title}, run {name}. {drawn.caption}",
-        "source": f"data:image/{form};base64,{base64.b64encode(content).decode()}",
+        "title": wide.title,
+        "caption": wide.caption,
+        "alternative": f"{wide.title}, run {name}. {wide.caption}",
+        "wide": _image(wide.figure),
+        "narrow": _image(narrow.figure),
+    }
+
+
+def _image(figure: Figure) -> dict[str, str]:
+    form = "png" if has_rasters(figure) else "svg"
+    content = render(figure, form, _DPI)
+    width, height = figure.get_size_inches() * 96.0
+    return {
+        "source": f"data:image/{_TYPES[form]};base64,{base64.b64encode(content).decode()}",
         "width": f"{width:.0f}",
         "height": f"{height:.0f}",
     }

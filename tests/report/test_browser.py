@@ -1,0 +1,185 @@
+"""Reports as a reader opens them: a real browser, offline, at phone and desktop width.
+
+Needs a Chromium on the machine (`apt-get install chromium`, or `playwright install chromium`);
+without one these tests are skipped.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+
+from tests.report.test_report import stored
+from vibro_cli.report.page import report_html
+
+PHONE, DESKTOP = 360, 1280
+HIGH = 800
+GRAVE = {"serious", "critical"}
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+
+
+@dataclass
+class Heard:
+    """What a page said, and what it asked the network for."""
+
+    said: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    found = next((path for name in NAMES if (path := shutil.which(name))), None)
+    with sync_playwright() as playwright:
+        own = Path(playwright.chromium.executable_path)
+        if found is None and not own.exists():
+            pytest.skip("no Chromium on this machine: apt-get install chromium")
+        sandbox = [] if os.geteuid() else ["--no-sandbox"]  # root has none
+        opened = playwright.chromium.launch(executable_path=found or str(own), args=sandbox)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A report of a run, and one of two runs compared."""
+    folder = tmp_path_factory.mktemp("reports")
+    first = stored(folder / "first", "three_arcs", "stop.collisions=15")
+    second = stored(folder / "second", "three_arcs", "stop.collisions=5", "name=shorter")
+    found = {}
+    for name, runs in {"one": [first], "compared": [first, second]}.items():
+        found[name] = folder / f"{name}.html"
+        found[name].write_bytes(report_html(runs, folder, "1.2.3"))
+    return found
+
+
+@pytest.fixture
+def opened(browser: Browser) -> Iterator[Callable[..., tuple[Page, Heard]]]:
+    contexts: list[BrowserContext] = []
+
+    def open_page(path: Path, width: int, scheme: Any = "light") -> tuple[Page, Heard]:
+        context = browser.new_context(
+            viewport={"width": width, "height": HIGH}, color_scheme=scheme, offline=True
+        )
+        contexts.append(context)
+        page, heard = context.new_page(), Heard()
+        page.on("console", lambda message: heard.said.append(message.text))
+        page.on("pageerror", lambda error: heard.said.append(str(error)))
+        page.on("request", lambda request: heard.asked.append(request.url))
+        page.goto(path.as_uri())
+        return page, heard
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "scheme"),
+    [
+        ("one", PHONE, "light"),
+        ("one", DESKTOP, "dark"),
+        ("compared", PHONE, "dark"),
+        ("compared", DESKTOP, "light"),
+    ],
+)
+def test_the_page_is_quiet_fits_and_can_be_read_by_all(
+    opened: Any, reports: dict[str, Path], name: str, width: int, scheme: str
+) -> None:
+    page, heard = opened(reports[name], width, scheme)
+    assert heard.said == []
+    assert heard.asked == [reports[name].as_uri()]
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    found = Axe().run(page).response
+    assert len(found["passes"]) > 20  # it did look
+    assert [one["id"] for one in found["violations"] if one["impact"] in GRAVE] == []
+    ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    light = sum(map(int, ground.removeprefix("rgb(").removesuffix(")").split(","))) > 3 * 128
+    assert light == (scheme == "light")
+
+
+def test_the_accessibility_checker_would_find_something(opened: Any, tmp_path: Path) -> None:
+    page_with_faults = tmp_path / "faults.html"
+    page_with_faults.write_text("<html><img src='data:,'><p style='color:#eee'>pale</p></html>")
+    page, _ = opened(page_with_faults, DESKTOP)
+    found = {one["id"] for one in Axe().run(page).response["violations"] if one["impact"] in GRAVE}
+    assert {"image-alt", "html-has-lang", "color-contrast"} <= found
+
+
+@pytest.mark.parametrize(("width", "form"), [(PHONE, "narrow"), (DESKTOP, "wide")])
+def test_every_figure_is_seen_in_the_form_made_for_the_width(
+    opened: Any, reports: dict[str, Path], width: int, form: str
+) -> None:
+    page, _ = opened(reports["one"], width)
+    images = page.locator("figure img")
+    assert images.count() >= 8
+    for image in images.all():
+        image.scroll_into_view_if_needed()
+        drawn, shown, narrow = image.evaluate(
+            """one => [one.complete && one.naturalWidth, one.getBoundingClientRect().width,
+                       one.currentSrc === one.previousElementSibling.srcset]"""
+        )
+        assert drawn > 300
+        assert 0.9 * min(width, 800) < shown <= width
+        assert narrow == (form == "narrow")
+
+
+def column(page: Page, name: str) -> list[float]:
+    """The values of a column of the table of impacts, in the order in which they stand."""
+    script = """name => {
+      const heads = [...document.querySelectorAll("table.sortable thead th")];
+      const place = heads.findIndex(head => head.textContent.split(" ")[0] === name);
+      return [...document.querySelectorAll("table.sortable tbody tr")].map(
+        row => row.cells[place].dataset.key);
+    }"""
+    return [float(key) if key else float("nan") for key in page.evaluate(script, name)]
+
+
+def test_the_table_sorts_by_click_and_by_key(opened: Any, reports: dict[str, Path]) -> None:
+    page, _ = opened(reports["one"], DESKTOP)
+    before = column(page, "energy_loss")
+    button = page.get_by_role("button", name="energy_loss")
+    button.click()
+    assert column(page, "energy_loss") == sorted(before) != before
+    head = page.locator("th", has=button)
+    assert head.get_attribute("aria-sort") == "ascending"
+    button.focus()
+    page.keyboard.press("Enter")
+    assert column(page, "energy_loss") == sorted(before, reverse=True)
+    assert head.get_attribute("aria-sort") == "descending"
+    page.get_by_role("button", name="dt [s]").click()
+    assert column(page, "dt")[-1] != column(page, "dt")[-1]  # no value: always last
+    assert head.get_attribute("aria-sort") == "none"
+    page.get_by_role("button", name="n", exact=True).click()
+    assert column(page, "energy_loss") == before
+
+
+def test_the_keyboard_reaches_the_content(opened: Any, reports: dict[str, Path]) -> None:
+    page, _ = opened(reports["one"], DESKTOP)
+    page.keyboard.press("Tab")
+    skip = page.locator("a.skip")
+    assert skip.evaluate("one => one === document.activeElement")
+    assert skip.bounding_box()["x"] >= 0  # and is seen then
+    page.keyboard.press("Enter")
+    assert page.url.endswith("#content")
+
+
+def test_paper_shows_all_of_the_table_and_no_navigation(
+    opened: Any, reports: dict[str, Path]
+) -> None:
+    page, _ = opened(reports["one"], DESKTOP, "dark")
+    page.emulate_media(media="print")
+    assert not page.locator("nav").is_visible()
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    for region in page.locator(".scroll").all():
+        assert region.evaluate("one => getComputedStyle(one).overflowY") == "visible"
+    paper = page.pdf(format="A4")
+    assert paper.startswith(b"%PDF-")
+    assert paper.count(b"/Type /Page\n") + paper.count(b"/Type /Page ") >= 4
