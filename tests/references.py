@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tests.highprecision.scene import Scene, scene_of_decimals, scene_of_system
-from tests.highprecision.sensitivity import amplification
-from tests.highprecision.taylor import mp
-from tests.highprecision.twin import Impact, Twin, happenings_of
+from tests.highprecision.decimals import scene_of_decimals
 from vibro_cli.api import simulate
 from vibro_cli.build import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.simulation.run import Run, simulate_system
+from vibro_cli.stress.highprecision.quantities import PLACES, SPEEDS, columns
+from vibro_cli.stress.highprecision.scene import Scene, scene_of_system
+from vibro_cli.stress.highprecision.sensitivity import amplification
+from vibro_cli.stress.highprecision.twin import Impact, Twin, happenings_of
 
 FOLDER = Path(__file__).parent / "reference"
 NAMES = tuple(sorted(path.stem for path in FOLDER.glob("*.json")))
@@ -70,37 +69,6 @@ def _follow(scene: Scene, name: str) -> list[Impact]:
     return Twin(scene).follow(happenings_of(run(name)))
 
 
-# Quantities of a row: name in the collision table, in the reference files, and of the twin.
-SPEEDS = {
-    "speed_a_pre": ("v_a_pre", lambda impact: impact.a.speed),
-    "speed_b_pre": ("v_b_pre", lambda impact: impact.b.speed),
-    "speed_a_post": ("v_a_post", lambda impact: impact.after_a),
-    "speed_b_post": ("v_b_post", lambda impact: impact.after_b),
-    "separation_speed": ("rel", lambda impact: impact.separation),
-}
-PLACES = {
-    "place_a": ("angle_a", lambda impact: impact.a.place),
-    "place_b": ("angle_b", lambda impact: impact.b.place),
-}
-TIME = {"t": ("t", lambda impact: impact.t)}
-QUANTITIES: dict[str, tuple[str, Callable[[Impact], Any]]] = {**TIME, **PLACES, **SPEEDS}
-
-
-def solved(run: Run, quantity: str, row: int) -> Any:
-    """A quantity of the collision table, without rounding: the time as the sum of both doubles."""
-    table = run.collisions
-    if quantity == "t":
-        return mp.mpf(float(table["t"][row])) + mp.mpf(float(table["t_low"][row]))
-    if quantity in SPEEDS:
-        return mp.mpf(float(table[quantity][row]))
-    end = quantity[-1]
-    angle = float(table[f"angle_{end}"][row])
-    if math.isnan(angle):
-        piece = run.system.trace.pieces[int(table[f"arc_{end}"][row]) - 1]
-        return mp.mpf(float(table[f"s_{end}"][row])) - mp.mpf(piece.start_s)
-    return mp.mpf(angle)
-
-
 def deviation(quantity: str, value: Any, exact: Any, row: Impact) -> float:
     """Difference of a quantity of a row, relative.
 
@@ -132,9 +100,4 @@ def solve(name: str, changed: System) -> Run:
 @cache
 def amplified(name: str) -> dict[str, list[float]]:
     """How much a relative change of an input changes each quantity of each row, at most."""
-    return amplification(system(name), lambda changed: _columns(solve(name, changed)))
-
-
-def _columns(of: Run) -> dict[str, list[float]]:
-    count = len(of.collisions["n"])
-    return {q: [float(solved(of, q, row)) for row in range(count)] for q in QUANTITIES}
+    return amplification(system(name), lambda changed: columns(solve(name, changed)))

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests import references
+from vibro_cli.stress.highprecision.quantities import QUANTITIES
 
 TABLE = Path(__file__).with_suffix(".json")
 
@@ -33,7 +34,7 @@ def computed() -> Iterator[Excess]:
     for name in references.NAMES:
         doubles, decimals = references.twin_of_doubles(name), references.twin_of_decimals(name)
         for row, (ours, exact) in enumerate(zip(doubles, decimals, strict=True)):
-            for quantity, (_, value) in references.QUANTITIES.items():
+            for quantity, (_, value) in QUANTITIES.items():
                 mark = references.mark(quantity, row)
                 off = references.deviation(quantity, value(ours), value(exact), exact)
                 if off > mark:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from tests import references
-from tests.highprecision.scene import slope_of
-from tests.highprecision.taylor import ArcMotion, mp
+from vibro_cli.stress.highprecision.quantities import QUANTITIES
+from vibro_cli.stress.highprecision.scene import slope_of
+from vibro_cli.stress.highprecision.taylor import ArcMotion, mp
 
 
 @pytest.mark.parametrize("name", references.NAMES)
@@ -16,7 +17,7 @@ def test_twin_of_the_decimals_is_the_reference(name: str) -> None:
     for row, impact in zip(rows, impacts, strict=True):
         assert (row["arc_a"] - 1, row["arc_b"] - 1) == (impact.a.piece, impact.b.piece)
         assert row["crossings"] == impact.crossings
-        for key, value in references.QUANTITIES.values():
+        for key, value in QUANTITIES.values():
             exact = mp.mpf(row[key])
             # Thirty printed digits; a place near zero has come from values near one.
             assert abs(value(impact) - exact) <= 1e-28 * max(abs(exact), 1), key

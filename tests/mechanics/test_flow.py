@@ -8,11 +8,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tests.highprecision.taylor import ArcMotion, Real, mp
 from tests.mechanics.kernel_records import flight_on_arc
 from vibro_cli.mechanics.flow import LINE, advance_slightly, flow, time_to
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics.elliptic import set_theta_constants
+from vibro_cli.stress.highprecision.taylor import ArcMotion, Real, mp
 
 EPSILON = 2.0**-52
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=200)

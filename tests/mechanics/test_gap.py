@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.highprecision.scene import scene_of_system
-from tests.highprecision.taylor import Real, mp
-from tests.highprecision.twin import Place, Twin
 from tests.mechanics.kernel_records import GRAVITY, Records, ball, records, three_arcs
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.gap import centre_position, centre_tangent, distance_gap, half_gap_sine
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.simulation.prepare import half_angle
+from vibro_cli.stress.highprecision.scene import scene_of_system
+from vibro_cli.stress.highprecision.taylor import Real, mp
+from vibro_cli.stress.highprecision.twin import Place, Twin
 
 EPSILON = 2.0**-52
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=100)

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.highprecision.scene import Piece, chain
-from tests.highprecision.taylor import Real, mp
 from tests.mechanics.kernel_records import three_arcs
 from vibro_cli.mechanics.heights import contains_turn, heights
 from vibro_cli.mechanics.trace import ArcShape, Trace
+from vibro_cli.stress.highprecision.scene import Piece, chain
+from vibro_cli.stress.highprecision.taylor import Real, mp
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=60)
 

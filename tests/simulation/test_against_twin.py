@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests import references
+from vibro_cli.stress.highprecision.quantities import QUANTITIES, solved
 
 # The mark: the first ten collisions within 64 eps x the measured amplification of an input change.
 FIRST = 10
@@ -16,6 +17,6 @@ def test_first_collisions(name: str) -> None:
     run, impacts = references.run(name), references.twin_of_doubles(name)
     grown = references.amplified(name)
     for row, impact in enumerate(impacts[:FIRST]):
-        for quantity, (_, value) in references.QUANTITIES.items():
-            error = float(abs(references.solved(run, quantity, row) - value(impact)))
+        for quantity, (_, value) in QUANTITIES.items():
+            error = float(abs(solved(run, quantity, row) - value(impact)))
             assert error <= ALLOWED * grown[quantity][row], (row + 1, quantity)

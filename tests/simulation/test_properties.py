@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, reject, settings
 
-from tests.highprecision.sensitivity import amplification
 from tests.strategies import SETTINGS, mirrored, possible, scenarios
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.simulation.run import Run, simulate_system
+from vibro_cli.stress.highprecision.sensitivity import amplification
 
 EPSILON = 2.0**-52
 pytestmark = pytest.mark.usefixtures("no_hang")

@@ -6,7 +6,8 @@ import pytest
 
 from tests import references
 from tests.highprecision import input_rounding
-from tests.highprecision.taylor import mp
+from vibro_cli.stress.highprecision.quantities import QUANTITIES, solved
+from vibro_cli.stress.highprecision.taylor import mp
 
 # Rows in which the rounding of the decimal inputs to doubles already moves a quantity by more than
 # its mark (cross_pieces, late and chaotic). There the solver is held against the twin, which starts
@@ -25,8 +26,8 @@ def test_times_places_and_speeds(name: str, engine: str) -> None:
     exact = references.twin_of_decimals(name)
     assert len(run.collisions["n"]) == len(rows)
     for number, row in enumerate(rows):
-        for quantity, (key, value) in references.QUANTITIES.items():
-            found = references.solved(run, quantity, number)
+        for quantity, (key, value) in QUANTITIES.items():
+            found = solved(run, quantity, number)
             if (name, number + 1, quantity) in MOVED:
                 twin = value(references.twin_of_doubles(name)[number])
                 allowed = 64 * EPSILON * references.amplified(name)[quantity][number]

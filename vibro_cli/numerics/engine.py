@@ -110,16 +110,24 @@ def source_digest() -> str:
 
     numba's own cache looks at one file only, so that a change in a called kernel would go unseen.
     """
+    paths = []
+    for name in sorted(_kernels):
+        path = sys.modules[name].__file__
+        if path is None:  # pragma: no cover - kernels are always defined in files
+            raise RuntimeError(f"kernel module {name} has no source file")
+        paths.append(Path(path))
+    return digest_of(paths)
+
+
+def digest_of(sources: Sequence[Path]) -> str:
+    """Return a digest of source files and of what else decides the machine code made of them."""
     import llvmlite
     import llvmlite.binding
     import numba
 
     digest = hashlib.sha256()
-    for name in sorted(_kernels):
-        path = sys.modules[name].__file__
-        if path is None:  # pragma: no cover - kernels are always defined in files
-            raise RuntimeError(f"kernel module {name} has no source file")
-        digest.update(Path(path).read_bytes())
+    for path in sources:
+        digest.update(path.read_bytes())
     processor = (
         llvmlite.binding.get_host_cpu_name(),
         str(llvmlite.binding.get_host_cpu_features()),
@@ -226,10 +234,15 @@ def _wait_for(lock: TextIO) -> None:
         pass
 
 
-@cache
 def _machine_code() -> Path:
-    """The folder for this machine code; one of this process alone where it cannot be written."""
-    folder = cache_folder() / f"kernels-{source_digest()}"
+    """The folder for this machine code."""
+    return code_folder(f"kernels-{source_digest()}")
+
+
+@cache
+def code_folder(name: str) -> Path:
+    """A folder for machine code; one of this process alone where it cannot be written."""
+    folder = cache_folder() / name
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -237,7 +250,7 @@ def _machine_code() -> Path:
     except OSError as error:
         if _tell is not None:
             _tell(f"compiled kernels cannot be kept in {folder} ({error.strerror})")
-        own = tempfile.mkdtemp(prefix="vibro-kernels-")
+        own = tempfile.mkdtemp(prefix="vibro-code-")
         atexit.register(shutil.rmtree, own, ignore_errors=True)
         return Path(own)
 

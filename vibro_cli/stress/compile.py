@@ -1,8 +1,10 @@
-"""Compiling the judge: with numba, apart from the solver's kernels."""
+"""Compiling the judge: with numba, apart from the solver's kernels and kept beside them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -10,12 +12,28 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+from vibro_cli.numerics.engine import code_folder, digest_of
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+# Modules whose functions are compiled here; the machine code of one holds that of others.
+SOURCES = ("compile", "double_double", "grazing", "judge")
+
+
+@cache
+def _folder() -> str:
+    paths = [Path(__file__).with_name(f"{name}.py") for name in SOURCES]
+    return str(code_folder(f"judge-{digest_of(paths)}"))
 
 
 def compiled(function: Function) -> Function:
     """Compile a function of floats and arrays, without the interpreter's lock."""
-    result: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    config: Any = numba.config
+    before, config.CACHE_DIR = config.CACHE_DIR, _folder()
+    try:
+        result: Any = numba.njit(nogil=True, error_model="numpy", cache=True)(function)
+    finally:
+        config.CACHE_DIR = before
     return cast(Function, result)
 
 

@@ -9,13 +9,14 @@ import numpy as np
 from vibro_cli.mechanics.clearance import contact_angle
 from vibro_cli.simulation.run import Run
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.scenes import VALLEY, ball, ends_within, energy_at, scene, solve, system_of
+from vibro_cli.stress.scenes import VALLEY, ball, energy_at, scene, solve, system_of
 from vibro_cli.stress.symmetry import mirrored
+from vibro_cli.stress.watched import fault_of
 
 CHECK = "cradle"
 EPSILON = 2.0**-52
-MOST_IMPACTS = 2_000
-PATIENCE = 6.0  # s
+# Accumulations of many bodies take tens of thousands of impacts; more than this is no end.
+MOST_IMPACTS = 200_000
 
 
 def _touching(masses: list[float], middle: float = 0.0) -> list[Document]:
@@ -41,7 +42,7 @@ def _cradles(plan: Plan) -> list[Finding]:
             balls = [ball(-1.9), *_touching([1.0] * count)]
             document = scene(VALLEY, balls, k, collisions=MOST_IMPACTS, time=6.0)
             document["collision"]["inadmissible"] = "normal-impulse"
-            hangs = not ends_within(document, PATIENCE)
+            hangs = bool(fault_of(document))
             ended.take(float(hangs), document)
             if hangs:
                 continue
@@ -64,7 +65,7 @@ def _cradles(plan: Plan) -> list[Finding]:
             passed.value, 64.0 * EPSILON, passed.scenario,
         ),
         Finding(
-            CHECK, "runs that hang, fail or have too many impacts", tried, ended.cases, ended.value,
+            CHECK, "runs that hang or fail", tried, ended.cases, ended.value,
             0.0, ended.scenario,
         ),
     ]  # fmt: skip
@@ -94,7 +95,7 @@ def _symmetric(plan: Plan) -> list[Finding]:
         angle, outer = float(rng.uniform(0.6, 1.6)), float(rng.uniform(0.5, 2.0))
         balls = [ball(-angle, mass=outer), ball(0.0, mass=2.0), ball(angle, mass=outer)]
         document = scene(VALLEY, balls, k, collisions=MOST_IMPACTS, time=6.0)
-        hangs = not ends_within(document, PATIENCE)
+        hangs = bool(fault_of(document))
         ended.take(float(hangs), document)
         if hangs:
             continue
@@ -114,7 +115,7 @@ def _symmetric(plan: Plan) -> list[Finding]:
             worst.scenario,
         ),
         Finding(
-            CHECK, "runs that hang, fail or have too many impacts", tried, ended.cases,
+            CHECK, "runs that hang or fail", tried, ended.cases,
             ended.value, 0.0, ended.scenario,
         ),
     ]  # fmt: skip

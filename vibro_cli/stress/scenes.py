@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 from typing import Any
 
 from vibro_cli.build import build_system
@@ -56,21 +55,6 @@ def solve(document: Document, engine: str = "python") -> Run:
     """Run a document."""
     stop = document["stop"]
     return simulate_system(system_of(document), stop.get("time"), stop.get("collisions"), engine)
-
-
-def ends_within(document: Document, seconds: float) -> bool:
-    """Whether a run of a document ends, without a fault, in so many seconds.
-
-    It is tried in a process of its own, which can be given up.
-    """
-    process = multiprocessing.get_context("spawn").Process(target=solve, args=(document,))
-    process.start()
-    process.join(seconds)
-    ended = process.exitcode == 0
-    if process.is_alive():
-        process.kill()
-        process.join()
-    return ended
 
 
 def energy_at(run: Run, t: float, side: str) -> float:

@@ -11,6 +11,7 @@ from vibro_cli.stress.finding import Finding, Plan
 NAMES = (
     "elliptic",
     "crest",
+    "impacts",
     "accumulation",
     "cradle",
     "symmetry",

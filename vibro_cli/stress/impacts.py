@@ -1,0 +1,168 @@
+"""Instants and places of impacts, and of what ends a single flight, against the twin in 50 digits.
+
+The twin is told which events happen and computes every one of them anew from the very doubles that
+the solver starts from; it refuses a history in which bodies overlap or leave their pieces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.simulation.run import Run, simulate_system
+from vibro_cli.stress.finding import Document, Finding, Plan, Worst
+from vibro_cli.stress.highprecision.quantities import PLACES, TIME, columns, solved
+from vibro_cli.stress.highprecision.scene import scene_of_system
+from vibro_cli.stress.highprecision.sensitivity import amplification
+from vibro_cli.stress.highprecision.taylor import mp
+from vibro_cli.stress.highprecision.twin import Happening, Impact, Twin, happenings_of
+from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
+
+CHECK = "impacts"
+EPSILON = 2.0**-52
+FIRST = 10
+LONGEST = 30.0  # s
+# A flight is taken up again after this part of it, where its bodies are apart.
+BEGUN = 0.1
+# What the response to a change of an input may be for it to be a linear one.
+MOST_AMPLIFIED = 1.0e6
+LINE_BETWEEN: Document = {
+    "start_slope": "-120 deg",
+    "arcs": [
+        {"shape": "valley", "radius": 0.8, "end_slope": "0 deg"},
+        {"shape": "line", "length": 1.5},
+        {"shape": "valley", "radius": 1.0, "end_slope": "120 deg"},
+    ],
+}
+
+
+def check(plan: Plan) -> list[Finding]:
+    """The first impacts of many scenes, and every flight of them on its own."""
+    rng = np.random.default_rng([plan.seed, 29])
+    whole, single = Worst(), Worst()
+    for document, run in _scenes(rng, plan.amount(4, 100)):
+        happenings = happenings_of(run)
+        twin = Twin(scene_of_system(run.system))
+        whole.take(_error(run, twin.follow(happenings)), document)
+        for restarted, off in _single_flights(run.system, happenings):
+            single.take(off, _as_document(document, restarted))
+    tried = "2 and 3 bodies on a circle, a valley, three arcs, a line between valleys; 50 digits"
+    return [
+        Finding(
+            CHECK, f"error of the first {FIRST} impacts / (eps x amplification)",
+            f"{tried}; times and places", whole.cases, whole.value, 64.0, whole.scenario,
+        ),
+        Finding(
+            CHECK, "error of the end of a single flight / its length",
+            f"{tried}; taken up from reference states", single.cases, single.value, 1e-13,
+            single.scenario,
+        ),
+    ]  # fmt: skip
+
+
+def _scenes(rng: np.random.Generator, count: int) -> Iterator[tuple[Document, Run]]:
+    """Scenes with ten ordinary impacts each; joint impacts and lasting contact are drawn again."""
+    found = 0
+    while found < count:
+        document = _scene(rng, found)
+        run = _solve(system_of(document))
+        kinds = set(run.events["event"].tolist())
+        joint = bool(run.collisions["simultaneous"].any())
+        if len(run.collisions["n"]) < FIRST or joint or "contact_closed" in kinds:
+            continue
+        if max(_amplified(run)["t"]) > MOST_AMPLIFIED:
+            continue
+        found += 1
+        yield document, run
+
+
+def _scene(rng: np.random.Generator, number: int) -> Document:
+    bodies = 2 + number // 4 % 2
+    trace = (CIRCLE, VALLEY, THREE_ARCS, LINE_BETWEEN)[number % 4]
+    arcs = len(trace["arcs"])
+    edges = np.linspace(-1.3, 1.3, bodies + 1)
+    balls = []
+    for n in range(bodies):
+        place = float(rng.uniform(edges[n] + 0.15, edges[n + 1] - 0.15))
+        own: Document = {"mass": float(rng.uniform(0.3, 3.0)), "body": str(rng.choice(KINDS))}
+        own["speed"] = float(rng.normal(0.0, 1.0))
+        if arcs > 1:
+            # The first body on the first piece, the others one after another on the last.
+            own["arc"] = 1 if n == 0 else arcs
+            place = float(rng.uniform(-1.4, -0.2)) if n == 0 else 0.5 * n + 0.1 * place
+        balls.append(ball(place, radius=float(rng.uniform(0.05, 0.1)), **own))
+    k, law = float(rng.choice([1.0, 0.9, 0.6])), str(rng.choice(["hedrih", "normal-impulse"]))
+    document = scene(trace, balls, k, law, collisions=FIRST, time=LONGEST)
+    document["collision"]["inadmissible"] = "normal-impulse"
+    return document
+
+
+KINDS = ("ball", "disk", "hollow_ball", "hoop")
+
+
+def _solve(system: System) -> Run:
+    return simulate_system(system, LONGEST, FIRST, "python")
+
+
+def _amplified(run: Run) -> dict[str, list[float]]:
+    try:
+        return amplification(run.system, lambda changed: columns(_solve(changed)))
+    except ArithmeticError:
+        return {"t": [np.inf]}
+
+
+def _error(run: Run, exact: list[Impact]) -> float:
+    """Greatest error of an instant or a place, in eps x the amplification of a change."""
+    grown, worst = _amplified(run), 0.0
+    for quantity, (_, value) in {**TIME, **PLACES}.items():
+        for row, impact in enumerate(exact):
+            off = float(abs(solved(run, quantity, row) - value(impact)))
+            worst = max(worst, off / (EPSILON * grown[quantity][row]))
+    return worst
+
+
+def _single_flights(system: System, happenings: list[Happening]) -> Iterator[tuple[System, float]]:
+    """Every flight to the next event, from the twin's states rounded to doubles.
+
+    Yields the system that starts there, and the relative error of the instant of its first event.
+    """
+    twin = Twin(scene_of_system(system))
+    for happening in happenings:
+        length = mp.mpf(happening.t) - twin.t
+        begin = twin.t + BEGUN * length
+        places = [twin.at(number, begin) for number in range(len(system.bodies))]
+        states = tuple(
+            InitialState(now.piece, float(now.place), float(now.speed)) for now in places
+        )
+        twin.follow([happening])
+        changed = replace(system, initial=states)
+        told = happening._replace(t=float((1 - BEGUN) * length))
+        again = Twin(scene_of_system(changed))
+        again.follow([told])
+        found = _first_event(changed, told)
+        yield changed, float(abs(found - again.t) / again.t)
+
+
+def _first_event(system: System, told: Happening) -> Any:
+    """The solver's instant of the first event of a kind."""
+    run = simulate_system(system, 2.0 * told.t, 1, "python")
+    if told.kind == "impact":
+        return solved(run, "t", 0) if len(run.collisions["n"]) else mp.inf
+    events = run.events
+    same = (events["event"] == told.kind) & (events["ball"] == told.a + 1)
+    return mp.mpf(float(events["t"][same][0])) if same.any() else mp.inf
+
+
+def _as_document(document: Document, system: System) -> Document:
+    """The scenario of a system that differs from a scenario's in its start alone."""
+    balls = []
+    for old, state in zip(document["balls"], system.initial, strict=True):
+        own = {key: value for key, value in old.items() if key not in ("angle", "position")}
+        line = system.trace.pieces[state.piece].is_line
+        own |= {"arc": state.piece + 1, "speed": state.speed}
+        balls.append(own | {"position" if line else "angle": state.position})
+    return {**document, "balls": balls, "stop": {"collisions": 1, "time": LONGEST}}
