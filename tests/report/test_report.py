@@ -16,6 +16,7 @@ import pytest
 
 from tests.report.page_parser import Page
 from vibro_cli import load_scenario, simulate
+from vibro_cli.report.analogy import forms
 from vibro_cli.report.content import FIRST_ROWS, energy_balance, key_figures
 from vibro_cli.report.page import is_report, report_html
 from vibro_cli.report.words import number
@@ -100,7 +101,7 @@ def test_the_page_can_be_read_without_seeing_it(page: Page) -> None:
 
 def test_every_kind_of_figure_is_there(page: Page) -> None:
     images = page.all("img")
-    assert len(images) == 8  # two portraits and six charts
+    assert len(images) == 9  # two portraits and seven charts
     for image in images:
         head, _, body = image.attributes["src"].partition(";base64,")
         start = b"<?xml" if head.endswith("svg+xml") else b"\x89PNG"
@@ -167,7 +168,7 @@ def test_names_with_markup_do_no_harm(beside: Path) -> None:
     page = Page(report_html([run], beside, "0"))
     assert NASTY in page.all("h1")[0].text
     assert len(page.all("script")) == 1
-    assert len(page.all("img")) == 8
+    assert len(page.all("img")) == 9
     assert not page.all("b")
     assert not any("onerror" in one.attributes for one in page.elements)
 
@@ -183,7 +184,7 @@ def test_several_runs_are_compared(run: StoredRun, beside: Path) -> None:
     assert len(page.all("article")) == 2
     regions = [one.attributes["aria-label"] for one in page.elements if one.attributes.get("role")]
     assert len(regions) == len(set(regions))
-    assert len(page.all("img")) == 16
+    assert len(page.all("img")) == 18
 
 
 def test_runs_of_the_same_name_are_told_apart(beside: Path) -> None:
@@ -262,3 +263,16 @@ def luminance(colour: str) -> float:
         part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
     ]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_the_first_impact_stands_in_both_forms(run: StoredRun, page: Page) -> None:
+    """The run used the form of rolling: its impulse, loss and velocities are those of the table."""
+    table = run.collisions
+    _, rolling = forms(run, 0)
+    after = table["omega_a_post"][0], table["omega_b_post"][0]
+    assert rolling.after == pytest.approx(after, rel=1e-12)
+    assert rolling.impulse == pytest.approx(table["impulse_moment"][0], rel=1e-12)
+    assert rolling.loss == pytest.approx(table["energy_loss"][0], rel=1e-10)
+    text = page.with_id("run1-analogy").text
+    assert "The run used that of rolling." in text
+    assert text.count(number(rolling.loss, "J")) == 2  # directly, and by Carnot's theorem

@@ -12,6 +12,7 @@ from vibro_cli.figures.over_time import energies, space_time
 from vibro_cli.figures.plan import plan
 from vibro_cli.figures.portrait import phase_portrait
 from vibro_cli.figures.source import Recorded, Remembered
+from vibro_cli.figures.velocities import velocities
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,13 @@ KINDS = {
         "Configurations at the impacts",
         "The trace with the bodies at the start, at the first impacts and at the last one; bodies "
         "that do not collide then are pale.",
+    ),
+    "velocities": Kind(
+        velocities,
+        "Plan of velocities",
+        "The bodies of the first impacts as they touch, before and after: the velocities of the "
+        "centres, those of the touching points as points of the rolling bodies, and the components "
+        "of these along the line of centres, which decide on approach and separation.",
     ),
     "energy": Kind(
         energies,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -11,15 +10,14 @@ from typing import Any
 from urllib.parse import quote
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.analysis.sides import side
 from vibro_cli.analysis.trigger import FIGURE_EIGHT
 from vibro_cli.build import mechanics_warnings
-from vibro_cli.figures.kinds import KINDS, PORTRAIT, Drawn, draw_all
-from vibro_cli.figures.output import has_rasters, render
+from vibro_cli.report.analogy import analogy
+from vibro_cli.report.images import figures_of_run
 from vibro_cli.report.words import END_CAUSES, LAWS, number, validity
 from vibro_cli.storage.schema import Column, collisions
 from vibro_cli.storage.stored import StoredRun
@@ -28,9 +26,6 @@ FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""
 MOST_JUMPS = 40
 """Jumps across the figure eight that stand in the report, about."""
-_DPI = 192.0
-"""Resolution of figures with too many points for SVG: two pixels for each of a plain screen."""
-_TYPES = {"png": "png", "svg": "svg+xml"}
 _COLUMNS = (
     "n", "t", "dt", "ball_a", "ball_b", "arc_a", "arc_b", "angle_a", "angle_b", "s_a", "s_b",
     "omega_a_pre", "omega_a_post", "omega_b_pre", "omega_b_post", "energy_a_post",
@@ -63,13 +58,6 @@ def _names(runs: Sequence[StoredRun]) -> list[str]:
 
 def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]:
     summary = run.summary
-    kinds = [PORTRAIT, *KINDS]
-    figures = [
-        _figure(wide, narrow, name)
-        for wide, narrow in zip(
-            draw_all(run, kinds, "double"), draw_all(run, kinds, "single"), strict=True
-        )
-    ]
     return {
         "anchor": anchor,
         "name": name,
@@ -79,7 +67,8 @@ def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]
         "setting": _setting(run),
         "pieces": [_piece(run, index) for index in range(len(run.system.trace.pieces))],
         "bodies": [_body(run, index) for index in range(len(run.system.bodies))],
-        "figures": figures,
+        "figures": list(figures_of_run(run, name)),
+        "analogy": analogy(run),
         "energy": energy_balance(run),
         "validity": validity(summary, _refused(run), mechanics_warnings(run.system)),
         "accuracy": _accuracy(run),
@@ -152,28 +141,6 @@ def _body(run: StoredRun, index: int) -> list[str]:
         number(state.position, "m" if on_line else "rad"),
         number(state.speed, "m/s"),
     ]
-
-
-def _figure(wide: Drawn, narrow: Drawn, name: str) -> dict[str, Any]:
-    """A figure as the page has it: in two columns' width, and in one's for a narrow screen."""
-    return {
-        "title": wide.title,
-        "caption": wide.caption,
-        "alternative": f"{wide.title}, run {name}. {wide.caption}",
-        "wide": _image(wide.figure),
-        "narrow": _image(narrow.figure),
-    }
-
-
-def _image(figure: Figure) -> dict[str, str]:
-    form = "png" if has_rasters(figure) else "svg"
-    content = render(figure, form, _DPI)
-    width, height = figure.get_size_inches() * 96.0
-    return {
-        "source": f"data:image/{_TYPES[form]};base64,{base64.b64encode(content).decode()}",
-        "width": f"{width:.0f}",
-        "height": f"{height:.0f}",
-    }
 
 
 def energy_balance(run: StoredRun) -> list[tuple[str, str]]:

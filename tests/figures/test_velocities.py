@@ -1,0 +1,86 @@
+"""The plan of velocities: its vectors against the table of impacts."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.figures.layout import assert_texts_are_apart, texts
+from vibro_cli import load_scenario, simulate
+from vibro_cli.api import Run
+from vibro_cli.figures.velocities import striking, touching_point, velocities
+
+FOLDER = Path(__file__).parents[2] / "scenarios"
+NAMES = ["three_arcs", "unequal_hedrih", "closed_three_balls", "horizontal_line_1_3"]
+
+
+@cache
+def run_of(name: str) -> Run:
+    return simulate(load_scenario(FOLDER / f"{name}.toml", ["stop.collisions=12"]))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_velocities_of_the_touching_points_are_those_of_the_table(name: str) -> None:
+    """Along the line of centres their difference is the speed of approach, then of separation."""
+    run = run_of(name)
+    for row in range(len(run.collisions["n"])):
+        pair = striking(run, row)
+        touch, normal = touching_point(pair)
+        gap = float(np.hypot(*(pair[1].centre - pair[0].centre)))
+        assert gap == pytest.approx(pair[0].body.radius + pair[1].body.radius, rel=1e-12)
+        for when, column in enumerate(("approach_speed", "separation_speed")):
+            one, other = (each.velocity(touch, when) for each in pair)
+            closing = float((one - other) @ normal) * (1.0 if when == 0 else -1.0)
+            assert closing == pytest.approx(float(run.collisions[column][row]), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_bodies_roll(name: str) -> None:
+    """The resting point is at rest, the centre moves along the trace, ω is that of the table."""
+    run = run_of(name)
+    for one in striking(run, 0):
+        for when in (0, 1):
+            speed = one.speed[when]
+            np.testing.assert_allclose(one.velocity(one.resting, when), 0.0, atol=1e-12)
+            np.testing.assert_allclose(
+                one.velocity(one.centre, when), speed * one.tangent, atol=1e-12
+            )
+            assert one.omega[when] == pytest.approx(speed / one.body.radius, rel=1e-12)
+            top = one.resting + 2.0 * (one.centre - one.resting)
+            np.testing.assert_allclose(
+                one.velocity(top, when), 2.0 * speed * one.tangent, atol=1e-12
+            )
+
+
+def test_a_sliding_particle_does_not_turn() -> None:
+    path = FOLDER / "particle_on_arcs.toml"
+    run = simulate(load_scenario(path, ["stop.collisions=1"]))
+    one, _ = striking(run, 0)
+    np.testing.assert_array_equal(one.velocity(one.resting, 0), one.velocity(one.centre, 0))
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("name", NAMES)
+def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
+    figure = velocities(run_of(name), width)
+    assert figure is not None
+    impacts = min(len(run_of(name).collisions["n"]), 2 if width == "single" else 4)
+    assert len(figure.axes) == 2 * impacts
+    assert_texts_are_apart(figure)
+
+
+def test_an_inadmissible_impact_is_named() -> None:
+    figure = velocities(run_of("unequal_hedrih"), "double")
+    assert figure is not None
+    shown = [text.get_text() for text in texts(figure)]
+    assert "after (inadmissible)" in shown
+
+
+def test_no_impact_has_no_plan() -> None:
+    run = simulate(load_scenario(FOLDER / "lone_particle.toml", ["stop.time=0.1"]))
+    assert velocities(run) is None
+    with pytest.raises(ValueError, match="triple"):
+        velocities(run, "triple")

@@ -1,0 +1,48 @@
+"""Figures inside a page: SVG, or PNG where that is too much, as addresses that hold their data."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from vibro_cli.figures.kinds import KINDS, PORTRAIT, Drawn, draw_all
+from vibro_cli.figures.output import has_rasters, render
+from vibro_cli.figures.source import Recorded
+
+_DPI = 192.0
+"""Resolution of figures with too many points for SVG: two pixels for each of a plain screen."""
+_TYPES = {"png": "png", "svg": "svg+xml"}
+
+
+def figures_of_run(run: Recorded, name: str) -> Iterator[dict[str, Any]]:
+    """Return every figure of a run as the page has it, with its words."""
+    kinds = [PORTRAIT, *KINDS]
+    both = (draw_all(run, kinds, "double"), draw_all(run, kinds, "single"))
+    for wide, narrow in zip(*both, strict=True):
+        yield as_shown(wide, narrow, f"run {name}")
+
+
+def as_shown(wide: Drawn, narrow: Drawn, of: str) -> dict[str, Any]:
+    """Return a figure of two columns' width and the one of one's for narrow screens, with words."""
+    return {
+        "title": wide.title,
+        "caption": wide.caption,
+        "alternative": f"{wide.title}, {of}. {wide.caption}",
+        "wide": image(wide.figure),
+        "narrow": image(narrow.figure),
+    }
+
+
+def image(figure: Figure) -> dict[str, str]:
+    """Return a figure as the address of an image with its size (CSS pixels)."""
+    form = "png" if has_rasters(figure) else "svg"
+    content = base64.b64encode(render(figure, form, _DPI)).decode()
+    width, height = figure.get_size_inches() * 96.0
+    return {
+        "source": f"data:image/{_TYPES[form]};base64,{content}",
+        "width": f"{width:.0f}",
+        "height": f"{height:.0f}",
+    }
