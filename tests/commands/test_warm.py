@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from vibro_cli.numerics.engine import cache_folder
+from vibro_cli.numerics.cache import cache_folder
 
 ROOT = Path(__file__).parents[2]
 VIBRO = [sys.executable, "-m", "vibro_cli"]

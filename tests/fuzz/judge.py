@@ -3,7 +3,9 @@
 import resource
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from tests.fuzz.mutation import mutated
@@ -14,6 +16,8 @@ LONGEST = 1.0
 """Time (s) of the processor that a text may take."""
 MOST_MEMORY = 300
 """Peak memory (MB) of the process."""
+UNFORESEEN = "a text that cannot be read ("
+"""What is said of an exception of a parser that nobody thought of."""
 
 
 @dataclass
@@ -31,21 +35,32 @@ def judge(form: str, numbers: range) -> Found:
     found = Found()
     for number in numbers:
         text = mutated(form, number)
-        begin = time.process_time()
-        try:
-            build_system(parse_scenario(text, form))
-            found.valid += 1
-        except ScenarioError as error:
-            found.invalid += 1
-            if not error.problems or not str(error).strip():
-                found.faults.append(f"{form} {number}: an error that says nothing")
-        except Exception as fault:
-            found.faults.append(f"{form} {number}: {type(fault).__name__}: {fault}")
-        taken = time.process_time() - begin
-        found.slowest = max(found.slowest, taken)
-        if taken > LONGEST:
-            found.faults.append(f"{form} {number}: {taken:.1f} s")
+        judge_one(partial(_read_and_build, text, form), found, f"{form} {number}")
     return found
+
+
+def _read_and_build(text: str, form: str) -> None:
+    build_system(parse_scenario(text, form))
+
+
+def judge_one(read: Callable[[], object], found: Found, name: str) -> None:
+    """Read one text, and note what became of it."""
+    begin = time.process_time()
+    try:
+        read()
+        found.valid += 1
+    except ScenarioError as error:
+        found.invalid += 1
+        if not error.problems or not str(error).strip():
+            found.faults.append(f"{name}: an error that says nothing")
+        if UNFORESEEN in str(error):
+            found.faults.append(f"{name}: {error}")
+    except Exception as fault:
+        found.faults.append(f"{name}: {type(fault).__name__}: {fault}")
+    taken = time.process_time() - begin
+    found.slowest = max(found.slowest, taken)
+    if taken > LONGEST:
+        found.faults.append(f"{name}: {taken:.1f} s")
 
 
 def peak_memory() -> float:

@@ -49,3 +49,29 @@ def test_the_long_form_says_what_it_found_and_keeps_within_its_memory() -> None:
     )
     assert outcome.stdout.startswith("json to 200: ")
     assert outcome.stdout.rstrip().endswith("0 faults")
+
+
+def test_the_judge_sees_what_a_reader_leaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The user is told of any exception as of a bad text; here it is a fault all the same."""
+
+    def leak(*_: object) -> None:
+        raise KeyError("leaked")
+
+    monkeypatch.setattr("vibro_cli.scenario.json_form.read", leak)
+    (fault, *_) = judge("json", range(5)).faults
+    assert "cannot be read (KeyError)" in fault
+    monkeypatch.setattr("vibro_cli.scenario.loading.parse_document", leak)
+    assert "json 0: KeyError: 'leaked'" in judge("json", range(5)).faults
+
+
+def test_fuzzing_guided_by_coverage() -> None:
+    pytest.importorskip("atheris")
+    outcome = subprocess.run(
+        [sys.executable, "-m", "tests.fuzz.guided", "--form", "json", "--runs", "500"],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert outcome.returncode == 0, outcome.stderr
+    assert "Done 500 runs" in outcome.stderr

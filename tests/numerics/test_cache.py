@@ -2,28 +2,47 @@
 
 from __future__ import annotations
 
+import resource
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+
+import pytest
+
+from vibro_cli.numerics import engine
+from vibro_cli.simulation import loop
 
 # A program with few kernels, so that its compiling takes seconds.
 PROGRAM = """
 import sys
-from vibro_cli.numerics import engine
+from vibro_cli.numerics import cache, engine
 from vibro_cli.numerics.double import time_between
-engine.on_compiling(lambda text: print(text, file=sys.stderr, flush=True))
+cache.on_compiling(lambda text: print(text, file=sys.stderr, flush=True))
 print(engine.compiled_once(time_between)(3.0, 0.0, 1.0, 0.5))
 """
 
 
-def start(cache: Path) -> subprocess.Popen[str]:
+ROOT = Path(__file__).parents[2]
+COMPILING = "compiling the kernels; this takes a minute or two"
+
+
+def start(
+    cache: Path, sources: Path = ROOT, largest_file: int | None = None
+) -> subprocess.Popen[str]:
+    def limit() -> None:
+        if largest_file is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
+
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM],
-        cwd=Path(__file__).parents[2],
+        [sys.executable, "-B", "-c", PROGRAM],
+        cwd=sources,
         env={"VIBRO_CACHE_DIR": str(cache), "PATH": "/usr/bin:/bin"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=limit,
     )
 
 
@@ -46,8 +65,56 @@ def test_a_cache_that_cannot_be_written_is_said_and_done_without(tmp_path: Path)
     blocked.write_text("in the way")
     ((out, words),) = answers(start(blocked))
     assert out == "1.5\n"
-    assert words.startswith(f"compiled kernels cannot be kept in {blocked}")
+    first, second = words.splitlines()
+    assert first == COMPILING
+    assert second.startswith(f"compiled kernels cannot be kept in {blocked}/kernels-")
     assert blocked.read_text() == "in the way"
+
+
+def test_a_full_disk_is_said_and_done_without(tmp_path: Path) -> None:
+    ((out, words),) = answers(start(tmp_path, largest_file=1000))
+    assert out == "1.5\n"
+    assert words.splitlines()[0].startswith(COMPILING)
+    assert words.splitlines()[1].endswith(" (File too large)")
+
+
+def test_damaged_files_are_made_anew(tmp_path: Path) -> None:
+    answers(start(tmp_path))
+    damage: dict[str, Callable[[bytes], bytes]] = {
+        "*.nbi": lambda content: b"garbage",
+        "*.nbc": lambda content: content[: len(content) // 2],  # a file cut short
+        "*.nb[ci]": lambda content: b"",
+        "*.n[b]c": lambda content: content[:5000] + b"\0" * 4096 + content[9096:],
+    }
+    for pattern, change in damage.items():
+        damaged = list(tmp_path.glob(f"*/{pattern}"))
+        assert damaged
+        for path in damaged:
+            path.write_bytes(change(path.read_bytes()))
+        ((out, words),) = answers(start(tmp_path))
+        assert out == "1.5\n"
+        said = [line.partition("; they are made anew")[0] for line in words.splitlines()]
+        assert set(said) <= {f"compiled kernels are damaged: {path}" for path in damaged}
+        assert len(said) == 1
+        assert answers(start(tmp_path)) == [("1.5\n", "")]
+
+
+def test_machine_code_does_not_depend_on_where_the_sources_are(tmp_path: Path) -> None:
+    """A second environment, or a fresh checkout, finds what the first one compiled."""
+    answers(start(tmp_path / "cache"))
+    (tmp_path / "elsewhere").mkdir()
+    shutil.copytree(ROOT / "vibro_cli", tmp_path / "elsewhere/vibro_cli")
+    # Files that may not grow: it could not be compiled and kept a second time.
+    assert answers(start(tmp_path / "cache", tmp_path / "elsewhere", 0)) == [("1.5\n", "")]
+
+
+def test_a_constant_of_another_module_is_part_of_the_machine_code(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = engine.source_digest.__wrapped__()
+    assert engine.source_digest.__wrapped__() == before
+    monkeypatch.setattr(loop, "LOG_FULL", 99)
+    assert engine.source_digest.__wrapped__() != before
 
 
 def test_a_process_that_dies_while_compiling_leaves_nothing_that_harms(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests import references
-from vibro_cli.numerics.engine import cache_folder
+from vibro_cli.numerics.cache import cache_folder
 
 
 @pytest.fixture(scope="session")

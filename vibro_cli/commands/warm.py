@@ -34,7 +34,7 @@ def warm(
 
 def _warm(as_json: bool) -> int:
     from vibro_cli.api import simulate
-    from vibro_cli.numerics.engine import cache_folder
+    from vibro_cli.numerics.cache import cache_folder
     from vibro_cli.scenario import parse_scenario
 
     tell_of_compiling()
@@ -50,6 +50,6 @@ def _warm(as_json: bool) -> int:
 
 def tell_of_compiling() -> None:
     """Have a line said when kernels must be compiled, or are waited for."""
-    from vibro_cli.numerics.engine import on_compiling
+    from vibro_cli.numerics.cache import on_compiling
 
     on_compiling(lambda text: say(f"vibro: {text}"))

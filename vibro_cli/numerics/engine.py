@@ -9,18 +9,15 @@ operations in the same order (no contraction, no reassociation), so they give th
 
 from __future__ import annotations
 
-import atexit
-import fcntl
 import hashlib
-import os
-import shutil
 import sys
-import tempfile
 import types
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, TextIO, TypeVar
+from typing import Any, TypeVar
+
+from vibro_cli.numerics.cache import FirstCallAlone, code_folder
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 RecordClass = TypeVar("RecordClass", bound=type)
@@ -34,8 +31,7 @@ _compiled: dict[Callable[..., Any], Any] = {}
 _twins: dict[Callable[..., Any], Any] = {}
 # Same operations in the same order as the interpreter: no contraction, no reassociation.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-_alone: dict[Callable[..., Any], _FirstCallAlone] = {}
-_tell: Callable[[str], None] | None = None
+_alone: dict[Callable[..., Any], FirstCallAlone] = {}
 
 
 def kernel(function: Function) -> Function:
@@ -105,27 +101,32 @@ def compiled_rows(rows: Sequence[Any], cls: type) -> Any:
     return array
 
 
+@cache
 def source_digest() -> str:
-    """Return a digest of all that the machine code depends on: kernel sources, versions, processor.
+    """Return a digest of all that the machine code depends on.
 
-    numba's own cache looks at one file only, so that a change in a called kernel would go unseen.
+    These are the sources of the kernels, the constants of other modules that they use, the
+    versions and the processor. numba's own cache looks at one file only, so that a change in a
+    called kernel would go unseen.
     """
     paths = []
+    constants = []
     for name in sorted(_kernels):
         path = sys.modules[name].__file__
         if path is None:  # pragma: no cover - kernels are always defined in files
             raise RuntimeError(f"kernel module {name} has no source file")
         paths.append(Path(path))
-    return digest_of(paths)
+        constants.append(_constants(vars(sys.modules[name])))
+    return digest_of(paths, repr(constants))
 
 
-def digest_of(sources: Sequence[Path]) -> str:
-    """Return a digest of source files and of what else decides the machine code made of them."""
+def digest_of(sources: Sequence[Path], constants: str = "") -> str:
+    """Return a digest of source files, of constants and of what else decides the machine code."""
     import llvmlite
     import llvmlite.binding
     import numba
 
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(constants.encode())
     for path in sources:
         digest.update(path.read_bytes())
     processor = (
@@ -137,17 +138,14 @@ def digest_of(sources: Sequence[Path]) -> str:
     return digest.hexdigest()[:16]
 
 
-def cache_folder() -> Path:
-    """Return the folder of the machine code.
-
-    ``VIBRO_CACHE_DIR``, else the platform's cache folder.
-    """
-    named = os.environ.get("VIBRO_CACHE_DIR")
-    if named:
-        return Path(named)
-    import platformdirs
-
-    return Path(platformdirs.user_cache_dir("vibro"))
+def _constants(namespace: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """The plain values of a module, its own and imported ones: the compiler writes them down."""
+    kinds = (bool, int, float, str, tuple)
+    return sorted(
+        (name, value)
+        for name, value in namespace.items()
+        if isinstance(value, kinds) and not name.startswith("__")
+    )
 
 
 def compiled(entry: Callable[..., Any]) -> Any:
@@ -167,7 +165,7 @@ def compiled(entry: Callable[..., Any]) -> Any:
     if entry not in _compiled:
         import numba
 
-        _compiled[entry] = numba.njit(cache=True, **_OPTIONS)(_twins[entry])
+        _compiled[entry] = kept(numba.njit(**_OPTIONS)(_twins[entry]))
     return _compiled[entry]
 
 
@@ -178,81 +176,21 @@ def compiled_once(entry: Callable[..., Any]) -> Any:
     machine code, and the others wait for it.
     """
     if entry not in _alone:
-        twin = compiled(entry)
-        _alone[entry] = _FirstCallAlone(twin, _machine_code())
+        _alone[entry] = FirstCallAlone(compiled(entry), _machine_code())
     return _alone[entry]
 
 
-def on_compiling(tell: Callable[[str], None] | None) -> None:
-    """Choose what is called with a line for the user when machine code has to be made or awaited.
+def kept(function: Any) -> Any:
+    """Have the machine code of a compiled function that calls kernels kept with theirs."""
+    from vibro_cli.numerics.cache_file import keep_in
 
-    ``None``, as at first, for nobody to be told.
-    """
-    global _tell
-    _tell = tell
-
-
-class _FirstCallAlone:
-    """A compiled kernel whose first call, if it has to write into the cache, does so alone.
-
-    numba replaces each file of its cache in one step, but two processes that add to the cache at
-    once may give different functions the same file. Processes that only read need no lock: what
-    is ready stays as it is.
-    """
-
-    def __init__(self, dispatcher: Any, folder: Path) -> None:
-        name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__name__}"
-        self._dispatcher = dispatcher
-        self._ready = folder / f"{name}.ready"
-        self._lock = folder / "lock"
-        self._called = False
-
-    def __call__(self, *arguments: Any) -> Any:
-        if self._called:
-            return self._dispatcher(*arguments)
-        self._called = True
-        if self._ready.exists():
-            return self._dispatcher(*arguments)
-        with self._lock.open("w") as lock:
-            _wait_for(lock)
-            if _tell is not None and not self._ready.exists():
-                _tell("compiling the kernels; this takes a minute or two, and only once")
-            result = self._dispatcher(*arguments)
-            self._ready.touch()
-        return result
-
-
-def _wait_for(lock: TextIO) -> None:
-    """Hold a lock alone until its file is closed; where files cannot be locked, go on without."""
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        if _tell is not None:
-            _tell("waiting for another process that compiles the kernels")
-        fcntl.flock(lock, fcntl.LOCK_EX)
-    except OSError:  # some network file systems
-        pass
+    keep_in(_machine_code(), function)
+    return function
 
 
 def _machine_code() -> Path:
-    """The folder for this machine code."""
+    """The folder for the machine code of these kernels."""
     return code_folder(f"kernels-{source_digest()}")
-
-
-@cache
-def code_folder(name: str) -> Path:
-    """A folder for machine code; one of this process alone where it cannot be written."""
-    folder = cache_folder() / name
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError as error:
-        if _tell is not None:
-            _tell(f"compiled kernels cannot be kept in {folder} ({error.strerror})")
-        own = tempfile.mkdtemp(prefix="vibro-code-")
-        atexit.register(shutil.rmtree, own, ignore_errors=True)
-        return Path(own)
 
 
 def _make_twins() -> None:
@@ -263,7 +201,6 @@ def _make_twins() -> None:
     """
     import numba
 
-    numba.config.CACHE_DIR = str(_machine_code())  # type: ignore[attr-defined]
     namespaces: dict[str, dict[str, Any]] = {}
     twins: dict[Callable[..., Any], Any] = {}
     for module, functions in _kernels.items():

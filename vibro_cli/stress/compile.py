@@ -12,7 +12,9 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from vibro_cli.numerics.engine import code_folder, digest_of
+from vibro_cli.numerics.cache import code_folder
+from vibro_cli.numerics.cache_file import keep_in
+from vibro_cli.numerics.engine import digest_of
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -21,19 +23,15 @@ SOURCES = ("compile", "double_double", "grazing", "judge")
 
 
 @cache
-def _folder() -> str:
+def _folder() -> Path:
     paths = [Path(__file__).with_name(f"{name}.py") for name in SOURCES]
-    return str(code_folder(f"judge-{digest_of(paths)}"))
+    return code_folder(f"judge-{digest_of(paths)}")
 
 
 def compiled(function: Function) -> Function:
     """Compile a function of floats and arrays, without the interpreter's lock."""
-    config: Any = numba.config
-    before, config.CACHE_DIR = config.CACHE_DIR, _folder()
-    try:
-        result: Any = numba.njit(nogil=True, error_model="numpy", cache=True)(function)
-    finally:
-        config.CACHE_DIR = before
+    result: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    keep_in(_folder(), result)
     return cast(Function, result)
 
 

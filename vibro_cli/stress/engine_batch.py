@@ -66,7 +66,7 @@ def _entry() -> Any:
     namespace["_reset"] = numba.njit(**options)(_reset)
     twin = FunctionType(_batch.__code__, namespace, _batch.__name__)
     twin.__module__ = __name__
-    return numba.njit(cache=True, **options)(twin)
+    return engine.kept(numba.njit(**options)(twin))
 
 
 def first_contacts(system: System, starts: Any) -> Any:
