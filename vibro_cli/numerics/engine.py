@@ -29,8 +29,9 @@ Series = list[float]
 _kernels: dict[str, dict[str, Callable[..., Any]]] = {}
 _compiled: dict[Callable[..., Any], Any] = {}
 _twins: dict[Callable[..., Any], Any] = {}
+_inner: dict[Callable[..., Any], Any] = {}
 # Same operations in the same order as the interpreter: no contraction, no reassociation.
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 _alone: dict[Callable[..., Any], FirstCallAlone] = {}
 
 
@@ -165,7 +166,11 @@ def compiled(entry: Callable[..., Any]) -> Any:
     if entry not in _compiled:
         import numba
 
-        _compiled[entry] = kept(numba.njit(**_OPTIONS)(_twins[entry]))
+        from vibro_cli.numerics.compiling import WholeCompiler, entry_of
+
+        function = entry_of(_twins[entry], _inner[entry])
+        whole = numba.njit(pipeline_class=WholeCompiler, **_OPTIONS)
+        _compiled[entry] = kept(whole(function))
     return _compiled[entry]
 
 
@@ -196,10 +201,12 @@ def _machine_code() -> Path:
 def _make_twins() -> None:
     """Make a twin of every kernel, in whose module every kernel means its compiled form.
 
-    Kernels called by kernels only have no entry from Python and are not cached on their own:
-    both would be made for every one of them, and take most of the time of compiling.
+    Kernels called by kernels only have no entry from Python, and no machine code nor place in the
+    cache of their own: it would be made for every one of them, and take most of the time.
     """
     import numba
+
+    from vibro_cli.numerics.compiling import PartCompiler
 
     namespaces: dict[str, dict[str, Any]] = {}
     twins: dict[Callable[..., Any], Any] = {}
@@ -213,9 +220,11 @@ def _make_twins() -> None:
             twins[function] = twin
     # Options of numba that its type hints leave out.
     inside: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    inner = {function: numba.njit(**_OPTIONS, **inside)(twin) for function, twin in twins.items()}
+    part = numba.njit(pipeline_class=PartCompiler, **_OPTIONS, **inside)
+    inner = {function: part(twin) for function, twin in twins.items()}
     for namespace in namespaces.values():
         for name, value in list(namespace.items()):
             if isinstance(value, types.FunctionType) and value in inner:
                 namespace[name] = inner[value]
     _twins.update(twins)
+    _inner.update(inner)

@@ -1,0 +1,240 @@
+"""How kernels become machine code: one module of all of them, and one pointer to their world.
+
+Two things are added to numba. Kernels take a named tuple of arrays by value: some hundred machine
+words for each call, which would cost more than what the kernels do. Compiled, they are handed a
+:class:`Reference` to it instead. And numba makes machine code of every function for itself, before
+it is part of the function that calls it; a kernel called by kernels only is kept as it is
+(:class:`PartLibrary`) until all of them together are optimised, once.
+"""
+
+from __future__ import annotations
+
+import operator
+import types
+from typing import Any
+
+from llvmlite import ir
+from numba import _dynfunc
+from numba.core import cgutils
+from numba.core import types as numba_types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.datamodel import models
+from numba.core.extending import register_model
+from numba.core.imputils import lower_builtin, lower_getattr_generic
+from numba.core.typed_passes import NativeLowering
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer_getattr,
+    infer_global,
+    signature,
+)
+from numba.extending import intrinsic
+
+
+class Reference(numba_types.Type):
+    """A pointer to a named tuple of arrays that its owner keeps."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+        super().__init__(name=f"Reference({value})")
+
+
+class Rows(numba_types.Type):
+    """The records of an array, without its length: a pointer to the first one."""
+
+    def __init__(self, row: Any) -> None:
+        self.row = row
+        super().__init__(name=f"Rows({row})")
+
+
+@register_model(Reference)
+class _ReferenceModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, of: Reference) -> None:
+        super().__init__(manager, of, manager.lookup(of.value).get_value_type().as_pointer())
+
+
+@register_model(Rows)
+class _RowsModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, of: Rows) -> None:
+        super().__init__(manager, of, ir.IntType(8).as_pointer())
+
+
+def _seen(array: Any) -> Any:
+    """Type of a field seen through a reference."""
+    if (
+        isinstance(array, numba_types.Array)
+        and array.ndim == 1
+        and isinstance(array.dtype, numba_types.Record)
+    ):
+        return Rows(array.dtype)
+    return array
+
+
+@infer_getattr
+class _ReferenceAttribute(AttributeTemplate):
+    key = Reference
+
+    def generic_resolve(self, of: Reference, name: str) -> Any:
+        if name not in of.value.fields:
+            return None
+        return _seen(of.value[of.value.fields.index(name)])
+
+
+@lower_getattr_generic(Reference)
+def _lower_attribute(context: Any, builder: Any, of: Reference, value: Any, name: str) -> Any:
+    index = of.value.fields.index(name)
+    array = builder.load(cgutils.gep_inbounds(builder, value, 0, index))
+    field = of.value[index]
+    if not isinstance(_seen(field), Rows):
+        return array
+    data = context.make_array(field)(context, builder, array).data
+    return builder.bitcast(data, ir.IntType(8).as_pointer())
+
+
+@infer_global(operator.getitem)
+class _RowTemplate(AbstractTemplate):
+    def generic(self, arguments: Any, keywords: Any) -> Any:
+        if len(arguments) == 2 and isinstance(arguments[0], Rows):
+            return signature(arguments[0].row, arguments[0], numba_types.intp)
+        return None
+
+
+@lower_builtin(operator.getitem, Rows, numba_types.intp)
+def _lower_row(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    rows, index = values
+    size = context.get_constant(numba_types.intp, signature.args[0].row.size)
+    row = builder.gep(rows, [builder.mul(index, size)])
+    return builder.bitcast(row, context.get_value_type(signature.return_type))
+
+
+@intrinsic
+def reference(typing: Any, value: Any) -> Any:
+    """Return a reference to a named tuple, good until the calling function returns."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return cgutils.alloca_once_value(builder, values[0])
+
+    return Reference(value)(value), generate
+
+
+class PartLibrary(JITCodeLibrary):
+    """The code of a kernel that is called by kernels only: a part of theirs, not yet optimised."""
+
+    def _ensure_finalized(self) -> None:
+        """Leave the code open: it is finished as a part of the whole."""
+
+    def _get_module_for_linking(self) -> Any:
+        return self._final_module
+
+
+class WholeLibrary(JITCodeLibrary):
+    """The code of an entry, of which all kernels that it calls become a part."""
+
+    def finalize(self) -> None:
+        """Gather the parts, then link, optimise and make machine code."""
+        reached = _reached(self)
+        parts = [library for library in reached if isinstance(library, PartLibrary)]
+        others = [library for library in reached if not isinstance(library, PartLibrary)]
+        self._names = {f.name for part in parts for f in part.get_defined_functions()}
+        # The linker takes from numba's own libraries what is called by then.
+        self._linking_libraries = parts + others
+        super().finalize()
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if function.name in self._names:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+def _reached(library: Any) -> list[Any]:
+    """Libraries of all that the code of a library calls, directly or through parts."""
+    reached: dict[Any, None] = {}
+    open_ones = [library]
+    while open_ones:
+        for called in open_ones.pop()._linking_libraries:
+            if called not in reached:
+                reached[called] = None
+                if isinstance(called, PartLibrary):
+                    open_ones.append(called)
+    return list(reached)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class PartLowering(NativeLowering):
+    """Lower a kernel that is called by kernels only, without making machine code of it."""
+
+    _name = "part_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Make the code, and the name under which callers find it."""
+        state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        state.flags.no_compile = True
+        super().run_pass(state)
+        lowered = state["cr"]
+        # What its callers ask for; from Python it cannot be called.
+        name = _dynfunc.make_function(
+            lowered.fndesc.lookup_module(),
+            lowered.fndesc.qualname.split(".")[-1],
+            "called by kernels only",
+            0,
+            lowered.env,
+            (state.library,),
+        )
+        state.targetctx.insert_user_function(name, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=name)
+        return True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class WholeLowering(NativeLowering):
+    """Lower an entry, with all that it calls."""
+
+    _name = "whole_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Make the code in a library that gathers its parts."""
+        state.library = WholeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return bool(super().run_pass(state))
+
+
+def _pipeline(lowering: Any) -> type:
+    class Pipeline(CompilerBase):
+        def define_pipelines(self) -> Any:
+            manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
+            manager.passes = [
+                (lowering, "lowering") if each is NativeLowering else (each, text)
+                for each, text in manager.passes
+            ]
+            manager._finalized = False
+            manager.finalize()
+            return [manager]
+
+    return Pipeline
+
+
+PartCompiler = _pipeline(PartLowering)
+WholeCompiler = _pipeline(WholeLowering)
+
+
+def entry_of(twin: types.FunctionType, kernel: Any) -> types.FunctionType:
+    """Return what is compiled as the entry of a kernel, given its twin and its compiled form.
+
+    A kernel of a world is handed a reference to it; any other one is its own entry.
+    """
+    if twin.__code__.co_varnames[:1] != ("world",):
+        return twin
+    names = {"reference": reference, "_kernel": kernel}
+    entry = types.FunctionType(_enter.__code__, names, twin.__name__)
+    entry.__qualname__ = twin.__name__
+    entry.__module__ = twin.__module__
+    return entry
+
+
+def _enter(world, *others):
+    return _kernel(reference(world), *others)  # noqa: F821
