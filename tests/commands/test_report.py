@@ -27,7 +27,7 @@ def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     assert b"collision.k" in Path("report.html").read_bytes()
     pdf = Path("figures.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-")
-    assert pdf.count(b"/Type /Page ") == 16
+    assert pdf.count(b"/Type /Page ") == 18
     assert b"CreationDate" not in pdf
 
 
@@ -37,7 +37,7 @@ def test_each_figure_can_be_had_as_a_file(vibro: Vibro) -> None:
     assert vibro("report", "outputs/one_circle", *options).code == 0
     names = {path.name for path in Path("figures").iterdir()}
     assert {"energy.pdf", "plan.svg", "portrait_2.png", "manifest.json"} <= names
-    assert len(names) == 3 * 8 + 1
+    assert len(names) == 3 * 9 + 1
     assert vibro("report", "outputs/one_circle", *options).code == 0  # ours: replaced
     Path("figures/notes.txt").write_text("keep")
     outcome = vibro("report", "outputs/one_circle", *options)
@@ -79,3 +79,34 @@ def test_a_changed_run_is_refused(vibro: Vibro) -> None:
     outcome = vibro("report", "outputs/one_circle")
     assert outcome.code == 2
     assert "not as it was written" in outcome.err
+
+
+def test_the_motion_can_be_had_as_a_film(vibro: Vibro) -> None:
+    vibro(*RUN)
+    options = ("--span", "0.5:1", "--fps", "10")
+    for name, start in {"film.gif": b"GIF89a", "film.html": b"<!DOCTYPE html>"}.items():
+        outcome = vibro("report", "outputs/one_circle", "--animate", name, *options)
+        assert outcome.code == 0
+        assert "film of 0.5 s to 1 s (the run ends at" in outcome.err
+        assert Path(name).read_bytes().startswith(start)
+        assert vibro("report", "outputs/one_circle", "--animate", name, *options).code == 0
+        Path(name).write_text("mine")
+        outcome = vibro("report", "outputs/one_circle", "--animate", name, *options)
+        assert outcome.code == 2
+        assert "is no film" in outcome.err
+        assert Path(name).read_text() == "mine"
+
+
+def test_a_film_that_cannot_be_is_refused(vibro: Vibro) -> None:
+    vibro(*RUN)
+    for options, words in {
+        ("film.avi",): "expected a file .mp4, .gif, .html",
+        ("film.gif", "--fps", "30"): "divisor of 100",
+        ("film.gif", "--span", "2:1"): "FROM < TO",
+        ("film.gif", "--span", "900:901"): "before the end of the run",
+        ("film.gif", "--pace", "1e-5", "--span", "0:1"): "expected at most 20000",
+    }.items():
+        outcome = vibro("report", "outputs/one_circle", "--animate", *options)
+        assert outcome.code == 2, options
+        assert words in outcome.err
+    assert not list(Path().glob("film.*"))

@@ -7,6 +7,7 @@ without one these tests are skipped.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -15,13 +16,17 @@ from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from tests.report.test_report import stored
+from vibro_cli.figures.motion import frame_times, frames
+from vibro_cli.report.film_page import film_html
 from vibro_cli.report.page import report_html
+from vibro_cli.storage.stored import open_run
 
 PHONE, DESKTOP = 360, 1280
 HIGH = 800
+FILM = frame_times(0.0, 4.0, 1.0, 25)
 GRAVE = {"serious", "critical"}
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
@@ -49,7 +54,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A report of a run, and one of two runs compared."""
+    """A report of a run, one of two runs compared, and a film."""
     folder = tmp_path_factory.mktemp("reports")
     first = stored(folder / "first", "three_arcs", "stop.collisions=15")
     second = stored(folder / "second", "three_arcs", "stop.collisions=5", "name=shorter")
@@ -57,6 +62,9 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name, runs in {"one": [first], "compared": [first, second]}.items():
         found[name] = folder / f"{name}.html"
         found[name].write_bytes(report_html(runs, folder, "1.2.3"))
+    found["film"] = folder / "film.html"
+    shown = frames(first, FILM)
+    found["film"].write_bytes(film_html(first, shown, 25, "three_arcs", "1.2.3"))
     return found
 
 
@@ -88,6 +96,8 @@ def opened(browser: Browser) -> Iterator[Callable[..., tuple[Page, Heard]]]:
         ("one", DESKTOP, "dark"),
         ("compared", PHONE, "dark"),
         ("compared", DESKTOP, "light"),
+        ("film", PHONE, "light"),
+        ("film", DESKTOP, "dark"),
     ],
 )
 def test_the_page_is_quiet_fits_and_can_be_read_by_all(
@@ -183,3 +193,42 @@ def test_paper_shows_all_of_the_table_and_no_navigation(
     paper = page.pdf(format="A4")
     assert paper.startswith(b"%PDF-")
     assert paper.count(b"/Type /Page\n") + paper.count(b"/Type /Page ") >= 4
+
+
+def test_the_film_shows_every_frame_where_the_bodies_are(
+    opened: Any, reports: dict[str, Path]
+) -> None:
+    """The disks' places on the page, read back through the map of two other frames."""
+    page, heard = opened(reports["film"], DESKTOP)
+    run = open_run(reports["film"].parent / "first")
+    exact = run.sample(FILM)
+    disks = page.locator("#moving circle")
+    seen = []
+    for frame in (0, 50, 77):
+        page.locator("#frame").fill(str(frame))
+        assert page.locator("#clock").text_content() == f"t = {FILM[frame]:.3f} s"
+        seen.append([float(disks.nth(n).get_attribute("cx")) for n in (0, 2)])
+    x = exact["x"].reshape(-1, 2)[[0, 50, 77]]
+    scale = (seen[2][0] - seen[0][0]) / (x[2, 0] - x[0, 0])
+    for row in range(3):
+        for body in (0, 1):
+            expected = seen[0][0] + scale * (x[row, body] - x[0, 0])
+            assert seen[row][body] == pytest.approx(expected, abs=1e-6)
+    assert heard.said == []
+
+
+def test_the_film_plays_pauses_and_ends(opened: Any, reports: dict[str, Path]) -> None:
+    page, _ = opened(reports["film"], DESKTOP)
+    button, slider = page.get_by_role("button"), page.locator("#frame")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    assert button.text_content() == "Pause"
+    expect(slider).not_to_have_value(re.compile("^[012]$"))
+    button.click()
+    assert button.text_content() == "Play"
+    slider.fill(str(len(FILM) - 3))
+    slider.press("ArrowRight")
+    assert slider.input_value() == str(len(FILM) - 2)
+    button.click()
+    expect(slider).to_have_value(str(len(FILM) - 1))
+    expect(button).to_have_text("Play")

@@ -11,6 +11,7 @@ import typer
 
 from vibro_cli import __version__
 from vibro_cli.commands.boundary import DONE, CommandError, say
+from vibro_cli.commands.filming import FilmWishes, check_film, write_film
 from vibro_cli.commands.options import Task
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ class _Wishes:
     pdf: Path | None
     figures: Path | None
     width: str
+    film: FilmWishes | None
 
 
 def report(
@@ -55,9 +57,33 @@ def report(
         Literal["single", "double"],
         typer.Option(help="Of --pdf and --figures: one column (85 mm) or two (170 mm)."),
     ] = "double",
+    animate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Also the motion of the run as a film, exact at every frame's time: "
+            ".mp4 (needs ffmpeg), .gif or .html.",
+        ),
+    ] = None,
+    span: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FROM:TO", help="Of --animate: times in s [default: the first 30 s of film]."
+        ),
+    ] = None,
+    pace: Annotated[
+        float,
+        typer.Option(min=1e-6, help="Of --animate: motion's time in s in a second of the film."),
+    ] = 1.0,
+    fps: Annotated[
+        int, typer.Option(min=1, max=100, help="Of --animate: frames in a second of the film.")
+    ] = 25,
 ) -> Task:
     """Write a self-contained HTML page of a run, or of several runs compared."""
-    return partial(_report, _Wishes(folders, output, pdf, figures, width))
+    film = None if animate is None else FilmWishes(animate, span, pace, fps)
+    if film is not None and len(folders) > 1:
+        raise typer.BadParameter("--animate: found several runs, expected one")
+    return partial(_report, _Wishes(folders, output, pdf, figures, width, film))
 
 
 def _target(wishes: _Wishes) -> Path:
@@ -80,6 +106,8 @@ def _report(wishes: _Wishes) -> int:
     if not printed and target.exists() and not is_report(target.read_bytes()):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     runs = [_opened(folder) for folder in wishes.folders]
+    if wishes.film is not None:
+        check_film(runs[0], wishes.film)
     beside = Path.cwd() if printed else target.parent
     content = report_html(runs, beside, __version__)
     if printed:
@@ -92,6 +120,8 @@ def _report(wishes: _Wishes) -> int:
         _write_pdf(runs, wishes.pdf, wishes.width)
     if wishes.figures is not None:
         _write_figures(runs, wishes.figures, wishes.width)
+    if wishes.film is not None:
+        write_film(runs[0], wishes.film)
     return DONE
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,12 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
 
     `beside` is the folder in which the file is to stand, for its links to the tables.
     """
+    values = page(runs, beside, version) | {"generator": GENERATOR, "method": METHOD}
+    return rendered("report", values)
+
+
+def rendered(name: str, values: Mapping[str, Any]) -> bytes:
+    """Return the page of a template with its style and its script, and a policy for these alone."""
     environment = Environment(
         loader=PackageLoader("vibro_cli.report"),
         autoescape=True,
@@ -30,25 +36,18 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    style, script = _asset("report.css"), _asset("report.js")
+    style, script = _asset(f"{name}.css"), _asset(f"{name}.js")
     policy = (
         "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
         f"style-src {_hash(style)}; script-src {_hash(script)}"
     )
-    values: dict[str, Any] = {
-        **page(runs, beside, version),
-        "generator": GENERATOR,
-        "policy": policy,
-        "style": style,  # ours alone: the template takes both as they are
-        "script": script,
-        "method": METHOD,
-    }
-    return environment.get_template("report.html").render(values).encode()
+    ours = {"policy": policy, "style": style, "script": script}  # the template takes them as is
+    return environment.get_template(f"{name}.html").render({**values, **ours}).encode()
 
 
-def is_report(content: bytes) -> bool:
-    """Return whether the bytes are those of a report of ours."""
-    return f'<meta name="generator" content="{GENERATOR}">'.encode() in content[:2000]
+def is_report(content: bytes, generator: str = GENERATOR) -> bool:
+    """Return whether the bytes are those of a report of ours, or of another page of ours."""
+    return f'<meta name="generator" content="{generator}">'.encode() in content[:2000]
 
 
 def _asset(name: str) -> str:

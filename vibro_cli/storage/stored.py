@@ -51,6 +51,10 @@ class StoredRun:
         """Return times (s), positions (rad, m) and rates (rad/s, m/s) along one flight, exactly."""
         return self._paths.curve(index, count)
 
+    def sample(self, times: Any) -> dict[str, Any]:
+        """Return the motion of every body at given times (s), exactly; at an event, after it."""
+        return self._paths.sample(times)
+
 
 def open_run(folder: Path) -> StoredRun:
     """Read the folder of a run.

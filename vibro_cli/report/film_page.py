@@ -1,0 +1,69 @@
+"""A film as one HTML file: the states at every frame, drawn by the page itself."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.motion import Frames, trail
+from vibro_cli.figures.output import render
+from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.stage import SIZE, TRAIL, Stage
+from vibro_cli.report.page import rendered
+from vibro_cli.report.words import number
+
+GENERATOR = "vibro film"
+_DPI = 100.0
+
+
+def film_html(run: Recorded, frames: Frames, rate: int, name: str, version: str) -> bytes:
+    """Return a film of a run, called `name`, as the bytes of an HTML file that needs no other.
+
+    `rate` is the number of frames in a second.
+    """
+    stage = Stage(run, frames, _DPI)
+    ground = base64.b64encode(render(stage.figure, "svg", _DPI)).decode()
+    values = {
+        "title": name,
+        "version": version,
+        "generator": GENERATOR,
+        "ground": f"data:image/svg+xml;base64,{ground}",
+        "size": [round(side * _DPI) for side in SIZE],
+        "last": len(frames.time) - 1,
+        "bodies": len(stage.radii),
+        "span": [number(float(time), "s") for time in frames.time[[0, -1]]],
+        "data": {
+            "rate": rate,
+            "time": frames.time.tolist(),
+            "plan": stage.place(stage.plan),
+            "phase": stage.place(stage.phase),
+            "past": TRAIL,
+            "bodies": [_body(run, frames, stage, body) for body in range(len(stage.radii))],
+        },
+    }
+    return rendered("film", values)
+
+
+def _body(run: Recorded, frames: Frames, stage: Stage, body: int) -> dict[str, Any]:
+    way = trail(run, frames, body)
+    look = body_look(body + 1)
+    dashes = look["linestyle"]
+    return {
+        "radius": stage.drawn_radii[body],
+        "colour": look["color"],
+        "dashes": "none" if dashes == "solid" else " ".join(map(str, dashes[1])),
+        "x": frames.x[:, body].tolist(),
+        "y": frames.y[:, body].tolist(),
+        "turn": frames.turn[:, body].tolist(),
+        "s": frames.s[:, body].tolist(),
+        "speed": frames.speed[:, body].tolist(),
+        "trail": [_plain(way.time), _plain(way.s), _plain(way.speed)],
+    }
+
+
+def _plain(values: Array) -> list[float | None]:
+    """Return numbers for JSON, null where there is none."""
+    return [None if np.isnan(value) else value for value in values.tolist()]
