@@ -201,8 +201,12 @@ def _libration_argument(flight: Flight, s1: float, c1: float, p1: float) -> floa
     """Argument between two states of a libration, each counted from a passage of the bottom."""
     m = flight.parameter
     quarter = quarter_period(m, flight.root_complement)
-    first = _argument_along_libration(m, quarter, flight.flow_s, flight.flow_c, flight.flow_p)
-    second = _argument_along_libration(m, quarter, s1, c1, p1)
+    # Seen from the side on which it starts to the right: mirror images take the same time.
+    right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and flight.flow_s * flight.flow_c < 0.0)
+    side = 1.0 if right else -1.0
+    s0 = side * flight.flow_s
+    first = _argument_along_libration(m, quarter, s0, flight.flow_c, side * flight.flow_p)
+    second = _argument_along_libration(m, quarter, side * s1, c1, side * p1)
     if second < first:
         return second - first + 4.0 * quarter
     return second - first

@@ -13,6 +13,7 @@ from decimal import Decimal, localcontext
 from vibro_cli.mechanics.trace import Piece, Trace
 
 _DIGITS = 50
+_CERTAIN_DIGITS = 40
 _PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620900")
 
 
@@ -32,9 +33,10 @@ def heights(trace: Trace, radius: float) -> tuple[Heights, ...]:
         context.prec = _DIGITS
         extremes = _extremes(trace, Decimal(radius))
         lowest = min(low for _, _, low in extremes)
-        return tuple(
-            Heights(float(bottom - lowest), float(top - lowest)) for bottom, top, _ in extremes
-        )
+        rises = [(bottom - lowest, top - lowest) for bottom, top, _ in extremes]
+        # Between two doubles the last digits, which depend on the trace's left end, do not decide.
+        context.prec = _CERTAIN_DIGITS
+        return tuple(Heights(float(+bottom), float(+top)) for bottom, top in rises)
 
 
 def contains_turn(piece: Piece, angle: float) -> bool:

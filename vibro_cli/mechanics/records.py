@@ -15,6 +15,7 @@ from vibro_cli.numerics.engine import Series, record
 
 PARTING = 1  # after an impact, with a speed
 RELEASED = 2  # after lasting contact, with neither speed nor acceleration
+CLOSING = 3  # in contact and approaching: an impact now, whatever the rounding of the gap
 
 NEVER = 1.0e300  # a time, s, after the end of every run
 
@@ -110,6 +111,7 @@ class Flight(ThetaConstants):
     segment: float  # length in time of a segment across pieces, s
     series: Series  # acceleration along the path on it, in powers of t/segment (m/s^2)
     nodal: Series  # scratch: acceleration at the nodes
+    normal: Series  # normal force on it (N), where the trace is one-sided
 
 
 @record
@@ -126,12 +128,13 @@ class PairData:
     distance: float  # r_a + r_b, m
     clear_t: float  # no contact before this instant (two doubles)
     clear_t_low: float
-    touching: int  # PARTING or RELEASED: in contact at that instant and going apart
+    touching: int  # in contact at that instant: PARTING, RELEASED or CLOSING, else 0
     held: int  # 1: in lasting contact
     logged: int  # what of it has been logged: 1 closed, 0 open
     change_t: float  # when ``held`` last changed (two doubles)
     change_t_low: float
     delay: float  # time from then to the end of the accumulation, s
+    closing_loss: float  # energy that equal speeds took when it last closed or went on, J
     release_t: float  # when the contact force changes sign, or NEVER (two doubles)
     release_t_low: float
     contact_t: float  # first contact, or NEVER
@@ -145,7 +148,7 @@ class PairData:
     apart: int  # 1: proved that the two flights never meet
     normal_a: float  # scratch of an instant: n t of both bodies
     normal_b: float
-    closing: int  # 1: approaches, so takes part in the joint impact
+    closing: int  # scratch of an instant: ``touching`` to be; 1: takes part in a joint impact
     diagonal: float  # row of the tridiagonal system of a chain of contacts, and its solution
     lower: float
     upper: float

@@ -13,14 +13,16 @@ import math
 
 import numpy as np
 
-from vibro_cli.mechanics.flight import BOUNDARY
+from vibro_cli.mechanics.flight import BOUNDARY, LIFT_OFF
 from vibro_cli.mechanics.flow import POLYNOMIAL, path_on_segment, polynomial_flow
 from vibro_cli.mechanics.records import NEVER, Flight, TrackData
 from vibro_cli.numerics.double import add_to_time
 from vibro_cli.numerics.engine import SERIES_LENGTH, Series, kernel
 from vibro_cli.numerics.first_root import safe_step_second_order
-from vibro_cli.simulation.chain import contact_forces, free_acceleration, set_normals
+from vibro_cli.simulation.chain import contact_forces
+from vibro_cli.simulation.group_forces import normal_force_now
 from vibro_cli.simulation.groups import AT_END
+from vibro_cli.simulation.touching import free_acceleration, set_normals
 from vibro_cli.simulation.world import World
 
 Row = tuple[float, ...]
@@ -58,6 +60,8 @@ def launch_across(world: World, first: int, count: int) -> None:
         ball = (first + step) % bodies
         flight = world.flights[ball]
         _set_end(world, ball, h)
+        if world.settings[0].one_sided == 1:
+            _limit_by_lift_off(flight, h)
         if step < count - 1:
             pair = world.pairs[ball]
             pair.release_t = NEVER
@@ -116,6 +120,8 @@ def _integrate(world: World, first: int, count: int, h: float) -> bool:
     for _ in range(ITERATIONS):
         change = _iterate(world, first, count, h)
         if change < CONVERGED:
+            if world.settings[0].one_sided == 1:
+                _set_normal_forces(world, first, count, h)
             _restore_members(world, first, count)
             return _resolved(world, first, count)
     _restore_members(world, first, count)
@@ -137,15 +143,48 @@ def _restore_members(world: World, first: int, count: int) -> None:
 
 
 @kernel
+def _set_normal_forces(world: World, first: int, count: int, h: float) -> None:
+    """Polynomials of the normal forces (N) of all members over a segment that is solved."""
+    bodies = world.settings[0].bodies
+    for step in range(count):
+        for i in range(SERIES_LENGTH):
+            world.flights[(first + step) % bodies].normal[i] = 0.0
+    for k in range(SERIES_LENGTH):
+        _force_members(world, first, count, NODES[k] * h)
+        for step in range(count):
+            force = normal_force_now(world, first, count, step)
+            for i in range(SERIES_LENGTH):
+                world.flights[(first + step) % bodies].normal[i] += TO_POWERS[i][k] * force
+
+
+@kernel
+def _limit_by_lift_off(flight: Flight, h: float) -> None:
+    """End a segment where a one-sided trace would have to pull."""
+    after = 0.0 if flight.normal[0] < 0.0 else first_root_of_series(flight.normal, h)
+    if after < min(h, flight.exit_after):
+        flight.exit_kind = LIFT_OFF
+        flight.exit_after = after
+        _, _, flight.exit_p = polynomial_flow(flight, after)
+        flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, after)
+
+
+@kernel
+def _force_members(world: World, first: int, count: int, t: float) -> None:
+    """Put the members into their states at a time of the segment; find their contact forces."""
+    bodies = world.settings[0].bodies
+    for step in range(count):
+        _move_to(world, (first + step) % bodies, t)
+    for step in range(count - 1):
+        set_normals(world, (first + step) % bodies)
+    contact_forces(world, first, count - 1)
+
+
+@kernel
 def _iterate(world: World, first: int, count: int, h: float) -> float:
     """One sweep over the nodes; returns the largest relative change of an acceleration."""
     bodies = world.settings[0].bodies
     for k in range(SERIES_LENGTH):
-        for step in range(count):
-            _move_to(world, (first + step) % bodies, NODES[k] * h)
-        for step in range(count - 1):
-            set_normals(world, (first + step) % bodies)
-        contact_forces(world, first, count - 1)
+        _force_members(world, first, count, NODES[k] * h)
         for step in range(count):
             ball = (first + step) % bodies
             world.flights[ball].nodal[k] = _acceleration(world, first, count, step)

@@ -1,4 +1,4 @@
-"""Chains of touching bodies: their contact normals, joint impacts and contact forces.
+"""Chains of touching bodies: their extent, joint impacts and contact forces.
 
 The pair of a body and its right neighbour has the body's own number; a chain is a run of such
 pairs (round the seam of a closed trace). Impulses and forces of a chain obey a tridiagonal system,
@@ -7,148 +7,92 @@ solved from both ends to the middle, so that a mirror image has mirrored results
 
 from __future__ import annotations
 
-import math
-
-from vibro_cli.mechanics.gap import centre_position, centre_tangent
 from vibro_cli.mechanics.laws import law_approach, weight_and_response
-from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics.engine import kernel
+from vibro_cli.simulation.flights import state_at
+from vibro_cli.simulation.touching import (
+    CONTACT_ROUNDING,
+    free_approach,
+    mobility,
+    speed_of_pair,
+    surface_gap,
+)
 from vibro_cli.simulation.world import World
 
-# The line of centres is level with the trace up to this share.
-LIFT_ROUNDING = 1.0e-14
+
+@kernel
+def held_run(world: World, j: int) -> tuple[int, int]:
+    """First pair and number of pairs of the run of lasting contacts on both sides of pair ``j``."""
+    return _run_around(world, j, False)
 
 
 @kernel
-def set_normals(world: World, j: int) -> float:
-    """Set ``n t`` of both bodies of a pair from their present places; return the gap (m)."""
-    pieces = world.settings[0].pieces
+def chain_of_contacts(world: World, j: int) -> tuple[int, int]:
+    """First pair and number of pairs of the chain that touches when pair ``j`` does."""
+    return _run_around(world, j, True)
+
+
+@kernel
+def _run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
+    """Pair ``j`` and its neighbours on both sides, as far as they are held (or touch)."""
+    settings = world.settings[0]
+    first = j
+    count = 1
+    while count < settings.bodies - 1:
+        left = first - 1
+        if left < 0:
+            if settings.closed == 0:
+                break
+            left = settings.pairs - 1
+        if not _joins(world, left, touching):
+            break
+        first = left
+        count += 1
+    while count < settings.bodies - 1:
+        right = first + count
+        if right >= settings.pairs:
+            if settings.closed == 0:
+                break
+            right -= settings.pairs
+        if not _joins(world, right, touching):
+            break
+        count += 1
+    return first, count
+
+
+@kernel
+def _joins(world: World, j: int, touching: bool) -> bool:
+    """Tell whether a pair is held, or else in contact at the present instant up to rounding."""
+    clock = world.clock[0]
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    piece_a = world.pieces[a.piece]
-    piece_b = world.pieces[b.piece]
-    ax, ay = centre_position(piece_a, world.tracks[pair.a * pieces + a.piece], a.s, a.c)
-    bx, by = centre_position(piece_b, world.tracks[pair.b * pieces + b.piece], b.s, b.c)
-    dx = bx - ax
-    dy = by - ay
-    distance = math.sqrt(dx * dx + dy * dy)
-    contact = world.contacts[j * pieces + a.piece]
-    if a.piece == b.piece and contact.normal_a > 0.0:
-        pair.normal_a = contact.normal_a
-        pair.normal_b = contact.normal_b
-    else:
-        tax, tay = centre_tangent(piece_a, a.s, a.c)
-        tbx, tby = centre_tangent(piece_b, b.s, b.c)
-        pair.normal_a = (dx * tax + dy * tay) / distance
-        pair.normal_b = (dx * tbx + dy * tby) / distance
-    return distance - pair.distance
+    if pair.held == 1:
+        return True
+    if not touching or pair.apart == 1:
+        return False
+    a_s, a_c, _ = state_at(world, pair.a, clock.t, clock.t_low)
+    b_s, b_c, _ = state_at(world, pair.b, clock.t, clock.t_low)
+    gap, size = surface_gap(world, j, a_s, a_c, b_s, b_c)
+    return gap <= CONTACT_ROUNDING * size
 
 
 @kernel
-def lifted_body(world: World, j: int) -> int:
-    """The body of a touching pair that an impact would lift off a one-sided trace, or -1.
-
-    The impulse P along the line of centres n needs impulses ``P n n_a`` and ``-P n n_b`` of the
-    trace along its normals; a one-sided trace cannot pull.
-    """
-    pieces = world.settings[0].pieces
-    pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    piece_a = world.pieces[a.piece]
-    piece_b = world.pieces[b.piece]
-    ax, ay = centre_position(piece_a, world.tracks[pair.a * pieces + a.piece], a.s, a.c)
-    bx, by = centre_position(piece_b, world.tracks[pair.b * pieces + b.piece], b.s, b.c)
-    dx = bx - ax
-    dy = by - ay
-    tax, tay = centre_tangent(piece_a, a.s, a.c)
-    tbx, tby = centre_tangent(piece_b, b.s, b.c)
-    rounding = LIFT_ROUNDING * pair.distance
-    if dy * tax - dx * tay < -rounding:
-        return pair.a
-    if dy * tbx - dx * tby > rounding:
-        return pair.b
-    return -1
+def held_from(world: World, first: int, count: int, start: int) -> int:
+    """Number of held pairs in a row from place ``start`` of a chain on."""
+    length = 0
+    while start + length < count:
+        if world.pairs[(first + start + length) % world.settings[0].pairs].held == 0:
+            break
+        length += 1
+    return length
 
 
 @kernel
-def set_speed(world: World, ball: int) -> None:
-    """Set a body's scratch speed from its state."""
-    flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
-    flight.speed = track.speed_factor * flight.p
-
-
-@kernel
-def parting_speed(world: World, j: int) -> float:
-    """Speed (m/s) at which a pair parts along its line of centres."""
-    pair = world.pairs[j]
-    speed_a = world.flights[pair.a].speed
-    speed_b = world.flights[pair.b].speed
-    return pair.normal_b * speed_b - pair.normal_a * speed_a
-
-
-@kernel
-def free_acceleration(world: World, ball: int) -> float:
-    """Tangential acceleration (m/s^2) of a body under gravity alone."""
-    flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
-    if supported(flight):
-        return 0.0
-    if track.path_radius == 0.0:
-        return track.line_acceleration
-    return -track.gravity_rate * (2.0 * flight.s * flight.c)
-
-
-@kernel
-def supported(flight: Flight) -> bool:
-    """Tell whether a wall keeps a body from moving, being pressed to it at rest."""
-    return flight.wall_side != 0 and flight.speed * flight.wall_side >= 0.0
-
-
-@kernel
-def _mobility(world: World, ball: int) -> float:
-    """Acceleration of a body for one newton along its path; none at a wall."""
-    flight = world.flights[ball]
-    return 0.0 if supported(flight) else 1.0 / world.bodies[ball].rolling_mass
-
-
-@kernel
-def _centripetal(world: World, ball: int) -> tuple[float, float]:
-    """Acceleration of a body's centre across its path (m/s^2)."""
-    flight = world.flights[ball]
-    piece = world.pieces[flight.piece]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
-    if piece.sign == 0.0:
-        return 0.0, 0.0
-    central = flight.speed * flight.speed / track.path_radius
-    sine = 2.0 * flight.s * flight.c
-    cosine = (flight.c - flight.s) * (flight.c + flight.s)
-    return -piece.sign * central * sine, central * cosine
-
-
-@kernel
-def free_approach(world: World, j: int) -> float:
-    """Second derivative of a pair's distance (m/s^2) without contact forces (normals set)."""
-    pieces = world.settings[0].pieces
-    pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    piece_a = world.pieces[a.piece]
-    piece_b = world.pieces[b.piece]
-    ax, ay = centre_position(piece_a, world.tracks[pair.a * pieces + a.piece], a.s, a.c)
-    bx, by = centre_position(piece_b, world.tracks[pair.b * pieces + b.piece], b.s, b.c)
-    nx = (bx - ax) / pair.distance
-    ny = (by - ay) / pair.distance
-    tax, tay = centre_tangent(piece_a, a.s, a.c)
-    tbx, tby = centre_tangent(piece_b, b.s, b.c)
-    across = nx * (b.speed * tby - a.speed * tay) - ny * (b.speed * tbx - a.speed * tax)
-    cax, cay = _centripetal(world, pair.a)
-    cbx, cby = _centripetal(world, pair.b)
-    curve = nx * (cbx - cax) + ny * (cby - cay) + across * across / pair.distance
-    drive_b = pair.normal_b * free_acceleration(world, pair.b)
-    return drive_b - pair.normal_a * free_acceleration(world, pair.a) + curve
+def speed_of_chain(world: World, first: int, count: int) -> float:
+    """Size (m/s) of the greatest speeds in a chain, in whose rounding small ones are lost."""
+    fastest = 0.0
+    for step in range(count):
+        fastest = max(fastest, speed_of_pair(world, (first + step) % world.settings[0].pairs))
+    return fastest
 
 
 @kernel
@@ -251,8 +195,8 @@ def contact_forces(world: World, first: int, count: int) -> None:
     for step in range(count):
         j = (first + step) % pairs
         pair = world.pairs[j]
-        ease_a = _mobility(world, pair.a)
-        ease_b = _mobility(world, pair.b)
+        ease_a = mobility(world, pair.a)
+        ease_b = mobility(world, pair.b)
         pair.right = -free_approach(world, j)
         pair.diagonal = pair.normal_a * pair.normal_a * ease_a
         pair.diagonal += pair.normal_b * pair.normal_b * ease_b

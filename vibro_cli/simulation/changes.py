@@ -9,16 +9,12 @@ from vibro_cli.mechanics.laws import NORMAL_IMPULSE, impact_of_pair
 from vibro_cli.mechanics.records import PARTING, Flight, PairData, TrackData
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.across import SEGMENT_END
-from vibro_cli.simulation.chain import lifted_body, set_normals
-from vibro_cli.simulation.contact_changes import (
-    close_if_accumulated,
-    held_run,
-    open_contact,
-    relaunch_run,
-)
+from vibro_cli.simulation.chain import chain_of_contacts, held_run
+from vibro_cli.simulation.contact_changes import close_accumulated, open_contacts, relaunch_run
 from vibro_cli.simulation.flights import begin_flight, bring_to, place_at, project
-from vibro_cli.simulation.joint import chain_of_contacts, collide_jointly, complete_inadmissible
+from vibro_cli.simulation.joint import collide_jointly, complete_inadmissible, energy_of_chain
 from vibro_cli.simulation.rows import log_impact, parts
+from vibro_cli.simulation.touching import lifted_body, set_normals
 from vibro_cli.simulation.walls import group_rests, rest_at_wall, rest_group, rests_at_wall
 from vibro_cli.simulation.world import (
     COLLISION,
@@ -51,7 +47,7 @@ def collide(world: World, j: int) -> int:
     if settings.bodies > 2 or clock.held_pairs > 0:
         first, count = chain_of_contacts(world, j)
         if count > 1 or world.flights[pair.a].grouped + world.flights[pair.b].grouped > 0:
-            cause = collide_jointly(world, j, first, count)
+            cause = collide_jointly(world, first, count)
         else:
             cause = _collide_alone(world, j)
     else:
@@ -87,7 +83,7 @@ def _collide_alone(world: World, j: int) -> int:
         law, pair.restitution, body_a, body_b, pair.normal_a, pair.normal_b, a.speed, b.speed
     )
     substituted = 0
-    admissible = parts(pair, wa, wb)
+    admissible = parts(pair, wa, wb, 0.0)
     if admissible == 0 and settings.substitute == 1:
         law = NORMAL_IMPULSE
         substituted = 1
@@ -114,11 +110,16 @@ def _collide_alone(world: World, j: int) -> int:
     a.speed = wa
     b.speed = wb
     _share_energy(world, pair, loss)
+    pair.touching = PARTING
+    if close_accumulated(world, j, 1, law):
+        # The row has the energy of all further bounces, which have none of their own.
+        before = body_a.weight * a.head + body_b.weight * b.head
+        row.contact = 1
+        row.loss += pair.closing_loss
+        after = energy_of_chain(world, j, 1)
+        clock.energy_correction += abs(before - pair.closing_loss - after)
     row.head_a_post = a.head
     row.head_b_post = b.head
-    pair.touching = PARTING
-    if close_if_accumulated(world, j, law) == 1:
-        row.contact = 1
     return RUNNING
 
 
@@ -172,7 +173,7 @@ def release(world: World, j: int) -> int:
     first, count = held_run(world, j)
     for step in range(count + 1):
         bring_to(world, (first + step) % world.settings[0].bodies, clock.t, clock.t_low)
-    open_contact(world, j, first, count)
+    open_contacts(world, j, first, count)
     return RUNNING
 
 

@@ -10,11 +10,12 @@ on a short segment across pieces the ends are taken, on a line it is constant.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_cli.mechanics.flow import POLYNOMIAL, flow
+from vibro_cli.mechanics.flow import POLYNOMIAL, flow, group_of_body
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.mechanics.trace import sine_cosine
 from vibro_cli.simulation.geometry import Places
@@ -39,26 +40,44 @@ class _Motion(NamedTuple):
     acceleration: float  # along the path, m/s^2
 
 
+class Harmonic(NamedTuple):
+    """Normal force ``a + b cos f + c sin f`` and friction ``q |sin f|`` (N) of one body."""
+
+    a: float
+    b: float
+    c: float
+    q: float
+
+
 def contact_extremes(paths: Paths) -> list[Extremes]:
     """Return the extremes of every body of every flight in lasting contact."""
+    found = []
+    for members in groups_of(paths):
+        flights = [paths.flight(member) for member in members]
+        if is_pendulum(flights[0]):
+            found += _of_pendulum(paths, members, flights)
+        else:
+            found += _of_segment(paths, members, flights)
+    return found
+
+
+def is_pendulum(flight: Flight) -> bool:
+    """Tell whether a flight in contact is on one arc, its forces harmonic in its angle."""
+    return flight.form != POLYNOMIAL and flight.frequency != 0.0
+
+
+def groups_of(paths: Paths) -> Iterator[list[int]]:
+    """Yield the rows of each group's flights, from left to right, for every motion that lasts."""
     rows: dict[tuple[int, float, float], int] = {}
     # Of several launches at one instant only the last one lasts.
     grouped = np.flatnonzero((paths.log["grouped"] == 1) & (paths.duration > 0.0))
     for index in grouped:
         rows[_key(paths, index, int(paths.body[index]))] = int(index)
     bodies = len(paths.places.system.bodies)
-    found = []
     for index in grouped:
         first, count = int(paths.log["group_first"][index]), int(paths.log["group_count"][index])
-        if first != paths.body[index]:
-            continue
-        members = [rows[_key(paths, index, (first + i) % bodies)] for i in range(count)]
-        flights = [paths.flight(member) for member in members]
-        if flights[0].form == POLYNOMIAL or flights[0].frequency == 0.0:
-            found += _of_segment(paths, members, flights)
-        else:
-            found += _of_pendulum(paths, members, flights)
-    return found
+        if first == paths.body[index]:
+            yield [rows[_key(paths, index, (first + i) % bodies)] for i in range(count)]
 
 
 def _key(paths: Paths, index: Any, body: int) -> tuple[int, float, float]:
@@ -95,7 +114,7 @@ def _direction(a: _Motion, b: _Motion) -> tuple[float, float]:
 def _of_segment(paths: Paths, members: list[int], flights: list[Flight]) -> list[Extremes]:
     """Extremes at both ends of a segment, or of a flight on a line."""
     duration = float(paths.duration[members[0]])
-    ends = [_forces(paths.places, _states(paths, members, flights, t)) for t in (0.0, duration)]
+    ends = [forces_at(paths, members, flights, t) for t in (0.0, duration)]
     found = []
     for pair in zip(*ends, strict=True):
         least = min(normal for normal, _ in pair)
@@ -109,6 +128,13 @@ def _demand(normal: float, friction: float) -> float:
     return math.inf if friction > 0.0 or normal < 0.0 else 0.0
 
 
+def forces_at(
+    paths: Paths, members: list[int], flights: list[Flight], t: float
+) -> list[tuple[float, float]]:
+    """Normal force (N) and friction (N) of each body of a group a time (s) after its launch."""
+    return _forces(paths.places, _states(paths, members, flights, t))
+
+
 def _states(paths: Paths, members: list[int], flights: list[Flight], t: float) -> list[_Motion]:
     motions = []
     for member, flight in zip(members, flights, strict=True):
@@ -117,6 +143,10 @@ def _states(paths: Paths, members: list[int], flights: list[Flight], t: float) -
         if flight.form == POLYNOMIAL:
             x = t / flight.segment
             acceleration = math.fsum(value * x**k for k, value in enumerate(flight.series))
+        elif is_pendulum(flight) and not flight.at_rest:
+            sine, cosine = group_of_body(flight, s, c)
+            rho = float(paths.places.path_radius[paths.body[member], paths.piece[member]])
+            acceleration = -rho * flight.frequency**2 * (2.0 * sine * cosine)
         body, piece = int(paths.body[member]), int(paths.piece[member])
         speed = float(paths.places.speed_factor(body, piece)) * p
         motions.append(_motion(paths.places, body, piece, (s, c), speed * speed, acceleration))
@@ -143,28 +173,39 @@ def _motion(
     return _Motion(body, float(x[0]), float(y[0]), slope, bend, acceleration)
 
 
-def _of_pendulum(paths: Paths, members: list[int], flights: list[Flight]) -> list[Extremes]:
-    """Extremes on one arc, from ``N = a + b cos f + c sin f`` fitted at three angles."""
+def harmonics(paths: Paths, members: list[int], flights: list[Flight]) -> list[Harmonic]:
+    """Return the forces of a group on one arc, fitted at three angles of its pendulum."""
     angles = np.array([0.0, math.tau / 3.0, 2.0 * math.tau / 3.0])
     table = np.array([_at_angle(paths, members, flights, angle) for angle in angles])
-    low, high = _range(paths, members[0], flights[0])
     found = []
     for i, flight in enumerate(flights):
         values = table[:, i]
-        a = float(np.mean(values))
-        b = float(np.mean(values * np.cos(angles)) * 2.0)
-        c = float(np.mean(values * np.sin(angles)) * 2.0)
         body, piece = int(paths.body[members[i]]), int(paths.piece[members[i]])
         rho = float(paths.places.path_radius[body, piece])
         mass, kappa = float(paths.places.mass[body]), float(paths.places.kappa[body])
-        force = (kappa - 1.0) * mass * rho * flight.frequency**2
+        found.append(
+            Harmonic(
+                a=float(np.mean(values)),
+                b=float(np.mean(values * np.cos(angles)) * 2.0),
+                c=float(np.mean(values * np.sin(angles)) * 2.0),
+                q=(kappa - 1.0) * mass * rho * flight.frequency**2,
+            )
+        )
+    return found
+
+
+def _of_pendulum(paths: Paths, members: list[int], flights: list[Flight]) -> list[Extremes]:
+    """Extremes on one arc: at the ends, or where force or demand is stationary."""
+    low, high = _range(paths, members[0], flights[0])
+    found = []
+    for a, b, c, q in harmonics(paths, members, flights):
         candidates = [low, high, *_inside(math.atan2(c, b) + math.pi, low, high)]
         if abs(a) > abs(b):
             for sign in (1.0, -1.0):
                 candidates += _inside(sign * math.acos(-b / a), low, high)
         normals = [a + b * math.cos(f) + c * math.sin(f) for f in candidates]
         demands = [
-            _demand(normal, abs(force * math.sin(f)))
+            _demand(normal, abs(q * math.sin(f)))
             for f, normal in zip(candidates, normals, strict=True)
         ]
         found.append(Extremes(min(normals), max(demands)))

@@ -128,7 +128,10 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
 def state_at(world: World, ball: int, t: float, t_low: float) -> tuple[float, float, float]:
     """State ``(S, C, P)`` of a body at an instant of its present flight."""
     flight = world.flights[ball]
-    s, c, p = flow(flight, time_between(t, t_low, flight.t, flight.t_low))
+    age = time_between(t, t_low, flight.t, flight.t_low)
+    if age == 0.0:
+        return flight.s, flight.c, flight.p
+    s, c, p = flow(flight, age)
     if flight.own_frequency > 0.0 and flight.grouped == 0:
         return project(flight, s, c, p)
     return s, c, p

@@ -14,12 +14,18 @@ from vibro_cli.mechanics.flight import (
     choose_exit,
     launch_on_line,
     set_flow_energy,
-    squared_rate_at,
 )
-from vibro_cli.mechanics.flow import body_of_group, group_of_body, time_to
-from vibro_cli.mechanics.records import NEVER, Flight, PairData, TrackData
+from vibro_cli.mechanics.flow import body_of_group, group_of_body
+from vibro_cli.mechanics.records import NEVER, Flight, TrackData
 from vibro_cli.numerics.double import add_to_time
 from vibro_cli.numerics.engine import kernel
+from vibro_cli.simulation.group_forces import (
+    half_of,
+    limit_by_lift_off,
+    limit_on_line,
+    moments_of_body,
+    set_release,
+)
 from vibro_cli.simulation.world import World
 
 # A state within this of an end of its piece, in S C - C S, is at that end.
@@ -86,20 +92,20 @@ def _launch_on_line(world: World, first: int, count: int) -> None:
         launch_on_line(flight, track.left_s, track.right_s)
         if step < count - 1:
             world.pairs[ball].release_t = NEVER
+    if settings.one_sided == 1:
+        limit_on_line(world, first, count)
 
 
 @kernel
 def _launch_on_arc(world: World, first: int, count: int) -> None:
     settings = world.settings[0]
-    shift_s, shift_c = _lead(world, first, count)
-    inertia, torque, rate = _moments(world, first, count)
+    middle_s, middle_c = _set_offsets(world, first, count)
+    inertia, momentum, x, y = _moments(world, first, count)
+    torque = math.sqrt(x * x + y * y)
     frequency = math.sqrt(torque / inertia)
-    lead = world.flights[first]
-    flow_s = lead.s * shift_c + lead.c * shift_s
-    flow_c = lead.c * shift_c - lead.s * shift_s
-    flow_p = rate / (2.0 * frequency)
-    offset_s = -shift_s
-    offset_c = shift_c
+    lead_s, lead_c = half_of(x / torque, y / torque)
+    flow_s, flow_c = _turned(middle_s, middle_c, lead_s, lead_c)
+    flow_p = momentum / inertia / (2.0 * frequency)
     for step in range(count):
         ball = (first + step) % settings.bodies
         flight = world.flights[ball]
@@ -109,68 +115,88 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
         flight.flow_c = flow_c
         flight.flow_p = flow_p
         flight.frequency = frequency
-        flight.shift_s = offset_s
-        flight.shift_c = offset_c
+        flight.shift_s, flight.shift_c = _turned(flight.shift_s, flight.shift_c, -lead_s, lead_c)
         flight.rate_ratio = frequency / track.frequency
         _set_group_flow(flight, track)
-        if step < count - 1:
-            contact = world.contacts[ball * settings.pieces + flight.piece]
-            offset_s, offset_c = (
-                offset_s * contact.cosine + offset_c * contact.sine,
-                offset_c * contact.cosine - offset_s * contact.sine,
-            )
     for step in range(count - 1):
-        _set_release(world, first, step + 1)
+        set_release(world, first, count, step + 1)
+    if settings.one_sided == 1:
+        limit_by_lift_off(world, first, count)
 
 
 @kernel
-def _lead(world: World, first: int, count: int) -> tuple[float, float]:
-    """Sine and cosine of half the angle by which the group's pendulum leads its first body."""
+def _turned(s: float, c: float, by_s: float, by_c: float) -> tuple[float, float]:
+    """Sine and cosine of the sum of two half-angles."""
+    return s * by_c + c * by_s, c * by_c - s * by_s
+
+
+@kernel
+def _set_offsets(world: World, first: int, count: int) -> tuple[float, float]:
+    """Set ``shift_s, shift_c`` of each body to half its angle from the middle of the group.
+
+    The middle is that of the middle body or, of an even number, that between the two middle ones,
+    so that mirror images are treated alike. Returns ``(S, C)`` of it.
+    """
     settings = world.settings[0]
+    left = (count - 1) // 2
+    right = count // 2
+    ball = (first + left) % settings.bodies
     s = 0.0
     c = 1.0
-    x = 0.0
-    y = 0.0
-    for step in range(count):
-        ball = (first + step) % settings.bodies
-        piece = world.flights[ball].piece
-        rho = world.tracks[ball * settings.pieces + piece].path_radius
-        moment = world.bodies[ball].weight * rho
-        x += moment * ((c - s) * (c + s))
-        y += moment * (2.0 * s * c)
-        if step < count - 1:
-            contact = world.contacts[ball * settings.pieces + piece]
-            s, c = s * contact.cosine + c * contact.sine, c * contact.cosine - s * contact.sine
-    size = math.sqrt(x * x + y * y)
-    cosine = math.sqrt(0.5 * (1.0 + x / size))
-    return y / (2.0 * size * cosine), cosine
+    if left < right:
+        contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
+        s, c = half_of(contact.cosine, contact.sine)
+    _set_shift(world, ball, -s, c)
+    _set_shift(world, (first + right) % settings.bodies, s, c)
+    left_s, left_c = s, c
+    right_s, right_c = s, c
+    for step in range(left):
+        ball = (first + right + step) % settings.bodies
+        contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
+        right_s, right_c = _turned(right_s, right_c, contact.sine, contact.cosine)
+        _set_shift(world, (ball + 1) % settings.bodies, right_s, right_c)
+        ball = (first + left - step - 1) % settings.bodies
+        contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
+        left_s, left_c = _turned(left_s, left_c, contact.sine, contact.cosine)
+        _set_shift(world, ball, -left_s, left_c)
+    one = world.flights[(first + left) % settings.bodies]
+    other = world.flights[(first + right) % settings.bodies]
+    one_s, one_c = _turned(one.s, one.c, -one.shift_s, one.shift_c)
+    other_s, other_c = _turned(other.s, other.c, -other.shift_s, other.shift_c)
+    s = 0.5 * (one_s + other_s)
+    c = 0.5 * (one_c + other_c)
+    scale = 1.5 - 0.5 * (s * s + c * c)
+    return s * scale, c * scale
 
 
 @kernel
-def _moments(world: World, first: int, count: int) -> tuple[float, float, float]:
-    """``sum kappa m rho^2`` (kg m^2), ``g A`` (N m) and the common rate (rad/s) of a group."""
-    settings = world.settings[0]
+def _set_shift(world: World, ball: int, s: float, c: float) -> None:
+    world.flights[ball].shift_s = s
+    world.flights[ball].shift_c = c
+
+
+@kernel
+def _moments(world: World, first: int, count: int) -> tuple[float, float, float, float]:
+    """``sum kappa m rho^2`` (kg m^2), that times the common rate, and ``sum m g rho (cos, sin)``.
+
+    The angles are those from the middle of the group; bodies are taken two by two from its ends.
+    """
+    bodies = world.settings[0].bodies
     inertia = 0.0
     momentum = 0.0
-    s = 0.0
-    c = 1.0
     x = 0.0
     y = 0.0
-    for step in range(count):
-        ball = (first + step) % settings.bodies
-        flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
-        rho = track.path_radius
-        part = world.bodies[ball].rolling_mass * rho * rho
-        inertia += part
-        momentum += part * (2.0 * track.frequency * flight.p)
-        moment = world.bodies[ball].weight * rho
-        x += moment * ((c - s) * (c + s))
-        y += moment * (2.0 * s * c)
-        if step < count - 1:
-            contact = world.contacts[ball * settings.pieces + flight.piece]
-            s, c = s * contact.cosine + c * contact.sine, c * contact.cosine - s * contact.sine
-    return inertia, math.sqrt(x * x + y * y), momentum / inertia
+    for step in range((count + 1) // 2):
+        left_i, left_l, left_x, left_y = moments_of_body(world, (first + step) % bodies)
+        other = (first + count - 1 - step) % bodies
+        if 2 * step == count - 1:
+            return inertia + left_i, momentum + left_l, x + left_x, y + left_y
+        right_i, right_l, right_x, right_y = moments_of_body(world, other)
+        inertia += left_i + right_i
+        momentum += left_l + right_l
+        x += left_x + right_x
+        y += left_y + right_y
+    return inertia, momentum, x, y
 
 
 @kernel
@@ -203,77 +229,3 @@ def _set_group_flow(flight: Flight, track: TrackData) -> None:
     tangential = track.path_radius * w2
     central = 4.0 * track.path_radius * w2 * flight.parameter
     flight.acceleration_bound = math.sqrt(tangential * tangential + central * central)
-
-
-@kernel
-def force_coefficients(world: World, first: int, bodies_left: int) -> tuple[float, float]:
-    """``(U, V)`` of the moment ``U sin f + V cos f`` between a group's first bodies and the rest.
-
-    From the balance of the first ``bodies_left`` bodies; f is the angle of the group's pendulum.
-    """
-    settings = world.settings[0]
-    u = 0.0
-    v = 0.0
-    for step in range(bodies_left):
-        ball = (first + step) % settings.bodies
-        flight = world.flights[ball]
-        rho = world.tracks[ball * settings.pieces + flight.piece].path_radius
-        sine = 2.0 * flight.shift_s * flight.shift_c
-        cosine = (flight.shift_c - flight.shift_s) * (flight.shift_c + flight.shift_s)
-        moment = world.bodies[ball].weight * rho
-        inertia = world.bodies[ball].rolling_mass * rho * rho
-        u += inertia * flight.frequency * flight.frequency - moment * cosine
-        v -= moment * sine
-    return u, v
-
-
-@kernel
-def _set_release(world: World, first: int, bodies_left: int) -> None:
-    """Find when the force between a group's first bodies and the rest turns negative."""
-    bodies = world.settings[0].bodies
-    flight = world.flights[first]
-    pair = world.pairs[(first + bodies_left - 1) % bodies]
-    pair.release_t = NEVER
-    pair.release_t_low = 0.0
-    u, v = force_coefficients(world, first, bodies_left)
-    size = math.sqrt(u * u + v * v)
-    if size == 0.0 or flight.at_rest == 1:
-        return
-    # Zeros of U sin f + V cos f: sin f = -+ V/size, cos f = +- U/size.
-    after = NEVER
-    for turn in range(2):
-        sign = 1.0 if turn == 0 else -1.0
-        c2 = 0.5 * (1.0 + sign * u / size)
-        s2 = 0.5 * (1.0 - sign * u / size)
-        c = math.sqrt(max(c2, 0.0))
-        s = math.sqrt(max(s2, 0.0))
-        if -sign * v < 0.0:
-            s = -s
-        after = min(after, _release_at(flight, s, c, sign * size))
-        after = min(after, _release_at(flight, -s, -c, sign * size))
-    _keep_release(flight, pair, after)
-
-
-@kernel
-def _keep_release(flight: Flight, pair: PairData, after: float) -> None:
-    if after < NEVER:
-        pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
-
-
-@kernel
-def _release_at(flight: Flight, s: float, c: float, slope: float) -> float:
-    """Time (s) to the passage of a zero of the force in the direction in which it falls.
-
-    ``slope`` is the derivative of the force's moment with the angle at that place.
-    """
-    if flight.root_complement >= 0.0 and flight.flow_c * c < 0.0:
-        return NEVER
-    square = squared_rate_at(flight, s, c)
-    if square <= 0.0:
-        return NEVER
-    p = math.sqrt(square)
-    if slope > 0.0:
-        p = -p
-    if flight.root_complement < 0.0 and p * flight.flow_p < 0.0:
-        return NEVER
-    return time_to(flight, s, c, p)

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_cli.mechanics.flight import squared_rate_at
 from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
 from vibro_cli.mechanics.records import Flight
+from vibro_cli.simulation.grip import lift_offs, slips
 from vibro_cli.simulation.paths import Paths
 from vibro_cli.simulation.world import (
     CROSSING,
@@ -45,13 +45,20 @@ def event_table(
     friction: float | None,
 ) -> dict[str, Any]:
     """Return the columns of ``events.parquet``, in order of time."""
-    events = [*_boundaries(paths), *_contacts(paths, touches), *_lift_offs(paths)]
+    events = [*_boundaries(paths), *_contacts(paths, touches)]
+    events += [_at(paths, row, after, "lift_off", force) for row, after, force in lift_offs(paths)]
     if turning_points:
         events += _turnings(paths)
     if friction is not None:
-        events += _slips(paths, friction)
+        events += [
+            _at(paths, row, after, "slip", friction) for row, after, _ in slips(paths, friction)
+        ]
     if end_cause in (END_OF_TRACE, END_LIFT_OFF) and end_ball >= 0:
-        events.append(_end(paths, end_cause, end_ball))
+        last = _end(paths, end_cause, end_ball)
+        # The normal force that vanishes at the end of the run is this event and no other.
+        same = [event for event in events if event[:3] == last[:3]]
+        events = [event for event in events if event not in same]
+        events.append(last)
     events.sort(key=lambda event: event.t)
     return _columns(events)
 
@@ -188,98 +195,6 @@ def _turning_on_segment(flight: Flight, duration: float) -> list[float]:
             low = middle
         else:
             high = middle
-
-
-def _passing_times(paths: Paths, index: int, s2: float) -> list[tuple[float, float]]:
-    """Times at which a flight passes ``S^2``, each with the sign of the change of ``S^2`` there."""
-    flight = paths.flight(index)
-    s0, c0 = math.sqrt(s2), math.sqrt(max(1.0 - s2, 0.0))
-    found = []
-    for s in (s0, -s0):
-        for c in (c0, -c0):
-            square = squared_rate_at(flight, s, c)
-            if square <= 0.0 or (flight.root_complement >= 0.0 and c * flight.c < 0.0):
-                continue
-            for p in (math.sqrt(square), -math.sqrt(square)):
-                if flight.root_complement < 0.0 and p * flight.p <= 0.0:
-                    continue
-                found += [(t, s * c * p) for t in paths.passages(index, s, c, p)]
-    piece = paths.places.system.trace.pieces[flight.piece]
-    inside = []
-    for after, growth in sorted(found):
-        state = flow(flight, after)
-        angle = paths.places.position(
-            np.array([flight.piece]), np.array([state[0]]), np.array([state[1]])
-        )[0]
-        if piece.angle_start <= angle <= piece.angle_end and after <= paths.duration[index]:
-            inside.append((after, growth))
-    return inside
-
-
-def _lift_offs(paths: Paths) -> list[Event]:
-    """Instants at which the normal force turns negative; ``value`` is that force (N) afterwards.
-
-    On a two-sided surface they only mark where a one-sided trace could not hold the body. Flights
-    in lasting contact are left out.
-    """
-    places = paths.places
-    kappa = places.kappa[paths.body]
-    sign = places.sign[paths.piece]
-    limit = (1.0 + 4.0 * paths.log["parameter"] / kappa) / (2.0 + 4.0 / kappa)
-    start = paths.log["s"] ** 2
-    outside = sign * (start - limit) > 0.0
-    events = []
-    for index in np.flatnonzero((sign != 0.0) & (paths.log["grouped"] == 0)):
-        was_outside = index > 0 and bool(
-            outside[index - 1] and paths.body[index - 1] == paths.body[index]
-        )
-        if outside[index] and not was_outside:
-            events.append(_at(paths, int(index), 0.0, "lift_off", None))
-        if 0.0 < limit[index] < min(1.0, paths.log["parameter"][index]):
-            for after, growth in _passing_times(paths, int(index), float(limit[index])):
-                if growth * sign[index] > 0.0:
-                    events.append(_at(paths, int(index), after, "lift_off", 0.0))
-    return events
-
-
-def _slips(paths: Paths, friction: float) -> list[Event]:
-    """Instants from which free rolling needs more friction than there is (``value``).
-
-    ``|sin f| (1 - 1/kappa) = mu (A + B cos f)`` is a quadratic in ``cos f``.
-    """
-    places = paths.places
-    events = []
-    for index in range(len(paths.log)):
-        kappa = float(places.kappa[paths.body[index]])
-        sign = float(places.sign[paths.piece[index]])
-        if kappa == 1.0 or sign == 0.0 or paths.log["grouped"][index]:
-            continue
-        m = float(paths.log["parameter"][index])
-        a, b = sign * (4.0 * m - 2.0) / kappa, sign * (1.0 + 2.0 / kappa)
-        force = 1.0 - 1.0 / kappa
-        roots = _quadratic(
-            force**2 + (friction * b) ** 2,
-            2.0 * friction**2 * a * b,
-            (friction * a) ** 2 - force**2,
-        )
-        for cosine in roots:
-            if abs(cosine) < 1.0 and a + b * cosine > 0.0:
-                # Growth of force - mu N with S^2, that is with falling cos f.
-                sine = math.sqrt(1.0 - cosine * cosine)
-                slope = force * cosine / sine + friction * b
-                for after, growth in _passing_times(paths, index, 0.5 * (1.0 - cosine)):
-                    if growth * slope > 0.0:
-                        events.append(_at(paths, index, after, "slip", friction))
-    return events
-
-
-def _quadratic(a: float, b: float, c: float) -> list[float]:
-    """Real roots of ``a x^2 + b x + c``, ``a > 0``, by the stable formula."""
-    discriminant = b * b - 4.0 * a * c
-    if discriminant < 0.0:
-        return []
-    q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
-    return sorted({q / a, c / q}) if q != 0.0 else [0.0]
 
 
 def _end(paths: Paths, end_cause: int, ball: int) -> Event:

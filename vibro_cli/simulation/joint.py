@@ -6,24 +6,14 @@ close because of it follow at the same instant as impacts of their own, and so o
 
 from __future__ import annotations
 
-import math
-
 from vibro_cli.mechanics.flight import head_from_state
-from vibro_cli.mechanics.gap import centre_position
 from vibro_cli.mechanics.laws import NORMAL_IMPULSE
-from vibro_cli.mechanics.records import PARTING
 from vibro_cli.numerics.engine import kernel
-from vibro_cli.simulation.chain import (
-    apply_impulses,
-    joint_impulses,
-    lifted_body,
-    parting_speed,
-    set_normals,
-    set_speed,
-)
-from vibro_cli.simulation.contact_changes import close_if_accumulated, launch_chain, settle
-from vibro_cli.simulation.flights import bring_to, place_at, project, state_at
+from vibro_cli.simulation.chain import apply_impulses, joint_impulses, speed_of_chain
+from vibro_cli.simulation.contact_changes import close_accumulated, launch_chain, settle
+from vibro_cli.simulation.flights import bring_to
 from vibro_cli.simulation.rows import SPEED_ROUNDING, log_impact, parts
+from vibro_cli.simulation.touching import lifted_body, parting_speed, set_normals, set_speed
 from vibro_cli.simulation.world import (
     COLLISION,
     END_INADMISSIBLE,
@@ -33,82 +23,26 @@ from vibro_cli.simulation.world import (
     World,
 )
 
-# At one instant gaps below this many units in the last place of the positions are contact.
-CONTACT_ROUNDING = 16.0 * 2.220446049250313e-16
-
 
 @kernel
-def chain_of_contacts(world: World, j: int) -> tuple[int, int]:
-    """First pair and number of pairs of the chain that touches when pair ``j`` does."""
-    settings = world.settings[0]
-    first = j
-    count = 1
-    while count < settings.bodies - 1:
-        left = first - 1
-        if left < 0:
-            if settings.closed == 0:
-                break
-            left = settings.pairs - 1
-        if not _touches(world, left):
-            break
-        first = left
-        count += 1
-    while count < settings.bodies - 1:
-        right = first + count
-        if right >= settings.pairs:
-            if settings.closed == 0:
-                break
-            right -= settings.pairs
-        if not _touches(world, right):
-            break
-        count += 1
-    return first, count
-
-
-@kernel
-def _touches(world: World, j: int) -> bool:
-    """Tell whether a pair is in contact at the present instant, up to rounding."""
+def collide_jointly(world: World, first: int, count: int) -> int:
+    """Carry out the impacts of a chain of touching pairs at the present instant."""
     settings = world.settings[0]
     clock = world.clock[0]
-    pair = world.pairs[j]
-    if pair.held == 1:
-        return True
-    if pair.apart == 1:
-        return False
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    a_s, a_c, _ = state_at(world, pair.a, clock.t, clock.t_low)
-    b_s, b_c, _ = state_at(world, pair.b, clock.t, clock.t_low)
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[pair.b * settings.pieces + b.piece]
-    ax, ay = centre_position(world.pieces[a.piece], track_a, a_s, a_c)
-    bx, by = centre_position(world.pieces[b.piece], track_b, b_s, b_c)
-    gap = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)) - pair.distance
-    size = abs(ax) + abs(ay) + abs(bx) + abs(by) + pair.distance
-    return gap <= CONTACT_ROUNDING * size
-
-
-@kernel
-def collide_jointly(world: World, j: int, first: int, count: int) -> int:
-    """Carry out the impacts of a chain of touching pairs at the contact time of pair ``j``."""
-    settings = world.settings[0]
-    clock = world.clock[0]
-    _bring_chain(world, j, first, count)
-    before = _energy_of_chain(world, first, count)
+    _bring_chain(world, first, count)
+    before = energy_of_chain(world, first, count)
     law = settings.law
     start_row = clock.impact_rows
     loss, admissible = _impulses(world, first, count, law)
     if not admissible and settings.substitute == 0:
-        for row in range(start_row, clock.impact_rows):
-            complete_inadmissible(world, world.impacts[row])
+        _complete_as_law_says(world, start_row)
         return END_INADMISSIBLE
     if settings.one_sided == 1:
         for row in range(start_row, clock.impact_rows):
             lifted = lifted_body(world, world.impacts[row].pair)
             if lifted >= 0:
                 clock.last_ball = lifted
-                for every in range(start_row, clock.impact_rows):
-                    complete_inadmissible(world, world.impacts[every])
+                _complete_as_law_says(world, start_row)
                 return END_LIFT_OFF
     if not admissible:
         law = NORMAL_IMPULSE
@@ -122,49 +56,56 @@ def collide_jointly(world: World, j: int, first: int, count: int) -> int:
             world.impacts[row].admissible = 0
     settle(world, first, count)
     launch_chain(world, first, count, COLLISION)
-    clock.energy_correction += abs(before - loss - _energy_of_chain(world, first, count))
+    loss += _take_closing_losses(world, first, count, start_row)
+    if close_accumulated(world, first, count, law):
+        loss += _take_closing_losses(world, first, count, start_row)
+    after = energy_of_chain(world, first, count)
+    clock.energy_correction += abs(before - loss - after)
     for row in range(start_row, clock.impact_rows):
         _complete(world, world.impacts[row], clock.impact_rows - start_row)
-    for step in range(count):
-        number = (first + step) % settings.pairs
-        pair = world.pairs[number]
-        if pair.touching == PARTING:
-            closed = close_if_accumulated(world, number, law)
-            for row in range(start_row, clock.impact_rows):
-                if world.impacts[row].pair == number:
-                    world.impacts[row].contact = closed
     return RUNNING
 
 
 @kernel
-def _bring_chain(world: World, j: int, first: int, count: int) -> None:
+def _take_closing_losses(world: World, first: int, count: int, start_row: int) -> float:
+    """Add what closing contacts took (J) to the rows of their impacts; return its sum.
+
+    The loss of a contact without a row of its own here is shared by all rows of the impact.
+    """
+    clock = world.clock[0]
+    pairs = world.settings[0].pairs
+    total = 0.0
+    shared = 0.0
+    for step in range(count):
+        pair = world.pairs[(first + step) % pairs]
+        total += pair.closing_loss
+        shared += pair.closing_loss
+        for row in range(start_row, clock.impact_rows):
+            impact = world.impacts[row]
+            if impact.pair == (first + step) % pairs and pair.held == 1:
+                impact.contact = 1
+                impact.loss += pair.closing_loss
+                shared -= pair.closing_loss
+    if shared != 0.0:
+        for row in range(start_row, clock.impact_rows):
+            world.impacts[row].loss += shared / (clock.impact_rows - start_row)
+    return total
+
+
+@kernel
+def _bring_chain(world: World, first: int, count: int) -> None:
     """Put the bodies of a chain into their states at the instant; set speeds and normals."""
     settings = world.settings[0]
     clock = world.clock[0]
-    pair = world.pairs[j]
     for step in range(count + 1):
-        ball = (first + step) % settings.bodies
-        flight = world.flights[ball]
-        free = flight.grouped == 0 and flight.frequency > 0.0
-        if ball == pair.a:
-            s, c, p = pair.a_s, pair.a_c, pair.a_p
-            if free:
-                s, c, p = project(flight, s, c, p)
-            place_at(flight, clock.t, clock.t_low, s, c, p)
-        elif ball == pair.b:
-            s, c, p = pair.b_s, pair.b_c, pair.b_p
-            if free:
-                s, c, p = project(flight, s, c, p)
-            place_at(flight, clock.t, clock.t_low, s, c, p)
-        else:
-            bring_to(world, ball, clock.t, clock.t_low)
-        set_speed(world, ball)
+        bring_to(world, (first + step) % settings.bodies, clock.t, clock.t_low)
+        set_speed(world, (first + step) % settings.bodies)
     for step in range(count):
         set_normals(world, (first + step) % settings.pairs)
 
 
 @kernel
-def _energy_of_chain(world: World, first: int, count: int) -> float:
+def energy_of_chain(world: World, first: int, count: int) -> float:
     """Energy (J) of the bodies of a chain from their states."""
     settings = world.settings[0]
     total = 0.0
@@ -185,13 +126,11 @@ def _impulses(world: World, first: int, count: int, law: int) -> tuple[float, bo
     Returns the energy lost (J), and whether every pair of an impact parts after it.
     """
     pairs = world.settings[0].pairs
+    rounding = SPEED_ROUNDING * speed_of_chain(world, first, count)
     for step in range(count):
         number = (first + step) % pairs
-        pair = world.pairs[number]
-        speed_a = abs(pair.normal_a * world.flights[pair.a].speed)
-        speed_b = abs(pair.normal_b * world.flights[pair.b].speed)
-        closing = parting_speed(world, number) < -SPEED_ROUNDING * (speed_a + speed_b)
-        pair.closing = 1 if closing else 0
+        closing = parting_speed(world, number) < -rounding
+        world.pairs[number].closing = 1 if closing else 0
     loss = 0.0
     admissible = True
     start = 0
@@ -213,6 +152,7 @@ def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[f
     settings = world.settings[0]
     clock = world.clock[0]
     joint_impulses(world, begin, length, law, 0)
+    fastest = speed_of_chain(world, begin, length)
     start_row = clock.impact_rows
     for step in range(length):
         log_impact(world, (begin + step) % settings.pairs, 0.0, 0.0, law, 0.0)
@@ -229,7 +169,7 @@ def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[f
         row = world.impacts[start_row + step]
         row.speed_a_post = world.flights[pair.a].speed
         row.speed_b_post = world.flights[pair.b].speed
-        row.admissible = parts(pair, row.speed_a_post, row.speed_b_post)
+        row.admissible = parts(pair, row.speed_a_post, row.speed_b_post, fastest)
         row.loss = _loss_of_pair(world, pair.solution, row, law)
         loss += row.loss
         fine = fine and row.admissible == 1
@@ -261,6 +201,12 @@ def _complete(world: World, row: ImpactRow, impacts: int) -> None:
     row.head_b_post = world.flights[row.b].head
     if impacts > 1:
         row.simultaneous = 1
+
+
+@kernel
+def _complete_as_law_says(world: World, start_row: int) -> None:
+    for row in range(start_row, world.clock[0].impact_rows):
+        complete_inadmissible(world, world.impacts[row])
 
 
 @kernel

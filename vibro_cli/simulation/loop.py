@@ -5,12 +5,11 @@ from __future__ import annotations
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.numerics.double import time_between
 from vibro_cli.numerics.engine import kernel
-from vibro_cli.simulation.chain import set_normals, set_speed
 from vibro_cli.simulation.changes import collide, leave_piece, release
-from vibro_cli.simulation.contact_changes import launch_chain, settle
-from vibro_cli.simulation.joint import CONTACT_ROUNDING
+from vibro_cli.simulation.contact_changes import count_corrections, launch_chain, settle
 from vibro_cli.simulation.rows import log_contacts
 from vibro_cli.simulation.search import first_contact
+from vibro_cli.simulation.touching import CONTACT_ROUNDING, present_gap, set_normals, set_speed
 from vibro_cli.simulation.world import (
     END_NO_MORE_COLLISIONS,
     END_REST,
@@ -38,6 +37,7 @@ def start(world: World) -> None:
         while first + count < settings.bodies - 1 and _in_contact(world, first + count):
             count += 1
         settle(world, first, count)
+        count_corrections(world, first, count)
         launch_chain(world, first, count, START)
         first += count + 1
 
@@ -45,13 +45,8 @@ def start(world: World) -> None:
 @kernel
 def _in_contact(world: World, j: int) -> bool:
     """Tell whether a pair starts in contact, up to the rounding of the positions."""
-    pair = world.pairs[j]
-    gap = set_normals(world, j)
-    size = pair.distance
-    for ball in range(2):
-        flight = world.flights[pair.a if ball == 0 else pair.b]
-        piece = world.pieces[flight.piece]
-        size += abs(piece.x) + abs(piece.y)
+    set_normals(world, j)
+    gap, size = present_gap(world, j)
     return abs(gap) <= CONTACT_ROUNDING * size
 
 

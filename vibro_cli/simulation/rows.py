@@ -16,10 +16,10 @@ SAME_INSTANT = 64.0 * 2.220446049250313e-16
 
 
 @kernel
-def parts(pair: PairData, wa: float, wb: float) -> int:
-    """1 if the bodies part, or stay together up to rounding, with these speeds."""
+def parts(pair: PairData, wa: float, wb: float, size: float) -> int:
+    """1 if the bodies part, or stay together up to the rounding of speeds of this size (m/s)."""
     separation = separation_speed(pair.normal_a, pair.normal_b, wa, wb)
-    return 1 if separation >= -SPEED_ROUNDING * (abs(wa) + abs(wb)) else 0
+    return 1 if separation >= -SPEED_ROUNDING * (abs(wa) + abs(wb) + size) else 0
 
 
 @kernel

@@ -6,9 +6,17 @@ import math
 
 from vibro_cli.mechanics.contact import contact_by_distance, contact_on_arc, contact_on_line
 from vibro_cli.mechanics.flow import LINE
-from vibro_cli.mechanics.records import NEVER, Flight, PairData, PieceData, TrackData
+from vibro_cli.mechanics.records import (
+    CLOSING,
+    NEVER,
+    Flight,
+    PairData,
+    PieceData,
+    TrackData,
+)
 from vibro_cli.numerics.double import add_to_time, time_between
 from vibro_cli.numerics.engine import kernel
+from vibro_cli.simulation.flights import state_at
 from vibro_cli.simulation.world import World
 
 
@@ -21,19 +29,28 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
     """
     first = -1
     settings = world.settings[0]
+    # Every pair is searched up to the same instant: the steps depend on no order of the pairs.
+    for j in range(settings.pairs):
+        pair = world.pairs[j]
+        if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
+            first = j
+            horizon_t = pair.contact_t
+            horizon_low = pair.contact_t_low
     stopping = horizon_t == settings.stop_t
     for j in range(settings.pairs):
         pair = world.pairs[j]
-        if pair.contact_t == NEVER and pair.apart == 0 and pair.held == 0:
-            ahead = time_between(horizon_t, horizon_low, pair.clear_t, pair.clear_t_low)
-            if ahead > 0.0:
-                _search_pair(world, j, pair, ahead)
-                if not stopping or pair.contact_t < NEVER:
-                    pair.clear_t = horizon_t
-                    pair.clear_t_low = horizon_low
-                    pair.touching = 0
-        to_contact = time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low)
-        if pair.contact_t < NEVER and to_contact < 0.0:
+        if pair.contact_t < NEVER or pair.apart == 1 or pair.held == 1:
+            continue
+        ahead = time_between(horizon_t, horizon_low, pair.clear_t, pair.clear_t_low)
+        if ahead > 0.0 or pair.touching == CLOSING:
+            _search_pair(world, j, pair, ahead)
+            if not stopping or pair.contact_t < NEVER:
+                pair.clear_t = horizon_t
+                pair.clear_t_low = horizon_low
+                pair.touching = 0
+    for j in range(settings.pairs):
+        pair = world.pairs[j]
+        if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
             first = j
             horizon_t = pair.contact_t
             horizon_low = pair.contact_t_low
@@ -55,6 +72,12 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     if apart:
         clock.skipped_apart += 1
         pair.apart = 1
+        return
+    if pair.touching == CLOSING:
+        pair.contact_t = pair.clear_t
+        pair.contact_t_low = pair.clear_t_low
+        pair.a_s, pair.a_c, pair.a_p = state_at(world, pair.a, pair.clear_t, pair.clear_t_low)
+        pair.b_s, pair.b_c, pair.b_p = state_at(world, pair.b, pair.clear_t, pair.clear_t_low)
         return
     limit = _time_to_limit(a, b, pair, settings.stop_t)
     age_a = time_between(pair.clear_t, pair.clear_t_low, a.t, a.t_low)

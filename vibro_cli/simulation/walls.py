@@ -9,10 +9,10 @@ from __future__ import annotations
 from vibro_cli.mechanics.gap import centre_position
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.numerics.engine import kernel
-from vibro_cli.simulation.chain import free_acceleration, set_normals, set_speed
 from vibro_cli.simulation.contact_changes import launch_chain, relaunch_run
 from vibro_cli.simulation.flights import begin_flight, bring_to, state_at
 from vibro_cli.simulation.rows import hold
+from vibro_cli.simulation.touching import free_acceleration, present_gap, set_normals, set_speed
 from vibro_cli.simulation.world import WALL, World
 
 # Height of a bounce that is lost in rounding, as a share of the size of the places.
@@ -63,8 +63,10 @@ def rest_at_wall(world: World, ball: int, right: bool) -> None:
         if not _neighbour_rests(world, inner, right, flight.t, flight.t_low, height):
             break
         bring_to(world, inner, flight.t, flight.t_low)
-        if set_normals(world, j) > NEIGHBOUR * height:
+        gap, _ = present_gap(world, j)
+        if gap > NEIGHBOUR * height:
             break
+        set_normals(world, j)
         hold(world, j, 1, 0.0)
         world.flights[inner].p = 0.0
         world.flights[inner].speed = 0.0

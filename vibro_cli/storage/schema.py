@@ -73,9 +73,9 @@ _ENERGY = (
     "trace)"
 )
 _VALUE = (
-    "turning: the angle there in rad (on a line the position in m); wall, contact_closed and "
-    "contact_opened: the speed before in m/s; slip: the coefficient of friction; lift_off: the "
-    "normal force in N; else null"
+    "turning: the angle there in rad (on a line the position in m); wall: the speed before in "
+    "m/s; contact_closed: how long the bounces before it lasted in s; slip: the coefficient of "
+    "friction; lift_off: the normal force in N; else null"
 )
 _SIDE = _count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
 
@@ -102,7 +102,11 @@ def collisions(sided: bool = False) -> Table:
         *_before_and_after("omega", "rad/s", "angular velocity about the contact point"),
         *_before_and_after("speed", "m/s", "signed speed of the centre"),
         *_before_and_after("energy", "J", _ENERGY),
-        _number("energy_loss", "J", "energy lost in the impact"),
+        _number(
+            "energy_loss",
+            "J",
+            "energy lost in the impact; where contact begins, in all further bounces too",
+        ),
         _number("impulse_moment", "N m s", "J_Pb (ω_b⁺ − ω_b⁻), the moment of the impulse"),
         _number("approach_speed", "m/s", "speed of approach along the line of centres, before"),
         _number("separation_speed", "m/s", "speed of separation along the line of centres, after"),

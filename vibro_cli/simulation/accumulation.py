@@ -1,0 +1,144 @@
+"""The sum of the bounces of a pair that is left to itself, in closed form (accumulation, Zeno).
+
+With the parting speed u, the approach acceleration ``c`` and its rate ``c'`` all further bounces
+last ``T = T0 - c' T0^2/(3 c)``, ``T0 = 2 u/(c (1 - k))``. It is taken when what this leaves out is
+smaller than the rounding of the gap makes the time of the next bounce uncertain.
+"""
+
+from __future__ import annotations
+
+from vibro_cli.mechanics.flow import angular_jerk, tangential_acceleration
+from vibro_cli.mechanics.gap import distance_gap
+from vibro_cli.mechanics.laws import weight_and_response
+from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.first_root import safe_step_second_order
+from vibro_cli.simulation.chain import held_run
+from vibro_cli.simulation.flights import state_at
+from vibro_cli.simulation.rows import SPEED_ROUNDING
+from vibro_cli.simulation.touching import (
+    parting_speed,
+    present_approach,
+    present_gap,
+    speed_of_pair,
+)
+from vibro_cli.simulation.world import World
+
+EPSILON = 2.220446049250313e-16
+# A bounce must be this small against the bodies before its accumulation is looked at.
+SMALL_BOUNCE = 1.0e-4
+# A bounce lower than this many units in the last place of the places is lost in rounding.
+LOST_BOUNCE = 4.0
+NOT_YET = -1.0
+
+
+@kernel
+def accumulates(world: World, j: int) -> bool:
+    """Tell whether the bounces of a pair in rounding end in contact, under the law of the run."""
+    settings = world.settings[0]
+    return settings.substitute == 1 or _law_is_normal(world, j, settings.law)
+
+
+@kernel
+def _law_is_normal(world: World, j: int, law: int) -> bool:
+    """Tell whether a law acts on the speed along the line of centres (up to a factor)."""
+    pair = world.pairs[j]
+    qa, _ = weight_and_response(law, world.bodies[pair.a], pair.normal_a)
+    qb, _ = weight_and_response(law, world.bodies[pair.b], pair.normal_b)
+    return abs(qa * pair.normal_b - qb * pair.normal_a) <= 1.0e-12 * qa * pair.normal_b
+
+
+@kernel
+def time_to_rest(world: World, j: int, law: int) -> float:
+    """Duration (s) of all further bounces of a pair just launched, ``NOT_YET`` if not summable."""
+    pair = world.pairs[j]
+    u = parting_speed(world, j)
+    if u * u > SMALL_BOUNCE * world.settings[0].gravity * pair.distance:
+        return NOT_YET
+    c = -present_approach(world, j)
+    if c <= 0.0 or not _law_is_normal(world, j, law):
+        return NOT_YET
+    if abs(u) <= SPEED_ROUNDING * speed_of_pair(world, j):
+        return 0.0
+    _, size = present_gap(world, j)
+    rounding = EPSILON * size
+    lost = u * u <= 2.0 * c * LOST_BOUNCE * rounding
+    if pair.restitution == 1.0:
+        # Nothing accumulates; but a bounce lower than the rounding of the places is contact.
+        return 0.0 if lost else NOT_YET
+    delay = 2.0 * u / (c * (1.0 - pair.restitution))
+    if not lost:
+        delay = _refined(world, j, u, c, rounding, delay)
+        if delay < 0.0 or not _undisturbed(world, j, delay):
+            return NOT_YET
+    if delay >= world.flights[pair.a].exit_after or delay >= world.flights[pair.b].exit_after:
+        return NOT_YET
+    return delay
+
+
+@kernel
+def _refined(world: World, j: int, u: float, c: float, rounding: float, first_term: float) -> float:
+    """The sum of the bounces with the change of ``c``, ``NOT_YET`` while that leaves out much."""
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    free = a.piece == b.piece and a.grouped == 0 and b.grouped == 0 and a.own_frequency > 0.0
+    rate = (a.jerk_bound + b.jerk_bound) * pair.distance
+    if not free:
+        rate += (a.acceleration_bound + b.acceleration_bound) * _fastest(world, j)
+        missing = first_term * first_term * rate / c
+        return first_term if missing * u <= rounding else NOT_YET
+    jerk = angular_jerk(b, b.s, b.c, b.p) - angular_jerk(a, a.s, a.c, a.p)
+    # On one arc the distance grows with the angle by n t_a rho_a.
+    track = world.tracks[pair.a * world.settings[0].pieces + a.piece]
+    relative = jerk * track.path_radius * pair.normal_a / c
+    missing = first_term * first_term * first_term * (rate / c) * (rate / c)
+    if missing * u > rounding:
+        return NOT_YET
+    return first_term * (1.0 + relative * first_term * (1.0 / 3.0))
+
+
+@kernel
+def _fastest(world: World, j: int) -> float:
+    """A rate (1/s) above those at which the geometry of a pair changes."""
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    return (abs(a.speed) + abs(b.speed)) / pair.distance + a.frequency + b.frequency
+
+
+@kernel
+def _undisturbed(world: World, j: int, delay: float) -> bool:
+    """Tell whether no other body can hit a pair, or those held to it, before a delay (s)."""
+    settings = world.settings[0]
+    first, count = held_run(world, j)
+    for side in range(2):
+        outer = first - 1 if side == 0 else first + count
+        if settings.closed == 1:
+            outer %= settings.pairs
+        other = settings.bodies > count + 1 and 0 <= outer < settings.pairs
+        if other and _earliest_contact(world, outer) <= delay:
+            return False
+    return True
+
+
+@kernel
+def _earliest_contact(world: World, j: int) -> float:
+    """Time (s) for which a pair certainly stays apart, from its gap, its rate and their bounds."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    a_s, a_c, a_p = state_at(world, pair.a, clock.t, clock.t_low)
+    b_s, b_c, b_p = state_at(world, pair.b, clock.t, clock.t_low)
+    gap, rate, _ = distance_gap(
+        world.pieces[a.piece], track_a, a_s, a_c, a_p,
+        tangential_acceleration(a, track_a.path_radius, a_s, a_c),
+        world.pieces[b.piece], track_b, b_s, b_c, b_p,
+        tangential_acceleration(b, track_b.path_radius, b_s, b_c),
+        pair.distance,
+    )  # fmt: skip
+    bound = a.acceleration_bound + b.acceleration_bound
+    return safe_step_second_order(max(gap, 0.0), rate, bound)
