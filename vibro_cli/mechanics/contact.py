@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.flow import (
+    LINE,
     POLYNOMIAL,
+    acceleration_at,
     angular_acceleration,
     angular_jerk,
     flow,
@@ -31,7 +33,6 @@ from vibro_cli.mechanics.records import (
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.numerics.first_root import (
     first_root_of_parabola,
-    safe_step_second_order,
     safe_step_third_order,
 )
 
@@ -40,6 +41,10 @@ NONE_BEFORE_LIMIT = -1.0
 FINAL_CORRECTION = 1.0e-5
 # Safety of the certificate of a single root against rounding: g'^2 > 2 A g.
 SINGLE_ROOT = 2.01
+# Share of the size of the places by which a gap cannot be told from contact.
+UNRESOLVED = 4.0 * 2.220446049250313e-16
+# A bound on a third derivative that is zero, so that divisions by it have a result.
+LEAST_BOUND = 1.0e-200
 
 
 @kernel
@@ -249,6 +254,8 @@ def contact_by_distance(
     Parameters and result as for :func:`contact_on_arc`.
     """
     bound = a.acceleration_bound + b.acceleration_bound
+    span = min(horizon, limit)
+    bound_3 = third_derivative_bound(a, b, track_a, track_b, age_a, age_b, pair.distance, span)
     fastest = max(a.frequency, b.frequency)
     t = 0.0
     while True:
@@ -257,22 +264,27 @@ def contact_by_distance(
         clock.evaluations += 1
         gap, rate, second = distance_gap(
             piece_a, track_a, a_s, a_c, a_p,
-            tangential_acceleration(a, track_a.path_radius, a_s, a_c),
+            acceleration_at(a, track_a.path_radius, age_a + t, a_s, a_c),
             piece_b, track_b, b_s, b_c, b_p,
-            tangential_acceleration(b, track_b.path_radius, b_s, b_c),
+            acceleration_at(b, track_b.path_radius, age_b + t, b_s, b_c),
             pair.distance,
         )  # fmt: skip
         if gap < 0.0:
             gap = 0.0
+        unresolved = 0.0
         if touching != 0 and t == 0.0:
             gap = 0.0
             rate = max(rate, 0.0)
             if rate == 0.0 and second < 0.0 and touching == PARTING:
                 _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
                 return 0.0
-        step = safe_step_second_order(gap, rate, bound)
-        if touching != 0 and t == 0.0:
-            step = max(step, _parting_step(touching, pair.distance, bound))
+            if touching == RELEASED:
+                second = max(second, 0.0)
+            if second >= 0.0:
+                # At least so long the bodies are in contact or apart by less than rounding.
+                size = _size(piece_a, track_a) + _size(piece_b, track_b) + pair.distance
+                unresolved = (6.0 * UNRESOLVED * size / bound_3) ** (1.0 / 3.0)
+        step = max(safe_step_third_order(gap, rate, second, bound, bound_3), unresolved)
         if rate < 0.0:
             h = first_root_of_parabola(gap, rate, second)
             if 0.0 <= h < 3.0 * step + 1.0e-9 and h * fastest < 1.0:
@@ -289,10 +301,59 @@ def contact_by_distance(
                     return t if t <= limit else NONE_BEFORE_LIMIT
         if t + step >= horizon:
             return NONE_BEFORE_LIMIT
-        if t + step == t and (t > 0.0 or touching == 0):
+        if t + step == t:
             _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
             return t
         t += step
+
+
+@kernel
+def third_derivative_bound(
+    a: Flight,
+    b: Flight,
+    track_a: TrackData,
+    track_b: TrackData,
+    age_a: float,
+    age_b: float,
+    distance: float,
+    span: float,
+) -> float:
+    """Bound on ``|d'''|`` (m/s^3) of the distance d of two bodies while they are apart.
+
+    ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the relative velocity V, its part V_t across
+    the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <= 0.385 |V|^3``.
+    """
+    speed_a, jerk_a = _speed_and_jerk(a, track_a, age_a + span)
+    speed_b, jerk_b = _speed_and_jerk(b, track_b, age_b + span)
+    speed = speed_a + speed_b
+    turning = speed / distance
+    acceleration = a.acceleration_bound + b.acceleration_bound
+    bound = jerk_a + jerk_b + turning * (3.0 * acceleration + 1.2 * turning * speed)
+    return max(bound, LEAST_BOUND)
+
+
+@kernel
+def _speed_and_jerk(flight: Flight, track: TrackData, until: float) -> tuple[float, float]:
+    """Bounds on the speed (m/s) and the jerk (m/s^3) of a body's centre on its flight."""
+    if flight.at_rest == 1:
+        return 0.0, 0.0
+    if flight.form == LINE:
+        return abs(flight.flow_p) + abs(flight.line_acceleration) * until, 0.0
+    rho = track.path_radius
+    if flight.form == POLYNOMIAL:
+        speed = abs(flight.flow_p) + flight.acceleration_bound * flight.segment
+    else:
+        speed = 2.0 * flight.frequency * rho * math.sqrt(flight.parameter)
+    if rho == 0.0:
+        return speed, flight.jerk_bound
+    bend = speed / rho
+    return speed, rho * flight.jerk_bound + bend * (3.0 * flight.acceleration_bound + bend * speed)
+
+
+@kernel
+def _size(piece: PieceData, track: TrackData) -> float:
+    """Size (m) of a body's places on a piece, for their rounding."""
+    return abs(piece.x) + abs(piece.y) + piece.length + track.path_radius
 
 
 @kernel
@@ -324,9 +385,9 @@ def _refine_by_distance(
         clock.evaluations += 1
         gap, rate, second = distance_gap(
             piece_a, track_a, a_s, a_c, a_p,
-            tangential_acceleration(a, track_a.path_radius, a_s, a_c),
+            acceleration_at(a, track_a.path_radius, age_a + h, a_s, a_c),
             piece_b, track_b, b_s, b_c, b_p,
-            tangential_acceleration(b, track_b.path_radius, b_s, b_c),
+            acceleration_at(b, track_b.path_radius, age_b + h, b_s, b_c),
             pair.distance,
         )  # fmt: skip
         if rate >= 0.0:
@@ -343,15 +404,6 @@ def _refine_by_distance(
             _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
             return h
     return NONE_BEFORE_LIMIT
-
-
-@kernel
-def _parting_step(touching: int, distance: float, bound: float) -> float:
-    """A step (s) just long enough for a parting pair to be told from one in contact."""
-    if bound <= 0.0:
-        return 0.0
-    share = 1.0e-6 if touching == RELEASED else 1.0e-12
-    return math.sqrt(2.0 * share * distance / bound)
 
 
 @kernel

@@ -137,6 +137,18 @@ def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: flo
 
 
 @kernel
+def acceleration_at(flight: Flight, path_radius: float, age: float, s: float, c: float) -> float:
+    """As :func:`tangential_acceleration`, on a segment across pieces too (at its ``age``, s)."""
+    if flight.form != POLYNOMIAL or flight.at_rest == 1:
+        return tangential_acceleration(flight, path_radius, s, c)
+    x = age / flight.segment
+    acceleration = 0.0
+    for k in range(SERIES_LENGTH - 1, -1, -1):
+        acceleration = acceleration * x + flight.series[k]
+    return acceleration
+
+
+@kernel
 def nudge(
     flight: Flight, age: float, dt: float, s: float, c: float, p: float
 ) -> tuple[float, float, float]:

@@ -181,7 +181,7 @@ class Stop(Table):
     time: Annotated[float | None, kinds.TIME] = None
     """End of the run in s."""
     collisions: Annotated[int | None, kinds.COUNT] = None
-    """The run ends with this collision."""
+    """The run ends with this collision, or with others solved jointly with it."""
 
 
 class Wall(Table):

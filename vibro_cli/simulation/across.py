@@ -293,15 +293,18 @@ def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
 def _bound_member(flight: Flight, track: TrackData) -> None:
     """Bounds on speed and accelerations over the segment, from the coefficients."""
     acceleration = 0.0
+    jerk = 0.0
     for k in range(SERIES_LENGTH):
         acceleration += abs(flight.series[k])
+        jerk += k * abs(flight.series[k])
+    flight.jerk_bound = jerk / flight.segment
     speed = abs(flight.flow_p) + acceleration * flight.segment
     central = 0.0
     flight.angular_bound = 0.0
     if track.path_radius > 0.0:
         central = speed * speed / track.path_radius
         flight.angular_bound = acceleration / track.path_radius
-    flight.jerk_bound = flight.angular_bound / flight.segment
+        flight.jerk_bound /= track.path_radius
     flight.acceleration_bound = math.sqrt(acceleration * acceleration + central * central)
     flight.parameter = 0.0
     flight.root_complement = 0.0
