@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ STEP = 1e-5  # of the differences that give accelerations
 
 def scene(case: str, surface: str) -> Run:
     balls, arcs, slope, time, friction = SCENES[case]
-    document = {
+    document: dict[str, Any] = {
         "gravity": 9.81,
         "trace": {"start_slope": slope, "surface": surface, "arcs": arcs},
         "balls": balls,
@@ -28,13 +29,13 @@ def scene(case: str, surface: str) -> Run:
     return simulate(scenario_of(document), "python")
 
 
-HUMP = [{"shape": "hump", "radius": 1.0, "end_slope": "-85 deg"}]
-ARCS = [
+HUMP: list[dict[str, Any]] = [{"shape": "hump", "radius": 1.0, "end_slope": "-85 deg"}]
+ARCS: list[dict[str, Any]] = [
     {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
     {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
     {"shape": "valley", "radius": 1.0, "end_slope": "120 deg"},
 ]
-PUSHED = [
+PUSHED: list[dict[str, Any]] = [
     {"body": "particle", "radius": 0.1, "mass": 3.0, "arc": 1, "angle": 0.4, "rate": 0.3},
     {
         "body": "hoop",
@@ -46,7 +47,7 @@ PUSHED = [
     },
 ]
 # A hoop pushed over the end of a hump into a valley, so that the junction is between them.
-INTO_VALLEY = [
+INTO_VALLEY: list[dict[str, Any]] = [
     {"body": "particle", "radius": 0.1, "mass": 3.0, "arc": 2, "angle": 0.4, "rate": 2.2},
     {
         "body": "hoop",
@@ -57,7 +58,7 @@ INTO_VALLEY = [
         "rate": 2.2,
     },
 ]
-SCENES = {
+SCENES: dict[str, tuple[list[dict[str, Any]], list[dict[str, Any]], str, float, float]] = {
     "alone": ([{"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.1}], HUMP, "85 deg", 3.0, 0.6),
     "pushed over a hump": (PUSHED, HUMP, "85 deg", 3.0, 0.6),
     "pushed into a valley": (INTO_VALLEY, ARCS, "-120 deg", 1.0, 0.25),

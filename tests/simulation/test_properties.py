@@ -191,8 +191,8 @@ def test_mirror_image_on_one_arc_to_the_bit(document: dict[str, Any]) -> None:
                     found = ours[f"{name}_{end}{when}"][rows].tolist()
                     expected = (sign * theirs[f"{name}_{other}{when}"])[others].tolist()
                     assert found == expected, (name, end, when)
-    end = [state.sample([TIME])["angle"] for state in (run, image)]
-    assert end[0].tolist() == (-end[1][::-1]).tolist()
+    angles = [state.sample([TIME])["angle"] for state in (run, image)]
+    assert angles[0].tolist() == (-angles[1][::-1]).tolist()
 
 
 def states(run: Run) -> tuple[InitialState, ...]:
