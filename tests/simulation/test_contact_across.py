@@ -18,7 +18,7 @@ from vibro_cli import load_scenario, simulate
 from vibro_cli.simulation.run import Run
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "three_arcs.toml"
-DIGITS = 30
+DIGITS = 50
 
 
 class Constrained:
