@@ -6,9 +6,10 @@ from typing import Any
 
 from vibro_cli.build import build_system
 from vibro_cli.scenario import Scenario, load_scenario
+from vibro_cli.simulation.drive import TooQuiet
 from vibro_cli.simulation.run import CannotContinue, Run, Wanted, simulate_system
 
-__all__ = ["CannotContinue", "Run", "load_scenario", "simulate"]
+__all__ = ["CannotContinue", "Run", "TooQuiet", "load_scenario", "simulate"]
 
 
 def simulate(
@@ -38,6 +39,8 @@ def simulate(
     ------
     ScenarioError
         If the scenario is mechanically impossible; every problem with its place.
+    TooQuiet
+        If millions of crossings follow one another without an impact.
     CannotContinue
         If the earlier run had ended for good, or is past the stop.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import load_scenario, simulate
+from vibro_cli.scenario import scenario_of
+from vibro_cli.simulation import drive
 from vibro_cli.simulation.run import Run
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -64,3 +67,23 @@ def test_a_run_that_changes_its_engine_on_the_way() -> None:
 def test_a_short_run_is_never_compiled() -> None:
     scenario = load_scenario(FOLDER / "one_circle.toml", ["stop.collisions=20"])
     assert simulate(scenario, "auto").engine == "python"
+
+
+def test_crossings_without_end_and_without_impact_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two equal rotations never meet again: no proof ends the run, and no log could hold it."""
+    monkeypatch.setattr(drive, "QUIET_FLIGHTS", 4000)
+    balls = [{"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.0, "rate": 12.0}]
+    rate = math.sqrt(12.0**2 + 2.0 * 9.81 / (1.4 * 0.9) * (math.cos(1.5) - 1.0))
+    balls.append({"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 1.5, "rate": rate})
+    trace = {
+        "start_slope": "-180 deg", "closed": True,
+        "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": "180 deg"}],
+    }  # fmt: skip
+    document = {
+        "gravity": 9.81, "trace": trace, "balls": balls, "collision": {"k": 1.0},
+        "stop": {"collisions": 5},
+    }  # fmt: skip
+    with pytest.raises(drive.TooQuiet, match="no impact among the last 4,000 flights"):
+        simulate(scenario_of(document), "python")

@@ -75,12 +75,14 @@ def _simulate(wishes: Wishes, scenario: "Scenario", earlier: "EarlierRun | None"
     from vibro_cli.commands.warm import tell_of_compiling
 
     tell_of_compiling()
-    if earlier is None:
-        return simulate(scenario, engine=wishes.engine)
-    from vibro_cli.api import CannotContinue
+    from vibro_cli.api import CannotContinue, TooQuiet
 
     try:
+        if earlier is None:
+            return simulate(scenario, engine=wishes.engine)
         return simulate(scenario, wishes.engine, earlier.checkpoint, earlier.history)
+    except TooQuiet as error:
+        raise CommandError(f"vibro: {scenario.name}: {error}") from error
     except CannotContinue as error:
         raise CommandError(f"vibro: {wishes.earlier} cannot be continued: {error}") from error
 

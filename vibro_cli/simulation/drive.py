@@ -28,6 +28,14 @@ COMPILED_ROWS = 16384
 COMPILE_AFTER_FLIGHTS = 8192
 
 
+# So many flights without an impact are more than a log of them is worth: the run is refused.
+QUIET_FLIGHTS = 2_000_000
+
+
+class TooQuiet(RuntimeError):
+    """A run has no impact among very many crossings; the message says how many, and until when."""
+
+
 class Earlier(NamedTuple):
     """The part of a run that is continued: its state at the end, and its logs."""
 
@@ -55,12 +63,28 @@ class Driver:
             self._compile()
 
     def run(self) -> int:
-        """Run to the end; return the cause (see ``simulation.world``)."""
+        """Run to the end; return the cause (see ``simulation.world``).
+
+        Raises
+        ------
+        TooQuiet
+            After ``QUIET_FLIGHTS`` flights in a row without an impact.
+        """
+        collisions, flights = -1.0, 0.0
         while True:
             cause = self._advance()
             self._collect()
             if cause != LOG_FULL:
                 return cause
+            if self.clock_value("collisions") != collisions:
+                collisions = self.clock_value("collisions")
+                flights = self.clock_value("flights_before")
+            if self.clock_value("flights_before") > flights + QUIET_FLIGHTS:
+                raise TooQuiet(
+                    f"no impact among the last {QUIET_FLIGHTS:,} flights between crossings, until "
+                    f"t = {self.clock_value('t'):.6g} s; expected a stop.time not far beyond the "
+                    "last impact"
+                )
             if self._may_compile and self.clock_value("flights_before") >= COMPILE_AFTER_FLIGHTS:
                 self._compile()
 

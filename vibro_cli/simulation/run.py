@@ -213,6 +213,8 @@ def simulate_system(
         For an unknown engine, without a stop, and for a checkpoint of another system.
     CannotContinue
         If the earlier run had ended for good (see :data:`FINAL`), or is past the stop.
+    TooQuiet
+        If millions of crossings follow one another without an impact.
     """
     if engine not in ("auto", "python", "numba"):
         raise ValueError(f"engine must be auto, python or numba, not {engine!r}")
