@@ -100,9 +100,22 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
     [
         (["fly"], "No such command 'fly'"),
         (["run"], "Missing argument 'SCENARIO'"),
-        (["run", "--fromat", "csv", "a.toml"], "No such option: --fromat"),
-        (["run", "a.toml", "--engine", "steam"], "'steam' is not one of"),
-        (["schema", "figures"], "'figures' is not one of"),
+        (["rnu", "a.toml"], "No such command 'rnu'. Did you mean 'run'?"),
+        (
+            ["run", "--fromat", "csv", "a.toml"],
+            "No such option: --fromat (did you mean '--format'",
+        ),
+        (
+            ["run", "a.toml", "--engine", "nmba"],
+            "vibro: --engine (or VIBRO_ENGINE): found 'nmba', expected one of auto, python, numba "
+            "(did you mean 'numba'?) (see vibro run --help)\n",
+        ),
+        (["schema", "figures"], "SUBJECT: found 'figures', expected one of scenario, tables"),
+        (["stress", "--seed", "one"], "--seed: found 'one', expected a whole number"),
+        (["run", "a.toml", "-o", ""], "--output: found an empty text, expected a name"),
+        (["new", "three_arcs", "-o", ""], "--output: found an empty text, expected a name"),
+        (["help", "rnu"], "no help on 'rnu' (did you mean 'run'?), expected one of commands"),
+        (["show", "a.parquet", "--rows", "few"], "vibro: --rows: found 'few', expected N, -N"),
     ],
 )
 def test_wrong_usage_is_one_line_and_exit_code_2(
@@ -149,7 +162,7 @@ def test_a_full_disk_is_an_error_on_one_line() -> None:
 def test_outputs_may_be_closed_or_poor_in_letters() -> None:
     code = f"{sys.executable} -m vibro_cli"
     closed = subprocess.run(f"{code} new --list >&-", shell=True, capture_output=True, check=False)
-    assert (closed.returncode, closed.stderr) == (0, b"")
+    assert (closed.returncode, closed.stderr) == (1, b"vibro: standard output is closed\n")
     poor = subprocess.run(
         f"PYTHONIOENCODING=ascii PYTHONUTF8=0 {code} schema tables --markdown",
         shell=True,

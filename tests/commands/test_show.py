@@ -130,7 +130,10 @@ def test_a_file_that_is_no_table_is_one_line(
 def test_an_unknown_column_is_named_with_those_there_are(vibro: Vibro, table: Path) -> None:
     outcome = vibro("show", table, "--columns", "t,speeed")
     assert outcome.code == 2
-    assert "found no column 'speeed', expected some of t, event, ball" in outcome.err
+    assert (
+        "found no column 'speeed' (did you mean 'speed'?), expected some of t, event, ball"
+        in outcome.err
+    )
 
 
 def test_format_and_json_exclude_each_other(vibro: Vibro, table: Path) -> None:

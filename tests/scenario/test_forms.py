@@ -125,9 +125,13 @@ def test_the_name_is_the_files_stem(tmp_path: Path) -> None:
 def test_a_missing_file_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         load_scenario(tmp_path / "none.toml")
-    (tmp_path / "folder.toml").mkdir()
-    with pytest.raises(IsADirectoryError):
-        load_scenario(tmp_path / "folder.toml")
+
+
+@pytest.mark.parametrize("name", ["folder.toml", "folder"])
+def test_a_folder_is_told_from_a_file(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).mkdir()
+    with pytest.raises(ScenarioError, match="found a folder, expected a scenario file"):
+        load_scenario(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["scenario", "scenario.txt", "scenario.py", "a\0b.toml"])

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from vibro_cli import __version__
-from vibro_cli.commands.boundary import CommandError, perform
+from vibro_cli.commands.boundary import perform
 from vibro_cli.commands.check import check
 from vibro_cli.commands.help import help_command
 from vibro_cli.commands.new import new
@@ -18,6 +18,7 @@ from vibro_cli.commands.run import run
 from vibro_cli.commands.schema import schema
 from vibro_cli.commands.show import show
 from vibro_cli.commands.stress import stress
+from vibro_cli.commands.usage import usage_error
 from vibro_cli.commands.warm import warm
 
 app = typer.Typer(
@@ -57,10 +58,7 @@ def _parse_and_run(arguments: list[str]) -> int:
     try:
         task: Any = app(arguments, prog_name="vibro", standalone_mode=False)
     except typer.TyperException as error:
-        context = getattr(error, "ctx", None)
-        help_command = f"{context.command_path if context else 'vibro'} --help"
-        message = " ".join(error.format_message().split())
-        raise CommandError(f"vibro: {message} (see {help_command})") from error
+        raise usage_error(error) from error
     except typer.Abort as error:
         raise KeyboardInterrupt from error
     return int(task()) if callable(task) else int(task or 0)

@@ -4,18 +4,17 @@ What the exit codes mean is said once, in `EXIT_CODES`: `--help`, `vibro help ex
 README's table come from it.
 """
 
-import contextlib
-import io
-import json
-import os
+import errno
 import signal
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from types import FrameType
-from typing import Any, TextIO
+from typing import Any
 
 from vibro_cli.commands.options import Task
+from vibro_cli.commands.streams import choose_words, drain_standard_output, prepare_streams
+from vibro_cli.commands.streams import say as say  # a command takes all it ends with from here
 
 DONE, FAILED, MISUSED, NOT_STRICT = 0, 1, 2, 3
 HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143
@@ -29,11 +28,6 @@ EXIT_CODES = {
     INTERRUPTED: "interrupted (SIGINT); what was finished is kept",
     TERMINATED: "terminated (SIGTERM); what was finished is kept",
 }
-
-LEVELS = ("detail", "info", "warning", "error")
-"""How much words matter: details are said with -v only, errors even with -q."""
-
-_words: dict[str, Any] = {"as_json": False, "least": "info"}
 
 
 class CommandError(Exception):
@@ -62,26 +56,6 @@ class Terminated(BaseException):
         self.exit_code = 128 + number
 
 
-def choose_words(as_json: bool | None = None, least: str | None = None) -> None:
-    """Choose how words are said, as text or as JSON lines, and the least level that is said."""
-    if as_json is not None:
-        _words["as_json"] = as_json
-    if least is not None:
-        _words["least"] = least
-
-
-def say(text: str, level: str = "info", **details: Any) -> None:
-    """Print words for a human to standard error; as JSON an object on a line, with the details."""
-    if LEVELS.index(level) < LEVELS.index(_words["least"]):
-        return
-    if _words["as_json"]:
-        text = json.dumps({"level": level, "message": text, **details}, ensure_ascii=False)
-    try:
-        print(text, file=sys.stderr, flush=True)
-    except OSError:  # closed or full: nobody can be told, and the exit code still says it
-        _silence(sys.stderr)
-
-
 def attempt(task: Task) -> int:
     """Run a task and return its exit code; what goes wrong in it is said, and is no exception.
 
@@ -106,7 +80,7 @@ def attempt(task: Task) -> int:
 def perform(task: Task, log_format: str = "text") -> int:
     """Run the task of a whole command line and return its exit code, whatever happens in it."""
     choose_words(as_json=log_format == "json", least="info")
-    _prepare_outputs()
+    prepare_streams()
     for name in ("SIGTERM", "SIGHUP"):
         _watch(getattr(signal, name, None))
     warnings.showwarning = _say_warning
@@ -122,51 +96,33 @@ def perform(task: Task, log_format: str = "text") -> int:
         say(f"vibro: {how}; what was finished is kept", "error")
         return end.exit_code
     finally:
-        _drain_standard_output()
+        drain_standard_output()
 
 
 def reason(error: OSError) -> str:
     """An error of the system on one line, with the file's name where there is one."""
     text = error.strerror or str(error)
+    if error.errno == errno.EBADF and not error.filename:
+        text = "standard output is closed"
     return " ".join((f"{error.filename}: {text}" if error.filename else text).split())
 
 
 def _flushed(code: int) -> int:
-    """The exit code, once everything printed has arrived."""
-    sys.stdout.flush()
-    return code
-
-
-def _drain_standard_output() -> None:
-    """Leave nothing for Python to write, and to complain about, at exit."""
+    """The exit code, once everything printed has arrived; of what failed already, no more words."""
     try:
         sys.stdout.flush()
-    except (OSError, ValueError):
-        _silence(sys.stdout)
-
-
-def _silence(stream: TextIO) -> None:
-    """Let nothing more, flushed at exit or not, go to an output that takes nothing."""
-    with contextlib.suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
+    except BrokenPipeError:
+        raise
+    except OSError:
+        if code != FAILED:
+            raise
+    return code
 
 
 def _watch(number: signal.Signals | None) -> None:
     """Unwind at a signal, unless whoever started us wants it ignored (nohup)."""
     if number is not None and signal.getsignal(number) != signal.SIG_IGN:
         signal.signal(number, _terminate)
-
-
-def _prepare_outputs() -> None:
-    """Let closed outputs take what is printed, and others take letters they cannot encode."""
-    if sys.stdout is None:
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (kept to the end)
-    if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 (kept to the end)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:

@@ -1,6 +1,5 @@
 """`vibro check`: validate scenarios and show what was understood."""
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -10,6 +9,7 @@ import typer
 
 from vibro_cli.commands.boundary import DONE, MISUSED, CommandError, say
 from vibro_cli.commands.options import FailFast, Overrides, Quiet, Scenarios, Task
+from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.mechanics.system import System
@@ -47,14 +47,14 @@ def _check_all(
         except CommandError as error:
             if as_json:
                 refusal = {"source": source, "valid": False, "problems": error.problems}
-                print(json.dumps(refusal, ensure_ascii=False))
+                print(json_text(refusal))
             if fail_fast or len(sources) == 1:
                 raise
             say(str(error), "error", problems=error.problems)
             code = MISUSED
             continue
         if as_json:
-            print(json.dumps(found, ensure_ascii=False, allow_nan=False))
+            print(json_text(found))
         elif not quiet:
             print("\n".join(_lines(found)))
     return code

@@ -1,7 +1,5 @@
 """`vibro help`: the reference on the terminal."""
 
-import difflib
-import json
 from functools import partial
 from typing import Annotated, Any
 
@@ -10,6 +8,8 @@ import typer
 from vibro_cli.commands.boundary import DONE, CommandError
 from vibro_cli.commands.options import Task
 from vibro_cli.commands.reference import TOPICS, commands
+from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.suggesting import suggestion
 
 
 def help_topics(incomplete: str) -> list[str]:
@@ -35,7 +35,7 @@ def help_command(
 def _print(topic: str | None, program: Any, as_json: bool) -> int:
     text = _text(topic, program)
     if as_json:
-        print(json.dumps({"topic": topic, "text": text}, ensure_ascii=False))
+        print(json_text({"topic": topic, "text": text}))
     else:
         print(text, end="")
     return DONE
@@ -53,6 +53,6 @@ def _text(topic: str | None, program: Any) -> str:
         with command.make_context(topic, [], parent=program, resilient_parsing=True) as context:
             return str(command.get_help(context)) + "\n"
     known = [*TOPICS, *program.command.commands]
-    close = difflib.get_close_matches(topic, known, n=1)
-    hint = f" (did you mean {close[0]!r}?)" if close else ""
-    raise CommandError(f"vibro: no help on {topic!r}{hint}, expected one of {', '.join(known)}")
+    raise CommandError(
+        f"vibro: no help on {topic!r}{suggestion(topic, known)}, expected one of {', '.join(known)}"
+    )

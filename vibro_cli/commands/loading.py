@@ -35,7 +35,7 @@ def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "System"]:
         problems = [asdict(problem) for problem in error.problems]
         raise CommandError(str(error), problems=problems) from error
     except OSError as error:
-        text = f"cannot be read: {reason(error)}"
+        text = f"cannot be read: {reason(OSError(error.errno, error.strerror))}"
         problem = {"path": "", "message": text, "file": source}
         raise CommandError(f"{source}: {text}", problems=[problem]) from error
 

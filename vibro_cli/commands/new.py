@@ -1,6 +1,5 @@
 """`vibro new`: a commented scenario to start from."""
 
-import json
 import sys
 from functools import partial
 from pathlib import Path
@@ -11,6 +10,7 @@ import typer
 from vibro_cli.commands.boundary import DONE, CommandError, say
 from vibro_cli.commands.completing import gallery_names
 from vibro_cli.commands.options import Task
+from vibro_cli.commands.streams import json_text
 
 
 def new(
@@ -48,7 +48,7 @@ def _print_names(as_json: bool) -> int:
     width = max(map(len, titles))
     for name, title in titles.items():
         if as_json:
-            print(json.dumps({"name": name, "title": title}, ensure_ascii=False))
+            print(json_text({"name": name, "title": title}))
         else:
             print(f"{name:{width}}  {title}")
     return DONE
@@ -72,6 +72,6 @@ def _write_scenario(name: str, output: str | None, force: bool, as_json: bool) -
         raise CommandError(f"vibro: {path} exists; --force replaces it")
     write_file(path, content.encode())
     if as_json:
-        print(json.dumps({"file": str(path)}, ensure_ascii=False))
+        print(json_text({"file": str(path)}))
     say(f"{path} written; solve it with: vibro run {path}")
     return DONE

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.completing import scenario_files, scenario_keys
+from vibro_cli.commands.streams import choose_words
 
 Task = Callable[[], int]
 """What a command does once its arguments are read; it returns the exit code."""
@@ -70,8 +71,6 @@ def _choose_least(level: str) -> Callable[[bool], bool]:
 
     def choose(given: bool) -> bool:
         if given:
-            from vibro_cli.commands.boundary import choose_words
-
             choose_words(least=level)
         return given
 
@@ -95,8 +94,6 @@ Verbose = Annotated[
 
 def choose_log_format(form: str) -> str:
     """Take up the form of words on standard error."""
-    from vibro_cli.commands.boundary import choose_words
-
     choose_words(as_json=form == "json")
     return form
 
@@ -119,6 +116,8 @@ def with_common_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def performed(**given: Any) -> Any:
+        if given.get("output") == "":  # such as -o "$FOLDER" where no such variable is set
+            raise typer.BadParameter("--output: found an empty text, expected a name")
         return command(**{name: given[name] for name in own.parameters})
 
     parameters = list(own.parameters.values())

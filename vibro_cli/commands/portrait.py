@@ -1,6 +1,5 @@
 """`vibro portrait`: phase portrait and singular points, without solving collisions."""
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,6 +10,7 @@ import typer
 
 from vibro_cli.commands.boundary import DONE, CommandError, say
 from vibro_cli.commands.options import Overrides, Quiet, Task
+from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.portrait_type import Portrait
@@ -111,7 +111,7 @@ def _portray(wishes: _Wishes) -> int:
     except FolderRefused as error:
         raise CommandError(f"vibro: {error}") from error
     if wishes.as_json:
-        print(json.dumps(found, ensure_ascii=False, allow_nan=False))
+        print(json_text(found))
     elif not wishes.quiet:
         print("\n".join(_lines(found)))
     if folder is not None and not wishes.quiet:

@@ -1,6 +1,5 @@
 """`vibro run`: solve scenarios; tables, figures and a summary of each."""
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,6 +17,7 @@ from vibro_cli.commands.options import (
     Task,
 )
 from vibro_cli.commands.solving import Wishes, solve
+from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.commands.loading import Refused
@@ -155,7 +155,7 @@ def _print_refused(wishes: Wishes, refused: "list[Refused]") -> None:
                 "reason": str(one.error),
                 "problems": one.error.problems,
             }
-            print(json.dumps(line, ensure_ascii=False), flush=True)
+            print(json_text(line), flush=True)
 
 
 def _warn(scenario: "Scenario", system: "System") -> None:

@@ -1,6 +1,5 @@
 """`vibro schema`: the form of scenarios as JSON Schema, and the description of the tables."""
 
-import json
 from functools import partial
 from typing import Annotated, Literal
 
@@ -8,6 +7,7 @@ import typer
 
 from vibro_cli.commands.boundary import DONE
 from vibro_cli.commands.options import Task
+from vibro_cli.commands.streams import json_text
 
 Subject = Literal["scenario", "tables"]
 
@@ -31,12 +31,12 @@ def _print_schema(subject: Subject, markdown: bool) -> int:
     if subject == "scenario":
         from vibro_cli.scenario.json_schema import json_schema
 
-        print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+        print(json_text(json_schema(), indent=2))
         return DONE
     from vibro_cli.storage.schema import as_json, as_markdown
 
     if markdown:
         print(as_markdown(), end="")
     else:
-        print(json.dumps(as_json(), indent=2, ensure_ascii=False))
+        print(json_text(as_json(), indent=2))
     return DONE

@@ -1,6 +1,5 @@
 """`vibro show`: a table on the terminal, with units, or in another form."""
 
-import json
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
@@ -13,6 +12,8 @@ import typer
 from vibro_cli.commands.boundary import DONE, FAILED, CommandError, reason, say
 from vibro_cli.commands.completing import table_files
 from vibro_cli.commands.options import TableFormat, Task
+from vibro_cli.commands.streams import json_text, printable
+from vibro_cli.commands.suggesting import suggestion
 
 if TYPE_CHECKING:
     import pyarrow
@@ -83,25 +84,37 @@ def _show(
     if columns is not None:
         unknown = [name for name in columns if name not in data.column_names]
         if unknown:
+            hint = suggestion(unknown[0], data.column_names)
             raise CommandError(
-                f"{file}: found no column {unknown[0]!r}, expected some of "
+                f"{file}: found no column {unknown[0]!r}{hint}, expected some of "
                 f"{', '.join(data.column_names)}"
             )
         data = data.select(columns)
     first, last, _ = slice(*rows).indices(data.num_rows)
     chosen = data.slice(first, max(last - first, 0))
-    if form is not None:
-        from vibro_cli.storage.tables import stream
-
-        stream(chosen, form, sys.stdout.buffer)
-        sys.stdout.buffer.flush()
-    elif as_json:
-        print(json.dumps(_as_json(chosen), ensure_ascii=False, allow_nan=False))
+    if form is not None or as_json:
+        try:
+            _print_whole(chosen, form)
+        except (TypeError, ValueError) as error:  # of a table that is not one of ours
+            text = f"cannot be shown as {form or 'json'}: {' '.join(str(error).split())}"
+            raise CommandError(f"{file}: {text} (choose columns with --columns)") from error
     else:
         width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
         print("\n".join(_blocks(chosen, first, width)))
-        say(f"rows {first + 1} to {first + chosen.num_rows} of {data.num_rows}")
+        shown = f"rows {first + 1} to {first + chosen.num_rows}" if chosen.num_rows else "no row"
+        say(f"{shown} of {data.num_rows}")
     return DONE
+
+
+def _print_whole(data: "pyarrow.Table", form: TableFormat | None) -> None:
+    """Print every row in a form for programs, as JSON if none is named."""
+    if form is None:
+        print(json_text(_as_json(data)))
+        return
+    from vibro_cli.storage.tables import stream
+
+    stream(data, form, sys.stdout.buffer)
+    sys.stdout.buffer.flush()
 
 
 def _read(file: Path) -> "pyarrow.Table":
@@ -124,7 +137,7 @@ def _read(file: Path) -> "pyarrow.Table":
 
 def _meta(data: "pyarrow.Table", name: str, key: bytes) -> str:
     """A field's metadata ("" where there are none)."""
-    return ((data.schema.field(name).metadata or {}).get(key) or b"").decode()
+    return ((data.schema.field(name).metadata or {}).get(key) or b"").decode(errors="replace")
 
 
 def _as_json(data: "pyarrow.Table") -> dict[str, Any]:
@@ -148,7 +161,7 @@ def _text(value: Any) -> str:
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.{_DIGITS}g}" if isinstance(value, float) else str(value)
+    return f"{value:.{_DIGITS}g}" if isinstance(value, float) else printable(str(value))
 
 
 def _blocks(data: "pyarrow.Table", first: int, width: int | None) -> Iterator[str]:
@@ -158,7 +171,8 @@ def _blocks(data: "pyarrow.Table", first: int, width: int | None) -> Iterator[st
     used = len(number[0])
     for name in data.column_names:
         values = (_text(value) for value in data[name].to_pylist())
-        column = _aligned([name, _meta(data, name, b"unit"), *values])
+        head = (printable(name), printable(_meta(data, name, b"unit")))
+        column = _aligned([*head, *values])
         needed = len(column[0]) + 2
         if width is not None and used + needed > width and len(block) > 1:
             yield from _joined(block)

@@ -1,6 +1,5 @@
 """Solving one scenario of `vibro run`, and putting its results where they were asked."""
 
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from vibro_cli.commands.boundary import DONE, NOT_STRICT, CommandError, say
 from vibro_cli.commands.options import TableFormat
+from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.scenario import Scenario
@@ -62,7 +62,7 @@ def solve(wishes: Wishes, scenario: "Scenario", earlier: "EarlierRun | None") ->
     if wishes.stream is not None:
         _stream_collisions(result, scenario, wishes.stream)
     if wishes.summary_as_json:
-        print(json.dumps({"scenario": scenario.name, **record}, allow_nan=False), flush=True)
+        print(json_text({"scenario": scenario.name, **record}), flush=True)
     say(summary_text(scenario.name, record, folder), scenario=scenario.name)
     for omission in result.skipped:
         say(f"  skipped    {omission}", "detail", scenario=scenario.name)

@@ -1,6 +1,5 @@
 """`vibro stress`: the stability suite, every mark of the solver and what was reached."""
 
-import json
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,6 +9,7 @@ import typer
 
 from vibro_cli.commands.boundary import DONE, FAILED, CommandError, say
 from vibro_cli.commands.options import Quiet, Task
+from vibro_cli.commands.streams import json_text
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def _run_suite(wishes: _Wishes) -> int:
         for finding in suite.run(plan, wishes.only):
             findings.append(finding)
             if wishes.as_json:
-                print(json.dumps(report.record_of(finding), allow_nan=False), flush=True)
+                print(json_text(report.record_of(finding)), flush=True)
             elif not wishes.quiet:
                 print(report.line_of(finding), flush=True)
         if wishes.output is not None:

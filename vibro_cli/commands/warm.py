@@ -1,6 +1,5 @@
 """`vibro warm`: the kernels compiled ahead of the first long run."""
 
-import json
 import time
 from functools import partial
 from typing import Annotated
@@ -9,6 +8,7 @@ import typer
 
 from vibro_cli.commands.boundary import DONE, say
 from vibro_cli.commands.options import Task
+from vibro_cli.commands.streams import json_text
 
 # Two bodies on one arc, one impact: it calls everything that a run calls compiled.
 _TINY = """
@@ -43,7 +43,7 @@ def _warm(as_json: bool) -> int:
     taken = time.perf_counter() - begin
     folder = cache_folder()
     if as_json:
-        print(json.dumps({"cache": str(folder), "seconds": taken}))
+        print(json_text({"cache": str(folder), "seconds": taken}))
     say(f"the kernels are compiled and kept in {folder} ({taken:.1f} s)")
     return DONE
 

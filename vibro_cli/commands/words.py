@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from vibro_cli.commands.streams import printable
+
 END_CAUSES = {
     "time": "the time asked for was reached",
     "collisions": "the number of impacts asked for was reached",
@@ -36,7 +38,7 @@ def summary_text(name: str, record: Mapping[str, Any], folder: Path | None) -> s
         lines.append(f"  accuracy   {_accuracy(record)}")
         lines.append(f"  validity   {_validity(record)}")
     if folder is not None:
-        lines.append(f"  files      {folder}")
+        lines.append(f"  files      {printable(str(folder))}")
     return "\n".join(lines)
 
 

@@ -154,9 +154,13 @@ def load_document(source: str | Path) -> Document:
         If the file cannot be read.
     """
     if str(source) == "-":
+        if sys.stdin is None:
+            raise _error(_STANDARD_INPUT, "standard input closed", "a scenario")
         text = _decoded(sys.stdin.buffer.read(limits.MOST_BYTES + 1), _STANDARD_INPUT)
         return parse_document(text, form_of(text), _STANDARD_INPUT)
     path = Path(source)
+    if path.is_dir():
+        raise _error(str(source), "a folder", "a scenario file (.toml, .json, .yaml or .yml)")
     form = FORMS.get(path.suffix.lower())
     if form is None:
         found = f"the suffix {shown(path.suffix)}" if path.suffix else "no suffix"

@@ -98,7 +98,7 @@ def _open_partial(target: Path) -> tuple[Path, int]:
 
 def _remove_abandoned(target: Path) -> None:
     """Remove what killed processes left beside `target`: partial folders that nobody locks."""
-    for partial in target.parent.glob(f".{glob.escape(target.name)}.partial-*"):
+    for partial in target.parent.glob(f".{glob.escape(target.name)}.partial-{'[0-9a-f]' * 12}"):
         with contextlib.suppress(OSError):
             handle = os.open(partial, os.O_RDONLY | os.O_DIRECTORY)
             try:
