@@ -70,3 +70,31 @@ def test_a_folder_that_is_not_a_portrait_is_left_alone(vibro: Vibro) -> None:
     outcome = vibro("portrait", THREE_ARCS, "-o", "mine")
     assert outcome.code == 2
     assert Path("mine/notes.txt").read_text() == "keep"
+
+
+def test_bodies_are_compared_on_one_trace(vibro: Vibro) -> None:
+    compare = "balls[1].body=particle,disk,ball"
+    source = GALLERY / "ball_on_arcs.toml"
+    outcome = vibro("portrait", source, "--compare", compare, "--json", "-o", "compared")
+    assert outcome.code == 0
+    found = json.loads(outcome.text)["comparison"]
+    assert [member["kappa"] for member in found["members"]] == [1.0, 1.5, 1.4]
+    heights = [[point["height"] for point in one["points"]] for one in found["members"]]
+    assert heights[0] == pytest.approx(heights[1], abs=1e-14)
+    assert heights[0] == pytest.approx(heights[2], abs=1e-14)
+    assert Path("compared/comparison.pdf").read_bytes().startswith(b"%PDF-")
+
+
+@pytest.mark.parametrize(
+    ("compare", "words"),
+    [
+        ("balls[1].body=ball", "2 to 6 different values"),
+        ("balls[1].body=ball,ball", "2 to 6 different values"),
+        ("balls[1].body=ball,cube", "'cube'"),
+        ("trace.arcs[2].radius=0.4,0.5", "changes the trace"),
+    ],
+)
+def test_a_wrong_comparison_is_refused(vibro: Vibro, compare: str, words: str) -> None:
+    outcome = vibro("portrait", THREE_ARCS, "--compare", compare, "--no-figures")
+    assert outcome.code == 2
+    assert words in outcome.err

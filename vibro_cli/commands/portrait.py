@@ -9,10 +9,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.boundary import DONE, CommandError, say
+from vibro_cli.commands.families import (
+    Source,
+    compared,
+    comparison_lines,
+    family_lines,
+    parsed_range,
+    parsed_values,
+    varied,
+)
 from vibro_cli.commands.options import Overrides, Quiet, Task
 from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from vibro_cli.analysis.portrait_type import Portrait
     from vibro_cli.mechanics.system import System
     from vibro_cli.scenario import Scenario
@@ -27,6 +38,7 @@ class _Wishes:
     source: str
     overrides: Sequence[str]
     vary: str | None
+    compare: str | None
     output: str | None
     width: str
     figures: bool
@@ -47,6 +59,14 @@ def portrait(
             "e.g. --vary balls[1].radius=0.05:0.3:6 (SI units, radians).",
         ),
     ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATH=A,B,…",
+            help="A few portraits one over the other, e.g. "
+            "--compare balls[1].body=particle,disk,ball.",
+        ),
+    ] = None,
     output: Annotated[
         str | None,
         typer.Option(
@@ -65,25 +85,12 @@ def portrait(
     quiet: Quiet = False,
 ) -> Task:
     """Phase portrait of each body on the whole trace: singular points, separatrices, their type."""
-    wishes = _Wishes(scenario, overrides, vary, output, width, figures, as_json, quiet)
+    wishes = _Wishes(scenario, overrides, vary, compare, output, width, figures, as_json, quiet)
     if vary is not None:
-        _parsed(vary)  # a wrong usage is told before anything is read
+        parsed_range(vary)  # a wrong usage is told before anything is read
+    if compare is not None:
+        parsed_values(compare)
     return partial(_portray, wishes)
-
-
-def _parsed(vary: str) -> tuple[str, float, float, int]:
-    """Path, first and last value and number of members of `--vary`."""
-    path, _, values = vary.rpartition("=")
-    try:
-        low, high, number = values.split(":")
-        parsed = (path.strip(), float(low), float(high), int(number))
-    except ValueError:
-        parsed = ("", 0.0, 0.0, 0)
-    if not parsed[0] or not parsed[1] < parsed[2] < float("inf") or not 2 <= parsed[3] <= 1000:
-        raise typer.BadParameter(
-            f"--vary: found {vary!r}, expected PATH=LOW:HIGH:N with LOW < HIGH and N from 2 to 1000"
-        )
-    return parsed
 
 
 def _portray(wishes: _Wishes) -> int:
@@ -97,8 +104,10 @@ def _portray(wishes: _Wishes) -> int:
         raise CommandError(
             f"{scenario.name}: the portrait of a trace that turns about a vertical is not available"
         )
-    if wishes.vary is not None and wishes.source == "-":
-        raise CommandError("vibro: --vary reads the scenario several times; expected a file, not -")
+    if (wishes.vary or wishes.compare) and wishes.source == "-":
+        raise CommandError(
+            "vibro: --vary and --compare read the scenario several times; expected a file, not -"
+        )
     folder = None
     if wishes.figures or wishes.output is not None:
         folder = Path(wishes.output or Path("outputs") / f"{scenario.name}-portrait")
@@ -130,81 +139,38 @@ def _analysed(
     bodies = [{"ball": n, **as_record(one)} for n, one in enumerate(portraits, 1)]
     found: dict[str, Any] = {"name": scenario.name, "bodies": bodies}
     drawn = _drawn(portraits, wishes.width) if wishes.figures else {}
+    source = Source(wishes.source, tuple(wishes.overrides), wishes.width)
+    draw = _files if wishes.figures else None
     if wishes.vary is not None:
-        family, more = _family(wishes, *_parsed(wishes.vary))
-        found["family"] = family
+        found["family"], more = varied(source, wishes.vary, draw)
+        drawn |= more
+    if wishes.compare is not None:
+        found["comparison"], more = compared(source, wishes.compare, draw)
         drawn |= more
     return found, drawn
 
 
+def _files(stem: str, figure: "Figure") -> dict[str, bytes]:
+    """A figure in all forms."""
+    from vibro_cli.figures.output import render
+
+    return {f"{stem}.{form}": render(figure, form) for form in _FORMS}
+
+
 def _drawn(portraits: "Sequence[Portrait]", width: str) -> dict[str, bytes]:
     """The portraits; bodies of equal radius and inertia share theirs."""
-    from vibro_cli.figures.output import render
     from vibro_cli.figures.structure import structure
 
     groups: dict[tuple[float, float], list[int]] = {}
     for ball, one in enumerate(portraits, 1):
         body = one.landscape.body
         groups.setdefault((body.radius, body.kappa), []).append(ball)
-    files = {}
+    files: dict[str, bytes] = {}
     for balls in groups.values():
         index = ",".join(map(str, balls))
         figure = structure(portraits[balls[0] - 1], width, index if len(groups) > 1 else "")
-        for form in _FORMS:
-            files[f"portrait_{index.replace(',', '_')}.{form}"] = render(figure, form)
+        files |= _files(f"portrait_{index.replace(',', '_')}", figure)
     return files
-
-
-def _family(
-    wishes: _Wishes, path: str, low: float, high: float, number: int
-) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The types of a family of scenarios, where they change, and the figure of its portraits."""
-    from vibro_cli.analysis.family import IMPOSSIBLE, changes
-
-    ball = _ball_of(path)
-    values = [low + (high - low) * step / (number - 1) for step in range(number)]
-    members = {value: _member(wishes, f"{path}={value!r}", ball) for value in values}
-
-    def type_of(value: float) -> str:
-        one = members[value] if value in members else _member(wishes, f"{path}={value!r}", ball)
-        return IMPOSSIBLE if one is None else one.type
-
-    found = changes(type_of, values)
-    record = {
-        "path": path,
-        "ball": ball,
-        "members": [{"value": value, "type": type_of(value)} for value in values],
-        "changes": [vars(change) for change in found],
-    }
-    drawn: dict[str, bytes] = {}
-    shown = [(f"{path} = {value:.6g}", one) for value, one in members.items() if one is not None]
-    if wishes.figures and shown:
-        from vibro_cli.figures.family import family
-        from vibro_cli.figures.output import render
-
-        figure = family(shown, wishes.width)
-        drawn = {f"family.{form}": render(figure, form) for form in _FORMS}
-    return record, drawn
-
-
-def _ball_of(path: str) -> int:
-    """The body whose portrait a parameter changes: that of `balls[i]`, else the first."""
-    number = path.partition("balls[")[2].partition("]")[0]
-    return int(number) if number.isdecimal() else 1
-
-
-def _member(wishes: _Wishes, override: str, ball: int) -> "Portrait | None":
-    """The portrait with one more override; None where the scenario is not possible."""
-    from vibro_cli.analysis.landscape import Landscape
-    from vibro_cli.analysis.portrait_type import portrait_of
-    from vibro_cli.build import build_system
-    from vibro_cli.scenario import ScenarioError, load_scenario
-
-    try:
-        system = build_system(load_scenario(wishes.source, [*wishes.overrides, override]))
-    except ScenarioError:
-        return None
-    return portrait_of(Landscape.of(system, ball))
 
 
 def _lines(found: dict[str, Any]) -> Iterator[str]:
@@ -221,12 +187,6 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
         for trigger in body["triggers"]:
             yield f"  {trigger['points']}: {trigger['orbit']}; {trigger['condition']}"
     if "family" in found:
-        yield from _family_lines(found["family"])
-
-
-def _family_lines(family: dict[str, Any]) -> Iterator[str]:
-    yield f"{family['path']}, portrait of ball {family['ball']}:"
-    for member in family["members"]:
-        yield f"  {member['value']:<12.6g} {member['type']}"
-    for change in family["changes"]:
-        yield f"  changes at {change['high']!r}: {change['before']} -> {change['after']}"
+        yield from family_lines(found["family"])
+    if "comparison" in found:
+        yield from comparison_lines(found["comparison"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,21 @@ def draw_legend(figure: Figure, path: Trajectory, behind: Background, marked: bo
     )
     if not marked:
         _draw_time(figure, width, height, path.end)
+
+
+def line_of_entries(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]]) -> None:
+    """Draw a legend of names and looks in one line over the panels."""
+    figure.legend(
+        handles=[Line2D([], [], label=text, **look) for text, look in entries],
+        loc="upper center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=len(entries),
+        borderaxespad=0.2,
+        borderpad=0.2,
+        handlelength=1.6,
+        handletextpad=0.4,
+        columnspacing=1.0,
+    )
 
 
 def _entries(

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from vibro_cli.analysis.levels import level_curves
 from vibro_cli.analysis.portrait_type import Portrait, condition
@@ -19,6 +18,7 @@ from vibro_cli.figures import strokes, style
 from vibro_cli.figures.along import EIGHT, REST, curves_of, draw_along, highest_energy, name_points
 from vibro_cli.figures.background import Background, background, both_halves
 from vibro_cli.figures.frame import label
+from vibro_cli.figures.legend import line_of_entries
 from vibro_cli.figures.panels import BOTTOM, LEFT, RIGHT, Panel, Window, lay_out
 from vibro_cli.figures.style import MM, WIDTHS
 
@@ -138,14 +138,4 @@ def _draw_legend(figure: Figure, behind: Background, portrait: Portrait) -> None
             entries.append((kind, strokes.POINT | {"marker": marker}))
     if any(point.extent for point in portrait.points):
         entries.append(("level line", REST))
-    figure.legend(
-        handles=[Line2D([], [], label=text, **look) for text, look in entries],
-        loc="upper center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=len(entries),
-        borderaxespad=0.2,
-        borderpad=0.2,
-        handlelength=1.6,
-        handletextpad=0.4,
-        columnspacing=1.0,
-    )
+    line_of_entries(figure, entries)

@@ -1,0 +1,155 @@
+"""Families of portraits: one number varied, or a few values of anything compared."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from vibro_cli.commands.boundary import CommandError
+
+if TYPE_CHECKING:
+    from vibro_cli.analysis.portrait_type import Portrait
+
+MOST_COMPARED = 6
+Draw = Callable[[str, Any], dict[str, bytes]]
+"""From the stem of the files and a figure to their names and contents."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """The scenario of a family, to be read once more for each member."""
+
+    name: str
+    overrides: tuple[str, ...]
+    width: str
+
+    def portrait(self, path: str, value: Any) -> "Portrait":
+        """The portrait with one more override; raises `ScenarioError` where it is not possible."""
+        from vibro_cli.analysis.landscape import Landscape
+        from vibro_cli.analysis.portrait_type import portrait_of
+        from vibro_cli.build import build_system
+        from vibro_cli.scenario import load_scenario
+
+        scenario = load_scenario(self.name, [*self.overrides, f"{path}={value}"])
+        return portrait_of(Landscape.of(build_system(scenario), ball_of(path)))
+
+    def member(self, path: str, value: Any) -> "Portrait | None":
+        """The same; None where the scenario is not possible."""
+        from vibro_cli.scenario import ScenarioError
+
+        try:
+            return self.portrait(path, value)
+        except ScenarioError:
+            return None
+
+
+def ball_of(path: str) -> int:
+    """The body whose portrait a parameter changes: that of `balls[i]`, else the first."""
+    number = path.partition("balls[")[2].partition("]")[0]
+    return int(number) if number.isdecimal() else 1
+
+
+def parsed_range(vary: str) -> tuple[str, float, float, int]:
+    """Path, first and last value and number of members of `--vary`."""
+    path, _, values = vary.rpartition("=")
+    try:
+        low, high, number = values.split(":")
+        parsed = (path.strip(), float(low), float(high), int(number))
+    except ValueError:
+        parsed = ("", 0.0, 0.0, 0)
+    if not parsed[0] or not parsed[1] < parsed[2] < float("inf") or not 2 <= parsed[3] <= 1000:
+        raise typer.BadParameter(
+            f"--vary: found {vary!r}, expected PATH=LOW:HIGH:N with LOW < HIGH and N from 2 to 1000"
+        )
+    return parsed
+
+
+def parsed_values(compare: str) -> tuple[str, list[str]]:
+    """Path and values of `--compare`."""
+    path, _, values = compare.rpartition("=")
+    found = [value.strip() for value in values.split(",")]
+    if (
+        not path.strip()
+        or not all(found)
+        or not 2 <= len(set(found)) == len(found) <= MOST_COMPARED
+    ):
+        raise typer.BadParameter(
+            f"--compare: found {compare!r}, expected PATH=A,B,… with 2 to {MOST_COMPARED} "
+            "different values"
+        )
+    return path.strip(), found
+
+
+def varied(source: Source, vary: str, draw: Draw | None) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The types of a family, where they change, and the figure of its portraits."""
+    from vibro_cli.analysis.family import IMPOSSIBLE, changes
+
+    path, low, high, number = parsed_range(vary)
+    values = [low + (high - low) * step / (number - 1) for step in range(number)]
+    members = {value: source.member(path, repr(value)) for value in values}
+
+    def type_of(value: float) -> str:
+        one = members[value] if value in members else source.member(path, repr(value))
+        return IMPOSSIBLE if one is None else one.type
+
+    found = changes(type_of, values)
+    record = {
+        "path": path,
+        "ball": ball_of(path),
+        "members": [{"value": value, "type": type_of(value)} for value in values],
+        "changes": [vars(change) for change in found],
+    }
+    shown = [(f"{path} = {value:.6g}", one) for value, one in members.items() if one is not None]
+    if draw is None or not shown:
+        return record, {}
+    from vibro_cli.figures.family import family
+
+    return record, draw("family", family(shown, source.width))
+
+
+def compared(
+    source: Source, compare: str, draw: Draw | None
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The singular points of a few members, and one figure of them all."""
+    from vibro_cli.analysis.portrait_type import as_record
+    from vibro_cli.scenario import ScenarioError
+
+    path, values = parsed_values(compare)
+    try:
+        members = {value: source.portrait(path, value) for value in values}
+    except ScenarioError as error:
+        raise CommandError(f"vibro: --compare: {error}") from error
+    traces = [one.landscape.trace for one in members.values()]
+    if any(trace != traces[0] for trace in traces):
+        raise CommandError(f"vibro: --compare: {path} changes the trace; expected one")
+    record = {
+        "path": path,
+        "ball": ball_of(path),
+        "members": [{"value": value, **as_record(one)} for value, one in members.items()],
+    }
+    if draw is None:
+        return record, {}
+    from vibro_cli.figures.comparison import comparison
+
+    return record, draw("comparison", comparison(list(members.items()), source.width))
+
+
+def family_lines(family: dict[str, Any]) -> Iterator[str]:
+    """The types of a family as text."""
+    yield f"{family['path']}, portrait of ball {family['ball']}:"
+    for member in family["members"]:
+        yield f"  {member['value']:<12.6g} {member['type']}"
+    for change in family["changes"]:
+        yield f"  changes at {change['high']!r}: {change['before']} -> {change['after']}"
+
+
+def comparison_lines(comparison: dict[str, Any]) -> Iterator[str]:
+    """A few members side by side as text: κ, the values of the points, w = √(g/κρ) at each."""
+    yield f"{comparison['path']}, portrait of ball {comparison['ball']}:"
+    for member in comparison["members"]:
+        yield f"  {member['value']}: kappa = {member['kappa']:.6g}; {member['type']}"
+        for point in member["points"]:
+            rate = point["natural_rate"]
+            own = "" if rate is None else f", w = {rate:.6g} 1/s"
+            yield f"    {point['name']}: E/(m g) = {point['height']:.6g} m{own}"
