@@ -90,7 +90,7 @@ def test_bodies_are_compared_on_one_trace(vibro: Vibro) -> None:
     [
         ("balls[1].body=ball", "2 to 6 different values"),
         ("balls[1].body=ball,ball", "2 to 6 different values"),
-        ("balls[1].body=ball,cube", "'cube'"),
+        ("balls[1].body=ball,cube", 'found "cube", expected "ball"'),
         ("trace.arcs[2].radius=0.4,0.5", "changes the trace"),
     ],
 )
