@@ -21,7 +21,7 @@ LAYERS = (
     "benchmark",
     "stress",
     "analysis",
-    "sweep",
+    "grids",
     "storage",
     "api",
     "build",

@@ -9,6 +9,7 @@ import typer
 from vibro_cli import __version__
 from vibro_cli.commands.boundary import perform
 from vibro_cli.commands.check import check
+from vibro_cli.commands.grid import grid
 from vibro_cli.commands.help import help_command
 from vibro_cli.commands.new import new
 from vibro_cli.commands.options import with_common_options
@@ -19,6 +20,7 @@ from vibro_cli.commands.schema import schema
 from vibro_cli.commands.show import show
 from vibro_cli.commands.stress import stress
 from vibro_cli.commands.usage import usage_error
+from vibro_cli.commands.verify import verify
 from vibro_cli.commands.warm import warm
 
 app = typer.Typer(
@@ -30,7 +32,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-for command in (run, portrait, report, check, show, schema, new, stress, warm):
+for command in (run, grid, portrait, report, check, show, verify, schema, new, stress, warm):
     app.command(command.__name__)(with_common_options(command))
 app.command("help")(with_common_options(help_command))
 

@@ -29,6 +29,25 @@ def count(number: int, one: str, several: str) -> str:
     return f"{number} {one if number == 1 else several}"
 
 
+def size(number: float) -> str:
+    """A number of bytes: `3.2 MB`."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if number < 1000.0:
+            return f"{number:.3g} {unit}"
+        number /= 1000.0
+    return f"{number:.3g} TB"
+
+
+def duration(seconds: float) -> str:
+    """A time in the units people use: `45 s`, `2 min 10 s`, `3 h 5 min`."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{seconds:.2g} s" if seconds < 10 else f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
 def summary_text(name: str, record: Mapping[str, Any], folder: Path | None) -> str:
     """The summary of a run in a few lines; `record` has the columns of the summary table."""
     lines = [f"{name}: {_ending(record)}"]

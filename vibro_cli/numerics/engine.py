@@ -91,6 +91,21 @@ def interpreted_rows(cls: type, count: int) -> list[Any]:
     return [cls() for _ in range(count)]
 
 
+def interpreted_copies(rows: Any, cls: type) -> list[Any]:
+    """Return interpreted records with the contents of a structured array."""
+    names = tuple(cls.fields)  # type: ignore[attr-defined]
+    series = [name for name, kind in cls.fields.items() if kind == "Series"]  # type: ignore[attr-defined]
+    copies = []
+    for values in rows.tolist():
+        copy = cls()
+        for name, value in zip(names, values, strict=True):
+            setattr(copy, name, value)
+        for name in series:
+            setattr(copy, name, list(getattr(copy, name)))
+        copies.append(copy)
+    return copies
+
+
 def compiled_rows(rows: Sequence[Any], cls: type) -> Any:
     """Return a structured array with the contents of interpreted records."""
     import numpy as np

@@ -103,7 +103,7 @@ def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str]
     """
     if not isinstance(document, Document):
         document = Document(plain(dict(document)))
-    data, given, problems = _overridden(document.data, overrides)
+    data, given, problems = overridden(document.data, overrides)
     source = replace(document.source, overrides=tuple(given))
     data.setdefault("name", document.name)
     try:
@@ -116,9 +116,10 @@ def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str]
     return scenario
 
 
-def _overridden(
+def overridden(
     data: dict[str, Any], overrides: Sequence[str]
 ) -> tuple[dict[str, Any], list[tuple[KeyPath, str]], list[Problem]]:
+    """Return data after overrides, the overrides with their paths, and what is wrong with them."""
     changed = dict(data)
     given: list[tuple[KeyPath, str]] = []
     problems: list[Problem] = []

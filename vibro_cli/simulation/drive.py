@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from vibro_cli.numerics import engine
+from vibro_cli.simulation.entry import enter_advance
 from vibro_cli.simulation.loop import advance, start
 from vibro_cli.simulation.record import Log
 from vibro_cli.simulation.world import LOG_FULL, LOGS, RECORDS, World
@@ -89,8 +90,7 @@ class Driver:
                 self._compile()
 
     def _advance(self) -> int:
-        function: Any = engine.compiled_once(advance) if self.engine == "numba" else advance
-        return int(function(self.world))
+        return enter_advance(self.world) if self.engine == "numba" else advance(self.world)
 
     def _collect(self) -> None:
         flights = 0

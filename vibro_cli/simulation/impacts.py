@@ -17,16 +17,33 @@ _GRAZING_UNITS = 16.0
 _ENDS = ("a", "b")
 
 
-def collision_table(places: Places, log: Any, first_number: int = 1) -> dict[str, Any]:
-    """Return the columns of ``collisions.parquet`` (interface: every column of an impact)."""
+def collision_table(
+    places: Places, log: Any, counts: Any = None, masses: Any = None
+) -> dict[str, Any]:
+    """Return the columns of ``collisions.parquet``, of one run or of several of one system.
+
+    Parameters
+    ----------
+    places
+        Geometry of the system.
+    log
+        Impacts, run by run.
+    counts
+        How many there are of each run; None for a single run.
+    masses
+        Masses (kg) of the bodies of each impact's run; None for those of the system.
+    """
+    counts = np.array([len(log)]) if counts is None else counts
     trace = places.system.trace
     two_on_closed = trace.closed and len(places.system.bodies) == 2
     side = _side(places, log) if two_on_closed else None
     rows = _from_left(log) if two_on_closed else log
-    table: dict[str, Any] = {"n": np.arange(len(rows)) + first_number}
+    starts = np.cumsum(counts) - counts
+    table: dict[str, Any] = {"n": np.arange(len(rows)) + 1 - np.repeat(starts, counts)}
     table["t"] = rows["t"].copy()
     table["t_low"] = rows["t_low"].copy()
     table["dt"] = _intervals(rows)
+    table["dt"][starts[counts > 0]] = np.nan
     table["ball_a"] = rows["a"] + 1
     table["ball_b"] = rows["b"] + 1
     if side is not None:
@@ -34,10 +51,11 @@ def collision_table(places: Places, log: Any, first_number: int = 1) -> dict[str
     table["arc_a"] = rows["piece_a"] + 1
     table["arc_b"] = rows["piece_b"] + 1
     table.update(_places(places, rows))
-    table.update(_speeds(places, rows))
+    mass = {end: _masses(places, rows[end], masses) for end in _ENDS}
+    table.update(_speeds(places, rows, mass))
     table["energy_loss"] = rows["loss"].copy()
     b = rows["b"]
-    inertia = places.kappa[b] * places.mass[b] * places.body_radius[b]
+    inertia = places.kappa[b] * mass["b"] * places.body_radius[b]
     table["impulse_moment"] = inertia * (rows["speed_b_post"] - rows["speed_b_pre"])
     approach = log["normal_a"] * log["speed_a_pre"] - log["normal_b"] * log["speed_b_pre"]
     parting = log["normal_b"] * log["speed_b_post"] - log["normal_a"] * log["speed_a_post"]
@@ -104,7 +122,14 @@ def _places(places: Places, rows: Any) -> dict[str, Any]:
     return columns
 
 
-def _speeds(places: Places, rows: Any) -> dict[str, Any]:
+def _masses(places: Places, body: Any, masses: Any) -> Floats:
+    if masses is None:
+        return places.mass[body]
+    mass: Floats = masses[np.arange(len(body)), body]
+    return mass
+
+
+def _speeds(places: Places, rows: Any, mass: dict[str, Floats]) -> dict[str, Any]:
     """Rates, angular velocities, speeds and energies of both bodies, before and after."""
     columns: dict[str, Any] = {}
     for when in ("pre", "post"):
@@ -114,7 +139,9 @@ def _speeds(places: Places, rows: Any) -> dict[str, Any]:
             columns[f"rate_{end}_{when}"] = places.rate(body, piece, speed)
             columns[f"omega_{end}_{when}"] = speed / places.body_radius[body]
             columns[f"speed_{end}_{when}"] = speed.copy()
-            columns[f"energy_{end}_{when}"] = places.weight[body] * rows[f"head_{end}_{when}"]
+            columns[f"energy_{end}_{when}"] = (mass[end] * places.gravity) * rows[
+                f"head_{end}_{when}"
+            ]
     ordered = [
         f"{name}_{end}_{when}"
         for name in ("rate", "omega", "speed", "energy")
@@ -131,7 +158,8 @@ def residual_gap(places: Places, rows: Any) -> Floats:
     reach = radius_a + radius_b
     ax, ay = places.centre(a, piece, rows["a_s"], rows["a_c"])
     bx, by = places.centre(b, rows["piece_b"], rows["b_s"], rows["b_c"])
-    gap = np.hypot(bx - ax, by - ay) - reach
+    dx, dy = bx - ax, by - ay
+    gap = np.sqrt(dx * dx + dy * dy) - reach
     same = piece == rows["piece_b"]
     rho_a, rho_b = places.path_radius[a, piece], places.path_radius[b, piece]
     arc = same & (rho_a > 0.0)

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.mechanics.system import System
+from vibro_cli.simulation.contact_forces import contact_extremes
 from vibro_cli.simulation.drive import Driver, Earlier
 from vibro_cli.simulation.geometry import Floats, Places
 from vibro_cli.simulation.happenings import event_table
 from vibro_cli.simulation.impacts import collision_table
 from vibro_cli.simulation.paths import Paths
 from vibro_cli.simulation.prepare import make_world
-from vibro_cli.simulation.summary import summarise
+from vibro_cli.simulation.summary import summary_columns, summary_record, tally_run
 from vibro_cli.simulation.world import END_NAMES, END_TIME, LOGS
 
 Table = dict[str, Any]
@@ -100,25 +101,19 @@ class Run:
         return self.sample(self.wanted.step * np.arange(count))
 
     @cached_property
-    def _record(self) -> dict[str, Any]:
-        return summarise(self._places, self._paths, self._logs["impacts"], self._cause, self._clock)
-
-    @property
     def summary(self) -> Table:
         """Columns of ``summary.parquet``, one row."""
-        table: Table = {}
-        for name, value in self._record.items():
-            if isinstance(value, str) or name == "reason":
-                table[name] = np.array([value], dtype=object)
-            elif isinstance(value, int):
-                table[name] = np.array([value], dtype=np.int64)
-            else:
-                table[name] = np.array([np.nan if value is None else value])
-        return table
+        end = self._clock["t"], self._clock["t_low"]
+        outcome, finals = tally_run(
+            self.system, self.engine, self._logs, self._state, self._cause, end
+        )
+        in_contact = [contact_extremes(self._paths)] if outcome["grouped"][0] else []
+        restitution = np.array([self.system.restitution])
+        return summary_columns(self._places, restitution, outcome, finals, in_contact)
 
     def summary_record(self) -> dict[str, Any]:
         """Return the summary as plain values, None for null."""
-        return dict(self._record)
+        return summary_record(self.summary)
 
     def sample(self, times: Any, side: str = "after") -> Table:
         """Return the motion at given times, exactly.

@@ -1,4 +1,4 @@
-"""The summary of a run, and the final state of every body."""
+"""The summary of runs, and the final state of every body."""
 
 from __future__ import annotations
 
@@ -7,81 +7,155 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.simulation.forces import extremes
-from vibro_cli.simulation.geometry import Places
-from vibro_cli.simulation.impacts import residual_gap
-from vibro_cli.simulation.paths import Paths
-from vibro_cli.simulation.world import END_INADMISSIBLE, END_NAMES, WALL
+from vibro_cli.mechanics.records import NEVER, Flight
+from vibro_cli.mechanics.system import System
+from vibro_cli.numerics import engine
+from vibro_cli.simulation.contact_forces import Extremes
+from vibro_cli.simulation.drive import ROWS_USED, compiled_world, restore
+from vibro_cli.simulation.entry import enter_tally
+from vibro_cli.simulation.geometry import Floats, Places
+from vibro_cli.simulation.prepare import make_world
+from vibro_cli.simulation.tally import FinalState, Outcome, tally
+from vibro_cli.simulation.world import END_NAMES, LOGS, RECORDS
 
 
-def conserves_energy(places: Places, impacts: int, walls: int) -> bool:
-    """Tell whether the law of the run keeps the energy of rolling."""
+def tally_run(
+    system: System,
+    engine_name: str,
+    logs: dict[str, Any],
+    state: dict[str, Any],
+    cause: int,
+    end: tuple[float, float],
+) -> tuple[Any, Any]:
+    """Return outcome and final states of a run (see ``simulation.tally``), one row and one a body.
+
+    Parameters
+    ----------
+    system
+        What was solved.
+    engine_name
+        ``"python"`` or ``"numba"``; both give the same bits.
+    logs, state
+        The rows of the whole run and the state at its end.
+    cause, end
+        Why and when (two doubles, s) it ended.
+    """
+    world = make_world(system, None, None)
+    restore(world, state)
+    for name, used in ROWS_USED.items():
+        setattr(world.clock[0], used, len(logs[name]))
+    if engine_name == "numba":
+        results = enter_tally(compiled_world(world)._replace(**logs), cause, end)
+        return results.outcomes, results.finals
+    rows = {name: engine.interpreted_copies(logs[name], RECORDS[name]) for name in LOGS}
+    own = engine.interpreted_rows(Outcome, 1)
+    states = engine.interpreted_rows(FinalState, len(system.bodies))
+    tally(world._replace(**rows), cause, *end, own[0], states, 0, Flight())
+    return engine.compiled_rows(own, Outcome), engine.compiled_rows(states, FinalState)
+
+
+def conserves_energy(
+    places: Places, restitution: Floats, outcomes: Any
+) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Tell whether the law of each run keeps the energy of rolling.
+
+    ``restitution`` has a row for each run, with the k of each pair.
+    """
     system = places.system
-    if walls and any(
-        end is not None and end.restitution < 1.0 for end in (system.left_end, system.right_end)
-    ):
-        return False
-    if not impacts:
-        return True
+    ends = (system.left_end, system.right_end)
+    lossy = any(end is not None and end.restitution < 1.0 for end in ends)
     equal = len({body.kappa for body in system.bodies}) == 1
-    keeps = system.law != "translational" or equal
-    return keeps and all(k == 1.0 for k in system.restitution)
+    law_keeps = system.law != "translational" or equal
+    keeps = law_keeps & np.all(restitution == 1.0, axis=1)
+    kept: np.ndarray[Any, np.dtype[np.bool_]] = np.where(outcomes["impacts"] > 0, keeps, True)
+    return kept & ~(lossy & (outcomes["walls"] > 0))
 
 
-def summarise(
-    places: Places, paths: Paths, impacts: Any, end_cause: int, clock: dict[str, float]
+def summary_columns(
+    places: Places, restitution: Floats, outcomes: Any, finals: Any, in_contact: Any = ()
 ) -> dict[str, Any]:
-    """Return the record of ``summary.json``: plain values, None for null."""
-    log = paths.log
-    start = math.fsum(paths.start_energies())
-    end = math.fsum(paths.end_energies())
-    if end_cause == END_INADMISSIBLE:
-        impacts = impacts[:-1]
-    walls = int(np.count_nonzero(log["cause"] == WALL))
-    kept = conserves_energy(places, len(impacts), walls)
-    gaps = np.abs(residual_gap(places, impacts))
-    quiet = clock["quiet_t"]
-    forces = extremes(paths)
-    record: dict[str, Any] = {
-        "status": "ok",
-        "reason": None,
-        "end_cause": END_NAMES[end_cause],
-        "end_time": clock["t"],
-        "quiet_from": quiet if quiet < 1e300 else None,
-        "collisions": int(clock["collisions"]),
-        "crossings": int(clock["crossings"]),
-        "contacts": int(clock["contacts"]),
-        "first_collision_time": float(impacts["t"][0]) if len(impacts) else None,
-        "last_collision_time": float(impacts["t"][-1]) if len(impacts) else None,
+    """Return the columns of ``summary.parquet`` for runs of one system.
+
+    Parameters
+    ----------
+    places
+        Geometry of the system; initial states and masses may differ from run to run.
+    restitution
+        k of each pair, a row for each run.
+    outcomes, finals
+        From ``simulation.tally``: a row for each run, and one for each of its bodies.
+    in_contact
+        For each run the forces of its flights in lasting contact, if there are any.
+    """
+    count = len(outcomes)
+    finals = finals.reshape(count, -1)
+    start, end = _total(finals["start_energy"]), _total(finals["end_energy"])
+    kept = conserves_energy(places, restitution, outcomes) & (start > 0.0)
+    least, demand = _forces(outcomes, in_contact)
+    some = outcomes["impacts"] > 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        drift = np.where(kept, (end - start) / start, np.nan)
+    names = np.empty(max(END_NAMES) + 1, dtype=object)
+    names[list(END_NAMES)] = list(END_NAMES.values())
+    columns: dict[str, Any] = {
+        "status": np.full(count, "ok", dtype=object),
+        "reason": np.full(count, None, dtype=object),
+        "end_cause": names[outcomes["end_cause"]],
+        "end_time": outcomes["end_t"].copy(),
+        "quiet_from": np.where(outcomes["quiet_t"] < NEVER, outcomes["quiet_t"], np.nan),
+        "collisions": outcomes["collisions"].copy(),
+        "crossings": outcomes["crossings"].copy(),
+        "contacts": outcomes["contacts"].copy(),
+        "first_collision_time": np.where(some, outcomes["first_t"], np.nan),
+        "last_collision_time": np.where(some, outcomes["last_t"], np.nan),
         "energy_start": start,
         "energy_end": end,
-        "energy_drift": (end - start) / start if kept and start > 0.0 else None,
-        "energy_correction": clock["energy_correction"],
-        "max_gap": float(np.max(gaps)) if len(gaps) else None,
-        "min_normal_force": forces["min_normal_force"],
-        "max_friction_demand": _null(forces["max_friction_demand"]),
+        "energy_drift": drift,
+        "energy_correction": outcomes["correction"].copy(),
+        "max_gap": np.where(some, outcomes["max_gap"], np.nan),
+        "min_normal_force": least,
+        "max_friction_demand": np.where(np.isfinite(demand), demand, np.nan),
     }
-    record.update(_final_states(places, paths))
-    return record
+    columns.update(_final_states(places, finals))
+    return columns
 
 
-def _null(value: float) -> float | None:
-    return None if math.isnan(value) else value
+def summary_record(columns: dict[str, Any]) -> dict[str, Any]:
+    """Return the one row of summary columns as plain values, None for null."""
+    record = {name: values.tolist()[0] for name, values in columns.items()}
+    return {
+        name: None if isinstance(value, float) and math.isnan(value) else value
+        for name, value in record.items()
+    }
 
 
-def _final_states(places: Places, paths: Paths) -> dict[str, Any]:
+def _total(energies: Floats) -> Floats:
+    """Sum over the bodies of each run, rounded once."""
+    if energies.shape[1] <= 2:
+        total: Floats = np.sum(energies, axis=1)
+        return total
+    return np.array([math.fsum(row) for row in energies.tolist()])
+
+
+def _forces(outcomes: Any, in_contact: Any) -> tuple[Floats, Floats]:
+    """Least normal force (N) and greatest demand of friction of each run."""
+    least, demand = outcomes["least_force"].copy(), outcomes["most_demand"].copy()
+    for number, forces in enumerate(in_contact):
+        found: list[Extremes] = forces
+        least[number] = min([least[number], *(one.least for one in found)])
+        demand[number] = max([demand[number], *(one.demand for one in found)])
+    return least, demand
+
+
+def _final_states(places: Places, finals: Any) -> dict[str, Any]:
     """``arc_i, angle_i, s_i, speed_i`` of every body at the end."""
-    rows = np.flatnonzero(paths.last)
-    body, piece = paths.body[rows], paths.piece[rows]
-    s, c, p = paths.end_s[rows], paths.end_c[rows], paths.end_p[rows]
-    angle = places.angle(piece, s, c)
-    length = places.arc_length(piece, places.position(piece, s, c))
-    speed = places.speed_factor(body, piece) * p
-    record: dict[str, Any] = {}
-    for number in range(len(rows)):
-        ball = int(body[number]) + 1
-        record[f"arc_{ball}"] = int(piece[number]) + 1
-        record[f"angle_{ball}"] = _null(float(angle[number]))
-        record[f"s_{ball}"] = float(length[number])
-        record[f"speed_{ball}"] = float(speed[number])
-    return record
+    columns: dict[str, Any] = {}
+    for body in range(finals.shape[1]):
+        state = finals[:, body]
+        piece, s, c, p = (state[name].copy() for name in ("piece", "s", "c", "p"))
+        number = body + 1
+        columns[f"arc_{number}"] = piece + 1
+        columns[f"angle_{number}"] = places.angle(piece, s, c)
+        columns[f"s_{number}"] = places.arc_length(piece, places.position(piece, s, c))
+        columns[f"speed_{number}"] = places.speed_factor(body, piece) * p
+    return columns

@@ -33,6 +33,13 @@ def write_file(path: Path, content: bytes) -> None:
     _flush_folder(path.parent)
 
 
+def remove_partial_files(folder: Path) -> None:
+    """Remove what killed processes left of files in the making; nobody may be writing there."""
+    for partial in folder.glob(".*.partial-*"):
+        if partial.is_file():
+            partial.unlink(missing_ok=True)
+
+
 def _write_new(path: Path, content: bytes) -> None:
     """Write a file that must not exist yet, and wait until it is on the disk."""
     with open(path, "xb") as file:

@@ -38,6 +38,18 @@ def manifest(kind: str, files: Mapping[str, bytes], details: Mapping[str, Any]) 
     `kind` is what the folder holds ("run"), `files` its files' names and contents, `details` what
     else belongs to the folder's origin.
     """
+    return manifest_of(kind, {name: entry(content) for name, content in files.items()}, details)
+
+
+def entry(content: bytes) -> dict[str, Any]:
+    """What a manifest says of a file."""
+    return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+
+
+def manifest_of(
+    kind: str, entries: Mapping[str, Mapping[str, Any]], details: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The manifest of a folder whose files are known by their sizes and checksums."""
     return {
         "schema": f"vibro-{kind}/{_MANIFEST_VERSION}",
         "program": {"name": "vibro", "version": __version__},
@@ -46,10 +58,7 @@ def manifest(kind: str, files: Mapping[str, bytes], details: Mapping[str, Any]) 
             **{name: metadata.version(name) for name in _LIBRARIES},
         },
         **details,
-        "files": {
-            name: {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
-            for name, content in sorted(files.items())
-        },
+        "files": dict(sorted(entries.items())),
     }
 
 

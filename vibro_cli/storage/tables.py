@@ -6,7 +6,7 @@ bytes: nothing of the machine or of the time goes into a table.
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -30,11 +30,12 @@ _JSON_LINES_AT_ONCE = 4096
 class Origin:
     """What a table came from, as it stands in the file's metadata.
 
-    `scenario` is the resolved scenario, `version` that of the program.
+    `scenario` is the resolved scenario, `version` that of the program; `more` are further entries.
     """
 
     scenario: Mapping[str, Any]
     version: str
+    more: Mapping[str, str] = field(default_factory=dict)
 
 
 def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
@@ -53,6 +54,7 @@ def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
         "vibro:schema": table.schema_id,
         "vibro:version": origin.version,
         "vibro:scenario": scenario,
+        **origin.more,
     }
     return pa.schema(fields, metadata=metadata)
 

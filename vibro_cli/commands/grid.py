@@ -1,0 +1,196 @@
+"""`vibro grid`: sweep parameters of a scenario into a dataset."""
+
+import json
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vibro_cli.commands.boundary import DONE, FAILED, NOT_STRICT, CommandError, say
+from vibro_cli.commands.completing import scenario_files
+from vibro_cli.commands.options import Engine, Overrides, Strict, Task
+
+if TYPE_CHECKING:
+    from vibro_cli.grids.document import Grid
+
+GridFile = Annotated[
+    str,
+    typer.Argument(
+        metavar="GRID",
+        help="Grid file (TOML, JSON or YAML), or - for standard input.",
+        show_default=False,
+        autocompletion=scenario_files,
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What was asked of `vibro grid`."""
+
+    source: str
+    output: str | None
+    overrides: tuple[str, ...]
+    engine: str
+    workers: int
+    max_failures: int | None
+    strict: bool
+    force: bool
+    repair: bool
+    as_json: bool
+
+    def folder_of(self, grid: "Grid") -> Path:
+        """Where the dataset goes."""
+        return Path(self.output) if self.output is not None else Path("outputs") / grid.name
+
+
+def grid(
+    source: GridFile,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output", "-o", metavar="DIR", help="Folder of the dataset [default: outputs/<name>]."
+        ),
+    ] = None,
+    overrides: Overrides = [],  # noqa: B006 (typer copies it)
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Only tell points, chunks, bytes and time, judged by a timed sample.",
+        ),
+    ] = False,
+    workers: Annotated[
+        int,
+        typer.Option(
+            "--workers",
+            min=0,
+            help="Threads that solve; 0 for one on each processor.",
+            envvar="VIBRO_WORKERS",
+        ),
+    ] = 0,
+    engine: Engine = "auto",
+    max_failures: Annotated[
+        int | None,
+        typer.Option(
+            "--max-failures",
+            min=0,
+            metavar="N",
+            help="Stop once more than N points are invalid or failed; else go on.",
+        ),
+    ] = None,
+    strict: Strict = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Start anew where DIR holds another grid.")
+    ] = False,
+    repair: Annotated[
+        bool,
+        typer.Option(
+            "--repair", help="Solve again what `vibro verify DIR` finds missing or damaged."
+        ),
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what was done as one JSON object.")
+    ] = False,
+) -> Task:
+    """Sweep parameters of a scenario: a dataset of summaries, and of every impact if kept."""
+    wishes = Wishes(
+        source=source,
+        output=output,
+        overrides=tuple(overrides),
+        engine=engine,
+        workers=workers,
+        max_failures=max_failures,
+        strict=strict,
+        force=force,
+        repair=repair,
+        as_json=as_json,
+    )
+    return partial(_estimate if dry_run else _sweep, wishes)
+
+
+def load(wishes: Wishes) -> "Grid":
+    """The grid that was asked for; raises `CommandError` with every problem of it."""
+    from dataclasses import asdict
+
+    from vibro_cli.commands.boundary import reason
+    from vibro_cli.grids.document import load_grid
+    from vibro_cli.scenario import ScenarioError
+
+    try:
+        return load_grid(wishes.source, wishes.overrides)
+    except ScenarioError as error:
+        problems = [asdict(problem) for problem in error.problems]
+        raise CommandError(str(error), problems=problems) from error
+    except OSError as error:
+        raise CommandError(f"{wishes.source}: cannot be read: {reason(error)}") from error
+
+
+def _engine(wishes: Wishes, found: "Grid") -> str:
+    """The engine: a grid is compiled unless it is so small that compiling would take longer."""
+    from vibro_cli.commands.warm import tell_of_compiling
+
+    tell_of_compiling()
+    if wishes.engine != "auto":
+        return wishes.engine
+    return "numba" if found.design.points > _FEW_POINTS else "python"
+
+
+_FEW_POINTS = 100
+
+
+def _workers(wishes: Wishes) -> int:
+    import os
+
+    return wishes.workers or len(os.sched_getaffinity(0))
+
+
+def _estimate(wishes: Wishes) -> int:
+    """Say what the grid would take."""
+    from vibro_cli.commands.words import duration, size
+    from vibro_cli.grids.chunks import Chunks
+    from vibro_cli.grids.sample import estimate, expected_impacts
+
+    found = load(wishes)
+    engine = _engine(wishes, found)
+    chunks = Chunks.of(found, expected_impacts(found, engine))
+    one = estimate(found, engine)
+    workers = _workers(wishes)
+    points = chunks.points
+    told = {
+        "name": found.name,
+        "points": points,
+        "chunks": chunks.count,
+        "chunk_points": chunks.size,
+        "impacts": round(points * one.impacts),
+        "bytes": round(points * one.bytes),
+        "seconds": points * one.seconds / min(workers, points),
+        "workers": workers,
+        "sampled": one.sampled,
+    }
+    if wishes.as_json:
+        print(json.dumps(told, ensure_ascii=False))
+    say(
+        f"{found.name}: {points:,} points in {chunks.count:,} chunks of {chunks.size:,}\n"
+        f"  impacts    about {told['impacts']:,}\n"
+        f"  disk       about {size(points * one.bytes)}\n"
+        f"  time       about {duration(float(told['seconds']))} with {workers} workers"
+        f" (from {one.sampled:,} points)"
+    )
+    return DONE
+
+
+def _sweep(wishes: Wishes) -> int:
+    """Solve what is missing of the dataset."""
+    from vibro_cli.commands.sweeping import sweep
+
+    found = load(wishes)
+    state = sweep(wishes, found, _engine(wishes, found), _workers(wishes))
+    if wishes.as_json:
+        print(json.dumps(state, ensure_ascii=False))
+    if not state["complete"]:
+        return FAILED
+    unsound = state["invalid"] + state["failed"] + state["inadmissible"]
+    return NOT_STRICT if wishes.strict and unsound else DONE

@@ -1,0 +1,130 @@
+"""Solving a grid chunk by chunk: progress, interruptions, and what is told at the end."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vibro_cli.commands.boundary import CommandError, say
+from vibro_cli.commands.progress import Progress
+from vibro_cli.commands.words import size
+
+if TYPE_CHECKING:
+    from vibro_cli.commands.grid import Wishes
+    from vibro_cli.grids.chunks import Chunks
+    from vibro_cli.grids.dataset import Dataset
+    from vibro_cli.grids.document import Grid
+
+
+def sweep(wishes: "Wishes", grid: "Grid", engine: str, workers: int) -> dict[str, Any]:
+    """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
+    from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened
+    from vibro_cli.storage.provenance import FolderRefused
+
+    folder = wishes.folder_of(grid)
+    try:
+        chunks = _chunks(wishes, grid, engine, folder)
+        with opened(folder, grid, chunks, wishes.force) as dataset:
+            if wishes.repair:
+                _drop_damaged(dataset)
+            _solve(wishes, dataset, engine, workers)
+    except (FolderRefused, GridChanged, FolderInUse) as error:
+        raise CommandError(f"vibro: {error}") from error
+    state = _state(dataset)
+    _tell(grid.name, state, folder)
+    return state
+
+
+def _chunks(wishes: "Wishes", grid: "Grid", engine: str, folder: Path) -> "Chunks":
+    """How the grid is divided: as the folder has it, if it has it already."""
+    from vibro_cli.grids.chunks import Chunks
+    from vibro_cli.grids.dataset import known_chunk_size
+    from vibro_cli.grids.sample import expected_impacts
+
+    known = None if wishes.force else known_chunk_size(folder)
+    if known is not None:
+        return Chunks.of_size(grid, known)
+    return Chunks.of(grid, expected_impacts(grid, engine))
+
+
+def _drop_damaged(dataset: "Dataset") -> None:
+    """Forget chunks whose files are missing or not as they were written."""
+    from vibro_cli.grids.verifying import verify
+
+    damaged = {finding.file for finding in verify(dataset.folder).findings}
+    for chunk, receipt in list(dataset.receipts.items()):
+        if damaged & set(receipt.files):
+            say(f"vibro: chunk {chunk} is damaged and is solved again", "warning", chunk=chunk)
+            del dataset.receipts[chunk]
+
+
+def _solve(wishes: "Wishes", dataset: "Dataset", engine: str, workers: int) -> None:
+    """Solve the missing chunks; what is finished is taken down, however it ends."""
+    from vibro_cli.grids.threads import solve_in_threads
+
+    missing = dataset.missing
+    if len(missing) < dataset.chunks.count and missing:
+        done = dataset.chunks.count - len(missing)
+        say(f"vibro: going on after {done:,} of {dataset.chunks.count:,} chunks")
+    progress = Progress(sum(_points(dataset, chunk) for chunk in missing))
+    receipts = solve_in_threads(
+        dataset.grid, dataset.chunks, missing, dataset.folder, workers, engine, progress.add
+    )
+    try:
+        for receipt in receipts:
+            dataset.add(receipt)
+            _check_failures(wishes, dataset)
+    except BaseException:
+        receipts.close()
+        _keep(dataset)
+        progress.end()
+        say("vibro: the same command goes on from here", "error")
+        raise
+    progress.end()
+    dataset.write_manifest()
+
+
+def _keep(dataset: "Dataset") -> None:
+    """Write the manifest after an interruption; a disk that is full has said so already."""
+    try:
+        dataset.write_manifest()
+    except OSError:
+        say("vibro: the manifest could not be written; the parts on the disk tell the same")
+
+
+def _points(dataset: "Dataset", chunk: int) -> int:
+    first, last = dataset.chunks.range_of(chunk)
+    return last - first
+
+
+def _check_failures(wishes: "Wishes", dataset: "Dataset") -> None:
+    most = wishes.max_failures
+    found = sum(one.invalid + one.failed for one in dataset.receipts.values())
+    if most is not None and found > most:
+        from vibro_cli.commands.boundary import FAILED
+
+        text = f"vibro: {found} points are invalid or failed, --max-failures allows {most}"
+        raise CommandError(text, FAILED)
+
+
+def _state(dataset: "Dataset") -> dict[str, Any]:
+    receipts = dataset.receipts.values()
+    names = ("points", "impacts", "invalid", "failed", "inadmissible")
+    return {
+        "name": dataset.grid.name,
+        "folder": str(dataset.folder),
+        "complete": not dataset.missing,
+        "chunks": len(dataset.receipts),
+        **{name: sum(getattr(one, name) for one in receipts) for name in names},
+        "bytes": sum(file["bytes"] for one in receipts for file in one.files.values()),
+    }
+
+
+def _tell(name: str, state: dict[str, Any], folder: Path) -> None:
+    odd = [
+        f"{state[word]:,} {word}" for word in ("invalid", "failed", "inadmissible") if state[word]
+    ]
+    say(
+        f"{name}: {state['points']:,} points, {state['impacts']:,} impacts\n"
+        f"  points     {', '.join(odd) if odd else 'all of them valid and admissible'}\n"
+        f"  files      {folder} ({state['chunks']:,} chunks, {size(state['bytes'])})",
+        name=name,
+    )

@@ -1,0 +1,1 @@
+"""Grids: many scenarios as columns, solved chunk by chunk into a dataset on the disk."""

@@ -1,0 +1,296 @@
+"""The axes of a grid: which values some scalars of the scenario go through."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic_core import PydanticCustomError
+
+from vibro_cli.grids.paths import NotAnAxis, kind_of, read_number, type_of
+from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.problems import Fault, KeyPath, listing, path_text, shown, suggestion
+from vibro_cli.scenario.source import parsed_path
+
+Column = np.ndarray[Any, np.dtype[Any]]
+
+GENERATORS = ("values", "linspace", "logspace", "uniform", "table")
+_KEYS = ("path", "paths", *GENERATORS)
+_MOST_VALUES = 100_000_000
+# Longer lists stand in the resolved grid by their digest.
+_LISTED = 10_000
+
+
+class Wrong(Exception):
+    """Something wrong with a grid, as a fault without a place."""
+
+    def __init__(self, loc: KeyPath, found: str, expected: str, on_key: bool = False) -> None:
+        super().__init__(loc, found, expected)
+        self.fault = Fault(loc, found, expected, on_key)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Some scalars and the values they go through together."""
+
+    paths: tuple[KeyPath, ...]
+    kinds: tuple[kinds.Kind, ...]
+    columns: tuple[Column, ...] | None
+    """The values of each path in turn; None for an interval."""
+    interval: tuple[float, float] | None
+    """Both ends of an interval that a design draws from (SI units)."""
+    resolved: dict[str, Any]
+    """The axis as plain data in SI units."""
+
+    def __len__(self) -> int:
+        """Number of values; 0 for an interval, which has as many as are asked for."""
+        return 0 if self.columns is None else len(self.columns[0])
+
+    def at(self, index: Any) -> tuple[Column, ...]:
+        """Return the values of each path at indices (from 0)."""
+        assert self.columns is not None
+        return tuple(column[index] for column in self.columns)
+
+    def drawn(self, share: Column) -> tuple[Column, ...]:
+        """Return the values of each path at shares of the axis, from 0 to below 1."""
+        if self.interval is not None:
+            low, high = self.interval
+            return tuple(low + (high - low) * share for _ in self.paths)
+        return self.at(np.minimum((share * len(self)).astype(np.int64), len(self) - 1))
+
+
+def read_axis(given: Any, loc: KeyPath, folder: Path, seed: int) -> Axis:
+    """Return the axis that a table of a grid file describes.
+
+    Parameters
+    ----------
+    given
+        The table as plain data.
+    loc
+        Its path in the file.
+    folder
+        Folder of the grid file, which paths of tables start from.
+    seed
+        Seed of random values.
+
+    Raises
+    ------
+    Wrong
+        With the first thing that is wrong with it.
+    """
+    if not isinstance(given, dict):
+        raise Wrong(loc, shown(given), "a table with a path and its values")
+    for key in given:
+        if key not in _KEYS:
+            known = listing(_KEYS) + suggestion(str(key), _KEYS)
+            raise Wrong((*loc, key), f"the unknown key {shown(key)}", known, on_key=True)
+    generators = [key for key in GENERATORS if key in given]
+    if len(generators) != 1:
+        found = listing(generators, "and") if generators else "none of them"
+        where = (*loc, generators[-1]) if generators else loc
+        raise Wrong(where, found, f"one of {listing(GENERATORS)}", on_key=bool(generators))
+    if generators[0] == "table":
+        return _from_table(given, loc, folder)
+    paths = _read_paths(given, loc)
+    found_kinds = tuple(_kind(path, where) for path, where in paths)
+    axis_paths = tuple(path for path, _ in paths)
+    key = generators[0]
+    return _READERS[key](axis_paths, found_kinds, given[key], (*loc, key), seed)
+
+
+def _read_paths(given: dict[str, Any], loc: KeyPath) -> list[tuple[KeyPath, KeyPath]]:
+    """The paths of an axis, and where in the file they stand."""
+    if ("path" in given) == ("paths" in given):
+        both = "path" in given
+        where = (*loc, "paths") if both else loc
+        raise Wrong(where, "path and paths" if both else "neither", "one of path or paths", both)
+    if "path" in given:
+        return [(_path(given["path"], (*loc, "path")), (*loc, "path"))]
+    listed = given["paths"]
+    if not isinstance(listed, list) or not listed:
+        raise Wrong((*loc, "paths"), shown(listed), "a list of paths")
+    return [(_path(text, (*loc, "paths", i)), (*loc, "paths", i)) for i, text in enumerate(listed)]
+
+
+def _path(text: Any, loc: KeyPath) -> KeyPath:
+    try:
+        return parsed_path(text if isinstance(text, str) else "")
+    except ValueError:
+        expected = "a path such as collision.k or balls[1].angle, counted from 1"
+        raise Wrong(loc, shown(text), expected) from None
+
+
+def _kind(path: KeyPath, loc: KeyPath) -> kinds.Kind:
+    try:
+        return kind_of(path)
+    except NotAnAxis as error:
+        raise Wrong(loc, error.fault.found, error.fault.expected) from None
+
+
+def _value(kind: kinds.Kind, value: Any, loc: KeyPath) -> Any:
+    try:
+        return read_number(kind, value)
+    except PydanticCustomError as error:
+        context = error.context or {}
+        raise Wrong(loc, str(context["found"]), str(context["expected"])) from None
+
+
+def _column(kind: kinds.Kind, values: list[Any]) -> Column:
+    types = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
+    return np.array(values, dtype=types[type_of(kind)])
+
+
+def _listed(
+    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, seed: int
+) -> Axis:
+    """``values``: one for all paths at a time, or a list with one for each."""
+    if not isinstance(given, list) or not given:
+        raise Wrong(loc, shown(given), "a list of at least one value")
+    rows = []
+    for i, value in enumerate(given):
+        row = value if isinstance(value, list) else [value] * len(paths)
+        if len(row) != len(paths):
+            raise Wrong((*loc, i), shown(value), f"a value, or a list of {len(paths)}")
+        rows.append([_value(kind, one, (*loc, i)) for kind, one in zip(of, row, strict=True)])
+    columns = [_column(kind, [row[j] for row in rows]) for j, kind in enumerate(of)]
+    return _with_columns(paths, of, columns)
+
+
+def _with_columns(
+    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], columns: list[Column]
+) -> Axis:
+    resolved: dict[str, Any] = {"paths": [path_text(path) for path in paths]}
+    if len(columns[0]) <= _LISTED:
+        resolved["values"] = [list(row) for row in zip(*(c.tolist() for c in columns), strict=True)]
+    else:
+        resolved |= {"count": len(columns[0]), "sha256": _digest(columns)}
+    return Axis(paths, of, tuple(columns), None, resolved)
+
+
+def _digest(columns: list[Column]) -> str:
+    digest = hashlib.sha256()
+    for column in columns:
+        text = "\n".join(column) if column.dtype == object else ""
+        digest.update(text.encode() if text else np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()
+
+
+def _numbers(
+    of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, forms: tuple[int, ...]
+) -> list[Any]:
+    """Two ends in SI units and, if the form has it, a count."""
+    if not all(isinstance(kind, kinds.Quantity) for kind in of):
+        raise Wrong(loc, loc_name(loc), "values: this path has no real numbers", on_key=True)
+    if len({kind.dimension for kind in of if isinstance(kind, kinds.Quantity)}) > 1:
+        raise Wrong(loc, "paths of different dimensions", "paths of one dimension, or values")
+    forms_text = listing("[low, high, count]" if n == 3 else "[low, high]" for n in forms)
+    if not isinstance(given, list) or len(given) not in forms:
+        raise Wrong(loc, shown(given), forms_text)
+    numbers = [_value(of[0], value, (*loc, i)) for i, value in enumerate(given[:2])]
+    if len(given) == 3:
+        count = given[2]
+        if not isinstance(count, int) or isinstance(count, bool) or not 1 <= count <= _MOST_VALUES:
+            expected = f"a whole number from 1 to {_MOST_VALUES}"
+            raise Wrong((*loc, 2), shown(count), expected)
+        numbers.append(count)
+    return numbers
+
+
+def loc_name(loc: KeyPath) -> str:
+    """The key that a path ends with."""
+    return str(loc[-1])
+
+
+def _spaced(
+    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, seed: int
+) -> Axis:
+    """``linspace`` and ``logspace``: from one end to the other, both included."""
+    low, high, count = _numbers(of, given, loc, (3,))
+    if loc[-1] == "logspace":
+        if not (low != 0.0 and high != 0.0 and (low > 0.0) == (high > 0.0)):
+            raise Wrong(loc, f"{low!r} to {high!r}", "two ends of one sign, neither of them 0")
+        # The library's logarithms differ in the last bit from processor to processor.
+        ratio = math.log(high / low)
+        steps = [low * math.exp(ratio * i / (count - 1)) for i in range(1, count - 1)]
+        values = np.array([low, *steps, high][:count] if count > 1 else [low])
+    else:
+        values = np.linspace(low, high, count)
+    resolved = {"paths": [path_text(path) for path in paths], loc_name(loc): [low, high, count]}
+    return Axis(paths, of, (values,) * len(paths), None, resolved)
+
+
+def _uniform(
+    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, seed: int
+) -> Axis:
+    """``uniform``: an interval for a design to draw from, or a number of random values."""
+    numbers = _numbers(of, given, loc, (2, 3))
+    low, high = numbers[:2]
+    resolved = {"paths": [path_text(path) for path in paths], "uniform": numbers}
+    if len(numbers) == 2:
+        return Axis(paths, of, None, (low, high), resolved)
+    # loc[1] is the number of the axis: every axis has random numbers of its own.
+    share = np.random.default_rng([seed, int(loc[1])]).random(numbers[2])
+    return Axis(paths, of, (low + (high - low) * share,) * len(paths), None, resolved)
+
+
+_Reader = Callable[[tuple[KeyPath, ...], tuple[kinds.Kind, ...], Any, KeyPath, int], Axis]
+_READERS: dict[str, _Reader] = {
+    "values": _listed,
+    "linspace": _spaced,
+    "logspace": _spaced,
+    "uniform": _uniform,
+}
+
+
+def _from_table(given: dict[str, Any], loc: KeyPath, folder: Path) -> Axis:
+    """The columns of a parquet or CSV file, named by paths: a row is one value of the axis."""
+    from vibro_cli.storage.columns import UnreadableTable, read_columns
+
+    where = (*loc, "table")
+    if not isinstance(given["table"], str):
+        raise Wrong(where, shown(given["table"]), "the name of a .parquet or .csv file")
+    try:
+        table = read_columns(folder / given["table"])
+    except UnreadableTable as error:
+        raise Wrong(where, f"{shown(given['table'])}, {error}", "a .parquet or .csv file") from None
+    if "path" in given or "paths" in given:
+        named = [path_text(path) for path, _ in _read_paths(given, loc)]
+        missing = [name for name in named if name not in table]
+        if missing:
+            raise Wrong(where, f"columns {listing(table, 'and')}", f"a column {missing[0]}")
+        table = {name: table[name] for name in named}
+    paths = tuple(_path(name, where) for name in table)
+    of = tuple(_kind(path, where) for path in paths)
+    columns = [
+        _table_column(kind, values, name, where)
+        for (name, values), kind in zip(table.items(), of, strict=True)
+    ]
+    if not columns or not len(columns[0]):
+        raise Wrong(where, "a table without rows", "a table with a row for each scenario")
+    return _with_columns(paths, of, columns)
+
+
+def _table_column(kind: kinds.Kind, values: Column, name: str, loc: KeyPath) -> Column:
+    """A column of a table as values of its path."""
+    if isinstance(kind, kinds.Quantity) and values.dtype.kind in "iuf":
+        numbers = values.astype(np.float64)
+        if not np.isfinite(numbers).all():
+            row = int(np.argmin(np.isfinite(numbers)))
+            found = f"{numbers[row]} in row {row + 1} of column {name}"
+            raise Wrong(loc, found, "a finite number")
+        return numbers
+    if isinstance(kind, kinds.Count) and values.dtype.kind in "iu":
+        return values.astype(np.int64)
+    read = []
+    for row, value in enumerate(values.tolist()):
+        try:
+            read.append(_value(kind, value, loc))
+        except Wrong as error:
+            found = f"{error.fault.found} in row {row + 1} of column {name}"
+            raise Wrong(loc, found, error.fault.expected) from None
+    return _column(kind, read)

@@ -1,0 +1,192 @@
+"""Chunks of a grid: the unit of work, and of the parts on the disk.
+
+What a part holds depends on the grid and on the number of its chunk alone, so that the bytes are
+the same from any number of workers, in any order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.grids.axes import Column
+from vibro_cli.grids.document import Grid
+from vibro_cli.grids.solving import Solved, Table
+from vibro_cli.grids.tables import collision_table_of, empty_column, part_file, summary_table
+from vibro_cli.storage.files import write_file
+from vibro_cli.storage.provenance import entry
+
+# Rows of a part: what readers of parquet like, and what a chunk may take of memory.
+_POINTS_OF_A_PART = 100_000
+_IMPACTS_OF_A_PART = 250_000
+# Impacts that are solved at one go: between two stretches a thread can be told to stop.
+_IMPACTS_OF_A_STRETCH = 100_000
+_LONGEST_STRETCH = 4096
+
+
+@dataclass(frozen=True)
+class Chunks:
+    """How the points of a grid are divided."""
+
+    points: int
+    """Points of the grid."""
+    size: int
+    """Points of a chunk; the last one may have fewer."""
+    stretch: int
+    """Points that are solved at one go; the results do not depend on it."""
+
+    @staticmethod
+    def of(grid: Grid, impacts_of_a_point: float) -> Chunks:
+        """Divide a grid whose points are expected to have this many impacts."""
+        expected = max(impacts_of_a_point, 1.0)
+        size = _POINTS_OF_A_PART
+        if grid.keep.collisions:
+            size = max(1, min(size, int(_IMPACTS_OF_A_PART / expected)))
+        return Chunks.of_size(grid, size, expected)
+
+    @staticmethod
+    def of_size(grid: Grid, size: int, impacts_of_a_point: float = 50.0) -> Chunks:
+        """Divide a grid into chunks of a known size."""
+        stretch = int(_IMPACTS_OF_A_STRETCH / max(impacts_of_a_point, 1.0))
+        return Chunks(grid.design.points, size, max(1, min(stretch, _LONGEST_STRETCH, size)))
+
+    @property
+    def count(self) -> int:
+        """Number of chunks."""
+        return -(-self.points // self.size)
+
+    def range_of(self, chunk: int) -> tuple[int, int]:
+        """Return the first point of a chunk and the one after its last, from 0."""
+        return chunk * self.size, min((chunk + 1) * self.size, self.points)
+
+    def stretches(self, chunk: int) -> list[tuple[int, int]]:
+        """Return the stretches of a chunk, each as its first point and the one after its last."""
+        first, last = self.range_of(chunk)
+        starts = range(first, last, self.stretch)
+        return [(start, min(start + self.stretch, last)) for start in starts]
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """What is on the disk of one chunk."""
+
+    chunk: int
+    points: int
+    impacts: int
+    invalid: int
+    failed: int
+    inadmissible: int
+    files: dict[str, dict[str, Any]]
+    """Size and SHA-256 of each file, by its name in the folder of the grid."""
+
+    def counts(self) -> dict[str, int]:
+        """Return the numbers alone."""
+        return {name: value for name, value in asdict(self).items() if name != "files"}
+
+
+def file_names(grid: Grid, chunk: int) -> dict[str, str]:
+    """Return the names of a chunk's files by the tables they hold."""
+    tables = ["summary", "collisions"] if grid.keep.collisions else ["summary"]
+    return {table: f"{table}/part-{chunk:06d}.parquet" for table in tables}
+
+
+def write_chunk(
+    grid: Grid, chunks: Chunks, chunk: int, solved: Iterable[Solved], folder: Path
+) -> Receipt:
+    """Write the parts of a chunk, each whole or not at all; the summary's comes last.
+
+    Parameters
+    ----------
+    grid, chunks, chunk
+        The grid, how it is divided, and the number of the chunk.
+    solved
+        Its stretches, in order.
+    folder
+        The folder of the grid.
+
+    Raises
+    ------
+    OSError
+        If a part cannot be written.
+    """
+    stretches = list(solved)
+    indices = np.arange(*chunks.range_of(chunk))
+    impacts = sum(one.impacts for one in stretches)
+    contents, whole = _contents(grid, chunk, stretches, indices)
+    files = {}
+    for name, content in contents.items():
+        write_file(folder / name, content)
+        files[name] = entry(content)
+    return receipt_of(chunk, whole["status"], whole["end_cause"], impacts, files)
+
+
+def _contents(
+    grid: Grid, chunk: int, stretches: list[Solved], indices: Column
+) -> tuple[dict[str, bytes], Table]:
+    """The files of a chunk, the summary's last, and the columns of its summary."""
+    names = file_names(grid, chunk)
+    contents: dict[str, bytes] = {}
+    if grid.keep.collisions:
+        contents[names["collisions"]] = _collisions_part(grid, stretches, chunk)
+    whole = _whole([one.summary for one in stretches])
+    table = summary_table(grid)
+    given = [indices + 1, *grid.design.columns(indices).values()]
+    columns = dict(zip([column.name for column in table.columns], given, strict=False))
+    contents[names["summary"]] = part_file(grid, table, {**columns, **whole}, chunk)
+    return contents, whole
+
+
+def part_bytes(grid: Grid, solved: Solved, indices: Column) -> float:
+    """Return how many bytes a point takes on the disk, judged by some of them."""
+    contents, _ = _contents(grid, 0, [solved], indices)
+    return sum(map(len, contents.values())) / len(indices)
+
+
+def receipt_of(
+    chunk: int, status: Any, end_cause: Any, impacts: int, files: dict[str, dict[str, Any]]
+) -> Receipt:
+    """Return the receipt of a chunk from columns of its summary."""
+    return Receipt(
+        chunk=chunk,
+        points=len(status),
+        impacts=impacts,
+        invalid=int(np.count_nonzero(status == "invalid")),
+        failed=int(np.count_nonzero(status == "failed")),
+        inadmissible=int(np.count_nonzero(end_cause == "inadmissible")),
+        files=files,
+    )
+
+
+def _collisions_part(grid: Grid, stretches: list[Solved], chunk: int) -> bytes:
+    table = collision_table_of(grid)
+    found = [one.collisions for one in stretches if one.collisions is not None]
+    if not found:
+        return part_file(grid, table, {c.name: empty_column(c) for c in table.columns}, chunk)
+    columns: Table = {}
+    for column in table.columns:
+        columns[column.name] = _joined(column.name, found)
+    return part_file(grid, table, columns, chunk)
+
+
+def _joined(name: str, tables: list[Table]) -> Any:
+    """One column of several tables, freed there; null where a table does not have it."""
+    parts = []
+    for table in tables:
+        if name in table:
+            parts.append(table.pop(name))
+        else:
+            rows = (
+                len(table["scenario"]) if "scenario" in table else len(next(iter(table.values())))
+            )
+            parts.append(np.ma.MaskedArray(np.zeros(rows, dtype=np.int64), mask=True))
+    if any(np.ma.isMaskedArray(part) for part in parts):
+        return np.ma.concatenate(parts)
+    return np.concatenate(parts)
+
+
+def _whole(tables: list[Table]) -> Table:
+    return {name: _joined(name, tables) for name in list(tables[0])}

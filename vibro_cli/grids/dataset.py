@@ -1,0 +1,287 @@
+"""The folder of a grid: its parts, its manifest, and who may write into it.
+
+The disk is the truth: a chunk is finished when its parts are there under their names, which they
+get whole or not at all. The manifest says so too, with a checksum of each; it is written now and
+then, and what it does not know of yet is read from the disk.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
+from vibro_cli.grids.document import Grid
+from vibro_cli.storage.files import remove_partial_files, write_file
+from vibro_cli.storage.provenance import (
+    MANIFEST_NAME,
+    FolderRefused,
+    check_replaceable,
+    entry,
+    json_bytes,
+    manifest_of,
+    read_manifest,
+)
+
+GRID_NAME = "grid.json"
+_LOCK_NAME = ".lock"
+_FOLDERS = ("summary", "collisions")
+# The manifest is written at most once in this time (s), and at the end.
+_EVERY = 5.0
+
+
+class GridChanged(Exception):
+    """The folder holds another grid; the message shows the differences."""
+
+
+class FolderInUse(Exception):
+    """Another process works on the folder."""
+
+
+@dataclass
+class Dataset:
+    """A grid on the disk, open for writing."""
+
+    folder: Path
+    grid: Grid
+    chunks: Chunks
+    receipts: dict[int, Receipt] = field(default_factory=dict)
+    _written: float = 0.0
+
+    @property
+    def missing(self) -> list[int]:
+        """The chunks that are not finished."""
+        return [chunk for chunk in range(self.chunks.count) if chunk not in self.receipts]
+
+    def add(self, receipt: Receipt) -> None:
+        """Take down a finished chunk."""
+        self.receipts[receipt.chunk] = receipt
+        if time.monotonic() - self._written > _EVERY:
+            self.write_manifest()
+
+    def write_manifest(self) -> None:
+        """Write what is finished; equal chunks give equal bytes."""
+        write_file(self.folder / MANIFEST_NAME, json_bytes(self.manifest()))
+        self._written = time.monotonic()
+
+    def manifest(self) -> dict[str, Any]:
+        """Return the manifest of what is finished."""
+        receipts = [self.receipts[chunk] for chunk in sorted(self.receipts)]
+        grid = json_bytes(resolved_with(self.grid, self.chunks))
+        entries: dict[str, Any] = {GRID_NAME: entry(grid)}
+        for receipt in receipts:
+            entries |= receipt.files
+        details = {
+            "complete": not self.missing,
+            "points": self.chunks.points,
+            "chunk_points": self.chunks.size,
+            "chunks": [receipt.counts() for receipt in receipts],
+        }
+        return manifest_of("grid", entries, details)
+
+
+def resolved_with(grid: Grid, chunks: Chunks) -> dict[str, Any]:
+    """Return the resolved grid with its division, as ``grid.json`` has it."""
+    return {**grid.resolved(), "chunk_points": chunks.size}
+
+
+def known_chunk_size(folder: Path) -> int | None:
+    """Return into chunks of how many points the grid of a folder is divided, None without one."""
+    found = _stored_grid(folder)
+    size = None if found is None else found.get("chunk_points")
+    return size if isinstance(size, int) and size > 0 else None
+
+
+@contextlib.contextmanager
+def opened(folder: Path, grid: Grid, chunks: Chunks, anew: bool = False) -> Iterator[Dataset]:
+    """Open the folder of a grid for writing, and hold it alone.
+
+    Parameters
+    ----------
+    folder
+        Made if it is not there.
+    grid, chunks
+        What it is to hold.
+    anew
+        Whether what it holds of a grid is dropped.
+
+    Raises
+    ------
+    FolderRefused
+        If the folder holds something else than a grid of ours.
+    GridChanged
+        If it holds another grid.
+    FolderInUse
+        If another process works on it.
+    OSError
+        If it cannot be written.
+    """
+    check_grid_folder(folder)
+    for name in _FOLDERS[: 1 + grid.keep.collisions]:
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    with locked(folder):
+        if anew:
+            drop(folder)
+        check_same(folder, grid, chunks)
+        for name in ("", *_FOLDERS):
+            remove_partial_files(folder / name)
+        dataset = Dataset(folder, grid, chunks)
+        content = json_bytes(resolved_with(grid, chunks))
+        if not (folder / GRID_NAME).exists():
+            write_file(folder / GRID_NAME, content)
+        dataset.receipts = found_receipts(folder, grid, chunks)
+        dataset.write_manifest()
+        yield dataset
+
+
+def check_grid_folder(folder: Path) -> None:
+    """Raise `FolderRefused` unless the folder is free, empty, or holds a grid of ours."""
+    if not folder.is_dir() or not (folder / GRID_NAME).exists():
+        entries = {one.name for one in folder.iterdir()} if folder.is_dir() else set()
+        # An empty folder of a run that was stopped at once is ours.
+        if not folder.exists() or entries <= {_LOCK_NAME, *_FOLDERS, MANIFEST_NAME}:
+            return
+        check_replaceable(folder, "grid")
+        return
+    if _stored_grid(folder) is None:
+        raise FolderRefused(
+            f"{folder / GRID_NAME} is no resolved grid of vibro; it is left as it is"
+        )
+
+
+def _stored_grid(folder: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads((folder / GRID_NAME).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) and "axes" in found else None
+
+
+def check_same(folder: Path, grid: Grid, chunks: Chunks) -> None:
+    """Raise `GridChanged` if the folder holds another grid than this one."""
+    stored = _stored_grid(folder)
+    wanted = json.loads(json_bytes(resolved_with(grid, chunks)))
+    if stored is None or stored == wanted:
+        return
+    lines = [f"  {line}" for line in differences(stored, wanted)]
+    raise GridChanged(
+        f"{folder} holds another grid; found there and wanted now:\n"
+        + "\n".join(lines)
+        + "\n(--force starts anew, -o names another folder)"
+    )
+
+
+def differences(before: Any, now: Any, path: str = "") -> list[str]:
+    """Return where two pieces of plain data differ, a line each."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        keys = [*before, *(key for key in now if key not in before)]
+        return [
+            line
+            for key in keys
+            for line in differences(
+                before.get(key), now.get(key), f"{path}.{key}" if path else str(key)
+            )
+        ]
+    if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        return [
+            line
+            for number, pair in enumerate(zip(before, now, strict=True), 1)
+            for line in differences(*pair, f"{path}[{number}]")
+        ]
+    return [] if before == now else [f"{path}: {_short(before)} -> {_short(now)}"]
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder alone; the system lets go of it when the process ends, however it ends."""
+    handle = os.open(folder / _LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise FolderInUse(f"another process works on {folder}") from error
+        yield
+    finally:
+        os.close(handle)
+
+
+def drop(folder: Path) -> None:
+    """Remove the grid of a folder: first what says that it is one, then its parts."""
+    for name in (MANIFEST_NAME, GRID_NAME):
+        (folder / name).unlink(missing_ok=True)
+    for name in _FOLDERS:
+        for part in (folder / name).glob("part-*.parquet"):
+            part.unlink()
+
+
+def found_receipts(folder: Path, grid: Grid, chunks: Chunks) -> dict[int, Receipt]:
+    """Return the receipts of all chunks that are finished: from the manifest, or from the disk."""
+    known = _receipts_of(read_manifest(folder) or {}, grid)
+    found = {}
+    for chunk in range(chunks.count):
+        names = file_names(grid, chunk).values()
+        receipt = known.get(chunk)
+        if receipt is not None and all(_has_size(folder / n, receipt.files[n]) for n in names):
+            found[chunk] = receipt
+        elif receipt is None and all((folder / name).exists() for name in names):
+            read = _read_receipt(folder, grid, chunks, chunk)
+            if read is not None:
+                found[chunk] = read
+    return found
+
+
+def _receipts_of(manifest: dict[str, Any], grid: Grid) -> dict[int, Receipt]:
+    files = manifest.get("files", {})
+    receipts = {}
+    for counts in manifest.get("chunks", ()):
+        names = file_names(grid, counts["chunk"]).values()
+        if all(name in files for name in names):
+            own = {name: files[name] for name in names}
+            receipts[counts["chunk"]] = Receipt(**counts, files=own)
+    return receipts
+
+
+def _has_size(path: Path, described: dict[str, Any]) -> bool:
+    return path.is_file() and path.stat().st_size == described["bytes"]
+
+
+def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Receipt | None:
+    """The receipt of parts that no manifest tells of; None if they are not this chunk's."""
+    import numpy as np
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    files = {}
+    for name in file_names(grid, chunk).values():
+        content = (folder / name).read_bytes()
+        files[name] = {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+    summary = folder / file_names(grid, chunk)["summary"]
+    try:
+        table = pq.read_table(
+            summary, columns=["status", "end_cause", "collisions"], page_checksum_verification=True
+        )
+    except (OSError, pa.ArrowException):
+        return None
+    metadata = table.schema.metadata or {}
+    wanted = json.dumps(grid.resolved(), ensure_ascii=False, allow_nan=False).encode()
+    first, last = chunks.range_of(chunk)
+    if metadata.get(b"vibro:grid") != wanted or metadata.get(b"vibro:part") != b"%d" % chunk:
+        return None
+    if table.num_rows != last - first:
+        return None
+    impacts = int(np.nansum(table["collisions"].to_numpy().astype(float)))
+    columns = [np.array(table[name].to_pylist(), dtype=object) for name in ("status", "end_cause")]
+    return receipt_of(chunk, *columns, impacts, files)

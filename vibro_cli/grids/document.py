@@ -1,0 +1,270 @@
+"""Reading grid files: a scenario, by reference or inline, and axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from vibro_cli.grids.axes import Axis, Wrong, read_axis
+from vibro_cli.grids.design import MODES, Design
+from vibro_cli.scenario import loading
+from vibro_cli.scenario.loading import Document, load_document, located
+from vibro_cli.scenario.overrides import OverrideError, apply
+from vibro_cli.scenario.problems import (
+    Fault,
+    KeyPath,
+    Problem,
+    ScenarioError,
+    listing,
+    path_text,
+    shown,
+    suggestion,
+)
+from vibro_cli.scenario.source import Source
+from vibro_cli.storage.schema import collisions
+
+_KEYS = ("name", "base", "scenario", "mode", "n", "seed", "axes", "keep")
+_KEEP = ("collisions", "columns")
+
+
+@dataclass(frozen=True)
+class Keep:
+    """What of each scenario is written beside its summary."""
+
+    collisions: bool = False
+    columns: tuple[str, ...] | None = None
+    """Columns of the collision table, all of them for None."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A grid file, understood."""
+
+    name: str
+    base: Document
+    """The scenario that the axes change; it need not be complete without them."""
+    design: Design
+    keep: Keep
+
+    def resolved(self) -> dict[str, Any]:
+        """Return the grid as plain data: two grids with equal data give equal tables."""
+        columns = None if self.keep.columns is None else list(self.keep.columns)
+        return {
+            "name": self.name,
+            "scenario": self.base.data,
+            **self.design.resolved(),
+            "keep": {"collisions": self.keep.collisions, "columns": columns},
+        }
+
+    def stopped_at(self, collisions: int) -> Grid:
+        """Return the same grid with a limit to the impacts of each point."""
+        stop = {**self.base.data.get("stop", {}), "collisions": collisions}
+        return replace(self, base=replace(self.base, data={**self.base.data, "stop": stop}))
+
+    def without_collisions(self) -> Grid:
+        """Return the same grid with summaries only."""
+        return replace(self, keep=Keep())
+
+
+def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
+    """Read a grid file (TOML, JSON or YAML), or a grid from standard input ("-").
+
+    ``overrides`` change values of its scenario, such as "collision.k=0.9".
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with the grid, each with its place.
+    OSError
+        If a file cannot be read.
+    """
+    document = load_document(source)
+    folder = Path() if str(source) == "-" else Path(source).parent
+    problems: list[Problem] = []
+
+    def collect(error: Wrong) -> None:
+        problems.extend(located([error.fault], document.source))
+
+    _check_keys(document.data, _KEYS, (), collect)
+    base = _base(document, folder, overrides, problems)
+    keep = Keep()
+    try:
+        keep = _keep(document.data.get("keep", {}), collect)
+    except Wrong as error:
+        collect(error)
+    try:
+        design = _design(document, folder, base, collect)
+    except Wrong as error:
+        collect(error)
+    if problems:
+        raise ScenarioError(sorted(problems, key=lambda one: (one.line or 0, one.column or 0)))
+    assert base is not None
+    name = document.data.get("name", document.name)
+    return Grid(name, base, design, keep)
+
+
+def _check_keys(table: dict[str, Any], known: Sequence[str], loc: KeyPath, collect: Any) -> None:
+    for key in table:
+        if key not in known:
+            expected = listing(known) + suggestion(str(key), known)
+            collect(Wrong((*loc, key), f"the unknown key {shown(key)}", expected, on_key=True))
+
+
+def _base(
+    document: Document, folder: Path, overrides: Sequence[str], problems: list[Problem]
+) -> Document | None:
+    """The scenario that the axes change, with overrides, as it is before any rule is checked."""
+    data = document.data
+    if ("base" in data) == ("scenario" in data):
+        both = "base" in data
+        found = "base and scenario" if both else "neither"
+        fault = Fault(("scenario",) if both else (), found, "one of base or scenario", both)
+        problems.extend(located([fault], document.source))
+        return None
+    try:
+        if "base" in data:
+            given = _referred(document, folder)
+        else:
+            given = _inline(document)
+    except ScenarioError as error:
+        problems.extend(error.problems)
+        return None
+    changed, texts, wrong = loading.overridden(given.data, overrides)
+    problems.extend(wrong)
+    return Document(changed, replace(given.source, overrides=tuple(texts)), given.name)
+
+
+def _referred(document: Document, folder: Path) -> Document:
+    name = document.data["base"]
+    if isinstance(name, str):
+        try:
+            return load_document(folder / name)
+        except OSError as error:
+            found = f"{shown(name)}, which cannot be read ({error.strerror or error})"
+            raise _error(document.source, Fault(("base",), found, "a scenario file")) from error
+    raise _error(document.source, Fault(("base",), shown(name), "the name of a scenario file"))
+
+
+def _inline(document: Document) -> Document:
+    given = document.data["scenario"]
+    if not isinstance(given, dict):
+        raise _error(document.source, Fault(("scenario",), shown(given), "a table: the scenario"))
+    return Document(given, _Within(document.source), document.name)
+
+
+class _Within(Source):
+    """The source of the scenario that stands in a grid file: its places are further in."""
+
+    def __init__(self, outer: Source, overrides: Any = ()) -> None:
+        super().__init__(outer.file, outer.form, outer.text, overrides)
+
+    def place(self, key_path: str | KeyPath, on_key: bool = False) -> Any:
+        from vibro_cli.scenario.source import parsed_path
+
+        loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
+        for path, _ in self.overrides:
+            if loc[: len(path)] == path:
+                return super().place(loc, on_key)
+        return super().place(("scenario", *loc), on_key)
+
+
+def _error(source: Source, fault: Fault) -> ScenarioError:
+    return ScenarioError(located([fault], source))
+
+
+def _keep(given: Any, collect: Any) -> Keep:
+    if not isinstance(given, dict):
+        raise Wrong(("keep",), shown(given), "a table with collisions and columns")
+    _check_keys(given, _KEEP, ("keep",), collect)
+    kept, columns = given.get("collisions", False), given.get("columns")
+    if not isinstance(kept, bool):
+        raise Wrong(("keep", "collisions"), shown(kept), "true or false")
+    if columns is None:
+        return Keep(kept)
+    known = [column.name for column in collisions(sided=True).columns]
+    if not isinstance(columns, list) or not columns:
+        raise Wrong(("keep", "columns"), shown(columns), "a list of columns")
+    for i, name in enumerate(columns):
+        if name not in known:
+            close = suggestion(name, known) if isinstance(name, str) else ""
+            raise Wrong(("keep", "columns", i), shown(name), f"a column of collisions{close}")
+    if not kept:
+        raise Wrong(("keep", "columns"), "columns without collisions", "collisions = true", True)
+    return Keep(True, tuple(name for name in known if name in columns))
+
+
+def _design(document: Document, folder: Path, base: Document | None, collect: Any) -> Design:
+    data = document.data
+    mode = data.get("mode", "product")
+    if mode not in MODES:
+        words = listing(f'"{word}"' for word in MODES)
+        hint = suggestion(mode, MODES) if isinstance(mode, str) else ""
+        raise Wrong(("mode",), shown(mode), words + hint)
+    count, seed = data.get("n"), data.get("seed", 0)
+    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+        raise Wrong(("seed",), shown(seed), "a whole number from 0 below 2^63")
+    _check_count(mode, count)
+    given = data.get("axes")
+    if not isinstance(given, list) or not given:
+        where: KeyPath = ("axes",) if "axes" in data else ()
+        found = shown(given) if "axes" in data else "no axes"
+        raise Wrong(where, found, "at least one [[axes]] with a path and its values")
+    axes = []
+    for i, table in enumerate(given):
+        try:
+            axes.append(read_axis(table, ("axes", i), folder, seed))
+            _check_paths(axes, base)
+        except Wrong as error:
+            collect(error)
+    return Design(tuple(axes), mode, _points(mode, count, axes), seed)
+
+
+def _check_count(mode: str, count: Any) -> None:
+    sampled = mode in ("latin-hypercube", "sobol")
+    if sampled and (not isinstance(count, int) or isinstance(count, bool) or count < 1):
+        found = "nothing" if count is None else shown(count)
+        where: KeyPath = ("n",) if count is not None else ()
+        raise Wrong(where, found, f"n, the number of points of mode {mode}, at least 1")
+    if not sampled and count is not None:
+        raise Wrong(("n",), shown(count), f"no n in mode {mode}: the axes tell", on_key=True)
+
+
+def _check_paths(axes: list[Axis], base: Document | None) -> None:
+    """Check that the paths of the last axis lead somewhere, and that no axis before has them."""
+    number = len(axes) - 1
+    loc: KeyPath = ("axes", number)
+    before = [path for axis in axes[:-1] for path in axis.paths]
+    for i, path in enumerate(axes[-1].paths):
+        if path in before or path in axes[-1].paths[:i]:
+            raise Wrong(loc, f"{path_text(path)} twice", "each path on one axis only")
+        if base is None:
+            continue
+        try:
+            apply(base.data, path, None)
+        except OverrideError as error:
+            raise Wrong(loc, error.fault.found, error.fault.expected) from None
+        except (TypeError, AttributeError, KeyError, IndexError):
+            raise Wrong(loc, path_text(path), "a path into the scenario") from None
+
+
+def _points(mode: str, count: int | None, axes: list[Axis]) -> int:
+    if count is not None:
+        return count
+    for i, axis in enumerate(axes):
+        if axis.interval is not None:
+            where: KeyPath = ("axes", i, "uniform")
+            raise Wrong(where, "[low, high]", f"[low, high, count] in mode {mode}")
+    lengths = [len(axis) for axis in axes]
+    if mode == "zip":
+        for i, length in enumerate(lengths):
+            if length != lengths[0]:
+                expected = f"{lengths[0]} values, as many as the first axis has (mode zip)"
+                raise Wrong(("axes", i), f"{length} values", expected)
+        return lengths[0] if lengths else 0
+    total = math.prod(lengths)
+    if total >= 2**53:
+        raise Wrong(("axes",), f"{total} points", "fewer than 2^53")
+    return total

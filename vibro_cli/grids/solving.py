@@ -1,0 +1,249 @@
+"""Solving a stretch of points: their summaries, and their impacts if they are kept."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.grids.axes import Column
+from vibro_cli.grids.document import Grid
+from vibro_cli.grids.setting import Point, Setting, Starts, is_quick, read_point
+from vibro_cli.mechanics.records import NEVER
+from vibro_cli.scenario.problems import KeyPath
+from vibro_cli.simulation.batch import Batch, make_points
+from vibro_cli.simulation.entry import empty_results
+from vibro_cli.simulation.geometry import Places
+from vibro_cli.simulation.impacts import collision_table
+from vibro_cli.simulation.points import Results
+from vibro_cli.simulation.run import simulate_system
+from vibro_cli.simulation.summary import summary_columns
+from vibro_cli.simulation.world import LOG_FULL
+
+Table = dict[str, Any]
+
+# Settings whose records are kept ready; a grid seldom needs many at once.
+_READY = 64
+_ROWS_AT_FIRST = 1 << 15
+
+
+@dataclass
+class Solved:
+    """A stretch of points, solved: columns of both tables, in order of the points."""
+
+    summary: Table
+    collisions: Table | None
+    """With ``scenario``, the number of the point, from 1."""
+    impacts: int
+    """Number of impacts, kept or not."""
+
+
+@dataclass
+class _Parts:
+    """Pieces of the tables as they come, each with the points it is of (from 0 in the stretch)."""
+
+    summaries: list[tuple[Column, Table]] = field(default_factory=list)
+    collisions: list[tuple[Column, Table]] = field(default_factory=list)
+
+
+class Solver:
+    """Solves stretches of a grid's points, in one thread.
+
+    Parameters
+    ----------
+    grid
+        The grid.
+    engine
+        ``"numba"``, or ``"python"``: every point by itself, interpreted. Both give the same bits.
+    """
+
+    def __init__(self, grid: Grid, engine: str = "numba") -> None:
+        self._grid = grid
+        self._engine = engine
+        self._settings: OrderedDict[tuple[Any, ...], Setting] = OrderedDict()
+        self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
+        self._slow = [path for path in grid.design.paths if not is_quick(path)]
+
+    def compile(self) -> None:
+        """Make or load the machine code now."""
+        Batch.compile()
+
+    def solve(self, indices: Column) -> Solved:
+        """Solve some points, given by their numbers from 0."""
+        values = self._grid.design.columns(indices)
+        parts = _Parts()
+        for key, rows in self._groups(values, len(indices)):
+            self._solve_group(key, rows, {path: values[path][rows] for path in values}, parts)
+        summary = _in_order(parts.summaries, len(indices))
+        collisions = None
+        if self._grid.keep.collisions:
+            collisions = _joined(parts.collisions, indices)
+        impacts = summary["collisions"]
+        return Solved(summary, collisions, int(np.ma.filled(impacts, 0).sum()))
+
+    def _groups(
+        self, values: dict[KeyPath, Column], count: int
+    ) -> list[tuple[tuple[Any, ...], Column]]:
+        """The points of each setting: what they have in common, and their rows."""
+        if not self._slow:
+            return [((), np.arange(count))]
+        groups: dict[tuple[Any, ...], list[int]] = {}
+        for row, key in enumerate(zip(*(values[p].tolist() for p in self._slow), strict=True)):
+            groups.setdefault(key, []).append(row)
+        return [(key, np.array(rows)) for key, rows in groups.items()]
+
+    def _solve_group(
+        self, key: tuple[Any, ...], rows: Column, values: dict[KeyPath, Column], parts: _Parts
+    ) -> None:
+        """Solve points of one setting."""
+        alone = rows if self._engine == "python" else rows[:0]
+        left = rows[: len(rows) - len(alone)]
+        while len(left):
+            if key in self._settings:
+                self._settings.move_to_end(key)
+                at = np.searchsorted(rows, left)
+                quick = self._solve_quickly(key, left, _taken(values, at), parts)
+                alone = np.concatenate([alone, left[~quick]])
+                break
+            # The first point that is valid shows the setting.
+            one, left = left[:1], left[1:]
+            point = read_point(self._grid.base, _row(values, int(np.searchsorted(rows, one[0]))))
+            if point.scenario is not None and point.system is not None:
+                self._remember(key, Setting(point.scenario, point.system))
+            self._solve_alone(one, point, parts)
+        for row in alone:
+            point = read_point(self._grid.base, _row(values, int(np.searchsorted(rows, row))))
+            self._solve_alone(np.array([row]), point, parts)
+
+    def _remember(self, key: tuple[Any, ...], setting: Setting) -> None:
+        self._settings[key] = setting
+        while len(self._settings) > _READY:
+            oldest, _ = self._settings.popitem(last=False)
+            self._batches.pop(oldest, None)
+
+    def _solve_quickly(
+        self, key: tuple[Any, ...], rows: Column, values: dict[KeyPath, Column], parts: _Parts
+    ) -> Column:
+        """Solve what is surely valid, compiled; return which points were solved."""
+        setting = self._settings[key]
+        starts = setting.starts(values, len(rows))
+        solved = starts.sure.copy()
+        if not solved.any():
+            return solved
+        if key not in self._batches:
+            self._batches[key] = Batch(setting.system)
+        sure = np.flatnonzero(solved)
+        results = self._run(self._batches[key], starts, sure)
+        outcomes = results.outcomes
+        # What a batch leaves out: runs too long for its logs, forces of flights in contact.
+        whole = (outcomes["end_cause"] != LOG_FULL) & (outcomes["grouped"] == 0)
+        solved[sure[~whole]] = False
+        self._take(setting, starts, sure, rows[sure], whole, results, parts)
+        return solved
+
+    def _run(self, batch: Batch, starts: Starts, sure: Column) -> Results:
+        bodies = starts.piece.shape[1]
+        stop_t = np.where(np.isnan(starts.stop_t), NEVER, starts.stop_t)
+        most = np.where(starts.stop_collisions == 0, 2**62, starts.stop_collisions)
+        points = make_points(
+            stop_t[sure], most[sure], starts.piece[sure], starts.s[sure], starts.c[sure],
+            starts.p[sure], starts.mass[sure], starts.restitution[sure],
+        )  # fmt: skip
+        rows = _ROWS_AT_FIRST if self._grid.keep.collisions else 0
+        return batch.run_all(points, empty_results(len(sure), bodies, rows))
+
+    def _take(
+        self, setting: Setting, starts: Starts, sure: Column, rows: Column, whole: Column,
+        results: Results, parts: _Parts,
+    ) -> None:  # fmt: skip
+        """Turn results of a batch into columns."""
+        bodies = starts.piece.shape[1]
+        places = Places(setting.system)
+        outcomes = results.outcomes[whole]
+        finals = results.finals.reshape(-1, bodies)[whole]
+        restitution = starts.restitution[sure][whole]
+        table = summary_columns(places, restitution, outcomes, finals)
+        parts.summaries.append((rows[whole], table))
+        if not self._grid.keep.collisions:
+            return
+        counts = results.outcomes["kept"]
+        of = np.repeat(np.arange(len(counts)), counts)
+        chosen = whole[of]
+        masses = starts.mass[sure][of[chosen]]
+        impacts = collision_table(places, results.impacts[: len(of)][chosen], counts[whole], masses)
+        parts.collisions.append((rows[of[chosen]], impacts))
+
+    def _solve_alone(self, row: Column, point: Point, parts: _Parts) -> None:
+        """Solve one point by itself, or take down why it cannot be solved."""
+        bodies = len(self._grid.base.data.get("balls", ()))
+        if point.system is None or point.scenario is None:
+            parts.summaries.append((row, not_solved("invalid", point.reason, bodies)))
+            return
+        stop = point.scenario.stop
+        engine = "python" if self._engine == "python" else "auto"
+        try:
+            run = simulate_system(point.system, stop.time, stop.collisions, engine)
+            summary = run.summary
+        except (ArithmeticError, ValueError, IndexError) as error:
+            text = f"{type(error).__name__}: {error}"
+            parts.summaries.append((row, not_solved("failed", text, bodies)))
+            return
+        parts.summaries.append((row, summary))
+        if self._grid.keep.collisions:
+            impacts = run.collisions
+            parts.collisions.append((np.full(len(impacts["n"]), row[0]), impacts))
+
+
+def not_solved(status: str, reason: str | None, bodies: int) -> Table:
+    """Return the summary of a point without a run."""
+    from vibro_cli.storage.schema import summary
+
+    table: Table = {}
+    for column in summary(bodies).columns:
+        if column.type == "string":
+            table[column.name] = np.array([None], dtype=object)
+        elif column.type == "int64":
+            table[column.name] = np.ma.MaskedArray([0], mask=True)
+        else:
+            table[column.name] = np.array([np.nan])
+    table["status"][0] = status
+    table["reason"][0] = reason
+    return table
+
+
+def _taken(values: dict[KeyPath, Column], at: Column) -> dict[KeyPath, Column]:
+    return {path: column[at] for path, column in values.items()}
+
+
+def _row(values: dict[KeyPath, Column], at: int) -> dict[KeyPath, Any]:
+    return {path: column[at] for path, column in values.items()}
+
+
+def _in_order(parts: list[tuple[Column, Table]], count: int) -> Table:
+    """One summary for all points, in their order."""
+    rows = np.concatenate([rows for rows, _ in parts])
+    order = np.empty(count, dtype=np.int64)
+    order[rows] = np.arange(count)
+    names = parts[0][1]
+    return {name: _concatenated([table[name] for _, table in parts])[order] for name in names}
+
+
+def _concatenated(columns: list[Any]) -> Any:
+    if any(np.ma.isMaskedArray(column) for column in columns):
+        return np.ma.concatenate(columns)
+    return np.concatenate(columns)
+
+
+def _joined(parts: list[tuple[Column, Table]], indices: Column) -> Table | None:
+    """One table of impacts for all points, in their order."""
+    parts = [(rows, table) for rows, table in parts if len(rows)]
+    if not parts:
+        return None
+    rows = np.concatenate([rows for rows, _ in parts])
+    order = np.argsort(rows, kind="stable")
+    joined: Table = {"scenario": indices[rows[order]] + 1}
+    for name in parts[0][1]:
+        joined[name] = _concatenated([table[name] for _, table in parts])[order]
+    return joined

@@ -1,0 +1,78 @@
+"""The tables of a grid's parts: their columns, and parts as files."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from vibro_cli import __version__
+from vibro_cli.grids.document import Grid
+from vibro_cli.grids.paths import kind_of, type_of, unit_of
+from vibro_cli.scenario import fields
+from vibro_cli.scenario.problems import KeyPath, path_text
+from vibro_cli.storage.schema import Column, Table, collisions, summary
+from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
+
+_NUMBER = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
+
+
+def axis_column(path: KeyPath) -> Column:
+    """Return the column of an axis' values."""
+    kind = kind_of(path)
+    text = fields.description(path) or "value of this key of the scenario"
+    return Column(path_text(path), type_of(kind), unit_of(kind), text[:1].lower() + text[1:])
+
+
+def summary_table(grid: Grid) -> Table:
+    """Return the table of summaries of a grid's scenarios."""
+    axes = [axis_column(path) for path in grid.design.paths]
+    of_runs = summary(ball_count(grid)).columns
+    return Table("grid-summary", "one scenario", (_NUMBER, *axes, *of_runs))
+
+
+def collision_table_of(grid: Grid) -> Table:
+    """Return the table of the impacts that a grid keeps."""
+    table = collisions(sided=_may_be_sided(grid))
+    kept = grid.keep.columns
+    columns = [column for column in table.columns if kept is None or column.name in kept]
+    columns = [_nullable(c) if c.name == "side" else c for c in columns]
+    return Table("grid-collisions", table.row, (_NUMBER, *columns))
+
+
+def ball_count(grid: Grid) -> int:
+    """Return the number of bodies of every scenario of a grid."""
+    balls = grid.base.data.get("balls", ())
+    return len(balls) if isinstance(balls, list) else 0
+
+
+def _may_be_sided(grid: Grid) -> bool:
+    """Whether some scenarios have two bodies on a closed trace, which may meet two ways."""
+    trace = grid.base.data.get("trace", {})
+    closed = isinstance(trace, dict) and trace.get("closed") is True
+    return ball_count(grid) == 2 and (closed or ("trace", "closed") in grid.design.paths)
+
+
+def _nullable(column: Column) -> Column:
+    return Column(column.name, column.type, column.unit, column.description, nullable=True)
+
+
+def part_file(grid: Grid, table: Table, columns: dict[str, Any], chunk: int) -> bytes:
+    """Return the file of one part: the same bytes for the same rows of the same grid."""
+    resolved = grid.resolved()
+    origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
+    return parquet_bytes(to_arrow(table, columns, origin))
+
+
+def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:
+    return {
+        "vibro:grid": json.dumps(resolved, ensure_ascii=False, allow_nan=False),
+        "vibro:part": str(chunk),
+    }
+
+
+def empty_column(column: Column) -> Any:
+    """Return a column without rows."""
+    types = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
+    return np.zeros(0, dtype=types[column.type])

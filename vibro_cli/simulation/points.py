@@ -1,0 +1,139 @@
+"""The kernel of batches: many runs of one system one after another.
+
+The runs differ in where the bodies start, in their masses, in the coefficients of restitution and
+in the stop. Each is the run that ``simulation.run`` would make, to the bit: the same kernels work
+on the same records.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from vibro_cli.mechanics.records import NEVER, Flight
+from vibro_cli.numerics.engine import kernel, record
+from vibro_cli.simulation.loop import advance, start
+from vibro_cli.simulation.tally import FinalState, Outcome, tally
+from vibro_cli.simulation.world import END_TIME, LOG_FULL, ImpactRow, World
+
+
+@record
+class PointData:
+    """What is a run's own, besides its bodies and pairs."""
+
+    stop_t: float  # s
+    stop_collisions: int
+
+
+@record
+class StartData:
+    """One body at the start of one run."""
+
+    piece: int
+    s: float  # (S, C, P) as in mechanics.records
+    c: float
+    p: float
+    mass: float  # kg
+
+
+@record
+class RestitutionData:
+    """One pair of one run."""
+
+    k: float
+
+
+class Points(NamedTuple):
+    """The runs of a batch: a row for each, and one for each of its bodies and pairs."""
+
+    own: Sequence[PointData]
+    starts: Sequence[StartData]  # run by run
+    restitutions: Sequence[RestitutionData]  # run by run
+
+
+class Results(NamedTuple):
+    """What the runs of a batch gave."""
+
+    outcomes: Sequence[Outcome]  # one for each run
+    finals: Sequence[FinalState]  # run by run
+    impacts: Sequence[ImpactRow]  # of all runs, if they are kept
+
+
+@kernel
+def run_points(
+    world: World,
+    fresh: World,
+    scratch: Sequence[Flight],
+    points: Points,
+    results: Results,
+    first: int,
+    last: int,
+    filled: int,
+) -> tuple[int, int]:
+    """Run some of the points, from ``first`` to before ``last``.
+
+    Parameters
+    ----------
+    world, fresh
+        The records to work on, and what they are before the start of every run.
+    scratch
+        One flight to work with.
+    points, results
+        All points of the batch, and where their results go.
+    filled
+        Rows of impacts that are used; without any room for impacts, they are not kept.
+
+    Returns
+    -------
+    The first point that was not run (there was no room left for its impacts), and the rows of
+    impacts that are used.
+    """
+    bodies = fresh.settings[0].bodies
+    keep = len(results.impacts) > 0
+    for point in range(first, last):
+        _prepare(world, fresh, points, point)
+        start(world)
+        cause = advance(world)
+        clock = world.clock[0]
+        outcome = results.outcomes[point]
+        outcome.end_cause = cause
+        if cause == LOG_FULL:
+            continue
+        if keep:
+            if filled + clock.impact_rows > len(results.impacts):
+                return point, filled
+            for row in range(clock.impact_rows):
+                results.impacts[filled + row] = world.impacts[row]
+            filled += clock.impact_rows
+        end_t = clock.t
+        end_low = clock.t_low
+        if cause == END_TIME and points.own[point].stop_t < NEVER:
+            end_t = points.own[point].stop_t
+            end_low = 0.0
+        tally(world, cause, end_t, end_low, outcome, results.finals, point * bodies, scratch[0])
+        outcome.kept = clock.impact_rows if keep else 0
+    return last, filled
+
+
+@kernel
+def _prepare(world: World, fresh: World, points: Points, point: int) -> None:
+    """Put the records into the state before the start of a run."""
+    settings = world.settings[0]
+    world.clock[0] = fresh.clock[0]
+    settings.stop_t = points.own[point].stop_t
+    settings.stop_collisions = points.own[point].stop_collisions
+    for j in range(settings.pairs):
+        world.pairs[j] = fresh.pairs[j]
+        world.pairs[j].restitution = points.restitutions[point * settings.pairs + j].k
+    for ball in range(settings.bodies):
+        given = points.starts[point * settings.bodies + ball]
+        body = world.bodies[ball]
+        body.mass = given.mass
+        body.rolling_mass = body.kappa * given.mass
+        body.weight = given.mass * settings.gravity
+        world.flights[ball] = fresh.flights[ball]
+        flight = world.flights[ball]
+        flight.piece = given.piece
+        flight.s = given.s
+        flight.c = given.c
+        flight.p = given.p

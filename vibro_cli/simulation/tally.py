@@ -1,0 +1,348 @@
+"""What a summary says of a run, gathered from its logs by kernels: single runs and grids share it.
+
+On an arc ``N/(m g) = sign(cos f + (4/kappa) P^2)`` is linear in ``S^2`` (f = phi in a valley, psi
++ pi on a hump, whose sign is -1), so its extremes over a flight lie at the extremes of ``S^2``;
+the friction that rolling needs, ``|F|/N`` with ``F = m g sin(alpha)(1 - 1/kappa)``, is stationary
+also where ``cos f = -B/A``, ``N/m = A + B cos f``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
+from vibro_cli.mechanics.gap import centre_position
+from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData
+from vibro_cli.numerics.elliptic import quarter_period, set_theta_constants
+from vibro_cli.numerics.engine import SERIES_LENGTH, kernel, record
+from vibro_cli.simulation.world import END_INADMISSIBLE, WALL, FlightRow, ImpactRow, World
+
+# Share by which a bound on a half period is lowered, so that rounding cannot make it pass over one.
+CAUTION = 1.0e-9
+
+
+@record
+class Outcome:
+    """What a summary says of a whole run."""
+
+    end_cause: int
+    end_t: float  # s
+    end_t_low: float
+    quiet_t: float  # s
+    collisions: int
+    crossings: int
+    contacts: int
+    impacts: int  # that took effect: without an inadmissible one that ended the run
+    walls: int
+    first_t: float  # of those impacts, s
+    last_t: float
+    correction: float  # J
+    max_gap: float  # m
+    least_force: float  # N, over the free flights
+    most_demand: float  # of friction, over the free flights
+    grouped: int  # flights in lasting contact, whose forces are not among these
+    kept: int  # rows of impacts that were kept
+
+
+@record
+class FinalState:
+    """A body at the end of a run, and its energies."""
+
+    start_energy: float  # J
+    end_energy: float
+    piece: int
+    s: float
+    c: float
+    p: float
+    latest: int  # scratch: the row of its last flight
+
+
+@kernel
+def tally(
+    world: World,
+    cause: int,
+    end_t: float,
+    end_t_low: float,
+    outcome: Outcome,
+    finals: Sequence[FinalState],
+    first_final: int,
+    scratch: Flight,
+) -> None:
+    """Fill in the outcome of a run, and the final state of every body.
+
+    Parameters
+    ----------
+    world
+        After the run, with all its rows in the logs (their numbers are those of the clock).
+    cause, end_t, end_t_low
+        Why and when (two doubles, s) the run ended.
+    outcome
+        Filled in.
+    finals, first_final
+        A row for each body, from this row on; filled in.
+    scratch
+        A flight to work with.
+    """
+    clock = world.clock[0]
+    outcome.end_cause = cause
+    outcome.end_t = end_t
+    outcome.end_t_low = end_t_low
+    outcome.quiet_t = clock.quiet_t
+    outcome.collisions = clock.collisions
+    outcome.crossings = clock.crossings
+    outcome.contacts = clock.contacts
+    outcome.correction = clock.energy_correction
+    _tally_impacts(world, cause, outcome)
+    _tally_flights(world, outcome, finals, first_final)
+    for ball in range(world.settings[0].bodies):
+        _finish(world, ball, outcome, finals[first_final + ball], scratch)
+
+
+@kernel
+def _tally_impacts(world: World, cause: int, outcome: Outcome) -> None:
+    count = world.clock[0].impact_rows
+    if cause == END_INADMISSIBLE:
+        count -= 1
+    outcome.impacts = count
+    outcome.first_t = world.impacts[0].t if count > 0 else NEVER
+    outcome.last_t = world.impacts[count - 1].t if count > 0 else NEVER
+    largest = 0.0
+    for number in range(count):
+        gap = abs(residual_gap(world, world.impacts[number]))
+        if gap > largest:
+            largest = gap
+    outcome.max_gap = largest
+
+
+@kernel
+def residual_gap(world: World, row: ImpactRow) -> float:
+    """Distance of the surfaces (m) left in the states of an impact, without cancellation."""
+    pieces = world.settings[0].pieces
+    track_a = world.tracks[row.a * pieces + row.piece_a]
+    track_b = world.tracks[row.b * pieces + row.piece_b]
+    radius_a = world.bodies[row.a].radius
+    radius_b = world.bodies[row.b].radius
+    reach = radius_a + radius_b
+    if row.piece_a != row.piece_b:
+        ax, ay = centre_position(world.pieces[row.piece_a], track_a, row.a_s, row.a_c)
+        bx, by = centre_position(world.pieces[row.piece_b], track_b, row.b_s, row.b_c)
+        dx = bx - ax
+        dy = by - ay
+        return math.sqrt(dx * dx + dy * dy) - reach
+    if track_a.path_radius == 0.0:
+        along = row.b_s - row.a_s
+        distance = 2.0 * math.sqrt(radius_a * radius_b)
+        return (along - distance) * (along + distance) / (2.0 * reach)
+    # d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((delta - beta)/2) sin((delta + beta)/2)
+    product = track_a.path_radius * track_b.path_radius
+    half_sine = math.sqrt(radius_a * radius_b / product)
+    short = min(half_sine, 1.0)
+    half_cosine = math.sqrt(1.0 - short * short)
+    delta = abs(row.b_s * row.a_c - row.b_c * row.a_s)
+    cosine = abs(row.b_c * row.a_c + row.b_s * row.a_s)
+    less = delta * half_cosine - cosine * half_sine
+    more = delta * half_cosine + cosine * half_sine
+    return 2.0 * product * less * more / reach
+
+
+@kernel
+def _tally_flights(
+    world: World, outcome: Outcome, finals: Sequence[FinalState], first_final: int
+) -> None:
+    """Forces of every flight that another one of its body followed; energies at the start."""
+    outcome.least_force = NEVER
+    outcome.most_demand = 0.0
+    outcome.grouped = 0
+    outcome.walls = 0
+    for ball in range(world.settings[0].bodies):
+        finals[first_final + ball].latest = -1
+    for number in range(world.clock[0].flight_rows):
+        row = world.log[number]
+        final = finals[first_final + row.body]
+        if row.cause == WALL:
+            outcome.walls += 1
+        if final.latest < 0:
+            final.start_energy = _energy(world, row, row.s, row.p)
+        else:
+            before = world.log[final.latest]
+            duration = (row.t - before.t) + (row.t_low - before.t_low)
+            _tally_forces(
+                world, before, duration, row.before_s, row.before_c, row.before_p, outcome
+            )
+        final.latest = number
+
+
+@kernel
+def _finish(world: World, ball: int, outcome: Outcome, final: FinalState, scratch: Flight) -> None:
+    """Forces of the last flight of a body; its state and energy at the end."""
+    row = world.log[final.latest]
+    duration = (outcome.end_t - row.t) + (outcome.end_t_low - row.t_low)
+    recall_flight(world, row, final.latest, scratch)
+    s, c, p = flow(scratch, duration)
+    final.piece = row.piece
+    final.s = s
+    final.c = c
+    final.p = p
+    final.end_energy = _energy(world, row, s, p)
+    _tally_forces(world, row, duration, s, c, p, outcome)
+
+
+@kernel
+def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> None:
+    """Set up a flight from its row, the ``number``-th of the log, so that its flow can be asked."""
+    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    flight.piece = row.piece
+    flight.s = row.s
+    flight.c = row.c
+    flight.p = row.p
+    flight.at_rest = row.at_rest
+    flight.grouped = row.grouped
+    flight.form = 0
+    flight.own_frequency = track.frequency
+    flight.frequency = track.frequency
+    flight.flow_s = row.s
+    flight.flow_c = row.c
+    flight.flow_p = row.p
+    if row.grouped == 1:
+        _recall_group(world, row, number, flight)
+        if flight.form == POLYNOMIAL:
+            flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
+            return
+    if track.path_radius == 0.0:
+        flight.form = LINE
+        if row.grouped == 0:
+            flight.line_acceleration = track.line_acceleration
+        return
+    set_theta_constants(flight, row.parameter, row.root_complement)
+
+
+@kernel
+def _recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> None:
+    """Fill in what a flight in lasting contact has beyond its own state."""
+    flight.flow_s = row.flow_s
+    flight.flow_c = row.flow_c
+    flight.flow_p = row.flow_p
+    flight.shift_s = row.shift_s
+    flight.shift_c = row.shift_c
+    flight.rate_ratio = row.rate_ratio
+    flight.frequency = row.frequency
+    flight.line_acceleration = row.line_acceleration
+    flight.segment = row.segment
+    for index in range(world.clock[0].segment_rows):
+        segment = world.segments[index]
+        if segment.flight == number:
+            flight.form = POLYNOMIAL
+            for k in range(SERIES_LENGTH):
+                flight.series[k] = segment.series[k]
+
+
+@kernel
+def _energy(world: World, row: FlightRow, s: float, p: float) -> float:
+    """Energy (J) of a body; carried on a free flight, from the state in lasting contact."""
+    body = world.bodies[row.body]
+    if row.grouped == 0:
+        return body.weight * row.head
+    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    rise = track.line_rise * s if track.path_radius == 0.0 else 2.0 * track.path_radius * s * s
+    speed = track.speed_factor * p
+    kinetic = 0.5 * body.kappa * speed * speed / world.settings[0].gravity
+    return body.weight * (track.bottom + rise + kinetic)
+
+
+@kernel
+def _tally_forces(
+    world: World,
+    row: FlightRow,
+    duration: float,
+    end_s: float,
+    end_c: float,
+    end_p: float,
+    outcome: Outcome,
+) -> None:
+    """Count in the normal force and the demand of friction of one flight, if it is a free one."""
+    if row.grouped != 0:
+        outcome.grouped += 1
+        return
+    body = world.bodies[row.body]
+    piece = world.pieces[row.piece]
+    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    if track.path_radius == 0.0:
+        outcome.least_force = min(outcome.least_force, body.weight * piece.tangent_x)
+        demand = _demand(
+            body.weight * abs(piece.tangent_y) * (1.0 - 1.0 / body.kappa),
+            body.weight * piece.tangent_x,
+        )
+        outcome.most_demand = max(outcome.most_demand, demand)
+        return
+    low, high = _range(row, track.frequency, duration, end_s, end_c, end_p)
+    m = row.parameter
+    least = min(arc_force(body, piece, m, low), arc_force(body, piece, m, high))
+    outcome.least_force = min(outcome.least_force, least)
+    demand = max(_arc_demand(body, piece, m, low), _arc_demand(body, piece, m, high))
+    # N/(m g) = sign (A + B cos f) with S^2 = (1 - cos f)/2.
+    b = 1.0 + 2.0 / body.kappa
+    a = 4.0 * m / body.kappa - 2.0 / body.kappa
+    if abs(a) > b:
+        stationary = 0.5 * (1.0 + b / a)
+        if low <= stationary <= high:
+            demand = max(demand, _arc_demand(body, piece, m, stationary))
+    outcome.most_demand = max(outcome.most_demand, demand)
+
+
+@kernel
+def _range(
+    row: FlightRow, frequency: float, duration: float, end_s: float, end_c: float, end_p: float
+) -> tuple[float, float]:
+    """Extremes of ``S^2`` over a flight on an arc."""
+    start = row.s * row.s
+    end = end_s * end_s
+    low = min(start, end)
+    high = max(start, end)
+    libration = row.root_complement >= 0.0
+    half = _half_period(row, frequency, duration)
+    whole = duration >= half
+    moving = row.p != 0.0 or row.s * row.c != 0.0
+    if libration:
+        reversed_ = row.p * end_p <= 0.0 and row.p != 0.0
+        if moving and (whole or reversed_):
+            high = row.parameter
+    elif whole or row.c * end_c < 0.0:
+        high = 1.0
+    # The bottom: passed when S changes sign, or between two turning points.
+    inward = row.s * row.c * row.p < 0.0
+    again = libration and moving and inward and duration >= 0.5 * half
+    if row.s * end_s < 0.0 or (moving and whole) or again:
+        low = 0.0
+    return low, high
+
+
+@kernel
+def _half_period(row: FlightRow, frequency: float, duration: float) -> float:
+    """Half the period (s) of a flight's full orbit, or infinity where it is far from passing."""
+    # K >= pi/2, and K/sqrt(m) for a rotation; half of it matters too.
+    least = 0.5 * math.pi * (1.0 - CAUTION) / math.sqrt(max(row.parameter, 1.0))
+    if frequency * duration < least:
+        return NEVER
+    return 2.0 * quarter_period(row.parameter, row.root_complement) / frequency
+
+
+@kernel
+def arc_force(body: BodyData, piece: PieceData, m: float, s2: float) -> float:
+    """Normal force (N) of a free flight of parameter ``m`` where it passes ``S^2`` on an arc."""
+    return body.weight * piece.sign * ((1.0 + 4.0 * m / body.kappa) - (2.0 + 4.0 / body.kappa) * s2)
+
+
+@kernel
+def _arc_demand(body: BodyData, piece: PieceData, m: float, s2: float) -> float:
+    sine = 2.0 * math.sqrt(max(s2 * (1.0 - s2), 0.0))
+    force = body.weight * sine * (1.0 - 1.0 / body.kappa)
+    return _demand(force, arc_force(body, piece, m, s2))
+
+
+@kernel
+def _demand(force: float, normal: float) -> float:
+    """Coefficient of friction that a friction force needs; infinite for N <= 0."""
+    if force == 0.0:
+        return 0.0 if normal >= 0.0 else math.inf
+    return force / normal if normal > 0.0 else math.inf
