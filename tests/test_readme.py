@@ -1,14 +1,17 @@
 """README.md tells the truth: its commands, its scenario, its Python."""
 
 import re
+import shutil
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from vibro_cli.build import build_system
 from vibro_cli.commands.app import app, run_command_line
 from vibro_cli.commands.reference import TOPICS
+from vibro_cli.grids.document import load_grid
 from vibro_cli.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
@@ -37,7 +40,7 @@ def test_every_command_has_its_place() -> None:
 
 
 def test_the_scenario_is_valid(tmp_path: Path) -> None:
-    (text,) = blocks("toml")
+    text, _ = blocks("toml")
     path = tmp_path / "readme.toml"
     path.write_text(text)
     scenario = load_scenario(path)
@@ -48,10 +51,32 @@ def test_the_scenario_is_valid(tmp_path: Path) -> None:
 
 def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-    (code,) = blocks("python")
+    code, _ = blocks("python")
     names: dict[str, object] = {}
     exec(compile(code, "README.md", "exec"), names)
     assert "run" in names
+
+
+def test_the_grid_is_understood(tmp_path: Path) -> None:
+    _, text = blocks("toml")
+    (tmp_path / "grid.toml").write_text(text)
+    shutil.copy(ROOT / "scenarios" / "three_arcs.toml", tmp_path)
+    grid = load_grid(tmp_path / "grid.toml")
+    assert grid.design.points == 3000
+    assert set(grid.resolved()["keep"]["columns"]) == {"n", "t", "angle_a"}
+
+
+def test_a_dataset_is_read_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    base = ROOT / "scenarios" / "three_arcs.toml"
+    text = f'base = "{base}"\n[[axes]]\npath = "collision.k"\nvalues = [0.9, 0.8]\n'
+    Path("three_arcs_grid.toml").write_text(text)
+    assert run_command_line(["grid", "three_arcs_grid.toml", "--set", "stop.collisions=2"]) == 0
+    _, code = blocks("python")
+    names: dict[str, Any] = {}
+    exec(compile(code, "README.md", "exec"), names)
+    assert names["table"].num_rows == 2
+    assert names["table"].schema.field("end_time").metadata[b"unit"] == b"s"
 
 
 def test_the_first_commands_set_up_run_and_test() -> None:

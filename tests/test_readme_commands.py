@@ -40,6 +40,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (study / "scenarios").mkdir()
     for name in FEW:
         shutil.copy(ROOT / f"scenarios/{name}.toml", study / "scenarios")
+    shutil.copytree(ROOT / "scenarios/grids", study / "scenarios/grids")
     return home
 
 

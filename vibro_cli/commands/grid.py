@@ -128,17 +128,13 @@ def load(wishes: Wishes) -> "Grid":
         raise CommandError(f"{wishes.source}: cannot be read: {reason(error)}") from error
 
 
-def _engine(wishes: Wishes, found: "Grid") -> str:
-    """The engine: a grid is compiled unless it is so small that compiling would take longer."""
+def engine_of(wishes: Wishes, found: "Grid", impacts_of_a_point: float) -> str:
+    """The engine that was asked for, or the one that the grid needs."""
     from vibro_cli.commands.warm import tell_of_compiling
+    from vibro_cli.grids.sample import engine_for
 
     tell_of_compiling()
-    if wishes.engine != "auto":
-        return wishes.engine
-    return "numba" if found.design.points > _FEW_POINTS else "python"
-
-
-_FEW_POINTS = 100
+    return wishes.engine if wishes.engine != "auto" else engine_for(found, impacts_of_a_point)
 
 
 def _workers(wishes: Wishes) -> int:
@@ -154,11 +150,12 @@ def _estimate(wishes: Wishes) -> int:
     from vibro_cli.grids.sample import estimate, expected_impacts
 
     found = load(wishes)
-    engine = _engine(wishes, found)
-    chunks = Chunks.of(found, expected_impacts(found, engine))
-    one = estimate(found, engine)
+    expected = expected_impacts(found)
+    chunks = Chunks.of(found, expected)
+    one = estimate(found, engine_of(wishes, found, expected))
     workers = _workers(wishes)
     points = chunks.points
+    seconds = points * one.seconds / min(workers, points)
     told = {
         "name": found.name,
         "points": points,
@@ -166,7 +163,7 @@ def _estimate(wishes: Wishes) -> int:
         "chunk_points": chunks.size,
         "impacts": round(points * one.impacts),
         "bytes": round(points * one.bytes),
-        "seconds": points * one.seconds / min(workers, points),
+        "seconds": seconds,
         "workers": workers,
         "sampled": one.sampled,
     }
@@ -176,7 +173,7 @@ def _estimate(wishes: Wishes) -> int:
         f"{found.name}: {points:,} points in {chunks.count:,} chunks of {chunks.size:,}\n"
         f"  impacts    about {told['impacts']:,}\n"
         f"  disk       about {size(points * one.bytes)}\n"
-        f"  time       about {duration(float(told['seconds']))} with {workers} workers"
+        f"  time       about {duration(seconds)} with {workers} workers"
         f" (from {one.sampled:,} points)"
     )
     return DONE
@@ -187,7 +184,7 @@ def _sweep(wishes: Wishes) -> int:
     from vibro_cli.commands.sweeping import sweep
 
     found = load(wishes)
-    state = sweep(wishes, found, _engine(wishes, found), _workers(wishes))
+    state = sweep(wishes, found, _workers(wishes))
     if wishes.as_json:
         print(json.dumps(state, ensure_ascii=False))
     if not state["complete"]:

@@ -14,14 +14,18 @@ if TYPE_CHECKING:
     from vibro_cli.grids.document import Grid
 
 
-def sweep(wishes: "Wishes", grid: "Grid", engine: str, workers: int) -> dict[str, Any]:
+def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
+    from vibro_cli.commands.grid import engine_of
     from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened
+    from vibro_cli.grids.sample import expected_impacts
     from vibro_cli.storage.provenance import FolderRefused
 
     folder = wishes.folder_of(grid)
     try:
-        chunks = _chunks(wishes, grid, engine, folder)
+        expected = expected_impacts(grid)
+        engine = engine_of(wishes, grid, expected)
+        chunks = _chunks(wishes, grid, expected, folder)
         with opened(folder, grid, chunks, wishes.force) as dataset:
             if wishes.repair:
                 _drop_damaged(dataset)
@@ -33,16 +37,15 @@ def sweep(wishes: "Wishes", grid: "Grid", engine: str, workers: int) -> dict[str
     return state
 
 
-def _chunks(wishes: "Wishes", grid: "Grid", engine: str, folder: Path) -> "Chunks":
+def _chunks(wishes: "Wishes", grid: "Grid", expected: float, folder: Path) -> "Chunks":
     """How the grid is divided: as the folder has it, if it has it already."""
     from vibro_cli.grids.chunks import Chunks
     from vibro_cli.grids.dataset import known_chunk_size
-    from vibro_cli.grids.sample import expected_impacts
 
     known = None if wishes.force else known_chunk_size(folder)
     if known is not None:
-        return Chunks.of_size(grid, known)
-    return Chunks.of(grid, expected_impacts(grid, engine))
+        return Chunks.of_size(grid, known, expected)
+    return Chunks.of(grid, expected)
 
 
 def _drop_damaged(dataset: "Dataset") -> None:

@@ -49,7 +49,7 @@ class Chunks:
         return Chunks.of_size(grid, size, expected)
 
     @staticmethod
-    def of_size(grid: Grid, size: int, impacts_of_a_point: float = 50.0) -> Chunks:
+    def of_size(grid: Grid, size: int, impacts_of_a_point: float) -> Chunks:
         """Divide a grid into chunks of a known size."""
         stretch = int(_IMPACTS_OF_A_STRETCH / max(impacts_of_a_point, 1.0))
         return Chunks(grid.design.points, size, max(1, min(stretch, _LONGEST_STRETCH, size)))
@@ -179,12 +179,10 @@ def _joined(name: str, tables: list[Table]) -> Any:
         if name in table:
             parts.append(table.pop(name))
         else:
-            rows = (
-                len(table["scenario"]) if "scenario" in table else len(next(iter(table.values())))
-            )
+            rows = len(next(iter(table.values())))
             parts.append(np.ma.MaskedArray(np.zeros(rows, dtype=np.int64), mask=True))
     if any(np.ma.isMaskedArray(part) for part in parts):
-        return np.ma.concatenate(parts)
+        return np.ma.concatenate(parts)  # type: ignore[no-untyped-call]
     return np.concatenate(parts)
 
 

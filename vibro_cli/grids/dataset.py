@@ -152,9 +152,7 @@ def check_grid_folder(folder: Path) -> None:
         check_replaceable(folder, "grid")
         return
     if _stored_grid(folder) is None:
-        raise FolderRefused(
-            f"{folder / GRID_NAME} is no resolved grid of vibro; it is left as it is"
-        )
+        raise FolderRefused(f"{folder / GRID_NAME} is no grid of vibro; it is left as it is")
 
 
 def _stored_grid(folder: Path) -> dict[str, Any] | None:
@@ -283,5 +281,7 @@ def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Recei
     if table.num_rows != last - first:
         return None
     impacts = int(np.nansum(table["collisions"].to_numpy().astype(float)))
-    columns = [np.array(table[name].to_pylist(), dtype=object) for name in ("status", "end_cause")]
-    return receipt_of(chunk, *columns, impacts, files)
+    status, cause = (
+        np.array(table[name].to_pylist(), dtype=object) for name in ("status", "end_cause")
+    )
+    return receipt_of(chunk, status, cause, impacts, files)

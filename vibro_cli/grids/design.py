@@ -60,8 +60,7 @@ class Design:
     def _shares(self, indices: Column) -> Column:
         """Points of the unit cube, a row for each, from scipy's quasi-random designs."""
         if self.mode == "latin-hypercube":
-            shares: Column = self._hypercube[indices]
-            return shares
+            return np.asarray(self._hypercube[indices])
         from scipy.stats import qmc
 
         if not len(indices):
@@ -74,12 +73,11 @@ class Design:
         stretch: Column = engine.random(1)
         if last > first:
             stretch = np.concatenate([stretch, engine.random(last - first)])
-        return stretch[indices - first]
+        return np.asarray(stretch[indices - first])
 
     @cached_property
     def _hypercube(self) -> Column:
         from scipy.stats import qmc
 
         rng = np.random.default_rng(self.seed)
-        points: Column = qmc.LatinHypercube(len(self.axes), rng=rng).random(self.points)
-        return points
+        return np.asarray(qmc.LatinHypercube(len(self.axes), rng=rng).random(self.points))

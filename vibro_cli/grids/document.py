@@ -125,10 +125,7 @@ def _base(
         problems.extend(located([fault], document.source))
         return None
     try:
-        if "base" in data:
-            given = _referred(document, folder)
-        else:
-            given = _inline(document)
+        given = _referred(document, folder) if "base" in data else _inline(document)
     except ScenarioError as error:
         problems.extend(error.problems)
         return None

@@ -17,6 +17,9 @@ _POINTS = 32
 _MOST_IMPACTS = 500
 # A point that has more is taken to have this many times as many, if its stop allows.
 _MANY = 10.0
+# Impacts for which compiling is worth its time, and how many a point without any counts for.
+_WORTH_COMPILING = 100_000
+_LEAST_WORK = 10.0
 # Least time (s) of a sample that is timed.
 _TIMED = 0.3
 
@@ -27,7 +30,7 @@ def spread(grid: Grid, count: int) -> Column:
     return np.unique(np.arange(min(count, points)) * points // min(count, points))
 
 
-def expected_impacts(grid: Grid, engine: str) -> float:
+def expected_impacts(grid: Grid) -> float:
     """Return how many impacts a point may be expected to have; the same on every machine."""
     stop = grid.base.data.get("stop")
     most = stop.get("collisions") if isinstance(stop, dict) else None
@@ -35,10 +38,16 @@ def expected_impacts(grid: Grid, engine: str) -> float:
     limited = grid
     if ("stop", "collisions") not in grid.design.paths:
         limited = grid.stopped_at(min(int(limit), _MOST_IMPACTS))
-    solved = Solver(limited.without_collisions(), engine).solve(spread(grid, _POINTS))
+    solved = Solver(limited.without_collisions(), "python").solve(spread(grid, _POINTS))
     counts = np.ma.filled(solved.summary["collisions"], 0).astype(np.float64)
     counts[counts >= _MOST_IMPACTS] = limit
     return float(np.mean(counts))
+
+
+def engine_for(grid: Grid, impacts_of_a_point: float) -> str:
+    """Return the engine for a grid: small ones are done before the kernels would be compiled."""
+    work = grid.design.points * (impacts_of_a_point + _LEAST_WORK)
+    return "numba" if work > _WORTH_COMPILING else "python"
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from vibro_cli.scenario import Scenario, ScenarioError, scenario_of
 from vibro_cli.scenario.loading import Document
 from vibro_cli.scenario.overrides import apply
 from vibro_cli.scenario.problems import KeyPath
-from vibro_cli.simulation.prepare import half_angle, make_world
+from vibro_cli.simulation.prepare import half_angle
 
 Values = Mapping[KeyPath, Column]
 
@@ -126,19 +126,12 @@ class Setting:
             self._check_walls(states, sure)
         stop_t, stop_collisions = self._stops(values, sure)
         columns = [self._start(ball, *states[ball]) for ball in range(bodies)]
-        return Starts(
-            sure,
-            *(np.stack([column[i] for column in columns], axis=1) for i in range(4)),
-            mass=np.stack(masses, axis=1),
-            restitution=self._restitution(values, sure),
-            stop_t=stop_t,
-            stop_collisions=stop_collisions,
+        piece, half_s, half_c, p = (
+            np.stack([column[i] for column in columns], axis=1) for i in range(4)
         )
-
-    def start_of(self, system: System) -> list[tuple[int, float, float, float]]:
-        """Return piece, S, C and P of every body of one point that was read alone."""
-        flights = make_world(system, None, None).flights
-        return [(one.piece, one.s, one.c, one.p) for one in flights]
+        mass = np.stack(masses, axis=1)
+        k = self._restitution(values, sure)
+        return Starts(sure, piece, half_s, half_c, p, mass, k, stop_t, stop_collisions)
 
     @staticmethod
     def _given(path: KeyPath, values: Values, fixed: Any, count: int) -> Column | None:
@@ -149,7 +142,7 @@ class Setting:
 
     def _state(self, ball: int, values: Values, sure: Column) -> tuple[Column, Column, Piece]:
         """Position and speed of the centre of one body; where they are in doubt, not sure."""
-        given, body, count = self.scenario.balls[ball], self.system.bodies[ball], len(sure)
+        given, count = self.scenario.balls[ball], len(sure)
         piece = self.system.trace.pieces[given.arc - 1]
         key = "position" if piece.is_line else "angle"
         position = self._given(("balls", ball, key), values, getattr(given, key), count)
@@ -180,7 +173,7 @@ class Setting:
         return np.zeros(len(sure))
 
     def _touching(self, ball: int, values: Values, sure: Column) -> Column:
-        """The place of a body that starts in contact with another one, if it is the same for all."""
+        """The place of a body that starts in contact with another, if it is the same for all."""
         moved = [
             path for path in values if path[0] == "balls" and path[-1] in ("angle", "position")
         ]

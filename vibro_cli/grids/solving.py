@@ -136,11 +136,12 @@ class Solver:
             self._batches[key] = Batch(setting.system)
         sure = np.flatnonzero(solved)
         results = self._run(self._batches[key], starts, sure)
-        outcomes = results.outcomes
+        outcomes: Any = results.outcomes
         # What a batch leaves out: runs too long for its logs, forces of flights in contact.
         whole = (outcomes["end_cause"] != LOG_FULL) & (outcomes["grouped"] == 0)
         solved[sure[~whole]] = False
-        self._take(setting, starts, sure, rows[sure], whole, results, parts)
+        if whole.any():
+            self._take(setting, starts, sure, rows[sure], whole, results, parts)
         return solved
 
     def _run(self, batch: Batch, starts: Starts, sure: Column) -> Results:
@@ -161,18 +162,20 @@ class Solver:
         """Turn results of a batch into columns."""
         bodies = starts.piece.shape[1]
         places = Places(setting.system)
-        outcomes = results.outcomes[whole]
-        finals = results.finals.reshape(-1, bodies)[whole]
+        every: Any = results.outcomes
+        states: Any = results.finals
+        outcomes, finals = every[whole], states.reshape(-1, bodies)[whole]
         restitution = starts.restitution[sure][whole]
         table = summary_columns(places, restitution, outcomes, finals)
         parts.summaries.append((rows[whole], table))
         if not self._grid.keep.collisions:
             return
-        counts = results.outcomes["kept"]
+        counts = every["kept"]
         of = np.repeat(np.arange(len(counts)), counts)
         chosen = whole[of]
         masses = starts.mass[sure][of[chosen]]
-        impacts = collision_table(places, results.impacts[: len(of)][chosen], counts[whole], masses)
+        log: Any = results.impacts[: len(of)]
+        impacts = collision_table(places, log[chosen], counts[whole], masses)
         parts.collisions.append((rows[of[chosen]], impacts))
 
     def _solve_alone(self, row: Column, point: Point, parts: _Parts) -> None:
@@ -232,7 +235,7 @@ def _in_order(parts: list[tuple[Column, Table]], count: int) -> Table:
 
 def _concatenated(columns: list[Any]) -> Any:
     if any(np.ma.isMaskedArray(column) for column in columns):
-        return np.ma.concatenate(columns)
+        return np.ma.concatenate(columns)  # type: ignore[no-untyped-call]
     return np.concatenate(columns)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +60,7 @@ def solve_in_threads(
     threads: int,
     engine: str,
     tell: Told,
-) -> Iterator[Receipt]:
+) -> Generator[Receipt]:
     """Solve chunks, and give the receipt of each as soon as it is on the disk.
 
     What goes wrong in a thread (a full disk) stops all of them and is raised here. When the caller

@@ -36,9 +36,8 @@ class Batch:
 
     def __init__(self, system: System) -> None:
         self._world = compiled_world(make_world(system, None, None))
-        self._fresh = self._world._replace(
-            **{name: np.array(getattr(self._world, name)) for name in STATE}
-        )
+        copies: Any = {name: np.array(getattr(self._world, name)) for name in STATE}
+        self._fresh = self._world._replace(**copies)
         self._scratch: Any = np.zeros(1, dtype=engine.dtype(Flight))
 
     @staticmethod
@@ -61,7 +60,7 @@ class Batch:
             done = self.run(points, results, done, len(points.own))
             if done.point == len(points.own):
                 return results
-            more = np.concatenate([results.impacts, results.impacts])
+            more: Any = np.concatenate([results.impacts, results.impacts])
             results = results._replace(impacts=more)
 
     def run(self, points: Points, results: Results, done: Progress, last: int) -> Progress:

@@ -123,9 +123,8 @@ def _places(places: Places, rows: Any) -> dict[str, Any]:
 
 
 def _masses(places: Places, body: Any, masses: Any) -> Floats:
-    if masses is None:
-        return places.mass[body]
-    mass: Floats = masses[np.arange(len(body)), body]
+    of_all = places.mass[body] if masses is None else masses[np.arange(len(body)), body]
+    mass: Floats = of_all
     return mass
 
 

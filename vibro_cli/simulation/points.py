@@ -103,7 +103,7 @@ def run_points(
             if filled + clock.impact_rows > len(results.impacts):
                 return point, filled
             for row in range(clock.impact_rows):
-                results.impacts[filled + row] = world.impacts[row]
+                results.impacts[filled + row] = world.impacts[row]  # type: ignore[index]
             filled += clock.impact_rows
         end_t = clock.t
         end_low = clock.t_low
@@ -119,11 +119,11 @@ def run_points(
 def _prepare(world: World, fresh: World, points: Points, point: int) -> None:
     """Put the records into the state before the start of a run."""
     settings = world.settings[0]
-    world.clock[0] = fresh.clock[0]
+    world.clock[0] = fresh.clock[0]  # type: ignore[index]
     settings.stop_t = points.own[point].stop_t
     settings.stop_collisions = points.own[point].stop_collisions
     for j in range(settings.pairs):
-        world.pairs[j] = fresh.pairs[j]
+        world.pairs[j] = fresh.pairs[j]  # type: ignore[index]
         world.pairs[j].restitution = points.restitutions[point * settings.pairs + j].k
     for ball in range(settings.bodies):
         given = points.starts[point * settings.bodies + ball]
@@ -131,7 +131,7 @@ def _prepare(world: World, fresh: World, points: Points, point: int) -> None:
         body.mass = given.mass
         body.rolling_mass = body.kappa * given.mass
         body.weight = given.mass * settings.gravity
-        world.flights[ball] = fresh.flights[ball]
+        world.flights[ball] = fresh.flights[ball]  # type: ignore[index]
         flight = world.flights[ball]
         flight.piece = given.piece
         flight.s = given.s

@@ -68,7 +68,8 @@ def conserves_energy(
     law_keeps = system.law != "translational" or equal
     keeps = law_keeps & np.all(restitution == 1.0, axis=1)
     kept: np.ndarray[Any, np.dtype[np.bool_]] = np.where(outcomes["impacts"] > 0, keeps, True)
-    return kept & ~(lossy & (outcomes["walls"] > 0))
+    kept &= ~(lossy & (outcomes["walls"] > 0))
+    return kept
 
 
 def summary_columns(

@@ -38,5 +38,5 @@ def read_columns(path: Path) -> dict[str, "np.ndarray[Any, np.dtype[Any]]"]:
 
 def _array(column: pa.ChunkedArray) -> "np.ndarray[Any, np.dtype[Any]]":
     if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
-        return column.to_numpy()
+        return np.asarray(column.to_numpy())
     return np.array(column.to_pylist(), dtype=object)

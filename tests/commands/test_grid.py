@@ -1,0 +1,137 @@
+"""`vibro grid` and `vibro verify` as commands."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.commands.conftest import Vibro
+
+GRID = """
+base = "small.toml"
+[[axes]]
+path = "balls[1].angle"
+linspace = [-1.2, -0.4, 3]
+[[axes]]
+path = "collision.k"
+values = [0.9, 2.0]
+[keep]
+collisions = true
+"""
+
+
+@pytest.fixture
+def grid(tmp_path: Path, scenario: Path) -> Path:
+    path = tmp_path / "sweep.toml"
+    path.write_text(GRID)
+    return path
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Every file of a folder but its lock."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.name.startswith(".")
+    }
+
+
+def test_a_grid_is_solved_verified_and_found_finished(vibro: Vibro, grid: Path) -> None:
+    first = vibro("grid", grid, "--json")
+    assert first.code == 0, first.err
+    told = first.lines[0]
+    assert (told["points"], told["invalid"], told["complete"]) == (6, 3, True)
+    folder = Path("outputs/sweep")
+    assert sorted(content(folder)) == [
+        "collisions/part-000000.parquet",
+        "grid.json",
+        "manifest.json",
+        "summary/part-000000.parquet",
+    ]
+    before = content(folder)
+    again = vibro("grid", grid, "--json")
+    assert again.code == 0
+    assert again.lines[0] == told
+    assert content(folder) == before
+    assert vibro("verify", folder).code == 0
+    assert vibro("grid", grid, "--strict").code == 3
+
+
+def test_another_grid_is_refused_with_the_difference(vibro: Vibro, grid: Path) -> None:
+    assert vibro("grid", grid).code == 0
+    before = content(Path("outputs/sweep"))
+    refused = vibro("grid", grid, "--set", "stop.collisions=2")
+    assert refused.code == 2
+    assert "scenario.stop.collisions: 3 -> 2" in refused.err
+    assert content(Path("outputs/sweep")) == before
+    anew = vibro("grid", grid, "--set", "stop.collisions=2", "--force", "--json")
+    assert anew.code == 0
+    assert 0 < anew.lines[0]["impacts"] <= 3 * 2
+
+
+def test_damage_is_found_and_repaired(vibro: Vibro, grid: Path) -> None:
+    assert vibro("grid", grid).code == 0
+    folder = Path("outputs/sweep")
+    before = content(folder)
+    part = folder / "collisions" / "part-000000.parquet"
+    damaged = bytearray(part.read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    part.write_bytes(damaged)
+    found = vibro("verify", folder, "--json")
+    assert found.code == 1
+    assert found.lines[0]["findings"][0]["file"] == "collisions/part-000000.parquet"
+    assert vibro("grid", grid, "--repair").code == 0
+    assert content(folder) == before
+    part.unlink()
+    assert vibro("verify", folder).code == 1
+    assert vibro("grid", grid).code == 0
+    assert content(folder) == before
+
+
+def test_too_many_failures_end_it(vibro: Vibro, grid: Path) -> None:
+    ended = vibro("grid", grid, "--max-failures", 2)
+    assert ended.code == 1
+    assert "--max-failures" in ended.err
+    assert vibro("grid", grid, "--max-failures", 3).code == 0
+
+
+def test_a_dry_run_writes_nothing(vibro: Vibro, grid: Path, tmp_path: Path) -> None:
+    before = sorted(tmp_path.iterdir())
+    told = vibro("grid", grid, "--dry-run", "--json", "-q")
+    assert told.code == 0
+    assert told.err == ""
+    line = json.loads(told.text)
+    assert (line["points"], line["chunks"]) == (6, 1)
+    assert line["bytes"] > 0
+    assert line["seconds"] > 0
+    assert sorted(tmp_path.iterdir()) == before
+    # All points are in the sample, so what it says of impacts and bytes is exact.
+    solved = vibro("grid", grid, "--json").lines[0]
+    assert (line["impacts"], line["bytes"]) == (solved["impacts"], solved["bytes"])
+
+
+def test_a_folder_of_something_else_is_left_alone(vibro: Vibro, grid: Path) -> None:
+    foreign = Path("mine")
+    foreign.mkdir()
+    (foreign / "notes.txt").write_text("kept")
+    refused = vibro("grid", grid, "-o", foreign)
+    assert refused.code == 2
+    assert sorted(content(foreign)) == ["notes.txt"]
+    assert vibro("verify", foreign).code == 2
+
+
+def test_wrong_axes_are_told_with_their_place(vibro: Vibro, grid: Path) -> None:
+    grid.write_text(GRID.replace("angle", "angel"))
+    refused = vibro("grid", grid)
+    assert refused.code == 2
+    assert f"{grid}:4:8: axes[1].path: " in refused.err
+    assert "Traceback" not in refused.err
+
+
+def test_runs_are_verified_too(vibro: Vibro, scenario: Path) -> None:
+    assert vibro("run", scenario, "-o", "one", "--no-figures").code == 0
+    assert vibro("verify", "one").code == 0
+    Path("one/summary.json").write_text("{}")
+    assert vibro("verify", "one").code == 1

@@ -1,0 +1,166 @@
+"""Grid files: what they mean, and what is said of wrong ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vibro_cli.grids.document import load_grid
+from vibro_cli.scenario import ScenarioError
+
+BASE = """
+gravity = 9.81
+[trace]
+start_slope = "-90 deg"
+arcs = [{shape = "valley", radius = 1.0, end_slope = "90 deg"}]
+[[balls]]
+radius = 0.1
+mass = 2.0
+arc = 1
+angle = -1.0
+[[balls]]
+radius = 0.1
+mass = 1.0
+arc = 1
+angle = 0.5
+[collision]
+k = 0.9
+[stop]
+collisions = 3
+"""
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Path:
+    (tmp_path / "base.toml").write_text(BASE)
+    return tmp_path / "grid.toml"
+
+
+def test_product_changes_the_last_axis_fastest(write: Path) -> None:
+    write.write_text(
+        'base = "base.toml"\n'
+        '[[axes]]\npath = "balls[1].angle"\nlinspace = ["-60 deg", -0.5, 3]\n'
+        '[[axes]]\npath = "collision.law"\nvalues = ["hedrih", "normal-impulse"]\n'
+    )
+    grid = load_grid(write)
+    assert grid.design.points == 6
+    columns = grid.design.columns(np.arange(6))
+    angles, laws = columns[("balls", 0, "angle")], columns[("collision", "law")]
+    expected = np.linspace(-1.0471975511965979, -0.5, 3)  # -60 deg, rounded once
+    assert angles.tolist() == np.repeat(expected, 2).tolist()
+    assert laws.tolist() == ["hedrih", "normal-impulse"] * 3
+
+
+def test_zip_and_several_paths_on_one_axis(write: Path) -> None:
+    write.write_text(
+        'base = "base.toml"\nmode = "zip"\n'
+        '[[axes]]\npaths = ["balls[1].mass", "balls[2].mass"]\nvalues = [1.0, [2.0, 3.0]]\n'
+        '[[axes]]\npath = "gravity"\nlogspace = [1, 100, 2]\n'
+    )
+    columns = load_grid(write).design.columns(np.arange(2))
+    assert [columns[("balls", n, "mass")].tolist() for n in (0, 1)] == [[1.0, 2.0], [1.0, 3.0]]
+    assert columns[("gravity",)].tolist() == [1.0, 100.0]
+
+
+@pytest.mark.parametrize("mode", ["latin-hypercube", "sobol"])
+def test_designs_fill_every_stratum_and_do_not_depend_on_the_stretch(
+    write: Path, mode: str
+) -> None:
+    write.write_text(
+        f'base = "base.toml"\nmode = "{mode}"\nn = 64\nseed = 3\n'
+        '[[axes]]\npath = "balls[1].angle"\nuniform = [-1.0, -0.5]\n'
+        '[[axes]]\npath = "collision.law"\nvalues = ["hedrih", "translational"]\n'
+    )
+    design = load_grid(write).design
+    whole = design.columns(np.arange(64))
+    angle = whole[("balls", 0, "angle")]
+    assert sorted(np.floor((angle + 1.0) / 0.5 * 64).astype(int)) == list(range(64))
+    assert (whole[("collision", "law")] == "hedrih").sum() == 32
+    part = design.columns(np.arange(17, 40))
+    assert part[("balls", 0, "angle")].tolist() == angle[17:40].tolist()
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_table_of_scenarios(write: Path, tmp_path: Path, suffix: str) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    from pyarrow import csv
+
+    table = pa.table({"collision.k": [0.5, 1.0], "collision.law": ["hedrih", "translational"]})
+    if suffix == "csv":
+        csv.write_csv(table, tmp_path / "points.csv")
+    else:
+        pq.write_table(table, tmp_path / "points.parquet")
+    write.write_text(f'base = "base.toml"\n[[axes]]\ntable = "points.{suffix}"\n')
+    columns = load_grid(write).design.columns(np.arange(2))
+    assert columns[("collision", "k")].tolist() == [0.5, 1.0]
+    assert columns[("collision", "law")].tolist() == ["hedrih", "translational"]
+
+
+AXIS = 'base = "base.toml"\n[[axes]]\n'
+WRONG = {
+    "no base": ("mode = 'zip'\n", ["found neither, expected one of base or scenario"]),
+    "unknown path": (
+        AXIS + 'path = "balls[1].angel"\nvalues = [1]\n',
+        [":3:8: axes[1].path: ", 'the unknown key "angel"', 'did you mean "angle"?'],
+    ),
+    "beyond the list": (
+        AXIS + 'path = "balls[3].angle"\nvalues = [1]\n',
+        ["balls[3] of 2", "a number from 1 to 2"],
+    ),
+    "no number": (
+        AXIS + 'path = "collision.k"\nvalues = [0.5, "much"]\n',
+        [":4:16: axes[1].values[2]: ", 'found "much", expected a number'],
+    ),
+    "wrong word": (
+        AXIS + 'path = "collision.law"\nvalues = ["hedrig"]\n',
+        [":4:11: axes[1].values[1]: ", 'did you mean "hedrih"?'],
+    ),
+    "wrong unit": (
+        AXIS + 'path = "balls[1].angle"\nlinspace = ["-60 m", 1, 3]\n',
+        [":4:13: axes[1].linspace[1]: ", "expected an angle"],
+    ),
+    "no count": (
+        AXIS + 'path = "gravity"\nlinspace = [1, 2, 0.5]\n',
+        [":4:19: axes[1].linspace[3]: ", "a whole number from 1"],
+    ),
+    "no count for uniform": (
+        AXIS + 'path = "gravity"\nuniform = [1, 2]\n',
+        ["axes[1].uniform: ", "[low, high, count] in mode product"],
+    ),
+    "two generators": (
+        AXIS + 'path = "gravity"\nvalues = [1]\nlinspace = [1, 2, 3]\n',
+        ["found values and linspace"],
+    ),
+    "a path twice": (
+        AXIS + 'paths = ["gravity", "gravity"]\nvalues = [1]\n',
+        ["found gravity twice"],
+    ),
+    "without effect": (AXIS + 'path = "output.step"\nvalues = [1]\n', ["axes[1].path: "]),
+    "not one value": (AXIS + 'path = "trace.arcs"\nvalues = [1]\n', ["trace.arcs as a whole"]),
+    "lengths": (
+        'base = "base.toml"\nmode = "zip"\n'
+        '[[axes]]\npath = "gravity"\nvalues = [1, 2]\n'
+        '[[axes]]\npath = "collision.k"\nvalues = [1]\n',
+        ["axes[2]: found 1 values, expected 2 values"],
+    ),
+    "columns": (
+        AXIS + 'path = "gravity"\nvalues = [1]\n[keep]\ncollisions = true\ncolumns = ["speed"]\n',
+        ["keep.columns[1]: "],
+    ),
+    "unknown key": ('base = "base.toml"\naxis = 1\n', ['axis: found the unknown key "axis"']),
+    "no table": (AXIS + 'table = "nowhere.csv"\n', ["axes[1].table: ", "nowhere.csv"]),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_errors_name_the_place_and_what_was_expected(write: Path, name: str) -> None:
+    text, expected = WRONG[name]
+    write.write_text(text)
+    with pytest.raises(ScenarioError) as caught:
+        load_grid(write)
+    told = str(caught.value)
+    assert told.startswith(str(write))
+    assert all(part in told for part in expected), told

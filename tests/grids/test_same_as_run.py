@@ -1,0 +1,124 @@
+"""A point of a grid is the run of its scenario, to the last bit, whichever way it was solved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli.api import simulate
+from vibro_cli.build import build_system
+from vibro_cli.grids.document import Grid, load_grid
+from vibro_cli.grids.setting import scenario_at
+from vibro_cli.grids.solving import Solver
+from vibro_cli.scenario import ScenarioError
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+POINTS = 60
+
+GRIDS: dict[str, tuple[str, dict[str, list[float]]]] = {
+    "two balls, starts and k": (
+        "three_arcs.toml",
+        {"balls[1].angle": [-1.5, 0.9], "balls[2].angle": [-0.9, 2.2], "collision.k": [0.3, 1.05]},
+    ),
+    "accumulation": (
+        "one_circle.toml",
+        {"balls[1].angle": [-1.2, -0.1], "collision.k": [0.0, 0.6], "balls[2].rate": [-1.0, 1.0]},
+    ),
+    "masses and speeds": (
+        "unequal_hedrih.toml",
+        {
+            "balls[1].mass": [0.1, 9.0],
+            "balls[2].density": [-100.0, 9000.0],
+            "balls[1].omega": [-9, 9],
+        },
+    ),
+    "radii and gravity": (
+        "three_arcs.toml",
+        {"balls[1].radius": [0.02, 0.6], "gravity": [1.0, 20.0], "stop.time": [-0.5, 9.0]},
+    ),
+    "several balls": (
+        "five_balls.toml",
+        {
+            "balls[3].angle": [-0.5, 0.5],
+            "balls[1].speed": [-2.0, 2.0],
+            "collision.k[2]": [0.5, 1.0],
+        },
+    ),
+    "closed": (
+        "closed_three_balls.toml",
+        {"balls[1].angle": [-0.5, 0.5], "collision.k": [0.6, 1.0]},
+    ),
+    "lines": (
+        "line_between_valleys.toml",
+        {"balls[1].angle": [-1.2, 0.5], "collision.k": [0.5, 1.0], "balls[1].mass": [1.0, 3.0]},
+    ),
+}
+
+# What there must be among the points of each, so that the test shows something.
+SEEN = {
+    "two balls, starts and k": {"invalid", "contact", "end_of_trace", "time"},
+    "accumulation": {"contact"},
+    "masses and speeds": {"invalid", "inadmissible"},
+    "radii and gravity": {"invalid", "time"},
+    "several balls": {"invalid", "collisions"},
+    "closed": {"collisions"},
+    "lines": {"free", "inadmissible"},
+}
+
+
+def grid_of(tmp_path: Path, base: str, axes: dict[str, Any]) -> Grid:
+    """A design of random points over the given intervals."""
+    lines = [
+        f'base = "{SCENARIOS / base}"',
+        'mode = "latin-hypercube"',
+        f"n = {POINTS}",
+        "seed = 7",
+    ]
+    for path, interval in axes.items():
+        lines += ["[[axes]]", f'path = "{path}"', f"uniform = {interval}"]
+    lines += ["[keep]", "collisions = true"]
+    file = tmp_path / "grid.toml"
+    file.write_text("\n".join(lines))
+    return load_grid(file, ["stop.collisions=40"])
+
+
+def plain(values: Any, row: int) -> Any:
+    """One value of a column as a plain one, None for null."""
+    if np.ma.getmaskarray(values)[row]:
+        return None
+    value = np.ma.getdata(values)[row]
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(value, float) and np.isnan(value) else value
+
+
+@pytest.mark.parametrize("name", GRIDS)
+def test_points_are_runs(name: str, tmp_path: Path) -> None:
+    grid = grid_of(tmp_path, *GRIDS[name])
+    indices = np.arange(POINTS)
+    solved = Solver(grid, "numba").solve(indices)
+    values = grid.design.columns(indices)
+    assert solved.collisions is not None
+    seen = set()
+    for row in range(POINTS):
+        found = {key: plain(column, row) for key, column in solved.summary.items()}
+        impacts = np.flatnonzero(solved.collisions["scenario"] == row + 1)
+        try:
+            scenario = scenario_at(grid.base, {path: values[path][row] for path in values})
+            build_system(scenario)
+        except ScenarioError as error:
+            texts = [f"{p.path}: found {p.found}, expected {p.expected}" for p in error.problems]
+            assert (found["status"], found["reason"]) == ("invalid", "; ".join(texts))
+            assert not len(impacts)
+            seen.add("invalid")
+            continue
+        run = simulate(scenario, "python")
+        assert found == run.summary_record()
+        seen.add("contact" if found["contacts"] else "free")
+        for key, column in run.collisions.items():
+            of_grid = [plain(solved.collisions[key], i) for i in impacts.tolist()]
+            assert of_grid == [plain(column, i) for i in range(len(column))], key
+        seen.add(found["end_cause"])
+    assert seen >= SEEN[name], seen
