@@ -189,7 +189,7 @@ class Solver:
         try:
             run = simulate_system(point.system, stop.time, stop.collisions, engine)
             summary = run.summary
-        except (ArithmeticError, ValueError, IndexError) as error:
+        except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
             text = f"{type(error).__name__}: {error}"
             parts.summaries.append((row, not_solved("failed", text, bodies)))
             return
