@@ -1,6 +1,5 @@
 """`vibro grid`: sweep parameters of a scenario into a dataset."""
 
-import json
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,6 +10,7 @@ import typer
 from vibro_cli.commands.boundary import DONE, FAILED, NOT_STRICT, CommandError, say
 from vibro_cli.commands.completing import scenario_files
 from vibro_cli.commands.options import Engine, Overrides, Strict, Task
+from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.grids.document import Grid
@@ -168,7 +168,7 @@ def _estimate(wishes: Wishes) -> int:
         "sampled": one.sampled,
     }
     if wishes.as_json:
-        print(json.dumps(told, ensure_ascii=False))
+        print(json_text(told))
     say(
         f"{found.name}: {points:,} points in {chunks.count:,} chunks of {chunks.size:,}\n"
         f"  impacts    about {told['impacts']:,}\n"
@@ -186,7 +186,7 @@ def _sweep(wishes: Wishes) -> int:
     found = load(wishes)
     state = sweep(wishes, found, _workers(wishes))
     if wishes.as_json:
-        print(json.dumps(state, ensure_ascii=False))
+        print(json_text(state))
     if not state["complete"]:
         return FAILED
     unsound = state["invalid"] + state["failed"] + state["inadmissible"]

@@ -4,7 +4,7 @@ import sys
 import threading
 import time
 
-from vibro_cli.commands.boundary import is_said
+from vibro_cli.commands.streams import is_said
 from vibro_cli.commands.words import duration
 
 _EVERY = 0.5

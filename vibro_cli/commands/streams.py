@@ -22,9 +22,15 @@ def choose_words(as_json: bool | None = None, least: str | None = None) -> None:
         _words["least"] = least
 
 
+def is_said(level: str, as_text: bool = False) -> bool:
+    """Whether words of a level are said, `as_text`: and not as JSON."""
+    said = LEVELS.index(level) >= LEVELS.index(_words["least"])
+    return said and not (as_text and _words["as_json"])
+
+
 def say(text: str, level: str = "info", **details: Any) -> None:
     """Print words for a human to standard error; as JSON an object on a line, with the details."""
-    if LEVELS.index(level) < LEVELS.index(_words["least"]):
+    if not is_said(level):
         return
     if _words["as_json"]:
         text = json_text({"level": level, "message": text, **details}, sys.stderr)

@@ -1,6 +1,5 @@
 """`vibro verify`: are the files of a folder as they were written?"""
 
-import json
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -10,6 +9,7 @@ import typer
 
 from vibro_cli.commands.boundary import DONE, FAILED, CommandError, say
 from vibro_cli.commands.options import Task
+from vibro_cli.commands.streams import json_text
 
 
 def verify(
@@ -38,7 +38,7 @@ def _verify(folders: list[Path], as_json: bool) -> int:
             raise CommandError(f"vibro: {error}") from error
         sound = sound and verdict.sound
         if as_json:
-            print(json.dumps({"folder": str(folder), "sound": verdict.sound, **asdict(verdict)}))
+            print(json_text({"folder": str(folder), "sound": verdict.sound, **asdict(verdict)}))
         for finding in verdict.findings:
             text = f"{folder / finding.file}: {finding.state}: {finding.detail}"
             say(text, "error", file=finding.file, state=finding.state)
