@@ -37,23 +37,26 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
             horizon_t = pair.contact_t
             horizon_low = pair.contact_t_low
     stopping = horizon_t == settings.stop_t
-    for j in range(settings.pairs):
-        pair = world.pairs[j]
-        if pair.contact_t < NEVER or pair.apart == 1 or pair.held == 1:
-            continue
-        ahead = time_between(horizon_t, horizon_low, pair.clear_t, pair.clear_t_low)
-        if ahead > 0.0 or pair.touching == CLOSING:
-            _search_pair(world, j, pair, ahead)
-            if not stopping or pair.contact_t < NEVER:
-                pair.clear_t = horizon_t
-                pair.clear_t_low = horizon_low
-                pair.touching = 0
-    for j in range(settings.pairs):
-        pair = world.pairs[j]
-        if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
-            first = j
-            horizon_t = pair.contact_t
-            horizon_low = pair.contact_t_low
+    # The pair across the seam is its own mirror image: it may be searched last, and less far.
+    for seam in range(settings.closed + 1):
+        for j in range(settings.pairs):
+            pair = world.pairs[j]
+            if pair.seam != seam or pair.contact_t < NEVER or pair.apart == 1 or pair.held == 1:
+                continue
+            ahead = time_between(horizon_t, horizon_low, pair.clear_t, pair.clear_t_low)
+            if ahead > 0.0 or pair.touching == CLOSING:
+                _search_pair(world, j, pair, ahead)
+                if not stopping or pair.contact_t < NEVER:
+                    pair.clear_t = horizon_t
+                    pair.clear_t_low = horizon_low
+                    pair.touching = 0
+        for j in range(settings.pairs):
+            pair = world.pairs[j]
+            if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
+                first = j
+                horizon_t = pair.contact_t
+                horizon_low = pair.contact_t_low
+        stopping = stopping and first < 0
     return first
 
 
