@@ -14,6 +14,7 @@ from vibro_cli.stress import suite
 from vibro_cli.stress.finding import Finding, Plan, Worst
 from vibro_cli.stress.report import line_of, write
 from vibro_cli.stress.scenes import VALLEY, ball, scene
+from vibro_cli.stress.watched import fault_of
 
 QUICK = ("elliptic", "crest")
 
@@ -24,6 +25,27 @@ def test_quick_checks_meet_their_marks(name: str) -> None:
     assert len(findings) >= 3
     assert [line_of(one) for one in findings if not one.met] == []
     assert all(one.cases > 0 and one.worst >= 0.0 for one in findings)
+
+
+class Tiny(Plan):
+    """A plan of very few cases of everything."""
+
+    def amount(self, short: int, long: int) -> int:
+        return min(short, 3)
+
+
+@pytest.mark.parametrize("name", ["accumulation", "impacts", "limits", "symmetry"])
+def test_few_cases_of_the_long_checks(name: str) -> None:
+    findings = list(suite.run(Tiny(3, False), [name]))
+    assert [line_of(one) for one in findings if not one.met] == []
+    assert all(one.scenario is not None for one in findings if one.mark is not None)
+
+
+def test_a_run_without_an_end_is_given_up() -> None:
+    document = scene(VALLEY, [ball(-0.5), ball(0.5)], 1.0, time=1e9)
+    assert "no end" in fault_of(document, 0.2)
+    assert fault_of({**document, "stop": {"time": 1.0}}) == ""
+    assert "KeyError" in fault_of({"gravity": 9.81})
 
 
 def test_a_missed_mark_and_a_told_value() -> None:

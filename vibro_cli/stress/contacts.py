@@ -137,7 +137,7 @@ def check(plan: Plan) -> list[Finding]:
     hostile: list[tuple[Any, float, float]] = []
     for name, grazing, wanted in (
         ("random flights", False, plan.amount(8_000, 1_000_000)),
-        ("near-grazing flights (1e-13 R ... 1e-2 R)", True, plan.amount(2_000, 100_000)),
+        ("near-grazing flights (+-1e-13 R ... +-1e-2 R)", True, plan.amount(2_000, 100_000)),
     ):
         tally = run_flights(plan.seed, wanted, grazing, plan.amount(8, 10))
         n = tally.flights

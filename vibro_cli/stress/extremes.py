@@ -8,6 +8,10 @@ import numpy as np
 
 from vibro_cli.simulation.run import Run
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
+from vibro_cli.stress.highprecision.quantities import solved
+from vibro_cli.stress.highprecision.scene import scene_of_system
+from vibro_cli.stress.highprecision.taylor import mp
+from vibro_cli.stress.highprecision.twin import Twin
 from vibro_cli.stress.scenes import (
     THREE_ARCS,
     VALLEY,
@@ -117,13 +121,26 @@ def _penetration(rng: np.random.Generator, plan: Plan) -> Finding:
         document = _scene(rng)
         document["stop"] = {"collisions": 50, "time": 20.0}
         run = solve(document)
-        table = run.collisions
-        for row in range(len(table["n"])):
-            places = [abs(float(table[f"{axis}_{end}"][row])) for axis in "xy" for end in "ab"]
-            overlap = max(-float(table["gap"][row]), 0.0)
-            worst.take(overlap / math.ulp(max(places)), document)
-    tried = "two balls on three arcs, k = 0.9, up to 50 impacts each"
+        twin = Twin(scene_of_system(run.system))
+        for row in range(len(run.collisions["n"])):
+            worst.take(_overlap(twin, run, row), document)
+    tried = "two balls on three arcs, k = 0.9, up to 50 impacts each, distances to 50 digits"
     return Finding(
         CHECK, "penetration (ulp of the positions)", tried, worst.cases, worst.value, 8.0,
         worst.scenario,
     )  # fmt: skip
+
+
+def _overlap(twin: Twin, run: Run, row: int) -> float:
+    """How far the bodies of an impact are in one another, from their angles, in ulp of places."""
+    centres = []
+    for ball_number, end in enumerate("ab"):
+        piece = int(run.collisions[f"arc_{end}"][row]) - 1
+        shape, angle = twin.scene.pieces[piece], solved(run, f"place_{end}", row)
+        rho = twin.path_radius(ball_number, piece)
+        x, y = shape.origin
+        centres.append((x + rho * mp.sin(angle), y - shape.sign * rho * mp.cos(angle)))
+    (ax, ay), (bx, by) = centres
+    touch = sum(body.radius for body in twin.scene.bodies)
+    largest = max(abs(float(value)) for centre in centres for value in centre)
+    return max(float(touch - mp.hypot(bx - ax, by - ay)), 0.0) / math.ulp(largest)

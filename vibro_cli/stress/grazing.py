@@ -137,7 +137,10 @@ def near_grazing(rng: np.random.Generator, family: Family, tries: int) -> tuple[
     """
     first, last = family.pieces
     sizes = [piece.length if piece.is_line else piece.radius for piece in (first, last)]
-    overshoot = min(sizes) * 10.0 ** rng.uniform(_SMALLEST, _LARGEST, tries)
+    powers = rng.uniform(_SMALLEST, _LARGEST, tries)
+    # Every fourth a whole power of ten, both ends among them.
+    powers = np.where(rng.random(tries) < 0.25, np.round(powers), powers)
+    overshoot = min(sizes) * 10.0**powers
     overshoot *= rng.choice([-1.0, 1.0], tries)
     touch = sum(body.radius for body in family.system.bodies)
     low = first.angle_start

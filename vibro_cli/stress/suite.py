@@ -16,6 +16,7 @@ NAMES = (
     "cradle",
     "symmetry",
     "extremes",
+    "limits",
     "energy",
     "contacts",
 )

@@ -6,6 +6,7 @@ import multiprocessing
 from multiprocessing.connection import Connection
 from typing import Any
 
+from vibro_cli.scenario import ScenarioError
 from vibro_cli.stress.finding import Document
 from vibro_cli.stress.scenes import solve
 
@@ -14,11 +15,14 @@ PATIENCE = 30.0
 
 
 def _serve(connection: Connection) -> None:
-    """Run documents as they come; answer each with a fault, or nothing."""
+    """Run documents as they come; answer each with a fault, or nothing; to be refused is none."""
     while True:
         document = connection.recv()
         try:
-            solve(document)
+            run = solve(document)
+            run.sample([run.checkpoint()["end_time"]])
+        except ScenarioError:
+            connection.send("")
         except Exception as fault:
             connection.send(repr(fault))
         else:
