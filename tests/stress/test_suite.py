@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.tables import read_parquet
-from vibro_cli.stress import suite
+from vibro_cli.stress import limits, suite
 from vibro_cli.stress.finding import Finding, Plan, Worst
 from vibro_cli.stress.report import line_of, write
 from vibro_cli.stress.scenes import VALLEY, ball, scene
@@ -34,11 +35,17 @@ class Tiny(Plan):
         return min(short, 3)
 
 
-@pytest.mark.parametrize("name", ["accumulation", "impacts", "limits", "symmetry"])
+@pytest.mark.parametrize("name", ["accumulation", "impacts", "symmetry"])
 def test_few_cases_of_the_long_checks(name: str) -> None:
-    findings = list(suite.run(Tiny(3, False), [name]))
+    findings = list(suite.run(Tiny(1, False), [name]))
     assert [line_of(one) for one in findings if not one.met] == []
     assert all(one.scenario is not None for one in findings if one.mark is not None)
+
+
+def test_few_cases_of_long_and_unequal_motions() -> None:
+    plan, rng = Tiny(1, False), np.random.default_rng(1)
+    findings = [limits.swings(rng, plan), *limits.unequal(rng, plan)]
+    assert [line_of(one) for one in findings if not one.met] == []
 
 
 def test_a_run_without_an_end_is_given_up() -> None:

@@ -25,7 +25,7 @@ COEFFICIENTS = (0.0, 1.0e-300, 0.5, 1.0 - 2.0**-53, 1.0)
 def check(plan: Plan) -> list[Finding]:
     """A million turns, a billion periods, mixed ratios, the ends of the number range."""
     rng = np.random.default_rng([plan.seed, 31])
-    return [_turns(rng, plan), _periods(rng, plan), *_mixed(rng, plan), _ends(plan)]
+    return [turns(rng, plan), swings(rng, plan), *unequal(rng, plan), ends_of_range(plan)]
 
 
 def _state(mp: Any, rate: Any, t: float) -> tuple[Any, Any]:
@@ -57,7 +57,7 @@ def _phase_error(mp: Any, document: Document, t: float) -> float:
     return float(off / (EPSILON * max(path, 1.0)))
 
 
-def _turns(rng: np.random.Generator, plan: Plan) -> Finding:
+def turns(rng: np.random.Generator, plan: Plan) -> Finding:
     """A ball that goes round its circle, the last time a million turns after it began."""
     mp, worst = fifty_digits.multiprecision(), Worst()
     for _ in range(plan.amount(1, 4)):
@@ -72,7 +72,7 @@ def _turns(rng: np.random.Generator, plan: Plan) -> Finding:
     )  # fmt: skip
 
 
-def _periods(rng: np.random.Generator, plan: Plan) -> Finding:
+def swings(rng: np.random.Generator, plan: Plan) -> Finding:
     """A ball that swings undisturbed for a billion periods."""
     mp, worst = fifty_digits.multiprecision(), Worst()
     for _ in range(plan.amount(5, 40)):
@@ -87,7 +87,7 @@ def _periods(rng: np.random.Generator, plan: Plan) -> Finding:
     )  # fmt: skip
 
 
-def _mixed(rng: np.random.Generator, plan: Plan) -> list[Finding]:
+def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
     """Radii to 1 : 1e4 with masses to 1 : 1e9 and k at its ends: right, or refused."""
     mp = fifty_digits.multiprecision()
     first, gained, faults, refused = Worst(), Worst(), Worst(), 0
@@ -137,7 +137,7 @@ def _mixed(rng: np.random.Generator, plan: Plan) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _ends(plan: Plan) -> Finding:
+def ends_of_range(plan: Plan) -> Finding:
     """Times and gravities near the ends of double precision: run, or refused with the reason."""
     worst = Worst()
     pair, alone = [ball(-0.5), ball(0.5)], [ball(0.5)]
