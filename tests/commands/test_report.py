@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from tests.commands.conftest import Vibro
+from tests.grid_folder import product, write_grid
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
 RUN = ("run", GALLERY / "one_circle.toml", "--set", "stop.collisions=4", "--no-figures")
@@ -110,3 +111,20 @@ def test_a_film_that_cannot_be_is_refused(vibro: Vibro) -> None:
         assert outcome.code == 2, options
         assert words in outcome.err
     assert not list(Path().glob("film.*"))
+
+
+def test_a_grid_has_a_page_and_figures(vibro: Vibro) -> None:
+    write_grid(Path("sweep"), product({"collision.k": [1.0, 0.9], "balls[1].angle": [0.1, 0.2]}))
+    options = ("--pdf", "sweep.pdf", "--figures", "figures", "--width", "single")
+    assert vibro("report", "sweep", *options).code == 0
+    assert b"All 4 points are solved." in Path("sweep-report.html").read_bytes()
+    assert Path("sweep.pdf").read_bytes().count(b"/Type /Page ") == 5
+    assert Path("figures/endings.svg").exists()
+    vibro(*RUN)
+    for extra, words in {
+        ("outputs/one_circle",): "reported alone",
+        ("--animate", "film.gif"): "takes a run",
+    }.items():
+        outcome = vibro("report", "sweep", *extra)
+        assert outcome.code == 2
+        assert words in outcome.err

@@ -18,11 +18,13 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
+from tests.grid_folder import product, write_grid
 from tests.report.test_report import stored
 from vibro_cli.figures.motion import frame_times, frames
 from vibro_cli.report.film_page import film_html
-from vibro_cli.report.page import report_html
+from vibro_cli.report.page import grid_html, report_html
 from vibro_cli.storage.stored import open_run
+from vibro_cli.storage.stored_grid import open_grid
 
 PHONE, DESKTOP = 360, 1280
 HIGH = 800
@@ -54,7 +56,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A report of a run, one of two runs compared, and a film."""
+    """A report of a run, of two runs compared, of a grid, and a film."""
     folder = tmp_path_factory.mktemp("reports")
     first = stored(folder / "first", "three_arcs", "stop.collisions=15")
     second = stored(folder / "second", "three_arcs", "stop.collisions=5", "name=shorter")
@@ -62,6 +64,10 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name, runs in {"one": [first], "compared": [first, second]}.items():
         found[name] = folder / f"{name}.html"
         found[name].write_bytes(report_html(runs, folder, "1.2.3"))
+    sweep = product({"balls[1].angle": [-1.2, -0.9, -0.2], "collision.k": [1.0, 0.9, 0.5]})
+    grid = open_grid(write_grid(folder / "sweep", sweep, bad={4: ("invalid", "too steep")}))
+    found["grid"] = folder / "grid.html"
+    found["grid"].write_bytes(grid_html(grid, folder, "1.2.3"))
     found["film"] = folder / "film.html"
     shown = frames(first, FILM)
     found["film"].write_bytes(film_html(first, shown, 25, "three_arcs", "1.2.3"))
@@ -96,6 +102,8 @@ def opened(browser: Browser) -> Iterator[Callable[..., tuple[Page, Heard]]]:
         ("one", DESKTOP, "dark"),
         ("compared", PHONE, "dark"),
         ("compared", DESKTOP, "light"),
+        ("grid", PHONE, "light"),
+        ("grid", DESKTOP, "dark"),
         ("film", PHONE, "light"),
         ("film", DESKTOP, "dark"),
     ],
@@ -169,6 +177,18 @@ def test_the_table_sorts_by_click_and_by_key(opened: Any, reports: dict[str, Pat
     assert head.get_attribute("aria-sort") == "none"
     page.get_by_role("button", name="n", exact=True).click()
     assert column(page, "energy_loss") == before
+
+
+def test_words_and_missing_values_sort_too(opened: Any, reports: dict[str, Path]) -> None:
+    page, _ = opened(reports["grid"], DESKTOP)
+    button = page.get_by_role("button", name="end_cause")
+    script = "[...document.querySelectorAll('tbody tr')].map(r => r.cells[4]?.textContent)"
+    for order in (False, True):
+        button.click()
+        words = page.evaluate(script)[-9:]
+        assert words[-1] == "–"  # the invalid point has no cause: last either way
+        assert words[:-1] == sorted(words[:-1], reverse=order)
+        assert len(set(words)) > 3
 
 
 def test_the_keyboard_reaches_the_content(opened: Any, reports: dict[str, Path]) -> None:

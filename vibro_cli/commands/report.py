@@ -1,7 +1,7 @@
-"""`vibro report`: a page that explains one run, or compares several."""
+"""`vibro report`: a page that explains one run or a grid, or compares several runs."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,11 @@ from vibro_cli.commands.filming import FilmWishes, check_film, write_film
 from vibro_cli.commands.options import Task
 
 if TYPE_CHECKING:
+    from vibro_cli.figures.kinds import Drawn
     from vibro_cli.storage.stored import StoredRun
+    from vibro_cli.storage.stored_grid import StoredGrid
+
+    Subject = list[StoredRun] | StoredGrid
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,11 @@ class _Wishes:
 def report(
     folders: Annotated[
         list[Path],
-        typer.Argument(metavar="DIR", help="Folders that `vibro run` wrote.", show_default=False),
+        typer.Argument(
+            metavar="DIR",
+            help="Folders that `vibro run` wrote, or one of a grid.",
+            show_default=False,
+        ),
     ],
     output: Annotated[
         str | None,
@@ -79,7 +87,7 @@ def report(
         int, typer.Option(min=1, max=100, help="Of --animate: frames in a second of the film.")
     ] = 25,
 ) -> Task:
-    """Write a self-contained HTML page of a run, or of several runs compared."""
+    """Write a self-contained HTML page of a run, of several runs compared, or of a grid."""
     film = None if animate is None else FilmWishes(animate, span, pace, fps)
     if film is not None and len(folders) > 1:
         raise typer.BadParameter("--animate: found several runs, expected one")
@@ -97,7 +105,7 @@ def _target(wishes: _Wishes) -> Path:
 
 
 def _report(wishes: _Wishes) -> int:
-    from vibro_cli.report.page import is_report, report_html
+    from vibro_cli.report.page import is_report
     from vibro_cli.storage.files import write_file
 
     _check(wishes)
@@ -105,11 +113,8 @@ def _report(wishes: _Wishes) -> int:
     printed = wishes.output == "-"
     if not printed and target.exists() and not is_report(target.read_bytes()):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
-    runs = [_opened(folder) for folder in wishes.folders]
-    if wishes.film is not None:
-        check_film(runs[0], wishes.film)
-    beside = Path.cwd() if printed else target.parent
-    content = report_html(runs, beside, __version__)
+    subject = _subject(wishes)
+    content = _page(subject, Path.cwd() if printed else target.parent)
     if printed:
         sys.stdout.buffer.write(content)
         sys.stdout.buffer.flush()
@@ -117,12 +122,41 @@ def _report(wishes: _Wishes) -> int:
         write_file(target, content)
         say(f"report in {target}")
     if wishes.pdf is not None:
-        _write_pdf(runs, wishes.pdf, wishes.width)
+        _write_pdf(subject, wishes.pdf, wishes.width)
     if wishes.figures is not None:
-        _write_figures(runs, wishes.figures, wishes.width)
+        _write_figures(subject, wishes.figures, wishes.width)
     if wishes.film is not None:
-        write_film(runs[0], wishes.film)
+        assert isinstance(subject, list)
+        write_film(subject[0], wishes.film)
     return DONE
+
+
+def _subject(wishes: _Wishes) -> "Subject":
+    """What is reported: runs, or one grid; raises `CommandError` where that is not possible."""
+    from vibro_cli.storage.stored_grid import NotAGrid, is_grid, open_grid
+
+    grids = [folder for folder in wishes.folders if is_grid(folder)]
+    if not grids:
+        runs = [_opened(folder) for folder in wishes.folders]
+        if wishes.film is not None:
+            check_film(runs[0], wishes.film)
+        return runs
+    if len(wishes.folders) > 1:
+        raise CommandError(f"vibro: {grids[0]} holds a grid, which is reported alone")
+    if wishes.film is not None:
+        raise CommandError(f"vibro: {grids[0]} holds a grid; --animate takes a run")
+    try:
+        return open_grid(grids[0])
+    except NotAGrid as error:
+        raise CommandError(f"vibro: {error}") from error
+
+
+def _page(subject: "Subject", beside: Path) -> bytes:
+    from vibro_cli.report.page import grid_html, report_html
+
+    if isinstance(subject, list):
+        return report_html(subject, beside, __version__)
+    return grid_html(subject, beside, __version__)
 
 
 def _opened(folder: Path) -> "StoredRun":
@@ -150,29 +184,38 @@ def _check(wishes: _Wishes) -> None:
         raise CommandError(f"vibro: {error}") from error
 
 
-def _write_pdf(runs: "Sequence[StoredRun]", target: Path, width: str) -> None:
-    """Write all figures of all runs into one PDF."""
+def _drawn(subject: "Subject", width: str) -> "Iterator[tuple[str, Drawn]]":
+    """Every figure of what is reported, with the stem of its files."""
+    from vibro_cli.figures.grid_kinds import draw_grid
     from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
+
+    if not isinstance(subject, list):
+        yield from ((drawn.name, drawn) for drawn in draw_grid(subject, width))
+        return
+    for place, run in enumerate(subject, 1):
+        prefix = f"{place}_{run.scenario.name}_" if len(subject) > 1 else ""
+        for drawn in draw_all(run, [PORTRAIT, *KINDS], width):
+            yield f"{prefix}{drawn.name}", drawn
+
+
+def _write_pdf(subject: "Subject", target: Path, width: str) -> None:
+    """Write all figures into one PDF."""
     from vibro_cli.figures.output import render_pages
     from vibro_cli.storage.files import write_file
 
-    kinds = [PORTRAIT, *KINDS]
-    figures = [drawn.figure for run in runs for drawn in draw_all(run, kinds, width)]
-    write_file(target, render_pages(figures))
+    write_file(target, render_pages([drawn.figure for _, drawn in _drawn(subject, width)]))
     say(f"figures in {target}")
 
 
-def _write_figures(runs: "Sequence[StoredRun]", target: Path, width: str) -> None:
-    """Write every figure of every run into a folder, in all forms."""
-    from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
+def _write_figures(subject: "Subject", target: Path, width: str) -> None:
+    """Write every figure into a folder, in all forms."""
     from vibro_cli.figures.output import FORMATS, render
     from vibro_cli.storage.portraits import write_figures
 
-    files = {}
-    for place, run in enumerate(runs, 1):
-        prefix = f"{place}_{run.scenario.name}_" if len(runs) > 1 else ""
-        for drawn in draw_all(run, [PORTRAIT, *KINDS], width):
-            for form in FORMATS:
-                files[f"{prefix}{drawn.name}.{form}"] = render(drawn.figure, form)
+    files = {
+        f"{stem}.{form}": render(drawn.figure, form)
+        for stem, drawn in _drawn(subject, width)
+        for form in FORMATS
+    }
     write_figures(files, target)
     say(f"figures in {target}")

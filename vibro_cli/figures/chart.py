@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vibro_cli.figures import style
+from vibro_cli.figures import strokes, style
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import CHARACTER, Ticks, number_ticks, vertical_ticks
@@ -18,8 +18,6 @@ from vibro_cli.figures.ticks import CHARACTER, Ticks, number_ticks, vertical_tic
 LEFT = 13.0
 """Room for a vertical axis' label and numbers (mm)."""
 _RIGHT = 3.0
-_TOP = 5.5
-"""Room for the legend (mm)."""
 _BETWEEN = 3.0
 _BOTTOM = 8.5
 MOST_VECTOR_POINTS = 20000
@@ -43,19 +41,22 @@ def body_look(ball: int) -> dict[str, Any]:
     }
 
 
-def stacked(width: str, heights: Sequence[float]) -> tuple[Figure, list[Axes], list[float]]:
+def stacked(
+    width: str, heights: Sequence[float], above: float = 5.5
+) -> tuple[Figure, list[Axes], list[float]]:
     """Return a figure with panels of the given heights (mm), top to bottom, and their widths (mm).
 
-    Raises ValueError for a width that is neither `single` nor `double`.
+    `above` is the room for the legend (mm). Raises ValueError for a width that is neither
+    `single` nor `double`.
     """
     if width not in WIDTHS:
         raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
     wide = WIDTHS[width]
-    total = _TOP + sum(heights) + _BETWEEN * (len(heights) - 1) + _BOTTOM
+    total = above + sum(heights) + _BETWEEN * (len(heights) - 1) + _BOTTOM
     figure = Figure(figsize=(wide * MM, total * MM))
     inner = wide - LEFT - _RIGHT
     panels = []
-    top = total - _TOP
+    top = total - above
     for high in heights:
         box = (LEFT / wide, (top - high) / total, inner / wide, high / total)
         panels.append(figure.add_axes(box))
@@ -106,7 +107,7 @@ def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, 
     ticks = vertical_ticks(low - room, high + room, height)
     axes.set_yticks(ticks.places, ticks.labels)
     scaled = rf"$10^{{{ticks.power}}}$ {unit}" if ticks.power else unit
-    axes.set_ylabel(f"{symbol} [{scaled}]", labelpad=1.0)
+    axes.set_ylabel(f"{symbol} [{scaled}]" if scaled else symbol, labelpad=1.0)
 
 
 def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
@@ -142,6 +143,19 @@ def legend(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]]) -> Non
         handletextpad=0.4 if len(entries) < _MOST_NAMED else 0.25,
         columnspacing=1.1 if len(entries) < _MOST_NAMED else 0.6,
     )
+
+
+def number_bar(figure: Figure, last: int) -> None:
+    """Draw the bar of colours over the panels: from the first impact to the last."""
+    wide, high = figure.get_size_inches() / MM
+    width, thick, middle = 0.25, 1.6 / high, 1.0 - 2.4 / high
+    axes = figure.add_axes((0.42, middle - 0.5 * thick, width, thick))
+    axes.imshow(np.arange(256)[None, :], aspect="auto", cmap=strokes.time_colours())
+    axes.set_xticks([])
+    axes.set_yticks([])
+    look: dict[str, Any] = {"va": "center_baseline", "fontsize": style.SMALL}
+    figure.text(0.42 - 1.0 / wide, middle, "impact 1", ha="right", **look)
+    figure.text(0.42 + width + 1.0 / wide, middle, str(last), ha="left", **look)
 
 
 def contact_times(run: Recorded) -> list[tuple[float, float]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from matplotlib.figure import Figure
 
@@ -14,13 +15,15 @@ from vibro_cli.figures.portrait import phase_portrait
 from vibro_cli.figures.source import Recorded, Remembered
 from vibro_cli.figures.velocities import velocities
 
+Source = TypeVar("Source")
+
 
 @dataclass(frozen=True)
-class Kind:
-    """One kind of figure of a whole run."""
+class Kind(Generic[Source]):
+    """One kind of figure of a whole run, or of a grid."""
 
-    draw: Callable[[Recorded, str], Figure | None]
-    """From a run and a width; None where the run has nothing to show."""
+    draw: Callable[[Source, str], Figure | None]
+    """From a run or grid and a width; None where it has nothing to show."""
     title: str
     caption: str
 
@@ -31,7 +34,7 @@ _PORTRAIT_CAPTION = (
     "and the jumps at the impacts; behind them separatrices, level curves of energy, centres (+) "
     "and saddles (×)."
 )
-KINDS = {
+KINDS: dict[str, Kind[Recorded]] = {
     "plan": Kind(
         plan,
         "Configurations at the impacts",

@@ -17,6 +17,12 @@ from vibro_cli.figures.trajectory import Trajectory
 
 _MIDDLE = 2.2
 """Distance of the line from the top of the figure (mm)."""
+_CHARACTER = 1.25
+"""Mean width of a character of a legend (mm)."""
+_HANDLE = 6.5
+"""Width of a mark of a legend with the room around it (mm)."""
+LINE = 3.4
+"""Height of a line of a legend (mm)."""
 _CROWDED = 5
 """Entries from which they stand closer."""
 _BAR = (16.0, 1.6)
@@ -55,6 +61,31 @@ def line_of_entries(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]
         handletextpad=0.4,
         columnspacing=1.0,
     )
+
+
+def wrapped_legend(
+    figure: Figure | None, entries: Sequence[tuple[str, dict[str, Any]]], width: float
+) -> int:
+    """Draw marks and names over the panels in lines of a width (mm); return how many lines.
+
+    Without a figure nothing is drawn, but the lines are counted.
+    """
+    widest = max(len(text) for text, _ in entries) * _CHARACTER + _HANDLE
+    columns = min(len(entries), max(1, int(width / widest)))
+    if figure is not None:
+        figure.legend(
+            handles=[Line2D([], [], label=text, **look) for text, look in entries],
+            loc="upper center",
+            bbox_to_anchor=(0.5, 1.0),
+            ncols=columns,
+            borderaxespad=0.15,
+            borderpad=0.15,
+            handlelength=1.0,
+            handletextpad=0.4,
+            columnspacing=1.0,
+            labelspacing=0.25,
+        )
+    return -(-len(entries) // columns)
 
 
 def _entries(

@@ -14,6 +14,7 @@ from vibro_cli.figures.chart import (
     count_axis,
     legend,
     log_axis,
+    number_bar,
     stacked,
     time_axis,
     value_axis,
@@ -68,7 +69,7 @@ def impact_map(run: Recorded, width: str = "single") -> Figure | None:
         axes.set_xlabel("$s$ of the left body [m]")
         for piece in run.system.trace.pieces[1:]:
             axes.axvline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
-        _number_bar(figure, len(number))
+        number_bar(figure, len(number))
     return figure
 
 
@@ -84,17 +85,6 @@ def _speed_axis(axes: Axes, speed: Array, height: float) -> None:
         log_axis(axes, positive, symbol, "m/s")
     else:
         value_axis(axes, 0.0, float(np.max(speed)), height, symbol, "m/s")
-
-
-def _number_bar(figure: Figure, last: int) -> None:
-    """Draw the bar of colours above the panel: from the first impact to the last."""
-    axes = figure.add_axes((0.42, 0.955, 0.25, 0.022))
-    axes.imshow(np.arange(256)[None, :], aspect="auto", cmap=strokes.time_colours())
-    axes.set_xticks([])
-    axes.set_yticks([])
-    look: dict[str, Any] = {"va": "center_baseline", "fontsize": style.SMALL}
-    figure.text(0.41, 0.966, "impact 1", ha="right", **look)
-    figure.text(0.68, 0.966, str(last), ha="left", **look)
 
 
 def intervals(run: Recorded, width: str = "single") -> Figure | None:

@@ -74,8 +74,8 @@ def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]
         "accuracy": _accuracy(run),
         "sides": _sides(run),
         "impacts": _impacts(run),
-        "link": _link(run.folder / "collisions.parquet", beside),
-        "versions": _versions(run.manifest),
+        "link": link(run.folder / "collisions.parquet", beside),
+        "versions": versions(run.manifest),
     }
 
 
@@ -210,25 +210,28 @@ def _impacts(run: StoredRun) -> dict[str, Any]:
     rows = range(min(total, FIRST_ROWS))
     return {
         "columns": columns,
-        "rows": [[_cell(run.collisions, column, row) for column in columns] for row in rows],
+        "rows": [[cell(run.collisions, column, row) for column in columns] for row in rows],
         "total": total,
     }
 
 
-def _cell(table: Mapping[str, Any], column: Column, row: int) -> tuple[str, str]:
+def cell(table: Mapping[str, Any], column: Column, row: int) -> tuple[str, str]:
     """Return a value to sort by and the value as it is shown."""
-    value = table[column.name][row].item()
-    if isinstance(value, float) and math.isnan(value):
+    value = table[column.name][row]
+    if value is None or (isinstance(value, float) and math.isnan(value)):
         return "", "–"
-    return repr(float(value)), number(value, digits=7)
+    if isinstance(value, str):
+        return value, value.replace("_", " ")
+    return repr(float(value)), number(value.item(), digits=7)
 
 
-def _link(target: Path, beside: Path) -> str:
+def link(target: Path, beside: Path) -> str:
     """Return a link to a file from a page in a folder."""
     return quote(os.path.relpath(target.resolve(), beside.resolve()).replace(os.sep, "/"))
 
 
-def _versions(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
+def versions(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return what the results were made with."""
     program = manifest["program"]
     environment = manifest.get("environment", {})
     return [(program["name"], program["version"]), *environment.items()]
@@ -238,7 +241,7 @@ def _comparison(runs: Sequence[StoredRun], names: Sequence[str]) -> dict[str, An
     """Return the key figures of several runs side by side, and what differs in the scenarios."""
     results = [dict(key_figures(run)) for run in runs]
     labels = list(dict.fromkeys(label for result in results for label in result))
-    settings = [_flat(run.scenario.resolved()) for run in runs]
+    settings = [flat(run.scenario.resolved()) for run in runs]
     paths = list(dict.fromkeys(path for setting in settings for path in setting))
     differing = [
         path for path in paths if len({repr(setting.get(path)) for setting in settings}) > 1
@@ -258,7 +261,7 @@ def _comparison(runs: Sequence[StoredRun], names: Sequence[str]) -> dict[str, An
     }
 
 
-def _flat(value: Any, path: str = "") -> dict[str, Any]:
+def flat(value: Any, path: str = "") -> dict[str, Any]:
     """Return plain values by their key path: `balls[1].radius`."""
     if isinstance(value, dict):
         inner = ((f"{path}.{key}" if path else key, each) for key, each in value.items())
@@ -266,4 +269,4 @@ def _flat(value: Any, path: str = "") -> dict[str, Any]:
         inner = ((f"{path}[{place}]", each) for place, each in enumerate(value, 1))
     else:
         return {path: value}
-    return {key: leaf for name, each in inner for key, leaf in _flat(each, name).items()}
+    return {key: leaf for name, each in inner for key, leaf in flat(each, name).items()}

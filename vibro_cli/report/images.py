@@ -8,9 +8,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from vibro_cli.figures.grid_kinds import draw_grid
 from vibro_cli.figures.kinds import KINDS, PORTRAIT, Drawn, draw_all
 from vibro_cli.figures.output import has_rasters, render
 from vibro_cli.figures.source import Recorded
+from vibro_cli.storage.stored_grid import StoredGrid
 
 _DPI = 192.0
 """Resolution of figures with too many points for SVG: two pixels for each of a plain screen."""
@@ -20,23 +22,29 @@ _TYPES = {"png": "png", "svg": "svg+xml"}
 def figures_of_run(run: Recorded, name: str) -> Iterator[dict[str, Any]]:
     """Return every figure of a run as the page has it, with its words."""
     kinds = [PORTRAIT, *KINDS]
-    both = (draw_all(run, kinds, "double"), draw_all(run, kinds, "single"))
-    for wide, narrow in zip(*both, strict=True):
-        yield as_shown(wide, narrow, f"run {name}")
+    both = zip(draw_all(run, kinds, "double"), draw_all(run, kinds, "single"), strict=True)
+    for wide, narrow in both:
+        yield _as_shown(wide, narrow, f"run {name}")
 
 
-def as_shown(wide: Drawn, narrow: Drawn, of: str) -> dict[str, Any]:
+def figures_of_grid(grid: StoredGrid) -> Iterator[dict[str, Any]]:
+    """Return every figure of a grid as the page has it, with its words."""
+    for wide, narrow in zip(draw_grid(grid, "double"), draw_grid(grid, "single"), strict=True):
+        yield _as_shown(wide, narrow, f"grid {grid.name}")
+
+
+def _as_shown(wide: Drawn, narrow: Drawn, of: str) -> dict[str, Any]:
     """Return a figure of two columns' width and the one of one's for narrow screens, with words."""
     return {
         "title": wide.title,
         "caption": wide.caption,
         "alternative": f"{wide.title}, {of}. {wide.caption}",
-        "wide": image(wide.figure),
-        "narrow": image(narrow.figure),
+        "wide": _image(wide.figure),
+        "narrow": _image(narrow.figure),
     }
 
 
-def image(figure: Figure) -> dict[str, str]:
+def _image(figure: Figure) -> dict[str, str]:
     """Return a figure as the address of an image with its size (CSS pixels)."""
     form = "png" if has_rasters(figure) else "svg"
     content = base64.b64encode(render(figure, form, _DPI)).decode()

@@ -12,8 +12,10 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vibro_cli.report.content import page
+from vibro_cli.report.grid_content import grid_page
 from vibro_cli.report.words import METHOD
 from vibro_cli.storage.stored import StoredRun
+from vibro_cli.storage.stored_grid import StoredGrid
 
 GENERATOR = "vibro report"
 
@@ -27,8 +29,17 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
     return rendered("report", values)
 
 
-def rendered(name: str, values: Mapping[str, Any]) -> bytes:
-    """Return the page of a template with its style and its script, and a policy for these alone."""
+def grid_html(grid: StoredGrid, beside: Path, version: str) -> bytes:
+    """Return the report of a grid as the bytes of an HTML file that is to stand in `beside`."""
+    values = grid_page(grid, beside, version) | {"generator": GENERATOR, "method": METHOD}
+    return rendered("grid", values, assets="report")
+
+
+def rendered(name: str, values: Mapping[str, Any], assets: str = "") -> bytes:
+    """Return the page of a template with its style and its script, and a policy for these alone.
+
+    `assets` is the name of both, if not that of the template.
+    """
     environment = Environment(
         loader=PackageLoader("vibro_cli.report"),
         autoescape=True,
@@ -36,7 +47,7 @@ def rendered(name: str, values: Mapping[str, Any]) -> bytes:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    style, script = _asset(f"{name}.css"), _asset(f"{name}.js")
+    style, script = (_asset(f"{assets or name}.{kind}") for kind in ("css", "js"))
     policy = (
         "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
         f"style-src {_hash(style)}; script-src {_hash(script)}"

@@ -16,6 +16,10 @@ END_CAUSES = {
     "lift_off": "A body left the one-sided trace.",
     "rest": "All bodies are at rest.",
 }
+STATES = {
+    "invalid": "The scenario is not possible.",
+    "failed": "The run failed.",
+}
 LAWS = {
     "hedrih": "moments of momentum about the contact points and the coefficient of restitution "
     "on the angular velocities: A (3), B (15)–(16)",

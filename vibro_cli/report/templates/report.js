@@ -7,12 +7,13 @@ for (const table of document.querySelectorAll("table.sortable")) {
       const falling = head.getAttribute("aria-sort") === "ascending";
       const key = (row) => {
         const text = row.cells[column].dataset.key;
-        return text === "" ? Infinity : Number(text);
+        if (text === "") return null;
+        return Number.isNaN(Number(text)) ? text : Number(text);
       };
       const order = (one, other) => {
         const [a, b] = [key(one), key(other)];
         if (a === b) return 0;
-        if (a === Infinity || b === Infinity) return a < b ? -1 : 1; // no value: always last
+        if (a === null || b === null) return a === null ? 1 : -1; // no value: always last
         return (a < b) === falling ? 1 : -1;
       };
       body.append(...Array.from(body.rows).sort(order));

@@ -1,0 +1,200 @@
+"""Figures of grids made by hand: what is drawn, by number, and that nothing overlaps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.collections import PathCollection, QuadMesh
+from matplotlib.colors import LogNorm, to_rgb
+from matplotlib.figure import Figure
+
+from tests.figures.layout import assert_texts_are_apart, texts
+from tests.grid_folder import CAUSES, place_of, product, write_grid
+from vibro_cli.figures.endings import COLOURS
+from vibro_cli.figures.grid_curves import curves, diagram
+from vibro_cli.figures.grid_kinds import draw_grid
+from vibro_cli.figures.grid_maps import ending_map, quantity_map
+from vibro_cli.figures.lattice import lattice
+from vibro_cli.figures.output import has_rasters, render
+from vibro_cli.storage.stored_grid import NotAGrid, StoredGrid, is_grid, open_grid
+
+ANGLES = [-1.2, -1.1, -0.9, -0.6, -0.2]
+TWO = product({"balls[1].angle": ANGLES, "collision.k": [1.0, 0.9, 0.5]})
+THREE = product({"gravity": [9.81, 1.6], "balls[1].angle": ANGLES, "collision.k": [1.0, 0.9, 0.5]})
+WORDS = product({"balls[1].body": ["ball", "disk", "particle"], "collision.k": [1.0, 0.9]})
+ONE = {"balls[1].angle": ANGLES}
+TOGETHER = product({"balls[1].angle": ANGLES, "collision.k": [1.0, 0.9, 0.5]})
+TOGETHER["balls[2].angle"] = [-angle for angle in TOGETHER["balls[1].angle"]]
+RANDOM = np.random.default_rng(5)
+SAMPLE = {"balls[1].angle": RANDOM.random(40), "collision.k": RANDOM.random(40)}
+GRIDS: dict[str, Any] = {
+    "two": TWO, "three": THREE, "words": WORDS, "one": ONE, "sample": SAMPLE,
+}  # fmt: skip
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Any:
+    def make(columns: Any, **more: Any) -> StoredGrid:
+        return open_grid(write_grid(tmp_path / "grid", columns, **more))
+
+    return make
+
+
+def mesh(figure: Figure) -> QuadMesh:
+    (found,) = (one for one in figure.axes[0].collections if isinstance(one, QuadMesh))
+    return found
+
+
+def cells_of(figure: Figure) -> Any:
+    """The values of the cells, shape (rows, columns)."""
+    return mesh(figure).get_array()
+
+
+def dots(figure: Figure, panel: int = 0) -> PathCollection:
+    (found,) = (one for one in figure.axes[panel].collections if isinstance(one, PathCollection))
+    return found
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("name", GRIDS)
+def test_no_text_is_cut_off_or_overlaps_another(made: Any, name: str, width: str) -> None:
+    drawn = list(draw_grid(made(GRIDS[name], bad={1: ("invalid", "too steep")}), width))
+    expected = ["endings", "impacts", "energy", "curves", "diagram"]
+    assert [one.name for one in drawn] == (expected[3:] if name == "one" else expected)
+    for one in drawn:
+        assert_texts_are_apart(one.figure)
+
+
+def test_the_map_of_endings_has_the_colour_of_each_point(made: Any) -> None:
+    figure = ending_map(made(TWO, bad={4: ("invalid", "too steep")}))
+    assert figure is not None
+    colours = mesh(figure).to_rgba(cells_of(figure))[:, :, :3]
+    for n in range(15):
+        column, row = divmod(n, 3)
+        cause = "invalid" if n == 4 else CAUSES[n % 4]
+        # k falls from point to point, and rises along the figure's axis
+        assert colours[2 - row, column] == pytest.approx(to_rgb(COLOURS[cause])), n
+    shown = {text.get_text() for text in texts(figure)}
+    assert {"time (3)", "invalid (1)", "balls[1].angle [rad]", "collision.k"} <= shown
+
+
+def test_cells_end_halfway_between_values(made: Any) -> None:
+    across, along = lattice(made(TWO), 2).coordinates  # type: ignore[union-attr]
+    np.testing.assert_allclose(across.edges(), [-1.25, -1.15, -1.0, -0.75, -0.4, 0.0])
+    np.testing.assert_allclose(along.edges(), [0.3, 0.7, 0.95, 1.05])
+
+
+def test_the_map_of_a_quantity_has_its_values_and_leaves_out_what_is_not_there(made: Any) -> None:
+    grid = made(TWO)
+    values = np.where(np.arange(15) == 7, np.nan, 10.0 ** np.arange(15))
+    figure = quantity_map(grid, "single", values, "it")
+    assert figure is not None
+    cells = cells_of(figure)
+    for n in range(15):
+        column, row = divmod(n, 3)
+        assert (cells[2 - row, column] is np.ma.masked) == (n == 7)
+        if n != 7:
+            assert cells[2 - row, column] == values[n]
+    assert isinstance(mesh(figure).norm, LogNorm)
+    assert figure.axes[1].get_ylabel() == "it"
+    assert quantity_map(grid, "single", np.full(15, np.nan), "it") is None
+
+
+def test_further_axes_are_held_and_named(made: Any) -> None:
+    grid = made(THREE)
+    shown = lattice(grid, 2)
+    assert shown is not None
+    assert [one.path for one in shown.coordinates] == ["balls[1].angle", "collision.k"]
+    assert shown.held == "gravity = 9.81"
+    assert shown.rows.tolist() == list(range(15))
+    captions = {one.name: one.caption for one in draw_grid(grid, "single")}
+    assert captions["endings"].endswith("Held: gravity = 9.81.")
+    assert captions["curves"].endswith("Held: gravity = 9.81, collision.k = 1.")
+
+
+def test_axes_that_change_together_are_one(made: Any) -> None:
+    shown = lattice(made(TOGETHER), 2)
+    assert shown is not None
+    assert [one.path for one in shown.coordinates] == ["balls[1].angle", "collision.k"]
+    assert len(shown.rows) == 15
+    assert shown.held == ""
+
+
+def test_a_sample_is_shown_point_by_point(made: Any) -> None:
+    figure = ending_map(made(SAMPLE))
+    assert figure is not None
+    places = np.asarray(dots(figure).get_offsets())
+    np.testing.assert_array_equal(places[:, 0], SAMPLE["balls[1].angle"])
+    np.testing.assert_array_equal(places[:, 1], SAMPLE["collision.k"])
+
+
+def test_words_stand_beside_one_another(made: Any) -> None:
+    figure = ending_map(made(WORDS))
+    assert figure is not None
+    assert [text.get_text() for text in figure.axes[0].get_xticklabels()] == [
+        "ball", "disk", "particle",
+    ]  # fmt: skip
+
+
+def test_curves_have_the_values_of_the_summary(made: Any) -> None:
+    figure = curves(made(ONE))
+    assert figure is not None
+    n = np.arange(5)
+    for panel, values in enumerate((n % 7, 1.0 / (1.0 + n), np.where(n, 0.5 + 0.01 * n, np.nan))):
+        offsets = np.ma.filled(np.asarray(dots(figure, panel).get_offsets()), np.nan)
+        np.testing.assert_allclose(offsets[:, 0], ANGLES)
+        np.testing.assert_allclose(offsets[:, 1], values)
+
+
+def test_the_diagram_has_every_impact(made: Any) -> None:
+    figure = diagram(made(TWO))
+    assert figure is not None
+    expected = [
+        (angle, place_of(3 * column + 1, n))  # k is held at its first value
+        for column, angle in enumerate(ANGLES)
+        for n in range(1, 3 * column % 7 + 1)
+    ]
+    np.testing.assert_allclose(np.asarray(dots(figure).get_offsets()), expected)
+    assert diagram(made(TWO)) is not None
+
+
+def test_without_impacts_there_is_no_diagram(made: Any) -> None:
+    assert diagram(made(TWO, kept=False)) is None
+    assert "diagram" not in [one.name for one in draw_grid(made(TWO, kept=False), "single")]
+
+
+def test_a_million_points_are_a_raster(made: Any) -> None:
+    number = 30000
+    grid = made({"collision.k": np.linspace(0.0, 1.0, number)})
+    for figure in (curves(grid), diagram(grid)):
+        assert figure is not None
+        assert has_rasters(figure)
+        assert len(render(figure, "svg")) < 1_000_000
+
+
+def test_the_same_grid_gives_the_same_bytes(made: Any) -> None:
+    grid = made(TWO)
+    first, second = (
+        [render(one.figure, "pdf") for one in draw_grid(grid, "single")] for _ in range(2)
+    )
+    assert first == second
+
+
+def test_colours_of_endings_differ_in_grey() -> None:
+    grey = sorted(float(np.dot(to_rgb(one), [0.2126, 0.7152, 0.0722])) for one in COLOURS.values())
+    assert min(np.diff(grey)) > 0.06
+
+
+def test_other_folders_are_no_grids(tmp_path: Path) -> None:
+    assert not is_grid(tmp_path)
+    (tmp_path / "grid.json").write_text("{}")
+    assert is_grid(tmp_path)
+    with pytest.raises(NotAGrid, match="expected its manifest"):
+        open_grid(tmp_path)
+    folder = write_grid(tmp_path / "one", ONE)
+    (folder / "summary/part-000000.parquet").unlink()
+    with pytest.raises(NotAGrid, match="no finished point"):
+        open_grid(folder)

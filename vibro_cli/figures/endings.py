@@ -1,0 +1,72 @@
+"""How the runs of a grid end: one colour for each cause, told apart in grey too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from numpy.typing import NDArray
+
+from vibro_cli.figures.lattice import Swept
+
+COLOURS = {
+    "time": "#F0E442",
+    "collisions": "#7CC7F0",
+    "no_more_collisions": "#00579A",
+    "rest": "#f0f0f0",
+    "end_of_trace": "#E69F00",
+    "inadmissible": "#C04A00",
+    "lift_off": "#CC79A7",
+    "invalid": "#7a7a7a",
+    "failed": "#000000",
+}
+"""Of causes and, where there is none, of states: near Okabe and Ito's, each with its own grey."""
+
+
+@dataclass(frozen=True)
+class Endings:
+    """The endings of some points."""
+
+    causes: tuple[str, ...]
+    """Those that occur, in the order of `COLOURS`."""
+    code: NDArray[np.int64]
+    """Index of the cause of each point."""
+
+    @staticmethod
+    def of(grid: Swept, rows: NDArray[np.int64]) -> Endings:
+        """Return the endings of the points in rows of the summary."""
+        status = grid.summary["status"][rows].astype(str)
+        cause = np.where(status == "ok", grid.summary["end_cause"][rows].astype(str), status)
+        causes = tuple(name for name in COLOURS if np.any(cause == name))
+        code = np.array([causes.index(str(name)) for name in cause], dtype=np.int64)
+        return Endings(causes, code)
+
+    def colours(self) -> ListedColormap:
+        """Return the colours of the causes that occur."""
+        return ListedColormap([COLOURS[cause] for cause in self.causes])
+
+    def norm(self) -> BoundaryNorm:
+        """Return the map from codes to colours."""
+        number = len(self.causes)
+        return BoundaryNorm(np.arange(number + 1) - 0.5, number)
+
+    def entries(self) -> list[tuple[str, dict[str, Any]]]:
+        """Return the legend: each cause with the number of its points."""
+        counts = np.bincount(self.code, minlength=len(self.causes))
+        return [
+            (f"{cause.replace('_', ' ')} ({count})", _patch(COLOURS[cause]))
+            for cause, count in zip(self.causes, counts.tolist(), strict=True)
+        ]
+
+
+def _patch(colour: str) -> dict[str, Any]:
+    return {
+        "marker": "s",
+        "markersize": 4.5,
+        "markerfacecolor": colour,
+        "markeredgecolor": "#303030",
+        "markeredgewidth": 0.3,
+        "linestyle": "none",
+    }

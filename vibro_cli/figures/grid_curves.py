@@ -1,0 +1,127 @@
+"""Curves of a grid over one of its axes, and the diagram of the places of all impacts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vibro_cli.figures import strokes, style
+from vibro_cli.figures.chart import MOST_VECTOR_POINTS, log_axis, number_bar, stacked, value_axis
+from vibro_cli.figures.endings import Endings
+from vibro_cli.figures.lattice import Lattice, Swept, lattice, set_axis
+from vibro_cli.figures.legend import LINE, wrapped_legend
+from vibro_cli.figures.source import Array
+from vibro_cli.figures.style import WIDTHS
+
+_HIGH = {"single": (26.0, 26.0, 26.0), "double": (34.0, 34.0, 34.0)}
+_DIAGRAM = {"single": 58.0, "double": 80.0}
+_WIDE_RANGE = 50.0
+_PLACES = (
+    ("angle_a", r"angle at impact, body $a$", "rad"),
+    ("s_a", r"$s$ at impact, body $a$", "m"),
+    ("x_a", r"$x$ at impact, body $a$", "m"),
+)
+"""Columns of the place of an impact, the first of them that was kept is shown."""
+
+
+def curves(grid: Swept, width: str = "single") -> Figure | None:
+    """Return impacts, energy left and time of the first impact over the axis with most values.
+
+    Dots in the colours of the ending. None where no axis of numbers changes.
+    """
+    shown = lattice(grid, 1, numbers_first=True)
+    if shown is None:
+        return None
+    endings = Endings.of(grid, shown.rows)
+    table = {name: np.asarray(grid.summary[name][shown.rows], dtype=np.float64) for name in _NEEDED}
+    kept = table["energy_end"] / np.where(table["energy_start"] > 0.0, table["energy_start"], 1.0)
+    panels = [
+        (table["collisions"], "impacts", ""),
+        (kept, r"$E_\mathrm{end}/E_0$", ""),
+        (table["first_collision_time"], "first impact", "s"),
+    ]
+    panels = [one for one in panels if np.any(np.isfinite(one[0]))]
+    with style.journal():
+        lines = wrapped_legend(None, endings.entries(), WIDTHS[width])
+        heights = _HIGH[width][: len(panels)]
+        figure, drawn, across = stacked(width, heights, 2.0 + lines * LINE)
+        for axes, (values, symbol, unit), wide, high in zip(
+            drawn, panels, across, _HIGH[width], strict=False
+        ):
+            _dots(axes, shown, values, endings)
+            _value(axes, values, high, symbol, unit)
+            set_axis(axes, shown.coordinates[0], wide, vertical=False)
+            if axes is not drawn[-1]:
+                axes.set_xlabel("")
+                axes.set_xticklabels([])
+        wrapped_legend(figure, endings.entries(), WIDTHS[width])
+    return figure
+
+
+_NEEDED = ("collisions", "energy_start", "energy_end", "first_collision_time")
+
+
+def _dots(axes: Axes, shown: Lattice, values: Array, endings: Endings) -> None:
+    size = float(np.clip(1500.0 / len(values), 0.5, 7.0))
+    look: dict[str, Any] = {
+        "edgecolors": style.FRAME_GREY,
+        "linewidths": 0.2 if size > 2.0 else 0.0,
+    }
+    dots = axes.scatter(
+        shown.coordinates[0].place,
+        values,
+        c=endings.code,
+        cmap=endings.colours(),
+        norm=endings.norm(),
+        s=size,
+        zorder=2.0,
+        **look,
+    )
+    dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
+
+
+def _value(axes: Axes, values: Array, high: float, symbol: str, unit: str) -> None:
+    finite = values[np.isfinite(values)]
+    low, top = float(np.min(finite)), float(np.max(finite))
+    if low > 0.0 and top > _WIDE_RANGE * low:
+        log_axis(axes, finite, symbol, unit)
+    else:
+        value_axis(axes, low if unit else min(low, 0.0), top, high, symbol, unit)
+
+
+def diagram(grid: Swept, width: str = "single") -> Figure | None:
+    """Return the places of all impacts over the axis with most values, coloured by their number.
+
+    None where no impact was kept with its number and place, or no axis of numbers changes.
+    """
+    place = next((one for one in _PLACES if one[0] in grid.impact_columns()), None)
+    shown = lattice(grid, 1, numbers_first=True)
+    if place is None or shown is None or "n" not in grid.impact_columns():
+        return None
+    scenarios = grid.summary["scenario"][shown.rows]
+    impacts = grid.impacts(["scenario", "n", place[0]], scenarios)
+    where = np.asarray(impacts[place[0]], dtype=np.float64)
+    if not np.any(np.isfinite(where)):
+        return None
+    order = np.argsort(scenarios)
+    row = order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
+    with style.journal():
+        figure, (axes,), across = stacked(width, [_DIAGRAM[width]])
+        dots = axes.scatter(
+            shown.coordinates[0].place[row],
+            where,
+            c=impacts["n"],
+            cmap=strokes.time_colours(),
+            s=float(np.clip(6000.0 / len(where), 0.15, 4.0)),
+            linewidths=0.0,
+            zorder=2.0,
+        )
+        dots.set_rasterized(len(where) > MOST_VECTOR_POINTS)
+        low, high = float(np.nanmin(where)), float(np.nanmax(where))
+        value_axis(axes, low, high, _DIAGRAM[width], place[1], place[2])
+        set_axis(axes, shown.coordinates[0], across[0], vertical=False)
+        number_bar(figure, int(np.max(impacts["n"])))
+    return figure

@@ -1,0 +1,68 @@
+"""Every kind of figure of a grid, by name, with what it shows in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vibro_cli.figures.grid_curves import curves, diagram
+from vibro_cli.figures.grid_maps import ending_map, quantity_map
+from vibro_cli.figures.kinds import Drawn, Kind
+from vibro_cli.figures.lattice import Swept, lattice
+
+
+def _impacts(grid: Swept, width: str) -> Figure | None:
+    values = np.asarray(grid.summary["collisions"], dtype=np.float64)
+    return quantity_map(grid, width, np.where(values > 0.0, values, np.nan), "impacts")
+
+
+def _energy(grid: Swept, width: str) -> Figure | None:
+    start = np.asarray(grid.summary["energy_start"], dtype=np.float64)
+    end = np.asarray(grid.summary["energy_end"], dtype=np.float64)
+    share = np.divide(end, start, out=np.full(len(start), np.nan), where=start > 0.0)
+    return quantity_map(grid, width, share, r"$E_\mathrm{end}/E_0$", np.inf)
+
+
+_OVER_TWO = "Over the two axes with the most values"
+GRID_KINDS: dict[str, Kind[Swept]] = {
+    "endings": Kind(
+        ending_map,
+        "How the runs end",
+        f"{_OVER_TWO}: the cause that ended each run, in brackets for how many points.",
+    ),
+    "impacts": Kind(
+        _impacts,
+        "Number of impacts",
+        f"{_OVER_TWO}: the impacts of each run, white where there was none.",
+    ),
+    "energy": Kind(
+        _energy, "Energy left", f"{_OVER_TWO}: energy at the end as a share of that at the start."
+    ),
+    "curves": Kind(
+        curves,
+        "Runs over one axis",
+        "Impacts, share of the energy left and time of the first impact of each run, in the colour "
+        "of the cause that ended it.",
+    ),
+    "diagram": Kind(
+        diagram,
+        "Places of the impacts",
+        "Where the left body of each impact is, over one axis: every impact of every run, coloured "
+        "by its number.",
+    ),
+}
+_DIMENSIONS = {"curves": 1, "diagram": 1}
+
+
+def draw_grid(grid: Swept, width: str = "double") -> Iterator[Drawn]:
+    """Draw every kind of figure of a grid that has something to show."""
+    for name, kind in GRID_KINDS.items():
+        figure = kind.draw(grid, width)
+        if figure is None:
+            continue
+        one = _DIMENSIONS.get(name, 2)
+        shown = lattice(grid, one, numbers_first=one == 1)
+        held = f" Held: {shown.held}." if shown is not None and shown.fixed else ""
+        yield Drawn(name, kind.title, kind.caption + held, figure)

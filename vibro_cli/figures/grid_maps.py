@@ -1,0 +1,123 @@
+"""Maps of a grid over two of its axes: how runs end, and quantities of their summaries."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+
+from vibro_cli.figures import strokes, style
+from vibro_cli.figures.chart import MOST_VECTOR_POINTS
+from vibro_cli.figures.endings import Endings
+from vibro_cli.figures.lattice import Lattice, Swept, lattice, set_axis
+from vibro_cli.figures.legend import LINE, wrapped_legend
+from vibro_cli.figures.source import Array
+from vibro_cli.figures.style import MM, WIDTHS
+
+_HIGH = {"single": 52.0, "double": 72.0}
+_TOP = 3.0
+_BOTTOM = 9.0
+_RIGHT = 4.0
+_BAR = (2.5, 16.0)
+"""Width of the bar of colours, and the room it takes with its numbers and label (mm)."""
+_LABEL = 6.5
+"""Room for the label of the vertical axis and the ticks (mm)."""
+_WIDE_RANGE = 50.0
+
+
+def ending_map(grid: Swept, width: str = "single") -> Figure | None:
+    """Return how the runs end, a colour for each cause, over the two axes with the most values.
+
+    None for a grid with fewer than two axes that change.
+    """
+    shown = lattice(grid, 2)
+    if shown is None:
+        return None
+    endings = Endings.of(grid, shown.rows)
+    with style.journal():
+        lines = wrapped_legend(None, endings.entries(), WIDTHS[width])
+        figure, axes = _panel(shown, width, lines * LINE, bar=False)
+        _fill(axes, shown, endings.code.astype(np.float64), endings.colours(), endings.norm())
+        wrapped_legend(figure, endings.entries(), WIDTHS[width])
+    return figure
+
+
+def quantity_map(
+    grid: Swept, width: str, values: Array, label: str, least_log: float = _WIDE_RANGE
+) -> Figure | None:
+    """Return a quantity of the points over two axes, with a bar of its colours.
+
+    `values` holds one number for each point of the grid, NaN where there is none; colours are
+    logarithmic where they are positive and more than `least_log` apart. None for a grid with fewer
+    than two axes that change, or without any number.
+    """
+    shown = lattice(grid, 2)
+    if shown is None or not np.any(np.isfinite(values[shown.rows])):
+        return None
+    own = values[shown.rows]
+    with style.journal():
+        figure, axes = _panel(shown, width, 0.0, bar=True)
+        norm = _norm(own, least_log)
+        colours = strokes.time_colours()
+        _fill(axes, shown, own, colours, norm)
+        _draw_bar(figure, axes, ScalarMappable(norm, colours), label)
+    return figure
+
+
+def _norm(values: Array, least_log: float) -> Normalize:
+    finite = values[np.isfinite(values)]
+    low, high = float(np.min(finite)), float(np.max(finite))
+    if low > 0.0 and high > least_log * low:
+        return LogNorm(low, high)
+    return Normalize(low, high if high > low else low + 1.0)
+
+
+def _panel(shown: Lattice, width: str, legend: float, bar: bool) -> tuple[Figure, Axes]:
+    """Return a figure with its one panel, labelled."""
+    wide, high = WIDTHS[width], _HIGH[width]
+    across, along = shown.coordinates
+    edges = along.edges()
+    ticks = along.ticks(float(edges[0]), float(edges[-1]), high, vertical=True)
+    left = _LABEL + along.label_width(ticks)
+    inner = wide - left - (_BAR[1] if bar else _RIGHT)
+    total = _TOP + legend + high + _BOTTOM
+    figure = Figure(figsize=(wide * MM, total * MM))
+    axes = figure.add_axes((left / wide, _BOTTOM / total, inner / wide, high / total))
+    set_axis(axes, across, inner, vertical=False)
+    set_axis(axes, along, high, vertical=True)
+    return figure, axes
+
+
+def _fill(axes: Axes, shown: Lattice, values: Array, colours: Any, norm: Normalize) -> None:
+    """Draw cells where every pair of values has its point, else the points."""
+    across, along = shown.coordinates
+    if not shown.is_full:
+        size = float(np.clip(4000.0 / len(values), 0.6, 14.0))
+        dots = axes.scatter(
+            across.place, along.place, c=values, cmap=colours, norm=norm, s=size, linewidths=0.0
+        )
+        dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
+        return
+    columns, rows = len(across.different), len(along.different)
+    cells = np.full((rows, columns), np.nan)
+    at = (
+        np.searchsorted(along.different, along.place),
+        np.searchsorted(across.different, across.place),
+    )
+    cells[at] = values
+    mesh = axes.pcolormesh(across.edges(), along.edges(), cells, cmap=colours, norm=norm)
+    mesh.set_rasterized(True)  # as vectors, seams would show between the cells
+    axes.set_axisbelow(False)
+
+
+def _draw_bar(figure: Figure, axes: Axes, mappable: ScalarMappable, label: str) -> None:
+    box = axes.get_position()
+    wide = figure.get_figwidth() / MM
+    bar = figure.add_axes((box.x1 + 1.5 / wide, box.y0, _BAR[0] / wide, box.height))
+    drawn = figure.colorbar(mappable, cax=bar)
+    drawn.set_label(label, labelpad=2.0)
+    drawn.ax.tick_params(which="both", direction="out", left=False)

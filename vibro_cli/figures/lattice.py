@@ -1,0 +1,186 @@
+"""The points of a grid on the plane of two of its axes, or along one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from vibro_cli.figures.source import Array
+from vibro_cli.figures.ticks import CHARACTER, Ticks, number_ticks, vertical_ticks
+
+Column = NDArray[Any]
+_MOST_WORDS = 20
+
+
+class Swept(Protocol):
+    """What the figures of a grid need of it."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Key paths of the axes: the names of their columns."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of the columns of the summary."""
+
+    @property
+    def summary(self) -> Mapping[str, Column]:
+        """A row for each point."""
+
+    def impact_columns(self) -> tuple[str, ...]:
+        """Columns of the table of impacts, none where none was kept."""
+
+    def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
+        """Some columns of the impacts of some scenarios."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """An axis of a grid as an axis of a figure: numbers, or words one beside the other."""
+
+    path: str
+    unit: str
+    place: Array
+    """Where each point lies; shape (points,)."""
+    words: tuple[str, ...]
+    """The words at places 0, 1, …; none for numbers."""
+
+    @property
+    def label(self) -> str:
+        """The label of the figure's axis."""
+        return f"{self.path} [{self.unit}]" if self.unit else self.path
+
+    @property
+    def different(self) -> Array:
+        """The different places, rising."""
+        places: Array = np.unique(self.place)
+        return places
+
+    def edges(self) -> Array:
+        """Return the edges of cells around the different places: halfway to the neighbours."""
+        places = self.different
+        if len(places) == 1:
+            around: Array = places[0] + np.array([-0.5, 0.5]) * (abs(float(places[0])) or 1.0)
+            return around
+        middles = 0.5 * (places[1:] + places[:-1])
+        first, last = 2.0 * places[0] - middles[0], 2.0 * places[-1] - middles[-1]
+        edges: Array = np.concatenate([[first], middles, [last]])
+        return edges
+
+    def ticks(self, low: float, high: float, length: float, vertical: bool) -> Ticks:
+        """Return ticks for a figure's axis of a length (mm)."""
+        if self.words:
+            return Ticks(tuple(map(float, range(len(self.words)))), self.words)
+        return vertical_ticks(low, high, length) if vertical else number_ticks(low, high, length)
+
+    def label_width(self, ticks: Ticks) -> float:
+        """Return how wide the numbers or words of an axis are (mm)."""
+        return CHARACTER * max((len(text) for text in ticks.labels), default=0)
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """The points of a grid that a figure shows."""
+
+    rows: NDArray[np.int64]
+    """Rows of the summary."""
+    coordinates: tuple[Coordinate, ...]
+    """One or two."""
+    fixed: tuple[tuple[str, str], ...]
+    """Other axes, and the value at which they are held."""
+
+    @property
+    def is_full(self) -> bool:
+        """Whether every pair of values of the two axes is one point."""
+        sizes = [len(one.different) for one in self.coordinates]
+        return int(np.prod(sizes)) == len(self.rows)
+
+    @property
+    def held(self) -> str:
+        """In words at which values other axes are held."""
+        return ", ".join(f"{path} = {value}" for path, value in self.fixed)
+
+
+def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattice | None:
+    """Return the points over the axes with the most values, others held at their first value.
+
+    Axes that change together count as the first of them. With `numbers_first` the first coordinate
+    has to be one of numbers. None where the grid has too few axes that change.
+    """
+    columns = {path: grid.summary[path] for path in grid.axes}
+    changing = [path for path in _independent(columns) if len(np.unique(_plain(columns[path]))) > 1]
+    if numbers_first:
+        changing = [path for path in changing if columns[path].dtype != object]
+    if len(changing) < dimensions:
+        return None
+    by_size = sorted(changing, key=lambda path: -len(np.unique(_plain(columns[path]))))
+    chosen = by_size[:dimensions]
+    rest = [path for path in _independent(columns) if path not in chosen]
+    first = {path: columns[path][0] for path in rest}
+    scattered = len(np.unique(_plain(columns[chosen[0]]))) == len(columns[chosen[0]])
+    mask = np.ones(len(columns[chosen[0]]), dtype=np.bool_)
+    if not scattered:  # a sample has no two points with equal values: all are shown
+        for path in rest:
+            mask &= columns[path] == first[path]
+    rows = np.flatnonzero(mask)
+    fixed = () if scattered else tuple((path, _shown(first[path])) for path in rest)
+    coordinates = tuple(_coordinate(grid, path, rows) for path in chosen)
+    return Lattice(rows, coordinates, fixed)
+
+
+def _independent(columns: Mapping[str, Column]) -> list[str]:
+    """Return the axes without those that take each of their values with one value of another."""
+    kept: list[str] = []
+    codes: list[Column] = []
+    for path, values in columns.items():
+        _, code = np.unique(_plain(values), return_inverse=True)
+        if not any(_same_partition(code, other) for other in codes):
+            kept.append(path)
+            codes.append(code)
+    return kept
+
+
+def _same_partition(one: Column, other: Column) -> bool:
+    pairs = len(np.unique(np.column_stack([one, other]), axis=0))
+    constant = len(np.unique(one)) == 1
+    together = pairs == len(np.unique(one)) == len(np.unique(other))
+    return together and not constant and pairs < len(one)
+
+
+def _plain(values: Column) -> Column:
+    return values.astype(str) if values.dtype == object else values
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float | np.floating) else str(value)
+
+
+def _coordinate(grid: Swept, path: str, rows: NDArray[np.int64]) -> Coordinate:
+    values, unit = grid.summary[path][rows], grid.units[path]
+    if values.dtype != object:
+        return Coordinate(path, unit, values.astype(np.float64), ())
+    words, code = np.unique(values.astype(str), return_inverse=True)
+    return Coordinate(path, unit, code.astype(np.float64), tuple(map(str, words[:_MOST_WORDS])))
+
+
+def set_axis(axes: Axes, one: Coordinate, length: float, vertical: bool) -> Ticks:
+    """Set limits, ticks and label of an axis of a figure, of a length (mm)."""
+    edges = one.edges()
+    low, high = float(edges[0]), float(edges[-1])
+    ticks = one.ticks(low, high, length, vertical)
+    scaled = rf" [$10^{{{ticks.power}}}$ {one.unit}]" if ticks.power else None
+    text = f"{one.path}{scaled}" if scaled else one.label
+    if vertical:
+        axes.set_ylim(low, high)
+        axes.set_yticks(ticks.places, ticks.labels)
+        axes.set_ylabel(text)
+    else:
+        axes.set_xlim(low, high)
+        axes.set_xticks(ticks.places, ticks.labels)
+        axes.set_xlabel(text)
+    return ticks

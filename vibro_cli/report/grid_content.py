@@ -1,0 +1,140 @@
+"""What stands in the report of a grid, as plain values for its template."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.figures.endings import Endings
+from vibro_cli.report.content import cell, flat, link, versions
+from vibro_cli.report.images import figures_of_grid
+from vibro_cli.report.words import END_CAUSES, STATES, number
+from vibro_cli.storage.schema import Column, summary
+from vibro_cli.storage.stored_grid import StoredGrid
+
+FIRST_ROWS = 200
+"""Rows of the table of points that stand in the report."""
+_MOST_REASONS = 20
+_QUANTITIES = (
+    "collisions", "contacts", "crossings", "end_time", "first_collision_time",
+    "last_collision_time", "energy_start", "energy_end", "energy_drift", "max_gap",
+    "min_normal_force", "max_friction_demand",
+)  # fmt: skip
+_OF_POINTS = (
+    "status", "end_cause", "collisions", "contacts", "end_time", "energy_start", "energy_end",
+    "min_normal_force",
+)  # fmt: skip
+
+
+def grid_page(grid: StoredGrid, beside: Path, version: str) -> dict[str, Any]:
+    """Return the values of a report of a grid whose file is to stand in the folder `beside`."""
+    return {
+        "title": grid.name,
+        "version": version,
+        "folder": str(grid.folder),
+        "said": _said(grid),
+        "endings": _endings(grid),
+        "setting": _setting(grid),
+        "axes": [_axis(grid, path) for path in grid.axes],
+        "common": _common(grid),
+        "figures": list(figures_of_grid(grid)),
+        "quantities": [row for name in _QUANTITIES for row in _quantity(grid, name)],
+        "refused": _refused(grid),
+        "points": _points(grid),
+        "link": link(grid.folder / "summary", beside),
+        "versions": versions(grid.manifest),
+    }
+
+
+def _said(grid: StoredGrid) -> str:
+    """Say whether all points are there."""
+    total = int(grid.manifest["points"])
+    if grid.points == total:
+        return f"All {total} points are solved."
+    return f"{grid.points} of {total} points are solved so far."
+
+
+def _endings(grid: StoredGrid) -> list[list[str]]:
+    """Causes, or states where there is none, with their numbers of points."""
+    found = Endings.of(grid, np.arange(grid.points))
+    counts = np.bincount(found.code, minlength=len(found.causes)).tolist()
+    words = END_CAUSES | STATES
+    return [
+        [cause.replace("_", " "), str(count), words[cause]]
+        for cause, count in zip(found.causes, counts, strict=True)
+    ]
+
+
+def _setting(grid: StoredGrid) -> list[tuple[str, str]]:
+    keep = grid.definition["keep"]
+    found = [
+        ("How the axes are combined", str(grid.definition["mode"])),
+        ("Points", str(grid.manifest["points"])),
+        ("Impacts kept", "yes" if keep["collisions"] else "no, the summaries only"),
+    ]
+    if grid.definition["mode"] in ("latin-hypercube", "sobol"):
+        found.append(("Seed", str(grid.definition["seed"])))
+    return found
+
+
+def _axis(grid: StoredGrid, path: str) -> list[str]:
+    values = grid.summary[path]
+    if values.dtype == object:
+        words = sorted(set(values.astype(str)))
+        return [path, "", ", ".join(words[:_MOST_REASONS]), "–", "–"]
+    different = np.unique(values)
+    ends = [number(different[place].item()) for place in (0, -1)]
+    return [path, grid.units[path] or "1", str(len(different)), *ends]
+
+
+def _common(grid: StoredGrid) -> list[list[str]]:
+    """The keys of the scenario that no axis changes."""
+    settings = flat(grid.definition["scenario"])
+    return [[path, number(value)] for path, value in settings.items() if path not in grid.axes]
+
+
+def _quantity(grid: StoredGrid, name: str) -> list[list[str]]:
+    """Least, median and greatest value of a column; nothing where it has none."""
+    values = np.asarray(grid.summary[name], dtype=np.float64)
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return []
+    unit = grid.units[name]
+    shown = [number(float(of(finite)), unit) for of in (np.min, np.median, np.max)]
+    return [[name.replace("_", " "), *shown]]
+
+
+def _refused(grid: StoredGrid) -> list[list[str]]:
+    """The reasons of points that could not be solved, those of most points first."""
+    status = grid.summary["status"].astype(str)
+    bad = status != "ok"
+    if not np.any(bad):
+        return []
+    pairs = np.column_stack([status[bad], grid.summary["reason"][bad].astype(str)])
+    reasons, counts = np.unique(pairs, axis=0, return_counts=True)
+    order = np.argsort(-counts, kind="stable")[:_MOST_REASONS]
+    shown = [[str(counts[n]), str(reasons[n, 0]), str(reasons[n, 1])] for n in order]
+    left = len(counts) - len(shown)
+    return [*shown, ["…", "", f"{left} more reasons"]] if left else shown
+
+
+def _points(grid: StoredGrid) -> dict[str, Any]:
+    """The first rows of the summary, with what each column means."""
+    known = {column.name: column for column in summary(0).columns}
+    axes = [_axis_column(grid, path) for path in grid.axes]
+    first = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
+    columns = [first, *axes, *(known[name] for name in _OF_POINTS)]
+    rows = range(min(grid.points, FIRST_ROWS))
+    return {
+        "columns": columns,
+        "rows": [[cell(grid.summary, column, row) for column in columns] for row in rows],
+        "total": grid.points,
+    }
+
+
+def _axis_column(grid: StoredGrid, path: str) -> Column:
+    words = grid.summary[path].dtype == object
+    meaning = "value of this key of the scenario"
+    return Column(path, "string" if words else "float64", grid.units[path], meaning)
