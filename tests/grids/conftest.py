@@ -16,13 +16,13 @@ Write = Callable[..., Path]
 def small(tmp_path: Path) -> Write:
     """Writes a grid of 12 points over two balls on three arcs, some of them invalid."""
 
-    def write(collisions: bool = True, more: str = "", name: str = "small") -> Path:
+    def write(head: str = "", name: str = "small") -> Path:
         path = tmp_path / f"{name}.toml"
         path.write_text(
-            f'base = "{SCENARIOS / "three_arcs.toml"}"\n'
+            f'{head}base = "{SCENARIOS / "three_arcs.toml"}"\n'
             '[[axes]]\npath = "balls[1].angle"\nlinspace = [-1.4, -1.0, 4]\n'
             '[[axes]]\npath = "collision.k"\nvalues = [1.0, 0.6, 1.2]\n'
-            f"[keep]\ncollisions = {str(collisions).lower()}\n{more}"
+            "[keep]\ncollisions = true\n"
         )
         return path
 

@@ -14,6 +14,7 @@ from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.grids.document import Grid
+    from vibro_cli.grids.shards import Shard
 
 GridFile = Annotated[
     str,
@@ -39,6 +40,9 @@ class Wishes:
     strict: bool
     force: bool
     repair: bool
+    merge: bool
+    shard: "Shard | None"
+    dask: str | None
     as_json: bool
 
     def folder_of(self, grid: "Grid") -> Path:
@@ -91,11 +95,34 @@ def grid(
             "--repair", help="Solve again what `vibro verify DIR` finds missing or damaged."
         ),
     ] = False,
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            "--shard",
+            metavar="I/N",
+            help="Solve the I-th of N parts only, into a folder of its own within DIR.",
+        ),
+    ] = None,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="Put the finished shards of DIR together.")
+    ] = False,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            "--dask",
+            metavar="ADDRESS",
+            help="Solve on the workers of this Dask scheduler, tls://… or tcp://localhost…; they "
+            "must share DIR.",
+            envvar="VIBRO_DASK",
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print what was done as one JSON object.")
     ] = False,
 ) -> Task:
     """Sweep parameters of a scenario: a dataset of summaries, and of every impact if kept."""
+    if merge and (shard is not None or dask is not None or repair or force):
+        raise typer.BadParameter("--merge goes with none of --shard, --dask, --repair and --force")
     wishes = Wishes(
         source=source,
         output=output,
@@ -106,9 +133,25 @@ def grid(
         strict=strict,
         force=force,
         repair=repair,
+        merge=merge,
+        shard=_read_shard(shard),
+        dask=dask,
         as_json=as_json,
     )
     return partial(_estimate if dry_run else _sweep, wishes)
+
+
+def _read_shard(text: str | None) -> "Shard | None":
+    if text is None:
+        return None
+    from vibro_cli.grids.shards import Shard
+
+    try:
+        return Shard.read(text)
+    except ValueError:
+        raise typer.BadParameter(
+            f"found {text!r}, expected I/N such as 3/16", param_hint="--shard"
+        ) from None
 
 
 def load(wishes: Wishes) -> "Grid":

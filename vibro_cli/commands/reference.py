@@ -17,6 +17,7 @@ ENVIRONMENT = {
     "VIBRO_FIGURES": "`0`: as with `--no-figures`",
     "VIBRO_STRICT": "`1`: as with `--strict`",
     "VIBRO_WORKERS": "`--workers` of `vibro grid`",
+    "VIBRO_DASK": "`--dask` of `vibro grid`",
     "VIBRO_LOG_FORMAT": "`--log-format` of every command",
     "VIBRO_CACHE_DIR": "where compiled kernels are kept, instead of the platform's cache folder",
     "NO_COLOR": "nothing is coloured, so nothing changes",

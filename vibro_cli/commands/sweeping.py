@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.commands.boundary import CommandError, say
+from vibro_cli.commands.boundary import FAILED, CommandError, say
 from vibro_cli.commands.progress import Progress
 from vibro_cli.commands.words import size
 
@@ -17,21 +17,32 @@ if TYPE_CHECKING:
 def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
     from vibro_cli.commands.grid import engine_of
+    from vibro_cli.grids.cluster import ClusterError
     from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened
     from vibro_cli.grids.sample import expected_impacts
+    from vibro_cli.grids.shards import MergeRefused, merge
     from vibro_cli.storage.provenance import FolderRefused
 
     folder = wishes.folder_of(grid)
+    if wishes.shard is not None:
+        folder = wishes.shard.folder_in(folder)
     try:
         expected = expected_impacts(grid)
         engine = engine_of(wishes, grid, expected)
         chunks = _chunks(wishes, grid, expected, folder)
-        with opened(folder, grid, chunks, wishes.force) as dataset:
-            if wishes.repair:
-                _drop_damaged(dataset)
-            _solve(wishes, dataset, engine, workers)
+        wanted = None if wishes.shard is None else wishes.shard.chunks_of(chunks)
+        with opened(folder, grid, chunks, wishes.force, wanted) as dataset:
+            if wishes.merge:
+                for _ in merge(dataset):
+                    pass
+            else:
+                if wishes.repair:
+                    _drop_damaged(dataset)
+                _solve(wishes, dataset, engine, workers)
     except (FolderRefused, GridChanged, FolderInUse) as error:
         raise CommandError(f"vibro: {error}") from error
+    except (MergeRefused, ClusterError) as error:
+        raise CommandError(f"vibro: {error}", FAILED) from error
     state = _state(dataset)
     _tell(grid.name, state, folder)
     return state
@@ -41,9 +52,12 @@ def _chunks(wishes: "Wishes", grid: "Grid", expected: float, folder: Path) -> "C
     """How the grid is divided: as the folder has it, if it has it already."""
     from vibro_cli.grids.chunks import Chunks
     from vibro_cli.grids.dataset import known_chunk_size
+    from vibro_cli.grids.shards import chunk_size_of_shards
 
     known = None if wishes.force else known_chunk_size(folder)
-    if known is not None:
+    if wishes.merge and known is None:
+        known = chunk_size_of_shards(folder)
+    if known is not None and grid.chunk_points is None:
         return Chunks.of_size(grid, known, expected)
     return Chunks.of(grid, expected)
 
@@ -61,16 +75,19 @@ def _drop_damaged(dataset: "Dataset") -> None:
 
 def _solve(wishes: "Wishes", dataset: "Dataset", engine: str, workers: int) -> None:
     """Solve the missing chunks; what is finished is taken down, however it ends."""
+    from vibro_cli.grids.cluster import solve_on_cluster
     from vibro_cli.grids.threads import solve_in_threads
 
     missing = dataset.missing
-    if len(missing) < dataset.chunks.count and missing:
-        done = dataset.chunks.count - len(missing)
-        say(f"vibro: going on after {done:,} of {dataset.chunks.count:,} chunks")
+    if 0 < len(missing) < len(dataset.wanted):
+        done = len(dataset.wanted) - len(missing)
+        say(f"vibro: going on after {done:,} of {len(dataset.wanted):,} chunks")
     progress = Progress(sum(_points(dataset, chunk) for chunk in missing))
-    receipts = solve_in_threads(
-        dataset.grid, dataset.chunks, missing, dataset.folder, workers, engine, progress.add
-    )
+    given = dataset.grid, dataset.chunks, missing, dataset.folder
+    if wishes.dask is None:
+        receipts = solve_in_threads(*given, workers, engine, progress.add)
+    else:
+        receipts = solve_on_cluster(*given, wishes.dask, engine, progress.add)
     try:
         for receipt in receipts:
             dataset.add(receipt)
@@ -102,8 +119,6 @@ def _check_failures(wishes: "Wishes", dataset: "Dataset") -> None:
     most = wishes.max_failures
     found = sum(one.invalid + one.failed for one in dataset.receipts.values())
     if most is not None and found > most:
-        from vibro_cli.commands.boundary import FAILED
-
         text = f"vibro: {found} points are invalid or failed, --max-failures allows {most}"
         raise CommandError(text, FAILED)
 

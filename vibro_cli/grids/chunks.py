@@ -46,7 +46,7 @@ class Chunks:
         size = _POINTS_OF_A_PART
         if grid.keep.collisions:
             size = max(1, min(size, int(_IMPACTS_OF_A_PART / expected)))
-        return Chunks.of_size(grid, size, expected)
+        return Chunks.of_size(grid, grid.chunk_points or size, expected)
 
     @staticmethod
     def of_size(grid: Grid, size: int, impacts_of_a_point: float) -> Chunks:

@@ -12,8 +12,9 @@ import fcntl
 import hashlib
 import json
 import os
+import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ from vibro_cli.storage.provenance import (
 
 GRID_NAME = "grid.json"
 _LOCK_NAME = ".lock"
+_SHARD = re.compile(r"shard-\d+-of-\d+")
 _FOLDERS = ("summary", "collisions")
 # The manifest is written at most once in this time (s), and at the end.
 _EVERY = 5.0
@@ -53,13 +55,15 @@ class Dataset:
     folder: Path
     grid: Grid
     chunks: Chunks
+    wanted: Sequence[int]
+    """The chunks that are to be here: all of them, or those of a shard."""
     receipts: dict[int, Receipt] = field(default_factory=dict)
     _written: float = 0.0
 
     @property
     def missing(self) -> list[int]:
         """The chunks that are not finished."""
-        return [chunk for chunk in range(self.chunks.count) if chunk not in self.receipts]
+        return [chunk for chunk in self.wanted if chunk not in self.receipts]
 
     def add(self, receipt: Receipt) -> None:
         """Take down a finished chunk."""
@@ -81,6 +85,7 @@ class Dataset:
             entries |= receipt.files
         details = {
             "complete": not self.missing,
+            "wanted": len(self.wanted),
             "points": self.chunks.points,
             "chunk_points": self.chunks.size,
             "chunks": [receipt.counts() for receipt in receipts],
@@ -101,7 +106,13 @@ def known_chunk_size(folder: Path) -> int | None:
 
 
 @contextlib.contextmanager
-def opened(folder: Path, grid: Grid, chunks: Chunks, anew: bool = False) -> Iterator[Dataset]:
+def opened(
+    folder: Path,
+    grid: Grid,
+    chunks: Chunks,
+    anew: bool = False,
+    wanted: Sequence[int] | None = None,
+) -> Iterator[Dataset]:
     """Open the folder of a grid for writing, and hold it alone.
 
     Parameters
@@ -112,6 +123,8 @@ def opened(folder: Path, grid: Grid, chunks: Chunks, anew: bool = False) -> Iter
         What it is to hold.
     anew
         Whether what it holds of a grid is dropped.
+    wanted
+        The chunks that are to be here; all of them for None.
 
     Raises
     ------
@@ -133,7 +146,7 @@ def opened(folder: Path, grid: Grid, chunks: Chunks, anew: bool = False) -> Iter
         check_same(folder, grid, chunks)
         for name in ("", *_FOLDERS):
             remove_partial_files(folder / name)
-        dataset = Dataset(folder, grid, chunks)
+        dataset = Dataset(folder, grid, chunks, range(chunks.count) if wanted is None else wanted)
         content = json_bytes(resolved_with(grid, chunks))
         if not (folder / GRID_NAME).exists():
             write_file(folder / GRID_NAME, content)
@@ -144,9 +157,12 @@ def opened(folder: Path, grid: Grid, chunks: Chunks, anew: bool = False) -> Iter
 
 def check_grid_folder(folder: Path) -> None:
     """Raise `FolderRefused` unless the folder is free, empty, or holds a grid of ours."""
-    if not folder.is_dir() or not (folder / GRID_NAME).exists():
+    if folder.exists() and not folder.is_dir():
+        raise FolderRefused(f"{folder} is a file; expected a folder or nothing")
+    if not (folder / GRID_NAME).exists():
         entries = {one.name for one in folder.iterdir()} if folder.is_dir() else set()
         # An empty folder of a run that was stopped at once is ours.
+        entries = {name for name in entries if not _SHARD.fullmatch(name)}
         if not folder.exists() or entries <= {_LOCK_NAME, *_FOLDERS, MANIFEST_NAME}:
             return
         check_replaceable(folder, "grid")

@@ -26,7 +26,7 @@ from vibro_cli.scenario.problems import (
 from vibro_cli.scenario.source import Source
 from vibro_cli.storage.schema import collisions
 
-_KEYS = ("name", "base", "scenario", "mode", "n", "seed", "axes", "keep")
+_KEYS = ("name", "base", "scenario", "mode", "n", "seed", "axes", "keep", "chunk_points")
 _KEEP = ("collisions", "columns")
 
 
@@ -48,6 +48,8 @@ class Grid:
     """The scenario that the axes change; it need not be complete without them."""
     design: Design
     keep: Keep
+    chunk_points: int | None = None
+    """Points of a chunk, which is a part on the disk; chosen by the program for None."""
 
     def resolved(self) -> dict[str, Any]:
         """Return the grid as plain data: two grids with equal data give equal tables."""
@@ -96,6 +98,7 @@ def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
     except Wrong as error:
         collect(error)
     try:
+        _check_chunk_points(document.data)
         design = _design(document, folder, base, collect)
     except Wrong as error:
         collect(error)
@@ -103,7 +106,7 @@ def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
         raise ScenarioError(sorted(problems, key=lambda one: (one.line or 0, one.column or 0)))
     assert base is not None
     name = document.data.get("name", document.name)
-    return Grid(name, base, design, keep)
+    return Grid(name, base, design, keep, document.data.get("chunk_points"))
 
 
 def _check_keys(table: dict[str, Any], known: Sequence[str], loc: KeyPath, collect: Any) -> None:
@@ -191,6 +194,13 @@ def _keep(given: Any, collect: Any) -> Keep:
     if not kept:
         raise Wrong(("keep", "columns"), "columns without collisions", "collisions = true", True)
     return Keep(True, tuple(name for name in known if name in columns))
+
+
+def _check_chunk_points(data: dict[str, Any]) -> None:
+    size = data.get("chunk_points")
+    whole = isinstance(size, int) and not isinstance(size, bool) and size >= 1
+    if "chunk_points" in data and not whole:
+        raise Wrong(("chunk_points",), shown(size), "a whole number of at least 1")
 
 
 def _design(document: Document, folder: Path, base: Document | None, collect: Any) -> Design:

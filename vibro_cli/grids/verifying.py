@@ -73,10 +73,7 @@ def verify(folder: Path) -> Verdict:
 
 
 def _missing_chunks(manifest: dict[str, Any]) -> int:
-    if "chunk_points" not in manifest:
-        return 0
-    count = -(-manifest["points"] // manifest["chunk_points"])
-    return int(count - len(manifest["chunks"]))
+    return int(manifest["wanted"] - len(manifest["chunks"])) if "wanted" in manifest else 0
 
 
 def _check(folder: Path, name: str, described: dict[str, Any]) -> Finding | None:

@@ -30,7 +30,7 @@ def write_file(path: Path, content: bytes) -> None:
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
-    _flush_folder(path.parent)
+    flush_folder(path.parent)
 
 
 def remove_partial_files(folder: Path) -> None:
@@ -48,7 +48,7 @@ def _write_new(path: Path, content: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def _flush_folder(path: Path) -> None:
+def flush_folder(path: Path) -> None:
     """Wait until the entries of a folder are on the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
@@ -82,13 +82,13 @@ def new_folder(target: Path, check: Callable[[Path], None]) -> Iterator[NewFolde
     partial, handle = _open_partial(target)
     try:
         yield NewFolder(partial)
-        _flush_folder(partial)
+        flush_folder(partial)
         check(target)
         _put_in_place(partial, target)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
         os.close(handle)
-    _flush_folder(target.parent)
+    flush_folder(target.parent)
 
 
 def _open_partial(target: Path) -> tuple[Path, int]:

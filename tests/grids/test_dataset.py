@@ -1,0 +1,271 @@
+"""The dataset on the disk: the same bytes however it came about, and nothing lost on the way."""
+
+from __future__ import annotations
+
+import errno
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.grids.conftest import Write
+from vibro_cli.grids.chunks import Chunks
+from vibro_cli.grids.dataset import FolderInUse, opened
+from vibro_cli.grids.document import Grid, load_grid
+from vibro_cli.grids.shards import MergeRefused, Shard, merge
+from vibro_cli.grids.threads import solve_in_threads
+from vibro_cli.grids.verifying import verify
+from vibro_cli.storage import files
+from vibro_cli.storage.provenance import FolderRefused
+
+SIZE = 5  # points of a chunk: three chunks, the last one short
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Every file of a folder but locks."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != ".lock"
+    }
+
+
+def solve(
+    grid: Grid,
+    folder: Path,
+    threads: int = 1,
+    stretch: int = SIZE,
+    shard: Shard | None = None,
+    backwards: bool = False,
+) -> None:
+    """Solve what is missing of a grid, interpreted."""
+    chunks = Chunks(grid.design.points, SIZE, stretch)
+    wanted = None if shard is None else shard.chunks_of(chunks)
+    with opened(folder, grid, chunks, wanted=wanted) as data:
+        missing = data.missing[::-1] if backwards else data.missing
+        tell = lambda points, impacts: None  # noqa: E731
+        for receipt in solve_in_threads(grid, chunks, missing, folder, threads, "python", tell):
+            data.add(receipt)
+        data.write_manifest()
+
+
+@pytest.fixture
+def grid(small: Write) -> Grid:
+    return load_grid(small(), ["stop.collisions=4"])
+
+
+@pytest.fixture
+def undisturbed(grid: Grid, tmp_path: Path) -> dict[str, bytes]:
+    solve(grid, tmp_path / "undisturbed")
+    return content(tmp_path / "undisturbed")
+
+
+@pytest.mark.parametrize(
+    "how",
+    [{"threads": 3}, {"threads": 2, "stretch": 2}, {"backwards": True}, {"stretch": 1}],
+    ids=["threads", "stretches", "backwards", "one by one"],
+)
+def test_the_bytes_do_not_depend_on_how_it_is_solved(
+    grid: Grid, tmp_path: Path, undisturbed: dict[str, bytes], how: dict[str, Any]
+) -> None:
+    solve(grid, tmp_path / "other", **how)
+    assert content(tmp_path / "other") == undisturbed
+    assert len(undisturbed) == 2 * 3 + 2
+
+
+def test_shards_are_put_together(grid: Grid, tmp_path: Path, undisturbed: dict[str, bytes]) -> None:
+    folder = tmp_path / "sharded"
+    chunks = Chunks(grid.design.points, SIZE, SIZE)
+    for number in (2, 1):
+        with opened(folder, grid, chunks) as data, pytest.raises(MergeRefused):
+            list(merge(data))
+        shard = Shard(number, 2)
+        solve(grid, shard.folder_in(folder), shard=shard)
+        assert verify(shard.folder_in(folder)).sound
+    with opened(folder, grid, chunks) as data:
+        assert len(list(merge(data))) == 3
+    assert content(folder) == undisturbed
+    assert not list(folder.glob("shard-*"))
+
+
+def test_a_damaged_shard_is_not_merged(grid: Grid, tmp_path: Path) -> None:
+    chunks = Chunks(grid.design.points, SIZE, SIZE)
+    shard = Shard(1, 1)
+    solve(grid, shard.folder_in(tmp_path / "s"), shard=shard)
+    part = shard.folder_in(tmp_path / "s") / "summary" / "part-000001.parquet"
+    part.write_bytes(part.read_bytes()[:-1] + b"!")
+    with opened(tmp_path / "s", grid, chunks) as data, pytest.raises(MergeRefused, match="SHA-256"):
+        list(merge(data))
+    assert not list((tmp_path / "s" / "summary").iterdir())
+
+
+def test_two_cannot_write_into_one_folder(grid: Grid, tmp_path: Path) -> None:
+    chunks = Chunks(grid.design.points, SIZE, SIZE)
+    with (
+        opened(tmp_path / "one", grid, chunks),
+        pytest.raises(FolderInUse),
+        opened(tmp_path / "one", grid, chunks),
+    ):
+        pass
+    with opened(tmp_path / "one", grid, chunks):
+        pass
+
+
+def test_parts_that_no_manifest_tells_of_are_taken_up(
+    grid: Grid, tmp_path: Path, undisturbed: dict[str, bytes]
+) -> None:
+    folder = tmp_path / "undisturbed"
+    (folder / "manifest.json").unlink()
+    (folder / "summary" / ".part-000000.parquet.partial-ab").write_bytes(b"half")
+    before = {path: path.stat().st_ino for path in folder.rglob("part-*")}
+    solve(grid, folder)
+    assert content(folder) == undisturbed
+    assert {path: path.stat().st_ino for path in folder.rglob("part-*")} == before
+
+
+class Failing:
+    """Lets the n-th call of a function of the system fail, and only that one."""
+
+    def __init__(self, real: Callable[..., Any], at: int, error: int) -> None:
+        self._real, self._at, self._error = real, at, error
+        self._lock = threading.Lock()
+        self.calls = 0
+
+    def __call__(self, *arguments: Any, **more: Any) -> Any:
+        with self._lock:
+            self.calls += 1
+            fails = self.calls == self._at
+        if fails:
+            raise OSError(self._error, os.strerror(self._error))
+        return self._real(*arguments, **more)
+
+
+def _failing_calls() -> Iterator[tuple[str, int]]:
+    yield from (("fsync", error) for error in (errno.EIO, errno.ENOSPC))
+    yield from (("replace", error) for error in (errno.EIO, errno.ENOSPC, errno.EROFS))
+    yield from (("open", error) for error in (errno.ENOSPC, errno.EACCES))
+    yield from (("write", error) for error in (errno.EIO, errno.ENOSPC))
+
+
+@pytest.mark.parametrize(("call", "error"), list(_failing_calls()))
+def test_every_call_of_the_system_may_fail_once(
+    grid: Grid, tmp_path: Path, undisturbed: dict[str, bytes], call: str, error: int
+) -> None:
+    at = 0
+    while True:
+        at += 1
+        folder = tmp_path / f"{call}-{error}-{at}"
+        with pytest.MonkeyPatch.context() as patch:
+            failing = _fail(patch, call, at, error)
+            try:
+                solve(grid, folder, threads=2)
+            except OSError as raised:
+                assert raised.errno == error  # noqa: PT017 (it may also succeed)
+        for name, whole in (content(folder) if folder.exists() else {}).items():
+            if "part-" in name:
+                assert whole == undisturbed[name], "a part is there whole or not at all"
+        solve(grid, folder)
+        assert content(folder) == undisturbed
+        if failing.calls < at:
+            break
+    assert at > 8
+
+
+def _fail(patch: pytest.MonkeyPatch, call: str, at: int, error: int) -> Failing:
+    if call in ("fsync", "replace"):
+        failing = Failing(getattr(os, call), at, error)
+        patch.setattr(f"vibro_cli.storage.files.os.{call}", failing)
+        return failing
+    if call == "open":
+        failing = Failing(open, at, error)
+        patch.setattr(files, "open", failing, raising=False)
+        return failing
+    failing = Failing(lambda: None, at, error)
+
+    def opened_for_writing(path: Any, mode: str) -> Any:
+        file: Any = _real_open(path, mode)
+        real = file.write
+        wrapped = _Wrapped(
+            file,
+            lambda data: (real(data[: len(data) // 2]), failing(), real(data[len(data) // 2 :]))[2],
+        )
+        return wrapped
+
+    patch.setattr(files, "open", opened_for_writing, raising=False)
+    return failing
+
+
+_real_open = open
+
+
+class _Wrapped:
+    """A file whose writing goes through another function."""
+
+    def __init__(self, file: Any, write: Callable[[bytes], Any]) -> None:
+        self._file, self.write = file, write
+
+    def __enter__(self) -> _Wrapped:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._file.close()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+def test_every_flipped_bit_is_found(grid: Grid, tmp_path: Path) -> None:
+    folder = tmp_path / "flipped"
+    solve(grid, folder)
+    assert verify(folder).sound
+    parts = sorted(folder.rglob("part-*.parquet"))
+    draw = random.Random(5)
+    for _ in range(500):
+        part = draw.choice(parts)
+        whole = part.read_bytes()
+        damaged = bytearray(whole)
+        bit = draw.randrange(8 * len(whole))
+        damaged[bit // 8] ^= 1 << bit % 8
+        part.write_bytes(damaged)
+        findings = verify(folder).findings
+        assert [(one.file, one.state) for one in findings] == [
+            (str(part.relative_to(folder)), "damaged")
+        ]
+        part.write_bytes(whole)
+
+
+def test_a_folder_that_cannot_be_written_is_told(grid: Grid, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FolderRefused):
+        solve(grid, tmp_path / "file")
+
+
+def command(grid: Path, folder: Path, *more: str) -> list[str]:
+    """The program on a grid, in a process of its own."""
+    call = [sys.executable, "-m", "vibro_cli", "grid", str(grid), "-o", str(folder)]
+    return [*call, "--engine", "python", "--workers", "2", "--set", "stop.collisions=4", *more]
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_whatever_ends_the_process_the_same_command_goes_on(
+    small: Write, tmp_path: Path, end: signal.Signals
+) -> None:
+    from tests.grids.kill import kill_and_go_on
+
+    path = small()
+    grid = load_grid(path, ["stop.collisions=4"])
+    reference = subprocess.run(command(path, tmp_path / "whole"), capture_output=True, check=True)
+    assert b"12 points" in reference.stderr
+    killed = kill_and_go_on(
+        lambda folder: command(path, folder), tmp_path / "cut", end, random.Random(3), times=2
+    )
+    assert content(tmp_path / "cut") == content(tmp_path / "whole")
+    assert killed >= 0
+    assert grid.design.points == 12

@@ -1,0 +1,66 @@
+"""Other programs open the dataset, with units and words as they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.grids.conftest import Write
+from vibro_cli.commands.app import run_command_line
+
+
+@pytest.fixture
+def folder(small: Write, tmp_path: Path) -> Path:
+    arguments = ["grid", str(small(head="chunk_points = 5\n")), "-o", str(tmp_path / "data")]
+    assert run_command_line([*arguments, "--set", "stop.collisions=4"]) == 0
+    return tmp_path / "data"
+
+
+def test_pandas(folder: Path) -> None:
+    import pandas as pd
+
+    summary = pd.read_parquet(folder / "summary")
+    assert summary["scenario"].tolist() == list(range(1, 13))
+    assert summary["balls[1].angle"].nunique() == 4
+    assert (summary["status"] == "invalid").sum() == 4
+    assert summary.loc[summary["status"] == "invalid", "end_time"].isna().all()
+    collisions = pd.read_parquet(folder / "collisions")
+    counts = collisions.groupby("scenario").size()
+    expected = summary.set_index("scenario")["collisions"].loc[counts.index]
+    assert counts.tolist() == expected.tolist()
+
+
+def test_polars(folder: Path) -> None:
+    import polars as pl
+
+    summary = pl.read_parquet(str(folder / "summary" / "*.parquet"))
+    assert summary["scenario"].to_list() == list(range(1, 13))
+    assert summary.filter(pl.col("status") == "ok")["end_time"].null_count() == 0
+    schema = pl.read_parquet_metadata(folder / "summary" / "part-000000.parquet")
+    assert "vibro:grid" in schema
+
+
+def test_duckdb(folder: Path) -> None:
+    import duckdb
+
+    with duckdb.connect() as base:
+        rows = base.sql(
+            f"select s.scenario, s.collisions, count(c.n), max(c.energy_loss) "
+            f"from '{folder}/summary/*.parquet' s left join '{folder}/collisions/*.parquet' c "
+            "using (scenario) where s.status = 'ok' group by all order by all"
+        ).fetchall()
+    assert len(rows) == 8
+    assert all(told == counted for _, told, counted, _ in rows)
+
+
+def test_units_are_in_the_metadata(folder: Path) -> None:
+    import pyarrow.dataset as ds
+
+    for table, units in {
+        "summary": {"balls[1].angle": b"rad", "end_time": b"s", "energy_start": b"J"},
+        "collisions": {"t": b"s", "speed_a_pre": b"m/s", "impulse_moment": b"N m s"},
+    }.items():
+        schema = ds.dataset(folder / table).schema
+        assert {name: schema.field(name).metadata[b"unit"] for name in units} == units
+        assert all(b"description" in field.metadata for field in schema)
