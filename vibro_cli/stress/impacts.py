@@ -44,12 +44,13 @@ def check(plan: Plan) -> list[Finding]:
     """The first impacts of many scenes, and every flight of them on its own."""
     rng = np.random.default_rng([plan.seed, 29])
     whole, single = Worst(), Worst()
-    for document, run in _scenes(rng, plan.amount(4, 100)):
-        happenings = happenings_of(run)
-        twin = Twin(scene_of_system(run.system))
-        whole.take(_error(run, twin.follow(happenings)), document)
-        for restarted, off in _single_flights(run.system, happenings):
-            single.take(off, _as_document(document, restarted))
+    for document, run, grown in _scenes(rng, plan.amount(4, 100)):
+        twin, exact = Twin(scene_of_system(run.system)), []
+        for happening in happenings_of(run):
+            restarted, told = _restarted(run.system, twin, happening)
+            exact += twin.follow([happening])
+            single.take(_single_flight(restarted, told), _as_document(document, restarted))
+        whole.take(_error(run, grown, exact), document)
     tried = "2 and 3 bodies on a circle, a valley, three arcs, a line between valleys; 50 digits"
     return [
         Finding(
@@ -64,8 +65,13 @@ def check(plan: Plan) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _scenes(rng: np.random.Generator, count: int) -> Iterator[tuple[Document, Run]]:
-    """Scenes with ten ordinary impacts each; joint impacts and lasting contact are drawn again."""
+def _scenes(
+    rng: np.random.Generator, count: int
+) -> Iterator[tuple[Document, Run, dict[str, list[float]]]]:
+    """Scenes with ten ordinary impacts each, their runs, and how much a change of an input grows.
+
+    Joint impacts and lasting contact are drawn again.
+    """
     found = 0
     while found < count:
         document = _scene(rng, found)
@@ -74,10 +80,11 @@ def _scenes(rng: np.random.Generator, count: int) -> Iterator[tuple[Document, Ru
         joint = bool(run.collisions["simultaneous"].any())
         if len(run.collisions["n"]) < FIRST or joint or "contact_closed" in kinds:
             continue
-        if max(_amplified(run)["t"]) > MOST_AMPLIFIED:
+        grown = _amplified(run)
+        if max(grown["t"]) > MOST_AMPLIFIED:
             continue
         found += 1
-        yield document, run
+        yield document, run, grown
 
 
 def _scene(rng: np.random.Generator, number: int) -> Document:
@@ -115,9 +122,9 @@ def _amplified(run: Run) -> dict[str, list[float]]:
         return {"t": [np.inf]}
 
 
-def _error(run: Run, exact: list[Impact]) -> float:
+def _error(run: Run, grown: dict[str, list[float]], exact: list[Impact]) -> float:
     """Greatest error of an instant or a place, in eps x the amplification of a change."""
-    grown, worst = _amplified(run), 0.0
+    worst = 0.0
     for quantity, (_, value) in {**TIME, **PLACES}.items():
         for row, impact in enumerate(exact):
             off = float(abs(solved(run, quantity, row) - value(impact)))
@@ -125,26 +132,20 @@ def _error(run: Run, exact: list[Impact]) -> float:
     return worst
 
 
-def _single_flights(system: System, happenings: list[Happening]) -> Iterator[tuple[System, float]]:
-    """Every flight to the next event, from the twin's states rounded to doubles.
+def _restarted(system: System, twin: Twin, happening: Happening) -> tuple[System, Happening]:
+    """The system from the twin's states on the way to an event, in doubles, and that event."""
+    length = mp.mpf(happening.t) - twin.t
+    begin = twin.t + BEGUN * length
+    places = [twin.at(number, begin) for number in range(len(system.bodies))]
+    states = tuple(InitialState(now.piece, float(now.place), float(now.speed)) for now in places)
+    return replace(system, initial=states), happening._replace(t=float((1 - BEGUN) * length))
 
-    Yields the system that starts there, and the relative error of the instant of its first event.
-    """
+
+def _single_flight(system: System, told: Happening) -> float:
+    """Relative error of the instant of the first event, in the flight's length."""
     twin = Twin(scene_of_system(system))
-    for happening in happenings:
-        length = mp.mpf(happening.t) - twin.t
-        begin = twin.t + BEGUN * length
-        places = [twin.at(number, begin) for number in range(len(system.bodies))]
-        states = tuple(
-            InitialState(now.piece, float(now.place), float(now.speed)) for now in places
-        )
-        twin.follow([happening])
-        changed = replace(system, initial=states)
-        told = happening._replace(t=float((1 - BEGUN) * length))
-        again = Twin(scene_of_system(changed))
-        again.follow([told])
-        found = _first_event(changed, told)
-        yield changed, float(abs(found - again.t) / again.t)
+    twin.follow([told])
+    return float(abs(_first_event(system, told) - twin.t) / twin.t)
 
 
 def _first_event(system: System, told: Happening) -> Any:

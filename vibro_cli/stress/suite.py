@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from importlib import import_module
 
 from vibro_cli.stress.fifty_digits import multiprecision
@@ -23,11 +25,29 @@ NAMES = (
 )
 
 
+# Processes of the long form.
+WORKERS = 2
+
+
+def findings_of(name: str, plan: Plan) -> list[Finding]:
+    """What one check finds."""
+    check: Callable[[Plan], list[Finding]]
+    check = import_module(f"vibro_cli.stress.{name}").check
+    return check(plan)
+
+
 def run(plan: Plan, names: Sequence[str]) -> Iterator[Finding]:
-    """Run the checks of these names (all when empty), in the order of ``NAMES``."""
+    """Run the checks of these names (all when empty) and yield in the order of ``NAMES``.
+
+    Those of the long form run two at a time, each in a process.
+    """
     multiprecision()  # so that its absence is told before anything else
-    for name in NAMES:
-        if not names or name in names:
-            check: Callable[[Plan], list[Finding]]
-            check = import_module(f"vibro_cli.stress.{name}").check
-            yield from check(plan)
+    chosen = [name for name in NAMES if not names or name in names]
+    if not plan.full or len(chosen) == 1:
+        for name in chosen:
+            yield from findings_of(name, plan)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(WORKERS, mp_context=context) as workers:
+        for findings in workers.map(findings_of, chosen, [plan] * len(chosen)):
+            yield from findings

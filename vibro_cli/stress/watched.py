@@ -11,7 +11,7 @@ from vibro_cli.stress.finding import Document
 from vibro_cli.stress.scenes import solve
 
 # Seconds of waiting; far more than any of the runs takes, on a busy machine too.
-PATIENCE = 30.0
+PATIENCE = 20.0
 
 
 def _serve(connection: Connection) -> None:
@@ -52,7 +52,7 @@ class _Worker:
             if self._connection.poll(seconds):
                 return str(self._connection.recv())
             answer = f"no end within {seconds:g} s"
-        except (EOFError, BrokenPipeError):
+        except (EOFError, OSError):
             answer = "the process ended"
         self._process.kill()
         self._process.join()
