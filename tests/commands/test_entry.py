@@ -4,7 +4,6 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -127,36 +126,6 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
     assert outcome.err.startswith("vibro: ")
     assert outcome.err.count("\n") == 1
     assert message in outcome.err
-
-
-def test_a_closed_pipe_ends_quietly() -> None:
-    for arguments in (("schema",), ("schema", "tables"), ("new", "--list")):
-        process = subprocess.Popen(
-            [sys.executable, "-m", "vibro_cli", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-        assert process.stdout is not None
-        assert process.stderr is not None
-        process.stdout.close()
-        assert process.stderr.read() == b""
-        process.stderr.close()
-        assert process.wait() == 0
-
-
-def test_a_full_disk_is_an_error_on_one_line() -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full on this system")
-    with open("/dev/full", "wb") as full:
-        outcome = subprocess.run(
-            [sys.executable, "-m", "vibro_cli", "schema", "tables"],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
-    assert outcome.returncode == 1
-    assert outcome.stderr == "vibro: No space left on device\n"
 
 
 def test_outputs_may_be_closed_or_poor_in_letters() -> None:

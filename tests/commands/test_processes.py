@@ -1,136 +1,30 @@
-"""Every command as a process of its own: on terminals, pipes, full disks, read-only folders."""
+"""The program as a process of its own: signals, locales, variables, completion, links, names."""
 
 import json
 import os
-import pty
-import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.commands.conftest import SCENARIO
+from tests.commands.processes import ROOT, VIBRO, call, environment, prepare
 from vibro_cli.commands.boundary import EXIT_CODES
 
-ROOT = Path(__file__).parents[2]
-VIBRO = [sys.executable, "-m", "vibro_cli"]
-# Every command in a form that prints results to standard output.
-PRINTING = {
-    "run": ["run", "small.toml", "--format", "jsonl"],
-    "run --json": ["run", "small.toml", "--json", "--no-figures"],
-    "check": ["check", "small.toml"],
-    "show": ["show", "done/collisions.parquet"],
-    "schema": ["schema"],
-    "new": ["new", "three_arcs", "-o", "-"],
-    "help": ["help", "tables"],
-    "portrait": ["portrait", "small.toml", "--json", "--no-figures"],
-}
-# Every command that writes files, and where.
-WRITING = {
-    "run": ["run", "small.toml", "--no-figures", "-o", "locked/out"],
-    "run --continue": ["run", "--continue", "locked/done", "--set", "stop.collisions=5"],
-    "new": ["new", "three_arcs", "-o", "locked/new.toml"],
-    "portrait": ["portrait", "small.toml", "--no-figures", "-o", "locked/portrait"],
-}
 # Without losses a run with many impacts asked for goes on for minutes, without compiling anything.
 LONG = ["--engine", "python", "--set", "collision.k=1", "--set", "balls[1].angle=-0.5"]
-
-
-def environment(**changes: str) -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(ROOT), "VIBRO_FIGURES": "0", **changes}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a scenario and the results of one run."""
     folder = tmp_path_factory.mktemp("processes")
-    (folder / "small.toml").write_text(SCENARIO)
-    subprocess.run(
-        [*VIBRO, "run", "small.toml", "-o", "done", "-q"], cwd=folder, env=environment(), check=True
-    )
+    prepare(folder)
     return folder
-
-
-def call(folder: Path, *arguments: str, **changes: str) -> subprocess.CompletedProcess[bytes]:
-    return subprocess.run(
-        [*VIBRO, *arguments],
-        cwd=folder,
-        env=environment(**changes),
-        capture_output=True,
-        check=False,
-        timeout=60,
-    )
-
-
-def on_terminal(folder: Path, arguments: list[str], **changes: str) -> tuple[int, bytes]:
-    """Exit code and all output of a command whose three streams are a terminal."""
-    process, terminal = pty.fork()
-    if process == 0:
-        os.chdir(folder)
-        os.execve(sys.executable, [*VIBRO, *arguments], environment(**changes))
-    output = b""
-    while True:
-        try:
-            more = os.read(terminal, 65536)
-        except OSError:  # the other side is closed (Linux)
-            break
-        if not more:
-            break
-        output += more
-    os.close(terminal)
-    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), output
-
-
-@pytest.mark.parametrize("name", PRINTING)
-def test_on_a_terminal_and_in_a_pipe(folder: Path, name: str) -> None:
-    piped = call(folder, *PRINTING[name])
-    assert piped.returncode == 0, piped.stderr
-    assert piped.stdout
-    assert b"\x1b" not in piped.stdout + piped.stderr
-    code, seen = on_terminal(folder, PRINTING[name], NO_COLOR="1", TERM="dumb")
-    assert code == 0
-    assert b"\x1b" not in seen
-    if name != "show":  # its columns are cut to fit the terminal
-        assert piped.stdout.splitlines()[0] in seen
-
-
-@pytest.mark.parametrize("name", PRINTING)
-def test_into_a_closed_pipe(folder: Path, name: str) -> None:
-    process = subprocess.Popen(
-        [*VIBRO, *PRINTING[name], *([] if name == "help" else ["-q"])],
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    assert process.stdout is not None
-    process.stdout.close()
-    assert process.stderr is not None
-    assert process.stderr.read() == b""
-    process.stderr.close()
-    assert process.wait(timeout=60) == 0
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
-@pytest.mark.parametrize("name", PRINTING)
-def test_onto_a_full_disk(folder: Path, name: str) -> None:
-    with open("/dev/full", "wb") as full:
-        outcome = subprocess.run(
-            [*VIBRO, *PRINTING[name]],
-            cwd=folder,
-            env=environment(),
-            stdout=full,
-            stderr=subprocess.PIPE,
-            check=False,
-        )
-    assert outcome.returncode == 1
-    assert outcome.stderr.splitlines()[-1] == b"vibro: No space left on device"
-    assert b"Traceback" not in outcome.stderr
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
@@ -141,58 +35,6 @@ def test_words_that_nobody_takes_change_nothing(folder: Path) -> None:
                 [*VIBRO, *arguments], cwd=folder, env=environment(), stderr=full, check=False
             )
         assert outcome.returncode == code
-
-
-@pytest.fixture
-def small_disk(folder: Path) -> Iterator[Path]:
-    """A folder whose files may not grow: the next best thing to a full disk."""
-    locked = folder / "locked"
-    shutil.copytree(folder / "done", locked / "done")
-    yield locked
-    shutil.rmtree(locked)
-
-
-def listing(folder: Path) -> list[str]:
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
-
-
-@pytest.mark.parametrize("name", WRITING)
-def test_files_that_may_not_grow_leave_nothing_behind(
-    folder: Path, small_disk: Path, name: str
-) -> None:
-    before = listing(small_disk)
-    outcome = subprocess.run(
-        [*VIBRO, *WRITING[name]],
-        cwd=folder,
-        env=environment(PYTHONDONTWRITEBYTECODE="1"),
-        capture_output=True,
-        check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)),
-    )
-    assert outcome.returncode == 1
-    assert outcome.stderr.count(b"\n") == 1
-    assert b"File too large" in outcome.stderr
-    assert listing(small_disk) == before
-
-
-@pytest.mark.parametrize("name", WRITING)
-def test_where_nothing_can_be_written(folder: Path, small_disk: Path, name: str) -> None:
-    before = listing(small_disk)
-    arguments = list(WRITING[name])
-    if os.geteuid() == 0:  # root may write anywhere: a file where a folder should be stops it too
-        if name == "run --continue":
-            pytest.skip("root writes into every folder")
-        (small_disk / "file").write_text("")
-        before = listing(small_disk)
-        arguments[-1] = arguments[-1].replace("locked/", "locked/file/")
-    else:
-        small_disk.chmod(0o555)
-    outcome = call(folder, *arguments)
-    small_disk.chmod(0o755)
-    assert outcome.returncode == 1
-    assert outcome.stderr.startswith(b"vibro: ")
-    assert outcome.stderr.count(b"\n") == 1
-    assert listing(small_disk) == before
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from tests.commands.conftest import Vibro
 from vibro_cli.numerics.cache import cache_folder
 
 ROOT = Path(__file__).parents[2]
@@ -32,3 +35,12 @@ def test_after_warming_nothing_is_compiled(tmp_path: Path) -> None:
     )  # fmt: skip
     assert "compiling" not in words
     assert "ended at t = " in words
+
+
+def test_warming_fails_where_nothing_can_be_kept(
+    vibro: Vibro, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vibro_cli.numerics.cache.FirstCallAlone.kept", False)
+    outcome = vibro("warm", "--json", "-q")
+    assert (outcome.code, outcome.out) == (1, b"")
+    assert outcome.err == f"vibro: the kernels cannot be kept in {cache_folder()}\n"

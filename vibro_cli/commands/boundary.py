@@ -13,7 +13,7 @@ from types import FrameType
 from typing import Any
 
 from vibro_cli.commands.options import Task
-from vibro_cli.commands.streams import choose_words, drain_standard_output, prepare_streams
+from vibro_cli.commands.streams import choose_words, drain_standard_output, prepare_streams, silence
 from vibro_cli.commands.streams import say as say  # a command takes all it ends with from here
 
 DONE, FAILED, MISUSED, NOT_STRICT = 0, 1, 2, 3
@@ -89,9 +89,11 @@ def perform(task: Task, log_format: str = "text") -> int:
     except BrokenPipeError:  # whoever read our results has enough of them
         return DONE
     except KeyboardInterrupt:
+        silence(sys.stdout)  # who does not read any more must not be waited for
         say("vibro: interrupted; what was finished is kept", "error")
         return INTERRUPTED
     except Terminated as end:
+        silence(sys.stdout)
         how = "hung up" if end.exit_code == HUNG_UP else "terminated"
         say(f"vibro: {how}; what was finished is kept", "error")
         return end.exit_code

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, say
+from vibro_cli.commands.boundary import DONE, FAILED, CommandError, say
 from vibro_cli.commands.options import Task
 from vibro_cli.commands.streams import json_text
 
@@ -35,13 +35,17 @@ def warm(
 def _warm(as_json: bool) -> int:
     from vibro_cli.api import simulate
     from vibro_cli.numerics.cache import cache_folder
+    from vibro_cli.numerics.engine import compiled_once
     from vibro_cli.scenario import parse_scenario
+    from vibro_cli.simulation.loop import advance
 
     tell_of_compiling()
     begin = time.perf_counter()
     simulate(parse_scenario(_TINY, "toml"), "numba")
     taken = time.perf_counter() - begin
     folder = cache_folder()
+    if not compiled_once(advance).kept:
+        raise CommandError(f"vibro: the kernels cannot be kept in {folder}", FAILED)
     if as_json:
         print(json_text({"cache": str(folder), "seconds": taken}))
     say(f"the kernels are compiled and kept in {folder} ({taken:.1f} s)")

@@ -80,9 +80,15 @@ class FirstCallAlone:
             if not _exists(self._ready):
                 tell(f"compiling the kernels; this takes a minute or two{kept}")
             result = self._dispatcher(*arguments)
-            with contextlib.suppress(OSError):
-                self._ready.touch()
+            if self.kept:
+                with contextlib.suppress(OSError):
+                    self._ready.touch()
         return result
+
+    @property
+    def kept(self) -> bool:
+        """Whether the machine code is kept for the next process, once the kernel was called."""
+        return bool(self._dispatcher._cache.kept)
 
 
 def _exists(path: Path) -> bool:

@@ -68,6 +68,9 @@ def keep_in(folder: Path, dispatcher: Any) -> None:
 class _CheckedCache(FunctionCache):
     """A cache of machine code that never is the reason for a failure."""
 
+    kept = True
+    """Whether what was compiled last could be saved, if anything was."""
+
     def __init__(self, function: Any) -> None:
         super().__init__(function)
         self._cache_file = _CheckedFile(
@@ -78,6 +81,7 @@ class _CheckedCache(FunctionCache):
         try:
             super().save_overload(signature, data)
         except OSError as error:
+            self.kept = False
             tell(f"compiled kernels cannot be kept in {self._cache_path} ({error.strerror})")
 
 

@@ -24,13 +24,23 @@ def write_file(path: Path, content: bytes) -> None:
     Raises `OSError` when it cannot be written; then nothing is left behind.
     """
     partial = path.with_name(f".{path.name}.partial-{secrets.token_hex(6)}")
+    with _errors_name(path):
+        try:
+            _write_new(partial, content)
+            os.replace(partial, path)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
+        flush_folder(path.parent)
+
+
+@contextlib.contextmanager
+def _errors_name(path: Path) -> Iterator[None]:
+    """Have errors of the system name the file that was to be written, not a part of it, or none."""
     try:
-        _write_new(partial, content)
-        os.replace(partial, path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
-    flush_folder(path.parent)
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def remove_partial_files(folder: Path) -> None:
@@ -60,12 +70,14 @@ def flush_folder(path: Path) -> None:
 class NewFolder:
     """A folder in the making; its files come into view together, when it is put in place."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, target: Path) -> None:
         self.path = path
+        self.target = target
 
     def write(self, name: str, content: bytes) -> None:
         """Add a file; raises `OSError` when it cannot be written or is there already."""
-        _write_new(self.path / name, content)
+        with _errors_name(self.target / name):
+            _write_new(self.path / name, content)
 
 
 @contextlib.contextmanager
@@ -75,16 +87,19 @@ def new_folder(target: Path, check: Callable[[Path], None]) -> Iterator[NewFolde
     `check(target)` raises when an existing `target` must not be replaced; it is asked again at the
     end. When the block or the replacement fails, `target` is as it was and nothing is left behind.
     """
-    target = Path(os.path.realpath(target))
+    shown, target = target, Path(os.path.realpath(target))
     check(target)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    _remove_abandoned(target)
-    partial, handle = _open_partial(target)
+    with _errors_name(shown):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _remove_abandoned(target)
+        partial, handle = _open_partial(target)
     try:
-        yield NewFolder(partial)
-        flush_folder(partial)
+        yield NewFolder(partial, shown)
+        with _errors_name(shown):
+            flush_folder(partial)
         check(target)
-        _put_in_place(partial, target)
+        with _errors_name(shown):
+            _put_in_place(partial, target)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
         os.close(handle)

@@ -1,0 +1,158 @@
+"""Every command on a terminal, in a pipe, in a closed pipe, on a full disk, in a read-only folder,
+and interrupted: real processes, and one line of words where it cannot succeed.
+"""
+
+import shlex
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.commands import processes
+from vibro_cli.commands.app import app
+from vibro_cli.numerics.cache import cache_folder
+
+# Every command in a form that prints results to standard output.
+PRINTING = {
+    "run": ["run", "small.toml", "--format", "jsonl"],
+    "run --json": ["run", "small.toml", "--json", "--no-figures"],
+    "portrait": ["portrait", "small.toml", "--json", "--no-figures"],
+    "report": ["report", "done", "-o", "-"],
+    "check": ["check", "small.toml"],
+    "show": ["show", "done/collisions.parquet"],
+    "schema": ["schema"],
+    "new": ["new", "three_arcs", "-o", "-"],
+    "stress": ["stress", "--only", "elliptic"],
+    "warm": ["warm", "--json"],
+    "help": ["help", "tables"],
+}
+# Every command that writes files, in a form that writes them into `locked`.
+WRITING = {
+    "run": ["run", "small.toml", "--no-figures", "-o", "locked/out"],
+    "run --continue": [
+        "run", "--continue", "done", "--set", "stop.collisions=5", "--no-figures", "-o", "locked/on"
+    ],
+    "portrait": ["portrait", "small.toml", "--no-figures", "-o", "locked/portrait"],
+    "report": ["report", "done", "-o", "locked/page.html"],
+    "new": ["new", "three_arcs", "-o", "locked/new.toml"],
+    "stress": ["stress", "--only", "elliptic", "-o", "locked/stress"],
+}  # fmt: skip
+# These write nothing but to standard output; `warm` keeps machine code, see below.
+PRINTING_ONLY = {"check", "show", "schema", "help"}
+
+
+def command_of(name: str) -> str:
+    return name.split()[0]
+
+
+def test_every_command_is_in_the_matrix() -> None:
+    every = {command.name for command in app.registered_commands}
+    assert {command_of(name) for name in PRINTING} == every
+    assert {command_of(name) for name in WRITING} == every - PRINTING_ONLY - {"warm"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a scenario and the results of one run."""
+    folder = tmp_path_factory.mktemp("matrix")
+    processes.prepare(folder)
+    (folder / "locked").mkdir()
+    return folder
+
+
+@pytest.mark.parametrize("name", PRINTING)
+def test_on_a_terminal(folder: Path, name: str) -> None:
+    code, seen = processes.on_terminal(folder, PRINTING[name], TERM="dumb", NO_COLOR="1")
+    assert code == 0
+    assert seen.strip()
+    assert b"\x1b" not in seen
+
+
+@pytest.mark.parametrize("name", PRINTING)
+def test_in_a_pipe(folder: Path, name: str) -> None:
+    outcome = processes.call(folder, *PRINTING[name])
+    assert outcome.returncode == 0, outcome.stderr
+    assert outcome.stdout.strip()
+    assert b"\x1b" not in outcome.stdout + outcome.stderr
+    assert b"\r" not in outcome.stderr  # nothing is drawn over: there is nobody who looks
+
+
+@pytest.mark.parametrize("name", PRINTING)
+def test_in_a_closed_pipe(folder: Path, name: str) -> None:
+    outcome = processes.into_closed_pipe(folder, PRINTING[name])
+    assert outcome.returncode == 0
+    assert b"vibro:" not in outcome.stderr
+    assert b"rror" not in outcome.stderr
+
+
+@pytest.mark.parametrize("name", PRINTING)
+def test_with_a_full_disk_behind_standard_output(folder: Path, name: str) -> None:
+    outcome = processes.onto_full_device(folder, PRINTING[name])
+    assert outcome.returncode == 1
+    assert outcome.stderr.count(b"vibro: No space left on device\n") == 1
+    assert b"Traceback" not in outcome.stderr
+
+
+@pytest.mark.parametrize("name", PRINTING)
+def test_interrupted_while_nobody_reads(folder: Path, name: str) -> None:
+    code, words = processes.interrupted_while_printing(folder, PRINTING[name], signal.SIGINT)
+    assert code == 130
+    assert words.splitlines()[-1] == b"vibro: interrupted; what was finished is kept"
+    assert b"Traceback" not in words
+
+
+@pytest.mark.parametrize("name", WRITING)
+def test_on_a_full_disk(folder: Path, name: str) -> None:
+    outcome, left = processes.in_mounts(folder, processes.FULL, WRITING[name])
+    assert_refused(outcome, b"No space left on device")
+    assert left == ["locked", "locked/others"]
+
+
+@pytest.mark.parametrize("name", WRITING)
+def test_where_files_may_not_grow(folder: Path, name: str) -> None:
+    assert_refused(processes.with_short_files(folder, WRITING[name]), b"File too large")
+    assert list((folder / "locked").iterdir()) == []
+
+
+@pytest.mark.parametrize("name", WRITING)
+def test_in_a_read_only_folder(folder: Path, name: str) -> None:
+    outcome, left = processes.in_mounts(folder, processes.READ_ONLY, WRITING[name])
+    assert_refused(outcome, b"Read-only file system")
+    assert left == ["locked"]
+
+
+def assert_refused(outcome: processes.Outcome, reason: bytes) -> None:
+    assert outcome.returncode == 1, outcome.stderr
+    (words,) = [line for line in outcome.stderr.splitlines() if reason in line]
+    assert words.startswith(b"vibro: ")
+    assert b"locked" in words
+    assert b"Traceback" not in outcome.stderr
+
+
+@pytest.mark.parametrize("name", WRITING)
+def test_a_folder_in_which_all_is_well(folder: Path, name: str) -> None:
+    """That the commands above do write, where they can."""
+    outcome = processes.call(folder, *WRITING[name])
+    assert outcome.returncode == 0, outcome.stderr
+    written = sorted((folder / "locked").iterdir())
+    for path in written:
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    assert len(written) == 1
+
+
+def test_machine_code_in_a_read_only_folder_is_used(folder: Path) -> None:
+    """Such as that of an image of a container, warmed when it was made."""
+    assert processes.call(folder, "warm").returncode == 0
+    cache = shlex.quote(str(cache_folder()))
+    mounting = f"mount --bind {cache} {cache} && mount -o remount,ro,bind {cache}"
+    outcome, _ = processes.in_mounts(folder, mounting, ["warm"])
+    assert outcome.returncode == 0
+    assert outcome.stderr.startswith(b"the kernels are compiled and kept in ")
+    assert outcome.stderr.count(b"\n") == 1
+
+
+def test_typing_control_c(folder: Path) -> None:
+    code, seen = processes.on_terminal(folder, ["check", "-"], typed=b"\x03")
+    assert code in (130, -signal.SIGINT)  # the latter: before Python was there to hear it
+    assert b"Traceback" not in seen
