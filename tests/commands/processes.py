@@ -17,6 +17,12 @@ from tests.commands.conftest import SCENARIO
 
 ROOT = Path(__file__).parents[2]
 VIBRO = [sys.executable, "-m", "vibro_cli"]
+GRID = """
+base = "small.toml"
+[[axes]]
+path = "collision.k"
+values = [0.8, 0.9]
+"""
 Outcome = subprocess.CompletedProcess[bytes]
 
 
@@ -27,8 +33,9 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 def prepare(folder: Path) -> None:
-    """Put a scenario, and the results of a run of it, into a folder."""
+    """Put a scenario, a grid, and the results of a run into a folder."""
     (folder / "small.toml").write_text(SCENARIO)
+    (folder / "grid.toml").write_text(GRID)
     outcome = call(folder, "run", "small.toml", "-o", "done", "-q")
     assert outcome.returncode == 0, outcome.stderr
 
@@ -113,7 +120,7 @@ def interrupted_while_printing(
     )
     os.close(writing)
     while "pipe" not in Path(f"/proc/{process.pid}/wchan").read_text():
-        assert process.poll() is None
+        assert process.poll() is None, process.communicate()
         time.sleep(0.02)
     process.send_signal(number)
     _, words = process.communicate(timeout=300)

@@ -13,14 +13,17 @@ from tests.commands import processes
 from vibro_cli.commands.app import app
 from vibro_cli.numerics.cache import cache_folder
 
+INTERPRETED = ("--engine", "python")
 # Every command in a form that prints results to standard output.
 PRINTING = {
     "run": ["run", "small.toml", "--format", "jsonl"],
     "run --json": ["run", "small.toml", "--json", "--no-figures"],
+    "grid": ["grid", "grid.toml", "--dry-run", "--json", *INTERPRETED],
     "portrait": ["portrait", "small.toml", "--json", "--no-figures"],
     "report": ["report", "done", "-o", "-"],
     "check": ["check", "small.toml"],
     "show": ["show", "done/collisions.parquet"],
+    "verify": ["verify", "done", "--json"],
     "schema": ["schema"],
     "new": ["new", "three_arcs", "-o", "-"],
     "stress": ["stress", "--only", "elliptic"],
@@ -33,13 +36,14 @@ WRITING = {
     "run --continue": [
         "run", "--continue", "done", "--set", "stop.collisions=5", "--no-figures", "-o", "locked/on"
     ],
+    "grid": ["grid", "grid.toml", "-o", "locked/grid", *INTERPRETED],
     "portrait": ["portrait", "small.toml", "--no-figures", "-o", "locked/portrait"],
     "report": ["report", "done", "-o", "locked/page.html"],
     "new": ["new", "three_arcs", "-o", "locked/new.toml"],
     "stress": ["stress", "--only", "elliptic", "-o", "locked/stress"],
 }  # fmt: skip
 # These write nothing but to standard output; `warm` keeps machine code, see below.
-PRINTING_ONLY = {"check", "show", "schema", "help"}
+PRINTING_ONLY = {"check", "show", "verify", "schema", "help"}
 
 
 def command_of(name: str) -> str:
@@ -106,20 +110,38 @@ def test_interrupted_while_nobody_reads(folder: Path, name: str) -> None:
 def test_on_a_full_disk(folder: Path, name: str) -> None:
     outcome, left = processes.in_mounts(folder, processes.FULL, WRITING[name])
     assert_refused(outcome, b"No space left on device")
-    assert left == ["locked", "locked/others"]
+    assert_nothing_left(name, set(left) - {"locked", "locked/others"})
 
 
 @pytest.mark.parametrize("name", WRITING)
 def test_where_files_may_not_grow(folder: Path, name: str) -> None:
     assert_refused(processes.with_short_files(folder, WRITING[name]), b"File too large")
-    assert list((folder / "locked").iterdir()) == []
+    assert_nothing_left(name, clean(folder / "locked"))
 
 
 @pytest.mark.parametrize("name", WRITING)
 def test_in_a_read_only_folder(folder: Path, name: str) -> None:
     outcome, left = processes.in_mounts(folder, processes.READ_ONLY, WRITING[name])
     assert_refused(outcome, b"Read-only file system")
-    assert left == ["locked"]
+    assert_nothing_left(name, set(left) - {"locked"})
+
+
+def assert_nothing_left(name: str, left: set[str]) -> None:
+    """Nothing; of a grid the dataset that was begun, to be taken up, without a file in the making.
+
+    (It is, where there is room: see `tests/grids`.)
+    """
+    if name == "grid":
+        left = {path for path in left if "/grid" not in path or ".partial-" in path}
+    assert left == set()
+
+
+def clean(folder: Path) -> set[str]:
+    """Remove what a folder holds, and return all the paths that were in it."""
+    found = {str(path) for path in folder.rglob("*")}
+    for path in folder.iterdir():
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    return found
 
 
 def assert_refused(outcome: processes.Outcome, reason: bytes) -> None:
@@ -135,10 +157,7 @@ def test_a_folder_in_which_all_is_well(folder: Path, name: str) -> None:
     """That the commands above do write, where they can."""
     outcome = processes.call(folder, *WRITING[name])
     assert outcome.returncode == 0, outcome.stderr
-    written = sorted((folder / "locked").iterdir())
-    for path in written:
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
-    assert len(written) == 1
+    assert clean(folder / "locked")
 
 
 def test_machine_code_in_a_read_only_folder_is_used(folder: Path) -> None:
