@@ -28,7 +28,7 @@ def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     assert b"collision.k" in Path("report.html").read_bytes()
     pdf = Path("figures.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-")
-    assert pdf.count(b"/Type /Page ") == 18
+    assert pdf.count(b"/Type /Page ") == 20
     assert b"CreationDate" not in pdf
 
 
@@ -38,7 +38,7 @@ def test_each_figure_can_be_had_as_a_file(vibro: Vibro) -> None:
     assert vibro("report", "outputs/one_circle", *options).code == 0
     names = {path.name for path in Path("figures").iterdir()}
     assert {"energy.pdf", "plan.svg", "portrait_2.png", "manifest.json"} <= names
-    assert len(names) == 3 * 9 + 1
+    assert len(names) == 3 * 10 + 1
     assert vibro("report", "outputs/one_circle", *options).code == 0  # ours: replaced
     Path("figures/notes.txt").write_text("keep")
     outcome = vibro("report", "outputs/one_circle", *options)

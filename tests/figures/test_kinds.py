@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import PathCollection
+from matplotlib.patches import Circle
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli import load_scenario, simulate
@@ -14,7 +16,9 @@ from vibro_cli.api import Run
 from vibro_cli.figures.chart import contact_times
 from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
 from vibro_cli.figures.output import render
+from vibro_cli.figures.over_impacts import impact_map
 from vibro_cli.figures.plan import configurations
+from vibro_cli.figures.scene import scene
 from vibro_cli.figures.timeline import energy_course, energy_residuals, timeline
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -107,9 +111,35 @@ def test_configurations_are_the_start_the_first_impacts_and_the_last() -> None:
         np.testing.assert_allclose(one.centres, places, atol=2e-5)
 
 
+def test_bodies_stand_on_the_scene_where_they_start() -> None:
+    run = run_of("three_arcs")
+    figure = scene(run, "single")
+    circles = [one for one in figure.axes[0].patches if isinstance(one, Circle)]
+    start = run.sample([0.0])
+    for number, circle in enumerate(circles):
+        assert circle.center == pytest.approx((start["x"][number], start["y"][number]), abs=1e-12)
+        assert circle.radius == 0.1
+    box, (left, right), (low, high) = (
+        figure.axes[0].get_window_extent(),
+        figure.axes[0].get_xlim(),
+        figure.axes[0].get_ylim(),
+    )
+    assert box.width / (right - left) == pytest.approx(box.height / (high - low), rel=1e-9)
+
+
+def test_impacts_on_one_arc_have_angles() -> None:
+    figure = impact_map(run_of("one_circle"))
+    assert figure is not None
+    assert figure.axes[0].get_xlabel() == r"$\varphi$ of the left body [rad]"
+    (dots,) = (one for one in figure.axes[0].collections if isinstance(one, PathCollection))
+    table = run_of("one_circle").collisions
+    expected = np.column_stack([table["angle_a"], table["approach_speed"]])
+    np.testing.assert_array_equal(np.asarray(dots.get_offsets()), expected)
+
+
 def test_kinds_with_nothing_to_show_are_left_out() -> None:
     drawn = [one.name for one in draw_all(run_of("lone_particle"), [PORTRAIT, *KINDS])]
-    assert drawn == ["portrait_1", "plan", "energy", "space_time", "accuracy"]
+    assert drawn == ["portrait_1", "scene", "plan", "energy", "space_time", "accuracy"]
 
 
 def test_the_same_run_gives_the_same_bytes() -> None:
@@ -122,7 +152,7 @@ def test_the_same_run_gives_the_same_bytes() -> None:
 
 
 def test_an_unknown_kind_is_refused() -> None:
-    with pytest.raises(ValueError, match="expected some of portrait, plan"):
+    with pytest.raises(ValueError, match="expected some of portrait, scene"):
         list(draw_all(run_of("lone_particle"), ["painting"]))
 
 

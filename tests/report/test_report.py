@@ -101,7 +101,7 @@ def test_the_page_can_be_read_without_seeing_it(page: Page) -> None:
 
 def test_every_kind_of_figure_is_there(page: Page) -> None:
     images = page.all("img")
-    assert len(images) == 9  # two portraits and seven charts
+    assert len(images) == 10  # two portraits and eight others
     for image in images:
         head, _, body = image.attributes["src"].partition(";base64,")
         start = b"<?xml" if head.endswith("svg+xml") else b"\x89PNG"
@@ -168,7 +168,7 @@ def test_names_with_markup_do_no_harm(beside: Path) -> None:
     page = Page(report_html([run], beside, "0"))
     assert NASTY in page.all("h1")[0].text
     assert len(page.all("script")) == 1
-    assert len(page.all("img")) == 9
+    assert len(page.all("img")) == 10
     assert not page.all("b")
     assert not any("onerror" in one.attributes for one in page.elements)
 
@@ -184,7 +184,7 @@ def test_several_runs_are_compared(run: StoredRun, beside: Path) -> None:
     assert len(page.all("article")) == 2
     regions = [one.attributes["aria-label"] for one in page.elements if one.attributes.get("role")]
     assert len(regions) == len(set(regions))
-    assert len(page.all("img")) == 18
+    assert len(page.all("img")) == 20
 
 
 def test_runs_of_the_same_name_are_told_apart(beside: Path) -> None:

@@ -12,6 +12,7 @@ from vibro_cli.figures.over_impacts import accuracy, impact_map, intervals
 from vibro_cli.figures.over_time import energies, space_time
 from vibro_cli.figures.plan import plan
 from vibro_cli.figures.portrait import phase_portrait
+from vibro_cli.figures.scene import scene
 from vibro_cli.figures.source import Recorded, Remembered
 from vibro_cli.figures.velocities import velocities
 
@@ -35,6 +36,12 @@ _PORTRAIT_CAPTION = (
     "and saddles (×)."
 )
 KINDS: dict[str, Kind[Recorded]] = {
+    "scene": Kind(
+        scene,
+        "The trace and the bodies at the start",
+        "To scale: the pieces of the trace between the dots, with their numbers below, and the "
+        "bodies with theirs, arrows where they start with a speed.",
+    ),
     "plan": Kind(
         plan,
         "Configurations at the impacts",

@@ -20,8 +20,9 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.ticks import number_ticks
+from vibro_cli.figures.ticks import angle_ticks, number_ticks
 from vibro_cli.figures.timeline import energy_residuals
+from vibro_cli.mechanics.trace import VALLEY, Piece
 
 _HIGH = {"single": 46.0, "double": 56.0}
 _SMALL = {"single": 26.0, "double": 30.0}
@@ -40,13 +41,15 @@ EPSILON: dict[str, Any] = {
 def impact_map(run: Recorded, width: str = "single") -> Figure | None:
     """Return approach speed against place of every impact, coloured by its number.
 
-    The place is the arc length of the left body's contact point. None without an impact.
+    The place is the arc length of the left body's contact point or, where all impacts are on one
+    arc, its angle there. None without an impact.
     """
     table = run.collisions
     number = np.asarray(table["n"])
     if not len(number):
         return None
-    place = np.asarray(table["s_a"], dtype=np.float64)
+    arc = _only_arc(run)
+    place = np.asarray(table["s_a" if arc is None else "angle_a"], dtype=np.float64)
     speed = np.asarray(table["approach_speed"], dtype=np.float64)
     made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
         table["substituted"], dtype=np.bool_
@@ -61,16 +64,33 @@ def impact_map(run: Recorded, width: str = "single") -> Figure | None:
             axes.plot(place[~made], speed[~made], zorder=2.2, label="inadmissible", **REFUSED)
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
         _speed_axis(axes, speed, _HIGH[width])
-        room = 0.08 * float(np.ptp(place)) or 0.05 * run.system.trace.length
-        low, high = float(np.min(place)) - room, float(np.max(place)) + room
-        axes.set_xlim(low, high)
-        ticks = number_ticks(low, high, across)
-        axes.set_xticks(ticks.places, ticks.labels)
+        _place_axis(axes, run, arc, place, across)
+        number_bar(figure, len(number))
+    return figure
+
+
+def _only_arc(run: Recorded) -> Piece | None:
+    """Return the arc on which the left body of every impact is, if it is one."""
+    pieces = np.unique(run.collisions["arc_a"])
+    piece = run.system.trace.pieces[int(pieces[0]) - 1]
+    return None if len(pieces) > 1 or piece.is_line else piece
+
+
+def _place_axis(axes: Axes, run: Recorded, arc: Piece | None, place: Array, across: float) -> None:
+    """Set the horizontal axis of the places of impacts, of a length (mm)."""
+    extent = run.system.trace.length if arc is None else arc.angle_end - arc.angle_start
+    room = 0.08 * float(np.ptp(place)) or 0.05 * extent
+    low, high = float(np.min(place)) - room, float(np.max(place)) + room
+    axes.set_xlim(low, high)
+    ticks = number_ticks(low, high, across) if arc is None else angle_ticks(low, high, across)
+    axes.set_xticks(ticks.places, ticks.labels)
+    if arc is None:
         axes.set_xlabel("$s$ of the left body [m]")
         for piece in run.system.trace.pieces[1:]:
             axes.axvline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
-        number_bar(figure, len(number))
-    return figure
+    else:
+        symbol = r"\varphi" if arc.shape == VALLEY else r"\psi"
+        axes.set_xlabel(f"${symbol}$ of the left body [rad]")
 
 
 def _dot(number: int) -> float:

@@ -26,6 +26,10 @@ _HIGH = 30.0
 _TOP = 5.5
 _WORDS = 10.5
 """Room for the words above a panel (mm)."""
+_COLUMNS = (0.0, 17.0)
+"""Where the values of the two bodies stand (mm from the edge of a panel)."""
+_SYMBOL = 3.7
+"""Room for a symbol before its value (mm)."""
 _GAP = 2.0
 _BOTTOM = 2.0
 _AROUND = 2.6
@@ -34,6 +38,8 @@ _LONGEST = 1.5
 """Length of the longest arrow, in the same radii."""
 _APART = 0.11
 """Distance of the components from the line of centres, in the same radii."""
+_DENSE = 721
+"""Points of each piece of the trace."""
 _TINY = 2e-3
 """An arrow shorter than this share of the panel is left out."""
 _HEAD = 0.05
@@ -92,12 +98,13 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
         return None
     with style.journal():
         figure, panels = _sheet(width, len(rows))
+        surface = _surface(run)
         for row in rows:
             pair = striking(run, row)
             scale = _arrow_scale(pair)
             for when in (0, 1):
                 axes = panels[2 * row + when]
-                _draw(axes, run, pair, when, scale)
+                _draw(axes, surface, pair, when, scale)
                 _say(axes, run, row, pair, when)
         _draw_legend(figure)
     return figure
@@ -169,12 +176,22 @@ def _sheet(width: str, impacts: int) -> tuple[Figure, list[Axes]]:
     return figure, panels
 
 
-def _draw(axes: Axes, run: Recorded, pair: Sequence[Striking], when: int, scale: float) -> None:
+def _surface(run: Recorded) -> Array:
+    """Return points of the trace (m), dense enough for a close view, also on lines."""
+    points = [
+        piece.contact_point(float(place))
+        for piece in run.system.trace.pieces
+        for place in np.linspace(piece.angle_start, piece.angle_end, _DENSE)
+    ]
+    return np.array(points)
+
+
+def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale: float) -> None:
     """Draw trace, bodies and arrows of one panel."""
     touch, normal = touching_point(pair)
     largest = max(one.body.radius for one in pair)
     _frame(axes, 0.5 * (pair[0].centre + pair[1].centre), largest)
-    _draw_trace(axes, run)
+    _draw_trace(axes, surface)
     along = np.array([touch - _AROUND * largest * normal, touch + _AROUND * largest * normal])
     axes.plot(along[:, 0], along[:, 1], zorder=1.5, **_AXIS)
     across = np.array([-normal[1], normal[0]]) * _APART * largest
@@ -199,16 +216,15 @@ def _frame(axes: Axes, middle: Array, largest: float) -> None:
     axes.set_ylim(middle[1] - reach * shape, middle[1] + reach * shape)
 
 
-def _draw_trace(axes: Axes, run: Recorded) -> None:
-    """Draw the trace, with points enough for a close view."""
-    for piece in run.system.trace.pieces:
-        count = 2 if piece.is_line else 1441
-        places = np.linspace(piece.angle_start, piece.angle_end, count)
-        points = np.array([piece.contact_point(float(place)) for place in places])
-        low, high = axes.get_xlim()
-        near = (points[:, 0] > 2.0 * low - high) & (points[:, 0] < 2.0 * high - low)
-        shown = points if piece.is_line else np.where(near[:, None], points, np.nan)
-        axes.plot(shown[:, 0], shown[:, 1], zorder=2.0, **_SURFACE)
+def _draw_trace(axes: Axes, surface: Array) -> None:
+    """Draw what of the trace is near; the rest would only make the file larger."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    centre, half = np.array([left + right, low + high]) / 2.0, np.array([right - left, high - low])
+    near = np.all(np.abs(surface - centre) < 1.5 * half, axis=1)
+    near[1:] |= near[:-1].copy()  # with the neighbours, for a long line has no point within
+    near[:-1] |= near[1:].copy()
+    shown = np.where(near[:, None], surface, np.nan)
+    axes.plot(shown[:, 0], shown[:, 1], zorder=2.0, **_SURFACE)
 
 
 def _draw_body(axes: Axes, one: Striking, colour: str) -> None:
@@ -243,19 +259,30 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
     if when == 1 and not made:
         sides = "after (inadmissible)"
     title = f"impact {number}, {time:.4g} s: {sides}" if when == 0 else sides
-    speeds = r",\ ".join(f"v_{{{one.number}}}={_number(one.speed[when])}" for one in pair)
-    omegas = r",\ ".join(rf"\omega_{{{one.number}}}={_number(one.omega[when])}" for one in pair)
-    lines = (title, f"${speeds}$ m/s", f"${omegas}$ rad/s")
-    for place, line in enumerate(reversed(lines)):
-        high = 1.0 + (0.9 + 3.3 * place) / _HIGH
-        axes.text(0.0, high, line, transform=axes.transAxes, va="baseline", **_SAY)
+    _write(axes, 0.0, 2, title)
+    for line, symbol, unit in ((1, "v", "m/s"), (0, r"\omega", "rad/s")):
+        for one, left in zip(pair, _COLUMNS, strict=True):
+            value = one.speed[when] if symbol == "v" else one.omega[when]
+            _write(axes, left, line, f"${symbol}_{{{one.number}}}$")
+            after = f" {unit}" if one is pair[1] else ""
+            _write(axes, left + _SYMBOL, line, f"= {_number(value)}{after}")
+
+
+def _write(axes: Axes, left: float, line: int, text: str) -> None:
+    """Write above a panel, `left` mm from its edge, in a line counted from below.
+
+    Symbols stand alone: a formula takes long to set, and equal ones are set once.
+    """
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    wide = axes.get_position().width * figure.get_figwidth() / MM
+    high = 1.0 + (0.9 + 3.3 * line) / _HIGH
+    axes.text(left / wide, high, text, transform=axes.transAxes, va="baseline", **_SAY)
 
 
 def _number(value: float) -> str:
-    """Return a number with three digits for a formula; the minus is a sign, not an operation."""
-    mantissa, _, power = f"{value:.3g}".replace("-", "{-}").partition("e")
-    digits = power.replace("{-}", "-").lstrip("+") if power else ""
-    return rf"{mantissa}\cdot 10^{{{int(digits)}}}" if power else mantissa
+    """Return a number with three digits, the minus a minus."""
+    return f"{value:.3g}".replace("-", "−")
 
 
 def _draw_legend(figure: Figure) -> None:
