@@ -9,8 +9,8 @@ ordinary reader alone, which also says what is wrong with it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -27,7 +27,7 @@ from vibro_cli.scenario import Scenario, ScenarioError, scenario_of
 from vibro_cli.scenario.loading import Document
 from vibro_cli.scenario.overrides import apply
 from vibro_cli.scenario.problems import KeyPath
-from vibro_cli.simulation.prepare import half_angle
+from vibro_cli.simulation.prepare import half_angle, initial_flight
 
 Values = Mapping[KeyPath, Column]
 
@@ -99,7 +99,13 @@ class Starts:
     restitution: Column
     """[point, pair]"""
     stop_t: Column
+    """s; nan without a stop."""
     stop_collisions: Column
+    """0 without a stop."""
+
+    def at(self, rows: Any) -> Starts:
+        """Return the starts of some of the points."""
+        return Starts(*(getattr(self, one.name)[rows] for one in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -132,6 +138,29 @@ class Setting:
         mass = np.stack(masses, axis=1)
         k = self._restitution(values, sure)
         return Starts(sure, piece, half_s, half_c, p, mass, k, stop_t, stop_collisions)
+
+    def starts_of(self, points: Sequence[Point]) -> Starts:
+        """Return the starts of valid points of this setting that were read alone."""
+        systems = [point.system for point in points if point.system is not None]
+        stops = [point.scenario.stop for point in points if point.scenario is not None]
+        bodies = range(len(self.system.bodies))
+        flights = [[initial_flight(system, ball) for ball in bodies] for system in systems]
+        state = {
+            name: np.array([[getattr(one, name) for one in row] for row in flights])
+            for name in ("piece", "s", "c", "p")
+        }
+        k = [
+            [one.restitution[min(pair, len(one.restitution) - 1)] for pair in range(self.pairs)]
+            for one in systems
+        ]
+        return Starts(
+            sure=np.ones(len(points), dtype=bool),
+            **state,
+            mass=np.array([[body.mass for body in system.bodies] for system in systems]),
+            restitution=np.array(k).reshape(len(points), self.pairs),
+            stop_t=np.array([np.nan if stop.time is None else stop.time for stop in stops]),
+            stop_collisions=np.array([stop.collisions or 0 for stop in stops], dtype=np.int64),
+        )
 
     @staticmethod
     def _given(path: KeyPath, values: Values, fixed: Any, count: int) -> Column | None:

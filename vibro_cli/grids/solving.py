@@ -64,6 +64,7 @@ class Solver:
         self._engine = engine
         self._settings: OrderedDict[tuple[Any, ...], Setting] = OrderedDict()
         self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
+        self._indices: Column = np.zeros(0, dtype=np.int64)
         self._slow = [path for path in grid.design.paths if not is_quick(path)]
 
     def compile(self) -> None:
@@ -72,6 +73,7 @@ class Solver:
 
     def solve(self, indices: Column) -> Solved:
         """Solve some points, given by their numbers from 0."""
+        self._indices = indices
         values = self._grid.design.columns(indices)
         parts = _Parts()
         for key, rows in self._groups(values, len(indices)):
@@ -98,24 +100,22 @@ class Solver:
         self, key: tuple[Any, ...], rows: Column, values: dict[KeyPath, Column], parts: _Parts
     ) -> None:
         """Solve points of one setting."""
-        alone = rows if self._engine == "python" else rows[:0]
-        left = rows[: len(rows) - len(alone)]
-        while len(left):
-            if key in self._settings:
-                self._settings.move_to_end(key)
-                at = np.searchsorted(rows, left)
-                quick = self._solve_quickly(key, left, _taken(values, at), parts)
-                alone = np.concatenate([alone, left[~quick]])
-                break
+        if self._engine == "python":
+            for at, row in enumerate(rows):
+                self._solve_alone(row, read_point(self._grid.base, _row(values, at)), parts)
+            return
+        at = 0
+        while key not in self._settings and at < len(rows):
             # The first point that is valid shows the setting.
-            one, left = left[:1], left[1:]
-            point = read_point(self._grid.base, _row(values, int(np.searchsorted(rows, one[0]))))
+            point = read_point(self._grid.base, _row(values, int(at)))
             if point.scenario is not None and point.system is not None:
                 self._remember(key, Setting(point.scenario, point.system))
-            self._solve_alone(one, point, parts)
-        for row in alone:
-            point = read_point(self._grid.base, _row(values, int(np.searchsorted(rows, row))))
-            self._solve_alone(np.array([row]), point, parts)
+            else:
+                self._solve_alone(rows[at], point, parts)
+                at += 1
+        if at < len(rows):
+            self._settings.move_to_end(key)
+            self._solve_setting(key, rows[at:], _taken(values, slice(at, None)), parts)
 
     def _remember(self, key: tuple[Any, ...], setting: Setting) -> None:
         self._settings[key] = setting
@@ -123,41 +123,56 @@ class Solver:
             oldest, _ = self._settings.popitem(last=False)
             self._batches.pop(oldest, None)
 
-    def _solve_quickly(
+    def _solve_setting(
         self, key: tuple[Any, ...], rows: Column, values: dict[KeyPath, Column], parts: _Parts
-    ) -> Column:
-        """Solve what is surely valid, compiled; return which points were solved."""
+    ) -> None:
+        """Solve points of a known setting: first all that are surely valid, then the others."""
         setting = self._settings[key]
         starts = setting.starts(values, len(rows))
-        solved = starts.sure.copy()
-        if not solved.any():
-            return solved
+        if starts.sure.any():
+            self._solve_batch(key, starts.at(starts.sure), rows[starts.sure], parts)
+        found: list[tuple[int, Point]] = []
+        for at in np.flatnonzero(~starts.sure):
+            point = read_point(self._grid.base, _row(values, int(at)))
+            if point.system is None:
+                self._solve_alone(rows[at], point, parts)
+            else:
+                found.append((rows[at], point))
+        if found:
+            read = setting.starts_of([point for _, point in found])
+            self._solve_batch(key, read, np.array([row for row, _ in found]), parts)
+
+    def _solve_batch(
+        self, key: tuple[Any, ...], starts: Starts, rows: Column, parts: _Parts
+    ) -> None:
+        """Solve valid points of a setting with the compiled kernels."""
+        setting = self._settings[key]
         if key not in self._batches:
             self._batches[key] = Batch(setting.system)
-        sure = np.flatnonzero(solved)
-        results = self._run(self._batches[key], starts, sure)
+        results = self._run(self._batches[key], starts)
         outcomes: Any = results.outcomes
-        # What a batch leaves out: runs too long for its logs, forces of flights in contact.
-        whole = (outcomes["end_cause"] != LOG_FULL) & (outcomes["grouped"] == 0)
-        solved[sure[~whole]] = False
+        # What a batch leaves out: runs too long for its logs.
+        whole = outcomes["end_cause"] != LOG_FULL
         if whole.any():
-            self._take(setting, starts, sure, rows[sure], whole, results, parts)
-        return solved
+            self._take(setting, starts, rows, whole, results, parts)
+        for row in rows[~whole]:
+            values = self._grid.design.columns(self._indices[[row]])
+            self._solve_alone(row, read_point(self._grid.base, _row(values, 0)), parts)
 
-    def _run(self, batch: Batch, starts: Starts, sure: Column) -> Results:
-        bodies = starts.piece.shape[1]
+    def _run(self, batch: Batch, starts: Starts) -> Results:
+        count, bodies = starts.piece.shape
         stop_t = np.where(np.isnan(starts.stop_t), NEVER, starts.stop_t)
         most = np.where(starts.stop_collisions == 0, 2**62, starts.stop_collisions)
         points = make_points(
-            stop_t[sure], most[sure], starts.piece[sure], starts.s[sure], starts.c[sure],
-            starts.p[sure], starts.mass[sure], starts.restitution[sure],
+            stop_t, most, starts.piece, starts.s, starts.c, starts.p, starts.mass,
+            starts.restitution,
         )  # fmt: skip
         rows = _ROWS_AT_FIRST if self._grid.keep.collisions else 0
-        return batch.run_all(points, empty_results(len(sure), bodies, rows))
+        return batch.run_all(points, empty_results(count, bodies, rows))
 
     def _take(
-        self, setting: Setting, starts: Starts, sure: Column, rows: Column, whole: Column,
-        results: Results, parts: _Parts,
+        self, setting: Setting, starts: Starts, rows: Column, whole: Column, results: Results,
+        parts: _Parts,
     ) -> None:  # fmt: skip
         """Turn results of a batch into columns."""
         bodies = starts.piece.shape[1]
@@ -165,7 +180,7 @@ class Solver:
         every: Any = results.outcomes
         states: Any = results.finals
         outcomes, finals = every[whole], states.reshape(-1, bodies)[whole]
-        restitution = starts.restitution[sure][whole]
+        restitution = starts.restitution[whole]
         table = summary_columns(places, restitution, outcomes, finals)
         parts.summaries.append((rows[whole], table))
         if not self._grid.keep.collisions:
@@ -173,13 +188,14 @@ class Solver:
         counts = every["kept"]
         of = np.repeat(np.arange(len(counts)), counts)
         chosen = whole[of]
-        masses = starts.mass[sure][of[chosen]]
+        masses = starts.mass[of[chosen]]
         log: Any = results.impacts[: len(of)]
         impacts = collision_table(places, log[chosen], counts[whole], masses)
         parts.collisions.append((rows[of[chosen]], impacts))
 
-    def _solve_alone(self, row: Column, point: Point, parts: _Parts) -> None:
+    def _solve_alone(self, number: int, point: Point, parts: _Parts) -> None:
         """Solve one point by itself, or take down why it cannot be solved."""
+        row = np.array([number])
         bodies = len(self._grid.base.data.get("balls", ()))
         if point.system is None or point.scenario is None:
             parts.summaries.append((row, not_solved("invalid", point.reason, bodies)))
@@ -196,7 +212,7 @@ class Solver:
         parts.summaries.append((row, summary))
         if self._grid.keep.collisions:
             impacts = run.collisions
-            parts.collisions.append((np.full(len(impacts["n"]), row[0]), impacts))
+            parts.collisions.append((np.full(len(impacts["n"]), number), impacts))
 
 
 def not_solved(status: str, reason: str | None, bodies: int) -> Table:
@@ -216,7 +232,7 @@ def not_solved(status: str, reason: str | None, bodies: int) -> Table:
     return table
 
 
-def _taken(values: dict[KeyPath, Column], at: Column) -> dict[KeyPath, Column]:
+def _taken(values: dict[KeyPath, Column], at: Any) -> dict[KeyPath, Column]:
     return {path: column[at] for path, column in values.items()}
 
 

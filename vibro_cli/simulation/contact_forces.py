@@ -22,13 +22,6 @@ from vibro_cli.simulation.geometry import Places
 from vibro_cli.simulation.paths import Paths
 
 
-class Extremes(NamedTuple):
-    """Least normal force (N) and greatest friction demand of one body on one flight."""
-
-    least: float
-    demand: float
-
-
 class _Motion(NamedTuple):
     """Place and motion of one body at one instant."""
 
@@ -47,18 +40,6 @@ class Harmonic(NamedTuple):
     b: float
     c: float
     q: float
-
-
-def contact_extremes(paths: Paths) -> list[Extremes]:
-    """Return the extremes of every body of every flight in lasting contact."""
-    found = []
-    for members in groups_of(paths):
-        flights = [paths.flight(member) for member in members]
-        if is_pendulum(flights[0]):
-            found += _of_pendulum(paths, members, flights)
-        else:
-            found += _of_segment(paths, members, flights)
-    return found
 
 
 def is_pendulum(flight: Flight) -> bool:
@@ -109,23 +90,6 @@ def _forces(places: Places, motions: list[_Motion]) -> list[tuple[float, float]]
 def _direction(a: _Motion, b: _Motion) -> tuple[float, float]:
     distance = math.hypot(b.x - a.x, b.y - a.y)
     return (b.x - a.x) / distance, (b.y - a.y) / distance
-
-
-def _of_segment(paths: Paths, members: list[int], flights: list[Flight]) -> list[Extremes]:
-    """Extremes at both ends of a segment, or of a flight on a line."""
-    duration = float(paths.duration[members[0]])
-    ends = [forces_at(paths, members, flights, t) for t in (0.0, duration)]
-    found = []
-    for pair in zip(*ends, strict=True):
-        least = min(normal for normal, _ in pair)
-        found.append(Extremes(least, max(_demand(normal, force) for normal, force in pair)))
-    return found
-
-
-def _demand(normal: float, friction: float) -> float:
-    if normal > 0.0:
-        return friction / normal
-    return math.inf if friction > 0.0 or normal < 0.0 else 0.0
 
 
 def forces_at(
@@ -194,30 +158,6 @@ def harmonics(paths: Paths, members: list[int], flights: list[Flight]) -> list[H
     return found
 
 
-def _of_pendulum(paths: Paths, members: list[int], flights: list[Flight]) -> list[Extremes]:
-    """Extremes on one arc: at the ends, or where force or demand is stationary."""
-    low, high = _range(paths, members[0], flights[0])
-    found = []
-    for a, b, c, q in harmonics(paths, members, flights):
-        candidates = [low, high, *_inside(math.atan2(c, b) + math.pi, low, high)]
-        if abs(a) > abs(b):
-            for sign in (1.0, -1.0):
-                candidates += _inside(sign * math.acos(-b / a), low, high)
-        normals = [a + b * math.cos(f) + c * math.sin(f) for f in candidates]
-        demands = [
-            _demand(normal, abs(q * math.sin(f)))
-            for f, normal in zip(candidates, normals, strict=True)
-        ]
-        found.append(Extremes(min(normals), max(demands)))
-    return found
-
-
-def _inside(angle: float, low: float, high: float) -> list[float]:
-    """The angles equal to ``angle`` up to whole turns that lie between two others."""
-    first = angle + math.tau * math.ceil((low - angle) / math.tau)
-    return [first] if first <= high else []
-
-
 def _at_angle(paths: Paths, members: list[int], flights: list[Flight], angle: float) -> list[float]:
     """Normal forces (N) of a group whose pendulum is at an angle, at its energy."""
     s, c = math.sin(0.5 * angle), math.cos(0.5 * angle)
@@ -234,27 +174,3 @@ def _at_angle(paths: Paths, members: list[int], flights: list[Flight], angle: fl
         squared = rho * rho * rate_squared
         motions.append(_motion(paths.places, body, piece, half, squared, acceleration))
     return [normal for normal, _ in _forces(paths.places, motions)]
-
-
-def _range(paths: Paths, index: int, flight: Flight) -> tuple[float, float]:
-    """Least and greatest angle (rad) of a group's pendulum on a flight."""
-    s, c, p = flight.flow_s, flight.flow_c, flight.flow_p
-    start = 2.0 * math.atan2(s, c)
-    end_s, end_c = float(paths.end_s[index]), float(paths.end_c[index])
-    end_p = float(paths.end_p[index])
-    end = 2.0 * math.atan2(
-        end_s * flight.shift_c - end_c * flight.shift_s,
-        end_c * flight.shift_c + end_s * flight.shift_s,
-    )
-    low, high = min(start, end), max(start, end)
-    if flight.root_complement < 0.0 or flight.at_rest:
-        return low, high
-    turn = 2.0 * math.atan2(math.sqrt(flight.parameter), flight.root_complement)
-    centre = 0.0 if c > 0.0 else math.copysign(math.tau, s)
-    duration, half = float(paths.duration[index]), paths.half_period(index)
-    twice = duration >= half and p * end_p > 0.0
-    if duration >= 2.0 * half or twice or (p > 0.0 > end_p):
-        high = centre + turn
-    if duration >= 2.0 * half or twice or (p < 0.0 < end_p):
-        low = centre - turn
-    return low, high

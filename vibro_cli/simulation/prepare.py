@@ -81,7 +81,7 @@ def make_world(system: System, stop_time: float | None, stop_collisions: int | N
         or [PairData()],
         contacts=contacts,
         far=far,
-        flights=[_initial_flight(system, number) for number in range(len(system.bodies))],
+        flights=[initial_flight(system, number) for number in range(len(system.bodies))],
         impacts=[ImpactRow()],
         log=[FlightRow()],
         touches=[ContactRow()],
@@ -219,7 +219,8 @@ def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
     return contact
 
 
-def _initial_flight(system: System, number: int) -> Flight:
+def initial_flight(system: System, number: int) -> Flight:
+    """Return a body before its first flight: its piece, place and motion."""
     state = system.initial[number]
     body = system.bodies[number]
     piece = system.trace.pieces[state.piece]

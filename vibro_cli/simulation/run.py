@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.mechanics.system import System
-from vibro_cli.simulation.contact_forces import contact_extremes
 from vibro_cli.simulation.drive import Driver, Earlier
 from vibro_cli.simulation.geometry import Floats, Places
 from vibro_cli.simulation.happenings import event_table
@@ -107,9 +106,8 @@ class Run:
         outcome, finals = tally_run(
             self.system, self.engine, self._logs, self._state, self._cause, end
         )
-        in_contact = [contact_extremes(self._paths)] if outcome["grouped"][0] else []
         restitution = np.array([self.system.restitution])
-        return summary_columns(self._places, restitution, outcome, finals, in_contact)
+        return summary_columns(self._places, restitution, outcome, finals)
 
     def summary_record(self) -> dict[str, Any]:
         """Return the summary as plain values, None for null."""

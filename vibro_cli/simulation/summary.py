@@ -10,7 +10,6 @@ import numpy as np
 from vibro_cli.mechanics.records import NEVER, Flight
 from vibro_cli.mechanics.system import System
 from vibro_cli.numerics import engine
-from vibro_cli.simulation.contact_forces import Extremes
 from vibro_cli.simulation.drive import ROWS_USED, compiled_world, restore
 from vibro_cli.simulation.entry import enter_tally
 from vibro_cli.simulation.geometry import Floats, Places
@@ -73,7 +72,7 @@ def conserves_energy(
 
 
 def summary_columns(
-    places: Places, restitution: Floats, outcomes: Any, finals: Any, in_contact: Any = ()
+    places: Places, restitution: Floats, outcomes: Any, finals: Any
 ) -> dict[str, Any]:
     """Return the columns of ``summary.parquet`` for runs of one system.
 
@@ -85,14 +84,12 @@ def summary_columns(
         k of each pair, a row for each run.
     outcomes, finals
         From ``simulation.tally``: a row for each run, and one for each of its bodies.
-    in_contact
-        For each run the forces of its flights in lasting contact, if there are any.
     """
     count = len(outcomes)
     finals = finals.reshape(count, -1)
     start, end = _total(finals["start_energy"]), _total(finals["end_energy"])
     kept = conserves_energy(places, restitution, outcomes) & (start > 0.0)
-    least, demand = _forces(outcomes, in_contact)
+    demand = outcomes["most_demand"]
     some = outcomes["impacts"] > 0
     with np.errstate(divide="ignore", invalid="ignore"):
         drift = np.where(kept, (end - start) / start, np.nan)
@@ -114,7 +111,7 @@ def summary_columns(
         "energy_drift": drift,
         "energy_correction": outcomes["correction"].copy(),
         "max_gap": np.where(some, outcomes["max_gap"], np.nan),
-        "min_normal_force": least,
+        "min_normal_force": outcomes["least_force"].copy(),
         "max_friction_demand": np.where(np.isfinite(demand), demand, np.nan),
     }
     columns.update(_final_states(places, finals))
@@ -136,16 +133,6 @@ def _total(energies: Floats) -> Floats:
         total: Floats = np.sum(energies, axis=1)
         return total
     return np.array([math.fsum(row) for row in energies.tolist()])
-
-
-def _forces(outcomes: Any, in_contact: Any) -> tuple[Floats, Floats]:
-    """Least normal force (N) and greatest demand of friction of each run."""
-    least, demand = outcomes["least_force"].copy(), outcomes["most_demand"].copy()
-    for number, forces in enumerate(in_contact):
-        found: list[Extremes] = forces
-        least[number] = min([least[number], *(one.least for one in found)])
-        demand[number] = max([demand[number], *(one.demand for one in found)])
-    return least, demand
 
 
 def _final_states(places: Places, finals: Any) -> dict[str, Any]:

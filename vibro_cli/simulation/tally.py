@@ -11,15 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
+from vibro_cli.mechanics.flow import flow
 from vibro_cli.mechanics.gap import centre_position
 from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData
-from vibro_cli.numerics.elliptic import quarter_period, set_theta_constants
-from vibro_cli.numerics.engine import SERIES_LENGTH, kernel, record
+from vibro_cli.numerics.engine import kernel, record
+from vibro_cli.simulation.recall import half_period, recall_flight
+from vibro_cli.simulation.tally_contact import friction_demand, group_extremes
 from vibro_cli.simulation.world import END_INADMISSIBLE, WALL, FlightRow, ImpactRow, World
-
-# Share by which a bound on a half period is lowered, so that rounding cannot make it pass over one.
-CAUTION = 1.0e-9
 
 
 @record
@@ -39,9 +37,8 @@ class Outcome:
     last_t: float
     correction: float  # J
     max_gap: float  # m
-    least_force: float  # N, over the free flights
-    most_demand: float  # of friction, over the free flights
-    grouped: int  # flights in lasting contact, whose forces are not among these
+    least_force: float  # N
+    most_demand: float  # of friction
     kept: int  # rows of impacts that were kept
 
 
@@ -94,7 +91,7 @@ def tally(
     outcome.contacts = clock.contacts
     outcome.correction = clock.energy_correction
     _tally_impacts(world, cause, outcome)
-    _tally_flights(world, outcome, finals, first_final)
+    _tally_flights(world, outcome, finals, first_final, scratch)
     for ball in range(world.settings[0].bodies):
         _finish(world, ball, outcome, finals[first_final + ball], scratch)
 
@@ -148,12 +145,15 @@ def residual_gap(world: World, row: ImpactRow) -> float:
 
 @kernel
 def _tally_flights(
-    world: World, outcome: Outcome, finals: Sequence[FinalState], first_final: int
+    world: World,
+    outcome: Outcome,
+    finals: Sequence[FinalState],
+    first_final: int,
+    scratch: Flight,
 ) -> None:
     """Forces of every flight that another one of its body followed; energies at the start."""
     outcome.least_force = NEVER
     outcome.most_demand = 0.0
-    outcome.grouped = 0
     outcome.walls = 0
     for ball in range(world.settings[0].bodies):
         finals[first_final + ball].latest = -1
@@ -167,9 +167,8 @@ def _tally_flights(
         else:
             before = world.log[final.latest]
             duration = (row.t - before.t) + (row.t_low - before.t_low)
-            _tally_forces(
-                world, before, duration, row.before_s, row.before_c, row.before_p, outcome
-            )
+            end = (row.before_s, row.before_c, row.before_p)
+            _tally_forces(world, final.latest, number, duration, end, outcome, scratch)
         final.latest = number
 
 
@@ -185,56 +184,8 @@ def _finish(world: World, ball: int, outcome: Outcome, final: FinalState, scratc
     final.c = c
     final.p = p
     final.end_energy = _energy(world, row, s, p)
-    _tally_forces(world, row, duration, s, c, p, outcome)
-
-
-@kernel
-def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> None:
-    """Set up a flight from its row, the ``number``-th of the log, so that its flow can be asked."""
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
-    flight.piece = row.piece
-    flight.s = row.s
-    flight.c = row.c
-    flight.p = row.p
-    flight.at_rest = row.at_rest
-    flight.grouped = row.grouped
-    flight.form = 0
-    flight.own_frequency = track.frequency
-    flight.frequency = track.frequency
-    flight.flow_s = row.s
-    flight.flow_c = row.c
-    flight.flow_p = row.p
-    if row.grouped == 1:
-        _recall_group(world, row, number, flight)
-        if flight.form == POLYNOMIAL:
-            flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
-            return
-    if track.path_radius == 0.0:
-        flight.form = LINE
-        if row.grouped == 0:
-            flight.line_acceleration = track.line_acceleration
-        return
-    set_theta_constants(flight, row.parameter, row.root_complement)
-
-
-@kernel
-def _recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> None:
-    """Fill in what a flight in lasting contact has beyond its own state."""
-    flight.flow_s = row.flow_s
-    flight.flow_c = row.flow_c
-    flight.flow_p = row.flow_p
-    flight.shift_s = row.shift_s
-    flight.shift_c = row.shift_c
-    flight.rate_ratio = row.rate_ratio
-    flight.frequency = row.frequency
-    flight.line_acceleration = row.line_acceleration
-    flight.segment = row.segment
-    for index in range(world.clock[0].segment_rows):
-        segment = world.segments[index]
-        if segment.flight == number:
-            flight.form = POLYNOMIAL
-            for k in range(SERIES_LENGTH):
-                flight.series[k] = segment.series[k]
+    last = world.clock[0].flight_rows
+    _tally_forces(world, final.latest, last, duration, (s, c, p), outcome, scratch)
 
 
 @kernel
@@ -253,29 +204,37 @@ def _energy(world: World, row: FlightRow, s: float, p: float) -> float:
 @kernel
 def _tally_forces(
     world: World,
-    row: FlightRow,
+    number: int,
+    last: int,
     duration: float,
-    end_s: float,
-    end_c: float,
-    end_p: float,
+    end: tuple[float, float, float],
     outcome: Outcome,
+    scratch: Flight,
 ) -> None:
-    """Count in the normal force and the demand of friction of one flight, if it is a free one."""
+    """Count in the normal forces and the demand of friction of one flight.
+
+    A group in lasting contact is counted with the flight of its first body; of several launches at
+    one instant only the last one lasts. Rows of the log before ``last`` tell of the other bodies.
+    """
+    row = world.log[number]
     if row.grouped != 0:
-        outcome.grouped += 1
+        if row.group_first == row.body and duration > 0.0:
+            least, demand = group_extremes(world, number, last, duration, end, scratch)
+            outcome.least_force = min(outcome.least_force, least)
+            outcome.most_demand = max(outcome.most_demand, demand)
         return
     body = world.bodies[row.body]
     piece = world.pieces[row.piece]
     track = world.tracks[row.body * world.settings[0].pieces + row.piece]
     if track.path_radius == 0.0:
         outcome.least_force = min(outcome.least_force, body.weight * piece.tangent_x)
-        demand = _demand(
+        demand = friction_demand(
             body.weight * abs(piece.tangent_y) * (1.0 - 1.0 / body.kappa),
             body.weight * piece.tangent_x,
         )
         outcome.most_demand = max(outcome.most_demand, demand)
         return
-    low, high = _range(row, track.frequency, duration, end_s, end_c, end_p)
+    low, high = _range(row, track.frequency, duration, end)
     m = row.parameter
     least = min(arc_force(body, piece, m, low), arc_force(body, piece, m, high))
     outcome.least_force = min(outcome.least_force, least)
@@ -292,15 +251,16 @@ def _tally_forces(
 
 @kernel
 def _range(
-    row: FlightRow, frequency: float, duration: float, end_s: float, end_c: float, end_p: float
+    row: FlightRow, frequency: float, duration: float, final: tuple[float, float, float]
 ) -> tuple[float, float]:
     """Extremes of ``S^2`` over a flight on an arc."""
+    end_s, end_c, end_p = final
     start = row.s * row.s
     end = end_s * end_s
     low = min(start, end)
     high = max(start, end)
     libration = row.root_complement >= 0.0
-    half = _half_period(row, frequency, duration)
+    half = half_period(row, frequency, duration)
     whole = duration >= half
     moving = row.p != 0.0 or row.s * row.c != 0.0
     if libration:
@@ -318,16 +278,6 @@ def _range(
 
 
 @kernel
-def _half_period(row: FlightRow, frequency: float, duration: float) -> float:
-    """Half the period (s) of a flight's full orbit, or infinity where it is far from passing."""
-    # K >= pi/2, and K/sqrt(m) for a rotation; half of it matters too.
-    least = 0.5 * math.pi * (1.0 - CAUTION) / math.sqrt(max(row.parameter, 1.0))
-    if frequency * duration < least:
-        return NEVER
-    return 2.0 * quarter_period(row.parameter, row.root_complement) / frequency
-
-
-@kernel
 def arc_force(body: BodyData, piece: PieceData, m: float, s2: float) -> float:
     """Normal force (N) of a free flight of parameter ``m`` where it passes ``S^2`` on an arc."""
     return body.weight * piece.sign * ((1.0 + 4.0 * m / body.kappa) - (2.0 + 4.0 / body.kappa) * s2)
@@ -337,12 +287,4 @@ def arc_force(body: BodyData, piece: PieceData, m: float, s2: float) -> float:
 def _arc_demand(body: BodyData, piece: PieceData, m: float, s2: float) -> float:
     sine = 2.0 * math.sqrt(max(s2 * (1.0 - s2), 0.0))
     force = body.weight * sine * (1.0 - 1.0 / body.kappa)
-    return _demand(force, arc_force(body, piece, m, s2))
-
-
-@kernel
-def _demand(force: float, normal: float) -> float:
-    """Coefficient of friction that a friction force needs; infinite for N <= 0."""
-    if force == 0.0:
-        return 0.0 if normal >= 0.0 else math.inf
-    return force / normal if normal > 0.0 else math.inf
+    return friction_demand(force, arc_force(body, piece, m, s2))

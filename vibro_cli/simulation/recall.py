@@ -1,0 +1,80 @@
+"""Flights from their rows in the log, as the kernels of the flow take them."""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.mechanics.flow import LINE, POLYNOMIAL
+from vibro_cli.mechanics.records import NEVER, Flight
+from vibro_cli.numerics.elliptic import quarter_period, set_theta_constants
+from vibro_cli.numerics.engine import SERIES_LENGTH, kernel
+from vibro_cli.simulation.world import FlightRow, World
+
+# Share by which a bound on a half period is lowered, so that rounding cannot make it pass over one.
+CAUTION = 1.0e-9
+
+
+@kernel
+def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> None:
+    """Set up a flight from its row, the ``number``-th of the log, so that its flow can be asked."""
+    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    flight.piece = row.piece
+    flight.s = row.s
+    flight.c = row.c
+    flight.p = row.p
+    flight.at_rest = row.at_rest
+    flight.grouped = row.grouped
+    flight.form = 0
+    flight.own_frequency = track.frequency
+    flight.frequency = track.frequency
+    flight.flow_s = row.s
+    flight.flow_c = row.c
+    flight.flow_p = row.p
+    if row.grouped == 1:
+        _recall_group(world, row, number, flight)
+        if flight.form == POLYNOMIAL:
+            flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
+            return
+    if track.path_radius == 0.0:
+        flight.form = LINE
+        if row.grouped == 0:
+            flight.line_acceleration = track.line_acceleration
+        return
+    set_theta_constants(flight, row.parameter, row.root_complement)
+
+
+@kernel
+def _recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> None:
+    """Fill in what a flight in lasting contact has beyond its own state."""
+    flight.flow_s = row.flow_s
+    flight.flow_c = row.flow_c
+    flight.flow_p = row.flow_p
+    flight.shift_s = row.shift_s
+    flight.shift_c = row.shift_c
+    flight.rate_ratio = row.rate_ratio
+    flight.frequency = row.frequency
+    flight.line_acceleration = row.line_acceleration
+    flight.segment = row.segment
+    # Rows of segments are in order of their flights.
+    low = 0
+    high = world.clock[0].segment_rows
+    while low < high:
+        middle = (low + high) // 2
+        if world.segments[middle].flight < number:
+            low = middle + 1
+        else:
+            high = middle
+    if low < world.clock[0].segment_rows and world.segments[low].flight == number:
+        flight.form = POLYNOMIAL
+        for k in range(SERIES_LENGTH):
+            flight.series[k] = world.segments[low].series[k]
+
+
+@kernel
+def half_period(row: FlightRow, frequency: float, duration: float) -> float:
+    """Half the period (s) of a flight's full orbit, or infinity where it is far from passing."""
+    # K >= pi/2, and K/sqrt(m) for a rotation; half of it matters too.
+    least = 0.5 * math.pi * (1.0 - CAUTION) / math.sqrt(max(row.parameter, 1.0))
+    if frequency * duration < least:
+        return NEVER
+    return 2.0 * quarter_period(row.parameter, row.root_complement) / frequency
