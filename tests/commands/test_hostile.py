@@ -126,7 +126,7 @@ def shell(command: str, folder: Path, **changes: str) -> subprocess.CompletedPro
     }
     return subprocess.run(
         ["bash", "-c", command], cwd=folder, env=environment, capture_output=True, text=True,
-        check=False, timeout=120,
+        check=False, timeout=300,
     )  # fmt: skip
 
 

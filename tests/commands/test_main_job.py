@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.commands.conftest import Vibro
+from tests.commands.processes import VIBRO
+from tests.effort import ratio
 from vibro_cli.storage import schema
 from vibro_cli.storage.provenance import read_manifest
 from vibro_cli.storage.tables import read_parquet
@@ -91,29 +92,13 @@ LIBRARIES = "numpy, pydantic, pyarrow.parquet, scipy.special, typer"
 DRAWING = "matplotlib.figure, matplotlib.backends.backend_agg, matplotlib.backends.backend_pdf"
 
 
-def least_time(command: list[str]) -> float:
-    """Time (s) of the processor for the quickest of several calls."""
-    times = []
-    for _ in range(4):
-        begin = os.times()
-        subprocess.run(command, check=True)
-        end = os.times()
-        user, system = (
-            end.children_user - begin.children_user,
-            end.children_system - begin.children_system,
-        )
-        times.append(user + system)
-    return min(times)
-
-
 @pytest.mark.parametrize(
     ("options", "libraries"), [(("--no-figures",), LIBRARIES), ((), f"{LIBRARIES}, {DRAWING}")]
 )
 def test_the_main_job_is_quick(tmp_path: Path, options: tuple[str, ...], libraries: str) -> None:
     """Little more than loading the libraries takes: a measure that holds on a busy machine too."""
-    python = [sys.executable, "-m", "vibro_cli", "run", str(THREE_ARCS), *options, "-q"]
-    taken = least_time([*python, "-o", str(tmp_path / "run")])
-    assert taken <= 3.5 * least_time([sys.executable, "-c", f"import {libraries}"])
+    run = [*VIBRO, "run", str(THREE_ARCS), *options, "-q", "-o", str(tmp_path / "run")]
+    assert ratio(run, [sys.executable, "-c", f"import {libraries}"], times=4) <= 3.5
 
 
 def test_a_run_does_not_load_what_it_does_not_need(tmp_path: Path) -> None:

@@ -343,7 +343,7 @@ def test_a_signal_keeps_what_was_finished_and_nothing_else(
     assert process.stdout is not None
     assert process.stdout.readline() == "started\n"
     process.send_signal(number)
-    _, words = process.communicate(timeout=30)
+    _, words = process.communicate(timeout=300)
     assert process.returncode == code
     assert words.endswith("what was finished is kept\n")
     assert words.count("\n") == 1

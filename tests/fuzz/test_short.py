@@ -1,5 +1,6 @@
 """The short form of the fuzzing, with the same texts every time."""
 
+import math
 import re
 import subprocess
 import sys
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.effort import processor_time
 from tests.fuzz.judge import judge
 from tests.fuzz.mutation import FORMS, mutated, seeds
 from vibro_cli.scenario import ScenarioError, parse_scenario
@@ -16,7 +18,9 @@ COUNT = {"toml": 1500, "json": 1500, "yaml": 300}
 
 @pytest.mark.parametrize("form", FORMS)
 def test_only_scenario_errors_leave_the_reader(form: str) -> None:
-    found = judge(form, range(COUNT[form]))
+    # A second on a usual machine: the time of many texts like the seeds, wherever this runs.
+    usual = processor_time(lambda: judge(form, range(20), math.inf))
+    found = judge(form, range(COUNT[form]), longest=50 * usual)
     assert found.faults == []
     assert found.valid + found.invalid == COUNT[form]
     # Texts that are all refused at once would show little.

@@ -47,7 +47,7 @@ def start(
 
 
 def answers(*processes: subprocess.Popen[str]) -> list[tuple[str, str]]:
-    found = [process.communicate(timeout=120) for process in processes]
+    found = [process.communicate(timeout=600) for process in processes]
     assert [process.returncode for process in processes] == [0] * len(processes), found
     return found
 

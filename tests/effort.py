@@ -1,0 +1,60 @@
+"""What something costs, in measures that mean the same on a slow or busy machine.
+
+Tests compare two of them, measured side by side, or count; none knows how long a second is.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Any
+
+
+def processor_time(act: Callable[[], object], times: int = 3) -> float:
+    """Time (s) of the processor, the least of several."""
+    taken = []
+    for _ in range(times):
+        begin = time.process_time()
+        act()
+        taken.append(time.process_time() - begin)
+    return min(taken)
+
+
+def ratio(command: Sequence[str], reference: Sequence[str], times: int = 5) -> float:
+    """How much more time of the processor a command takes than a reference; the least of each.
+
+    They are run in turn, so that both have the same neighbours on the machine.
+    """
+    measured = [(_child_time(command), _child_time(reference)) for _ in range(times)]
+    return min(one for one, _ in measured) / min(other for _, other in measured)
+
+
+def _child_time(command: Sequence[str]) -> float:
+    begin = os.times()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    end = os.times()
+    user, system = (
+        end.children_user - begin.children_user,
+        end.children_system - begin.children_system,
+    )
+    # The clock of the processor ticks in hundredths of a second.
+    return max(user + system, 0.01)
+
+
+def calls(act: Callable[[], object]) -> int:
+    """Number of functions called, those of Python and of C."""
+    count = 0
+
+    def note(frame: FrameType, event: str, argument: Any) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        act()
+    finally:
+        sys.setprofile(before)
+    return count
