@@ -38,6 +38,8 @@ def flow(flight: Flight, t: float) -> tuple[float, float, float]:
     p0 = flight.flow_p
     if flight.at_rest == 1:
         return flight.s, flight.c, flight.p
+    if t == 0.0 and flight.grouped == 0:
+        return s0, c0, p0
     if flight.form == LINE:
         a = flight.line_acceleration
         return s0 + t * (p0 + 0.5 * a * t), c0, p0 + a * t

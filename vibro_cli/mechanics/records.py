@@ -186,6 +186,7 @@ class Settings:
     stop_t: float
     stop_collisions: int
     room: int  # rows of the logs that may be used; they hold twice as many
+    keep: int  # 0: rows that fill the logs are dropped
 
 
 @record

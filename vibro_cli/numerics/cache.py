@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import gc
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -79,7 +80,14 @@ class FirstCallAlone:
                 kept = ""
             if not _exists(self._ready):
                 tell(f"compiling the kernels; this takes a minute or two{kept}")
-            result = self._dispatcher(*arguments)
+            # The compiler makes millions of objects that live until it has done.
+            collecting = gc.isenabled()
+            gc.disable()
+            try:
+                result = self._dispatcher(*arguments)
+            finally:
+                if collecting:
+                    gc.enable()
             if self.kept:
                 with contextlib.suppress(OSError):
                     self._ready.touch()

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import operator
 import types
+import zlib
 from typing import Any
 
 from llvmlite import ir
 from numba import _dynfunc
-from numba.core import cgutils
+from numba.core import cgutils, typed_passes, untyped_passes
 from numba.core import types as numba_types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
@@ -39,7 +40,8 @@ class Reference(numba_types.Type):
 
     def __init__(self, value: Any) -> None:
         self.value = value
-        super().__init__(name=f"Reference({value})")
+        # A short name, since those of all functions contain it.
+        super().__init__(name=f"Reference({zlib.crc32(str(value).encode()):x})")
 
 
 class Rows(numba_types.Type):
@@ -129,6 +131,9 @@ class PartLibrary(JITCodeLibrary):
     def _get_module_for_linking(self) -> Any:
         return self._final_module
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+
 
 class WholeLibrary(JITCodeLibrary):
     """The code of an entry, of which all kernels that it calls become a part."""
@@ -147,7 +152,9 @@ class WholeLibrary(JITCodeLibrary):
         for function in self._final_module.functions:
             if function.name in self._names:
                 function.linkage = "internal"
-        super()._optimize_final_module()
+        # Once: numba's cheaper passes before these are for reference counts, and here are none.
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
 
 
 def _reached(library: Any) -> list[Any]:
@@ -203,6 +210,26 @@ class WholeLowering(NativeLowering):
         return bool(super().run_pass(state))
 
 
+# Passes for what kernels do not contain: closures, context managers, arrays, literal arguments.
+NOT_NEEDED = (
+    untyped_passes.DeadBranchPrune,
+    untyped_passes.FindLiterallyCalls,
+    untyped_passes.GenericRewrites,
+    untyped_passes.InlineClosureLikes,
+    untyped_passes.InlineInlinables,
+    untyped_passes.LiteralPropagationSubPipelinePass,
+    untyped_passes.LiteralUnroll,
+    untyped_passes.MakeFunctionToJitFunction,
+    untyped_passes.RewriteDynamicRaises,
+    untyped_passes.WithLifting,
+    typed_passes.AnnotateTypes,
+    typed_passes.DumpParforDiagnostics,
+    typed_passes.InlineOverloads,
+    typed_passes.NoPythonSupportedFeatureValidation,
+    typed_passes.NopythonRewrites,
+)
+
+
 def _pipeline(lowering: Any) -> type:
     class Pipeline(CompilerBase):
         def define_pipelines(self) -> Any:
@@ -210,6 +237,7 @@ def _pipeline(lowering: Any) -> type:
             manager.passes = [
                 (lowering, "lowering") if each is NativeLowering else (each, text)
                 for each, text in manager.passes
+                if each not in NOT_NEEDED
             ]
             manager._finalized = False
             manager.finalize()

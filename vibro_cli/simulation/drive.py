@@ -24,6 +24,8 @@ WORK_DONE = ("searches", "evaluations", "skipped_apart")
 # Room in the logs, in rows; the interpreter's are made of objects and stay small.
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
+# Where rows are dropped, the logs stay in the processor's cache.
+DROPPED_ROWS = 64
 # A run left to itself is compiled once it has had this many flights: it depends on the scenario
 # alone, and below it compiling would cost more time than it saves.
 COMPILE_AFTER_FLIGHTS = 8192
@@ -97,6 +99,9 @@ class Driver:
         for name, used in ROWS_USED.items():
             count = int(self.clock_value(used))
             self.logs[name].take(getattr(self.world, name), count)
+            if count > 0 and self.engine == "numba":
+                room = int(self.world.settings[0]["room"])  # type: ignore[index]
+                self.world = self.world._replace(**{name: _empty_log(name, room)})
             self._set_clock(used, 0)
             if name == "log":
                 flights = count
@@ -167,19 +172,24 @@ def _interpreted_logs(world: World) -> World:
     return world._replace(**rows)
 
 
+def _empty_log(name: str, room: int) -> Any:
+    import numpy as np
+
+    return np.zeros(2 * room, dtype=engine.dtype(RECORDS[name]))
+
+
 def compiled_world(world: World) -> World:
     """Return a world of arrays with the contents of one of interpreted records."""
     import numpy as np
 
-    room = COMPILED_ROWS + 4 * len(world.flights)
-    world.settings[0].room = room
+    settings = world.settings[0]
+    room = (COMPILED_ROWS if settings.keep == 1 else DROPPED_ROWS) + 4 * len(world.flights)
+    settings.room = room
     arrays: dict[str, Any] = {
         name: engine.compiled_rows(getattr(world, name), cls)
         for name, cls in RECORDS.items()
         if name not in LOGS
     }
-    logs: dict[str, Any] = {
-        name: np.zeros(2 * room, dtype=engine.dtype(RECORDS[name])) for name in LOGS
-    }
+    logs: dict[str, Any] = {name: _empty_log(name, room) for name in LOGS}
     far: Any = np.array(world.far, dtype=np.int64)
     return World(**arrays, far=far, **logs)

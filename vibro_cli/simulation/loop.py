@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vibro_cli.mechanics.records import NEVER
+from vibro_cli.mechanics.records import NEVER, Clock
 from vibro_cli.numerics.double import time_between
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.changes import collide, leave_piece, release
@@ -61,10 +61,12 @@ def advance(world: World) -> int:
     settings = world.settings[0]
     clock = world.clock[0]
     while True:
-        if max(clock.impact_rows, clock.contact_rows) > settings.room:
-            return LOG_FULL
-        if max(clock.flight_rows, clock.segment_rows) > settings.room:
-            return LOG_FULL
+        impacts = max(clock.impact_rows, clock.contact_rows)
+        flights = max(clock.flight_rows, clock.segment_rows)
+        if max(impacts, flights) > settings.room:
+            if settings.keep == 1:
+                return LOG_FULL
+            _drop_rows(clock)
         ball = _first_exit(world)
         pair = _first_release(world) if clock.held_pairs > 0 else -1
         horizon_t = settings.stop_t
@@ -99,6 +101,15 @@ def advance(world: World) -> int:
             return _finish(world)
         if cause != RUNNING:
             return cause
+
+
+@kernel
+def _drop_rows(clock: Clock) -> None:
+    clock.flights_before += clock.flight_rows
+    clock.impact_rows = 0
+    clock.flight_rows = 0
+    clock.contact_rows = 0
+    clock.segment_rows = 0
 
 
 @kernel

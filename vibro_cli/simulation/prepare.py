@@ -110,6 +110,7 @@ def _settings(
     left, right = system.left_end, system.right_end
     settings.left_wall = left.restitution if left else NO_WALL
     settings.right_wall = right.restitution if right else NO_WALL
+    settings.keep = 1
     settings.stop_t = NEVER if stop_time is None else stop_time
     settings.stop_collisions = 2**62 if stop_collisions is None else stop_collisions
     return settings

@@ -19,11 +19,11 @@ class Log:
         self._chunks: list[Any] = []
 
     def take(self, rows: Any, count: int) -> None:
-        """Copy the first ``count`` rows."""
+        """Take the first ``count`` rows; those of an array are not copied, and stay as they are."""
         if count == 0:
             return
         if isinstance(rows, np.ndarray):
-            self._chunks.append(rows[:count].copy())
+            self._chunks.append(rows[:count])
             return
         values: Iterable[Any] = (
             tuple([getattr(row, name) for name in self._names]) for row in rows[:count]

@@ -11,6 +11,7 @@ from vibro_cli.mechanics.records import (
     NEVER,
     Flight,
     PairData,
+    PairTrack,
     PieceData,
     TrackData,
 )
@@ -18,6 +19,9 @@ from vibro_cli.numerics.double import add_to_time, time_between
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.flights import state_at
 from vibro_cli.simulation.world import World
+
+# Cosines of bounds are compared with room for their rounding.
+CAUTION = 1.0e-12
 
 
 @kernel
@@ -92,6 +96,10 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     if a.piece == b.piece and piece.sign != 0.0:
         contact = world.contacts[j * settings.pieces + a.piece]
         orientation = 1.0 if laps == 0 else -1.0
+        if laps != 0 and _never_over_the_top(a, b, contact):
+            clock.skipped_apart += 1
+            pair.apart = 1
+            return
         h = contact_on_arc(
             a, b, age_a, age_b, pair.touching, ahead, limit, contact, orientation, pair, clock
         )
@@ -110,6 +118,23 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         )  # fmt: skip
     if h >= 0.0:
         pair.contact_t, pair.contact_t_low = add_to_time(pair.clear_t, pair.clear_t_low, h)
+
+
+@kernel
+def _never_over_the_top(a: Flight, b: Flight, contact: PairTrack) -> bool:
+    """Tell whether two librations in a circle keep two bodies apart across its top.
+
+    The flights stay within ``|f| <= 2 asin sqrt m``; they meet over the top only if both half
+    angles and half the angle of contact add up to pi.
+    """
+    root_a = a.root_complement
+    root_b = b.root_complement
+    if a.grouped != 0 or b.grouped != 0 or root_a <= 0.0 or root_b <= 0.0:
+        return False
+    if a.c <= 0.0 or b.c <= 0.0:
+        return False
+    reach = root_a * root_b - math.sqrt(a.parameter * b.parameter)
+    return reach > CAUTION - contact.cosine
 
 
 @kernel
