@@ -14,7 +14,6 @@ import types
 import zlib
 from typing import Any
 
-from llvmlite import ir
 from numba import _dynfunc
 from numba.core import cgutils, typed_passes, untyped_passes
 from numba.core import types as numba_types
@@ -45,7 +44,7 @@ class Reference(numba_types.Type):
 
 
 class Rows(numba_types.Type):
-    """The records of an array, without its length: a pointer to the first one."""
+    """The records of an array: a pointer to the first one, and their number."""
 
     def __init__(self, row: Any) -> None:
         self.row = row
@@ -59,9 +58,10 @@ class _ReferenceModel(models.PrimitiveModel):
 
 
 @register_model(Rows)
-class _RowsModel(models.PrimitiveModel):
+class _RowsModel(models.StructModel):
     def __init__(self, manager: Any, of: Rows) -> None:
-        super().__init__(manager, of, ir.IntType(8).as_pointer())
+        members = [("first", numba_types.voidptr), ("count", numba_types.intp)]
+        super().__init__(manager, of, members)
 
 
 def _seen(array: Any) -> Any:
@@ -92,8 +92,11 @@ def _lower_attribute(context: Any, builder: Any, of: Reference, value: Any, name
     field = of.value[index]
     if not isinstance(_seen(field), Rows):
         return array
-    data = context.make_array(field)(context, builder, array).data
-    return builder.bitcast(data, ir.IntType(8).as_pointer())
+    whole = context.make_array(field)(context, builder, array)
+    rows = cgutils.create_struct_proxy(_seen(field))(context, builder)
+    rows.first = builder.bitcast(whole.data, rows.first.type)
+    rows.count = whole.nitems
+    return rows._getvalue()
 
 
 @infer_global(operator.getitem)
@@ -104,22 +107,68 @@ class _RowTemplate(AbstractTemplate):
         return None
 
 
+@infer_global(operator.setitem)
+class _PutTemplate(AbstractTemplate):
+    def generic(self, arguments: Any, keywords: Any) -> Any:
+        if len(arguments) == 3 and isinstance(arguments[0], Rows):
+            row = arguments[0].row
+            return signature(numba_types.none, arguments[0], numba_types.intp, row)
+        return None
+
+
+@infer_global(len)
+class _CountTemplate(AbstractTemplate):
+    def generic(self, arguments: Any, keywords: Any) -> Any:
+        if len(arguments) == 1 and isinstance(arguments[0], Rows):
+            return signature(numba_types.intp, arguments[0])
+        return None
+
+
+def _row_at(context: Any, builder: Any, of: Rows, rows: Any, index: Any) -> Any:
+    first = cgutils.create_struct_proxy(of)(context, builder, value=rows).first
+    size = context.get_constant(numba_types.intp, of.row.size)
+    row = builder.gep(first, [builder.mul(index, size)])
+    return builder.bitcast(row, context.get_value_type(of.row))
+
+
 @lower_builtin(operator.getitem, Rows, numba_types.intp)
 def _lower_row(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    rows, index = values
-    size = context.get_constant(numba_types.intp, signature.args[0].row.size)
-    row = builder.gep(rows, [builder.mul(index, size)])
-    return builder.bitcast(row, context.get_value_type(signature.return_type))
+    return _row_at(context, builder, signature.args[0], *values)
+
+
+@lower_builtin(operator.setitem, Rows, numba_types.intp, numba_types.Record)
+def _lower_put(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    rows, index, row = values
+    of = signature.args[0]
+    target = _row_at(context, builder, of, rows, index)
+    size = context.get_constant(numba_types.intp, of.row.size)
+    cgutils.raw_memcpy(builder, target, row, size, 1)
+    return context.get_dummy_value()
+
+
+@lower_builtin(len, Rows)
+def _lower_count(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    return cgutils.create_struct_proxy(signature.args[0])(context, builder, value=values[0]).count
 
 
 @intrinsic
-def reference(typing: Any, value: Any) -> Any:
-    """Return a reference to a named tuple, good until the calling function returns."""
+def referenced(typing: Any, values: Any) -> Any:
+    """Return arguments with references to named tuples in place of these.
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return cgutils.alloca_once_value(builder, values[0])
+    They are good until the calling function returns.
+    """
+    kinds = [Reference(v) if isinstance(v, numba_types.BaseNamedTuple) else v for v in values]
+    result = numba_types.Tuple(kinds)
 
-    return Reference(value)(value), generate
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        items = cgutils.unpack_tuple(builder, arguments[0], len(kinds))
+        items = [
+            cgutils.alloca_once_value(builder, item) if isinstance(kind, Reference) else item
+            for kind, item in zip(kinds, items, strict=True)
+        ]
+        return context.make_tuple(builder, result, items)
+
+    return result(values), generate
 
 
 class PartLibrary(JITCodeLibrary):
@@ -251,18 +300,13 @@ WholeCompiler = _pipeline(WholeLowering)
 
 
 def entry_of(twin: types.FunctionType, kernel: Any) -> types.FunctionType:
-    """Return what is compiled as the entry of a kernel, given its twin and its compiled form.
-
-    A kernel of a world is handed a reference to it; any other one is its own entry.
-    """
-    if twin.__code__.co_varnames[:1] != ("world",):
-        return twin
-    names = {"reference": reference, "_kernel": kernel}
+    """Return what is compiled as the entry of a kernel, given its twin and its compiled form."""
+    names = {"referenced": referenced, "_kernel": kernel}
     entry = types.FunctionType(_enter.__code__, names, twin.__name__)
     entry.__qualname__ = twin.__name__
     entry.__module__ = twin.__module__
     return entry
 
 
-def _enter(world, *others):
-    return _kernel(reference(world), *others)  # noqa: F821
+def _enter(*arguments):
+    return _kernel(*referenced(arguments))  # noqa: F821
