@@ -19,6 +19,7 @@ restitution on the speed of approach with rolling kept for ``normal-impulse``.
 from __future__ import annotations
 
 from vibro_cli.mechanics.records import BodyData
+from vibro_cli.numerics.double import difference_of_products
 from vibro_cli.numerics.engine import kernel
 
 HEDRIH = 0
@@ -38,11 +39,49 @@ def weight_and_response(law: int, body: BodyData, normal: float) -> tuple[float,
 
 
 @kernel
-def law_approach(qa: float, qb: float, speed_a: float, speed_b: float) -> float:
-    """Relative speed ``q_a v_a - q_b v_b`` of a law, exact up to one rounding for equal weights."""
-    if qa == qb:
-        return qa * (speed_a - speed_b)
-    return qa * speed_a - qb * speed_b
+def law_approach(
+    law: int,
+    body_a: BodyData,
+    body_b: BodyData,
+    normal_a: float,
+    normal_b: float,
+    speed_a: float,
+    speed_b: float,
+) -> float:
+    """Relative speed ``u = q_a v_a - q_b v_b`` of a law, to about one rounding of itself."""
+    if law == TRANSLATIONAL:
+        return speed_a - speed_b
+    if law == HEDRIH:
+        if body_a.radius == body_b.radius:
+            return (speed_a - speed_b) / body_a.radius
+        # Not with the weights 1/r, whose roundings a small relative speed would show.
+        across = difference_of_products(body_b.radius, speed_a, body_a.radius, speed_b)
+        return across / (body_a.radius * body_b.radius)
+    if normal_a == normal_b:
+        return normal_a * (speed_a - speed_b)
+    return difference_of_products(normal_a, speed_a, normal_b, speed_b)
+
+
+@kernel
+def loss_of_impulse(
+    law: int,
+    restitution: float,
+    body_a: BodyData,
+    body_b: BodyData,
+    impulse: float,
+    approach: float,
+    sum_a: float,
+    sum_b: float,
+) -> float:
+    """Rolling energy (J) that the impulse of a pair takes, which turns ``u`` into ``-k u``.
+
+    ``sum_a, sum_b`` are the sums of each body's speeds before and after (m/s).
+    """
+    if law == TRANSLATIONAL and body_a.kappa != body_b.kappa:
+        # The law balances m v, the bodies carry kappa m v^2/2.
+        return 0.5 * impulse * difference_of_products(body_a.kappa, sum_a, body_b.kappa, sum_b)
+    loss = 0.5 * (1.0 - restitution) * impulse * approach
+    return loss * body_a.kappa if law == TRANSLATIONAL else loss
 
 
 @kernel
@@ -65,18 +104,13 @@ def impact_of_pair(
     """
     qa, ha = weight_and_response(law, body_a, normal_a)
     qb, hb = weight_and_response(law, body_b, normal_b)
-    approach = law_approach(qa, qb, speed_a, speed_b)
+    approach = law_approach(law, body_a, body_b, normal_a, normal_b, speed_a, speed_b)
     impulse = (1.0 + restitution) * approach / (qa * ha + qb * hb)
     after_a = speed_a - impulse * ha
     after_b = speed_b + impulse * hb
-    loss = 0.5 * (1.0 - restitution) * impulse * approach
-    if law == TRANSLATIONAL:
-        # The law balances m v, the bodies carry kappa m v^2/2.
-        if body_a.kappa == body_b.kappa:
-            loss *= body_a.kappa
-        else:
-            sum_a = body_a.kappa * (speed_a + after_a)
-            loss = 0.5 * impulse * (sum_a - body_b.kappa * (speed_b + after_b))
+    sum_a = speed_a + after_a
+    sum_b = speed_b + after_b
+    loss = loss_of_impulse(law, restitution, body_a, body_b, impulse, approach, sum_a, sum_b)
     return after_a, after_b, loss
 
 

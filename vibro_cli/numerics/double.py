@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from vibro_cli.numerics.engine import kernel
 
+SPLITTER = 134217729.0  # 2^27 + 1: splits the 53 bits of a double in two halves
+
 
 @kernel
 def add_to_time(high: float, low: float, step: float) -> tuple[float, float]:
@@ -30,3 +32,27 @@ def add_to_time(high: float, low: float, step: float) -> tuple[float, float]:
 def time_between(high: float, low: float, earlier_high: float, earlier_low: float) -> float:
     """Return the time from one instant to another, both held in two doubles, s."""
     return (high - earlier_high) + (low - earlier_low)
+
+
+@kernel
+def difference_of_products(a: float, b: float, c: float, d: float) -> float:
+    """Return ``a b - c d`` to about one rounding, even where the products cancel.
+
+    Both products with their rounding errors (Dekker 1971, Veltkamp's split); the factors must stay
+    below 1e300 in size.
+    """
+    first = a * b
+    second = c * d
+    return (first - second) + (_product_error(a, b, first) - _product_error(c, d, second))
+
+
+@kernel
+def _product_error(a: float, b: float, product: float) -> float:
+    """``a b - product`` exactly, for the rounded product."""
+    shifted = SPLITTER * a
+    a_high = shifted - (shifted - a)
+    a_low = a - a_high
+    shifted = SPLITTER * b
+    b_high = shifted - (shifted - b)
+    b_low = b - b_high
+    return ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low

@@ -150,8 +150,10 @@ def joint_impulses(world: World, first: int, count: int, law: int, plastic: int)
         pair = world.pairs[j]
         qa, ha = weight_and_response(law, world.bodies[pair.a], pair.normal_a)
         qb, hb = weight_and_response(law, world.bodies[pair.b], pair.normal_b)
-        speed_a = world.flights[pair.a].speed
-        approach = law_approach(qa, qb, speed_a, world.flights[pair.b].speed)
+        approach = law_approach(
+            law, world.bodies[pair.a], world.bodies[pair.b], pair.normal_a, pair.normal_b,
+            world.flights[pair.a].speed, world.flights[pair.b].speed,
+        )  # fmt: skip
         k = 0.0 if plastic == 1 else pair.restitution
         pair.diagonal = qa * ha + qb * hb
         pair.right = (1.0 + k) * approach

@@ -7,7 +7,8 @@ close because of it follow at the same instant as impacts of their own, and so o
 from __future__ import annotations
 
 from vibro_cli.mechanics.flight import head_from_state
-from vibro_cli.mechanics.laws import NORMAL_IMPULSE
+from vibro_cli.mechanics.laws import NORMAL_IMPULSE, law_approach, loss_of_impulse
+from vibro_cli.mechanics.records import PairData
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.chain import apply_impulses, joint_impulses, speed_of_chain
 from vibro_cli.simulation.contact_changes import close_accumulated, launch_chain, settle
@@ -170,28 +171,24 @@ def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[f
         row.speed_a_post = world.flights[pair.a].speed
         row.speed_b_post = world.flights[pair.b].speed
         row.admissible = parts(pair, row.speed_a_post, row.speed_b_post, fastest)
-        row.loss = _loss_of_pair(world, pair.solution, row, law)
+        row.loss = _loss_of_pair(world, pair, row, law)
         loss += row.loss
         fine = fine and row.admissible == 1
     return loss, fine
 
 
 @kernel
-def _loss_of_pair(world: World, impulse: float, row: ImpactRow, law: int) -> float:
-    """Rolling energy (J) that the impulse of one pair takes: impulse times mean relative speed."""
+def _loss_of_pair(world: World, pair: PairData, row: ImpactRow, law: int) -> float:
+    """Rolling energy (J) that the impulse of one pair takes."""
     body_a = world.bodies[row.a]
     body_b = world.bodies[row.b]
-    if law == NORMAL_IMPULSE:
-        weight_a = row.normal_a
-        weight_b = row.normal_b
-    elif law == 0:
-        weight_a = 1.0 / body_a.radius
-        weight_b = 1.0 / body_b.radius
-    else:
-        weight_a = body_a.kappa
-        weight_b = body_b.kappa
-    sum_a = weight_a * (row.speed_a_pre + row.speed_a_post)
-    return 0.5 * impulse * (sum_a - weight_b * (row.speed_b_pre + row.speed_b_post))
+    before_a = row.speed_a_pre
+    before_b = row.speed_b_pre
+    approach = law_approach(law, body_a, body_b, row.normal_a, row.normal_b, before_a, before_b)
+    sum_a = before_a + row.speed_a_post
+    sum_b = before_b + row.speed_b_post
+    k = pair.restitution
+    return loss_of_impulse(law, k, body_a, body_b, pair.solution, approach, sum_a, sum_b)
 
 
 @kernel
