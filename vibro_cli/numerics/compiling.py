@@ -12,6 +12,7 @@ from __future__ import annotations
 import operator
 import types
 import zlib
+from collections.abc import Callable
 from typing import Any
 
 from numba import _dynfunc
@@ -279,32 +280,49 @@ NOT_NEEDED = (
 )
 
 
-def _pipeline(lowering: Any) -> type:
-    class Pipeline(CompilerBase):
-        def define_pipelines(self) -> Any:
-            manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
-            manager.passes = [
-                (lowering, "lowering") if each is NativeLowering else (each, text)
-                for each, text in manager.passes
-                if each not in NOT_NEEDED
-            ]
-            manager._finalized = False
-            manager.finalize()
-            return [manager]
+class PartCompiler(CompilerBase):
+    """Compiles a kernel that is called by kernels only."""
 
-    return Pipeline
+    def define_pipelines(self) -> Any:
+        """Return the one pipeline there is."""
+        return [_pipeline(self.state, PartLowering)]
 
 
-PartCompiler = _pipeline(PartLowering)
-WholeCompiler = _pipeline(WholeLowering)
+class WholeCompiler(CompilerBase):
+    """Compiles an entry."""
+
+    def define_pipelines(self) -> Any:
+        """Have the kernel made that the entry calls; return the one pipeline there is."""
+        entry = self.state.func_id.func
+        if entry in _kernels_of_entries:
+            entry.__globals__["_kernel"] = _kernels_of_entries.pop(entry)()
+        return [_pipeline(self.state, WholeLowering)]
 
 
-def entry_of(twin: types.FunctionType, kernel: Any) -> types.FunctionType:
-    """Return what is compiled as the entry of a kernel, given its twin and its compiled form."""
-    names = {"referenced": referenced, "_kernel": kernel}
-    entry = types.FunctionType(_enter.__code__, names, twin.__name__)
-    entry.__qualname__ = twin.__name__
-    entry.__module__ = twin.__module__
+_kernels_of_entries: dict[types.FunctionType, Callable[[], Any]] = {}
+
+
+def _pipeline(state: Any, lowering: Any) -> Any:
+    manager = DefaultPassBuilder.define_nopython_pipeline(state)
+    manager.passes = [
+        (lowering, "lowering") if each is NativeLowering else (each, text)
+        for each, text in manager.passes
+        if each not in NOT_NEEDED
+    ]
+    manager._finalized = False
+    manager.finalize()
+    return manager
+
+
+def entry_of(kernel: Callable[..., Any], make: Callable[[], Any]) -> types.FunctionType:
+    """Return what is compiled as the entry of a kernel; ``make`` returns its compiled form.
+
+    Where the machine code is read from the cache, it is never made.
+    """
+    entry = types.FunctionType(_enter.__code__, {"referenced": referenced}, kernel.__name__)
+    entry.__qualname__ = kernel.__name__
+    entry.__module__ = kernel.__module__
+    _kernels_of_entries[entry] = make
     return entry
 
 

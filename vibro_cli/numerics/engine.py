@@ -29,7 +29,6 @@ Series = list[float]
 _kernels: dict[str, dict[str, Callable[..., Any]]] = {}
 _compiled: dict[Callable[..., Any], Any] = {}
 _twins: dict[Callable[..., Any], Any] = {}
-_inner: dict[Callable[..., Any], Any] = {}
 # Same operations in the same order as the interpreter: no contraction, no reassociation.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 _alone: dict[Callable[..., Any], FirstCallAlone] = {}
@@ -176,14 +175,12 @@ def compiled(entry: Callable[..., Any]) -> Any:
     -------
     The numba dispatcher; machine code is made, or read from the cache, at its first call.
     """
-    if not _twins:
-        _make_twins()
     if entry not in _compiled:
         import numba
 
         from vibro_cli.numerics.compiling import WholeCompiler, entry_of
 
-        function = entry_of(_twins[entry], _inner[entry])
+        function = entry_of(entry, lambda: _twin(entry))
         whole = numba.njit(pipeline_class=WholeCompiler, **_OPTIONS)
         _compiled[entry] = kept(whole(function))
     return _compiled[entry]
@@ -213,6 +210,13 @@ def _machine_code() -> Path:
     return code_folder(f"kernels-{source_digest()}")
 
 
+def _twin(function: Callable[..., Any]) -> Any:
+    """The compiled form of a kernel."""
+    if not _twins:
+        _make_twins()
+    return _twins[function]
+
+
 def _make_twins() -> None:
     """Make a twin of every kernel, in whose module every kernel means its compiled form.
 
@@ -224,7 +228,7 @@ def _make_twins() -> None:
     from vibro_cli.numerics.compiling import PartCompiler
 
     namespaces: dict[str, dict[str, Any]] = {}
-    twins: dict[Callable[..., Any], Any] = {}
+    copies: dict[Callable[..., Any], Any] = {}
     for module, functions in _kernels.items():
         namespaces[module] = dict(vars(sys.modules[module]))
         for function in functions.values():
@@ -232,14 +236,13 @@ def _make_twins() -> None:
                 function.__code__, namespaces[module], function.__name__, function.__defaults__
             )
             twin.__module__ = module
-            twins[function] = twin
+            copies[function] = twin
     # Options of numba that its type hints leave out.
     inside: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     part = numba.njit(pipeline_class=PartCompiler, **_OPTIONS, **inside)
-    inner = {function: part(twin) for function, twin in twins.items()}
+    twins = {function: part(twin) for function, twin in copies.items()}
     for namespace in namespaces.values():
         for name, value in list(namespace.items()):
-            if isinstance(value, types.FunctionType) and value in inner:
-                namespace[name] = inner[value]
+            if isinstance(value, types.FunctionType) and value in twins:
+                namespace[name] = twins[value]
     _twins.update(twins)
-    _inner.update(inner)

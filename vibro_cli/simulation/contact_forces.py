@@ -112,7 +112,7 @@ def _states(paths: Paths, members: list[int], flights: list[Flight], t: float) -
             rho = float(paths.places.path_radius[paths.body[member], paths.piece[member]])
             acceleration = -rho * flight.frequency**2 * (2.0 * sine * cosine)
         body, piece = int(paths.body[member]), int(paths.piece[member])
-        speed = float(paths.places.speed_factor(body, piece)) * p
+        speed = float(paths.places.speed_factors[body, piece]) * p
         motions.append(_motion(paths.places, body, piece, (s, c), speed * speed, acceleration))
     return motions
 
@@ -127,14 +127,13 @@ def _motion(
 ) -> _Motion:
     data = places.system.trace.pieces[piece]
     s, c = half
-    column = np.array([body]), np.array([piece]), np.array([s]), np.array([c])
-    x, y = places.centre(*column)
+    x, y = places.centre_of(body, piece, s, c)
     if data.is_line:
         slope, bend = sine_cosine(data.start_slope), 0.0
     else:
         slope = (2.0 * s * c, data.sign * (c - s) * (c + s))
         bend = data.sign * speed_squared / float(places.path_radius[body, piece])
-    return _Motion(body, float(x[0]), float(y[0]), slope, bend, acceleration)
+    return _Motion(body, x, y, slope, bend, acceleration)
 
 
 def harmonics(paths: Paths, members: list[int], flights: list[Flight]) -> list[Harmonic]:

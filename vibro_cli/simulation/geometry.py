@@ -33,6 +33,9 @@ class Places:
             [[0.0 if p.is_line else p.path_radius(b.radius) for p in pieces] for b in bodies]
         )
         self.gravity = system.gravity
+        everywhere = np.indices(self.path_radius.shape)
+        self.frequencies = self.frequency(*everywhere)
+        self.speed_factors = self.speed_factor(*everywhere)
         self.system = system
 
     def position(self, piece: Any, s: Floats, c: Floats) -> Floats:
@@ -69,6 +72,22 @@ class Places:
             x[here] = data.center[0] + data.sign * rho * (2.0 * s[here] * c[here])
             y[here] = data.center[1] - rho * ((c[here] - s[here]) * (c[here] + s[here]))
         return x, y
+
+    def centre_of(self, body: int, piece: int, s: float, c: float) -> tuple[float, float]:
+        """Centre (m) of one body at ``(S, C)``."""
+        data = self.system.trace.pieces[piece]
+        if data.is_line:
+            radius = self.system.bodies[body].radius
+            cosine, sine = math.cos(data.start_slope), math.sin(data.start_slope)
+            return (
+                data.start[0] + s * cosine - radius * sine,
+                data.start[1] + s * sine + radius * cosine,
+            )
+        rho = data.path_radius(self.system.bodies[body].radius)
+        return (
+            data.center[0] + data.sign * rho * (2.0 * s * c),
+            data.center[1] - rho * ((c - s) * (c + s)),
+        )
 
     def frequency(self, body: Any, piece: Any) -> Floats:
         """``w = sqrt(g/(kappa rho))`` (rad/s), 0 on lines."""

@@ -70,7 +70,7 @@ class Paths:
         flight.lap = int(row["lap"])
         flight.s, flight.c, flight.p = float(row["s"]), float(row["c"]), float(row["p"])
         flight.flow_s, flight.flow_c, flight.flow_p = flight.s, flight.c, flight.p
-        flight.own_frequency = float(self.places.frequency(row["body"], row["piece"]))
+        flight.own_frequency = float(self.places.frequencies[row["body"], row["piece"]])
         flight.frequency = flight.own_frequency
         flight.at_rest = int(row["at_rest"])
         if row["grouped"]:
@@ -126,7 +126,7 @@ class Paths:
         row = self.log[index]
         argument = 2.0 * quarter_period(float(row["parameter"]), float(row["root_complement"]))
         grouped = bool(row["grouped"])
-        own = self.places.frequency(row["body"], row["piece"])
+        own = self.places.frequencies[row["body"], row["piece"]]
         return argument / float(row["frequency"] if grouped else own)
 
     def passages(self, index: int, s: float, c: float, p: float) -> list[float]:
