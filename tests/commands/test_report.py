@@ -128,3 +128,20 @@ def test_a_grid_has_a_page_and_figures(vibro: Vibro) -> None:
         outcome = vibro("report", "sweep", *extra)
         assert outcome.code == 2
         assert words in outcome.err
+
+
+def test_what_grid_wrote_has_a_page(vibro: Vibro) -> None:
+    Path("sweep.toml").write_text(
+        f'base = "{GALLERY / "one_circle.toml"}"\n'
+        '[[axes]]\npath = "collision.k"\nvalues = [0.9, 0.5]\n'
+        '[[axes]]\npath = "balls[1].angle"\nvalues = [-0.6, -0.5, 2.9]\n'
+        "[keep]\ncollisions = true\n"
+    )
+    made = vibro("grid", "sweep.toml", "--engine", "python", "--set", "stop.collisions=3")
+    assert made.code == 0
+    assert vibro("report", "outputs/sweep").code == 0
+    page = Path("outputs/sweep-report.html").read_text()
+    assert "All 6 points are solved." in page
+    assert "Why points are invalid or failed" in page  # 2.9 rad would be beyond the other ball
+    for title in ("How the runs end", "Runs over one axis", "Places of the impacts"):
+        assert title in page

@@ -2,8 +2,9 @@
 
     python -m tests.figures.contact_sheet sheet.png [scenario …]
 
-One row for each scenario of the gallery: portraits of the runs, charts, and the portrait without a
-run, all at the width of one column (85 mm).
+One row for each scenario of the gallery: portraits of the runs, charts, the portrait without a run
+and a frame of its film; below them particle, disk and ball compared, and the figures of a grid made
+by hand. All at the width of one column (85 mm).
 """
 
 from __future__ import annotations
@@ -12,17 +13,28 @@ import sys
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import numpy as np
+from matplotlib.figure import Figure
 from PIL import Image
 
+from tests.grid_folder import product, write_grid
 from vibro_cli import load_scenario, simulate
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
+from vibro_cli.build import build_system
+from vibro_cli.figures.comparison import comparison
 from vibro_cli.figures.family import family
+from vibro_cli.figures.grid_kinds import draw_grid
 from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
+from vibro_cli.figures.motion import frame_times, frames
 from vibro_cli.figures.output import render
+from vibro_cli.figures.stage import Film
 from vibro_cli.figures.structure import structure
+from vibro_cli.storage.stored_grid import open_grid
 
+BODIES = Path(__file__).parents[2] / "scenarios/ball_on_arcs.toml"
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 _ROOM = 24
 _GROUND = (200, 200, 215)
@@ -34,12 +46,33 @@ def pictures(name: str) -> Iterator[Image.Image]:
     portrait = portrait_of(Landscape.of(run.system, 1))
     figures = [one.figure for one in draw_all(run, [PORTRAIT, *KINDS], "single")]
     for figure in (*figures, structure(portrait), family([(name, portrait)])):
-        yield Image.open(BytesIO(render(figure, "png"))).convert("RGB")
+        yield picture(figure)
+    yield Image.fromarray(Film(run, frames(run, frame_times(0.0, 1.0, 1.0, 25)), 150.0).picture(25))
+
+
+def others() -> Iterator[Image.Image]:
+    """The figures that are of no single run."""
+    members = [
+        (body, portrait_of(Landscape.of(build_system(load_scenario(BODIES, [override])), 1)))
+        for body in ("particle", "disk", "ball")
+        for override in (f"balls[1].body={body}",)
+    ]
+    yield picture(comparison(members))
+    axes = {"balls[1].angle": np.linspace(-1.2, -0.2, 25), "collision.k": np.linspace(0.5, 1.0, 9)}
+    with TemporaryDirectory() as folder:
+        grid = open_grid(write_grid(Path(folder), product(axes), bad={7: ("invalid", "too steep")}))
+        for drawn in draw_grid(grid, "single"):
+            yield picture(drawn.figure)
+
+
+def picture(figure: Figure) -> Image.Image:
+    """A figure as a picture."""
+    return Image.open(BytesIO(render(figure, "png"))).convert("RGB")
 
 
 def sheet(names: list[str]) -> Image.Image:
-    """Return the figures of scenarios, a row for each."""
-    rows = [list(pictures(name)) for name in names]
+    """Return the figures of scenarios, a row for each, and those of no single run."""
+    rows = [*(list(pictures(name)) for name in names), list(others())]
     width = max(sum(one.width + _ROOM for one in row) for row in rows) + _ROOM
     heights = [max(one.height for one in row) + _ROOM for row in rows]
     whole = Image.new("RGB", (width, sum(heights) + _ROOM), _GROUND)

@@ -22,7 +22,7 @@ def _energy(grid: Swept, width: str) -> Figure | None:
     start = np.asarray(grid.summary["energy_start"], dtype=np.float64)
     end = np.asarray(grid.summary["energy_end"], dtype=np.float64)
     share = np.divide(end, start, out=np.full(len(start), np.nan), where=start > 0.0)
-    return quantity_map(grid, width, share, r"$E_\mathrm{end}/E_0$", np.inf)
+    return quantity_map(grid, width, share, r"$E_\mathrm{end}/E_0$", 1e3)
 
 
 _OVER_TWO = "Over the two axes with the most values"
