@@ -18,7 +18,10 @@ _CLOSING_TOLERANCE = 1e-12
 # Within these bounds no product or quotient of the mechanics leaves the range of doubles.
 _SIZES = (1e-30, 1e30)
 _MASSES = (1e-100, 1e100)
+_GRAVITIES = (1e-30, 1e30)
 _MOST_SLOPE = 1e3
+# Beyond it the sum of two times, or a time in units of a period, leaves that range.
+_LONGEST = 1e300
 
 
 class _Findings:
@@ -110,7 +113,7 @@ def _trace(scenario: Scenario, findings: _Findings) -> Trace:
 
 
 def _check_sizes(scenario: Scenario, findings: _Findings) -> None:
-    """Check that sizes, slopes and speeds are such that doubles can compute with them."""
+    """Check that sizes, slopes, speeds and times are such that doubles can compute with them."""
     sizes: list[tuple[str, float | None]] = []
     slopes: list[tuple[str, float | None]] = [("trace.start_slope", scenario.trace.start_slope)]
     speeds: list[tuple[str, float | None]] = []
@@ -122,6 +125,12 @@ def _check_sizes(scenario: Scenario, findings: _Findings) -> None:
         path = f"balls[{number}]"
         sizes += [(f"{path}.radius", ball.radius or None), (f"{path}.thickness", ball.thickness)]
         speeds += [(f"{path}.{key}", getattr(ball, key)) for key in ("rate", "omega", "speed")]
+    low, high = _GRAVITIES
+    if not low <= scenario.gravity <= high:
+        expected = f"an acceleration from {low} to {high} m/s^2"
+        findings.add("gravity", repr(scenario.gravity), expected)
+    if scenario.stop.time is not None and scenario.stop.time > _LONGEST:
+        findings.add("stop.time", repr(scenario.stop.time), f"a time up to {_LONGEST} s")
     low, high = _SIZES
     for path, size in sizes:
         if size is not None and not low <= size <= high:

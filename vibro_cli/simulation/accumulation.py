@@ -57,7 +57,8 @@ def time_to_rest(world: World, j: int, law: int) -> float:
     c = -present_approach(world, j)
     if c <= 0.0 or not _law_is_normal(world, j, law):
         return NOT_YET
-    if abs(u) <= SPEED_ROUNDING * speed_of_pair(world, j):
+    # Just launched, the pair approaches by rounding only.
+    if u <= SPEED_ROUNDING * speed_of_pair(world, j):
         return 0.0
     _, size = present_gap(world, j)
     rounding = EPSILON * size

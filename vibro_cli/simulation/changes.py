@@ -83,7 +83,8 @@ def _collide_alone(world: World, j: int) -> int:
         law, pair.restitution, body_a, body_b, pair.normal_a, pair.normal_b, a.speed, b.speed
     )
     substituted = 0
-    admissible = parts(pair, wa, wb, 0.0)
+    # What the law leaves of the speeds is rounded as they were before it.
+    admissible = parts(pair, wa, wb, abs(a.speed) + abs(b.speed))
     if admissible == 0 and settings.substitute == 1:
         law = NORMAL_IMPULSE
         substituted = 1
