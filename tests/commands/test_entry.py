@@ -76,6 +76,8 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
     outcome = vibro(command, "--help")
     assert outcome.code == 0
     assert outcome.text.startswith(f"Usage: vibro {command}")
+    for option in ("--json", "-q, --quiet", "-v, --verbose", "--log-format"):
+        assert re.search(rf"^  {option}\b", outcome.text, re.MULTILINE)
 
 
 @pytest.mark.parametrize(

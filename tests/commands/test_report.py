@@ -24,7 +24,10 @@ def test_a_page_stands_beside_the_folder(vibro: Vibro) -> None:
 def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     vibro(*RUN, "-o", "one")
     vibro(*RUN, "-o", "two", "--set", "collision.k=0.5")
-    assert vibro("report", "one", "two", "--pdf", "figures.pdf").code == 0
+    (written,) = vibro("report", "one", "two", "--pdf", "figures.pdf", "--json").lines
+    page = str(Path("report.html").resolve())
+    assert written == {"page": page, "pdf": "figures.pdf", "figures": None, "film": None}
+    assert vibro("report", "one", "-o", "-", "--json").code == 2
     assert b"collision.k" in Path("report.html").read_bytes()
     pdf = Path("figures.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-")

@@ -13,6 +13,7 @@ from vibro_cli import __version__
 from vibro_cli.commands.boundary import DONE, CommandError, say
 from vibro_cli.commands.filming import FilmWishes, check_film, write_film
 from vibro_cli.commands.options import Task
+from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.figures.kinds import Drawn
@@ -32,6 +33,7 @@ class _Wishes:
     figures: Path | None
     width: str
     film: FilmWishes | None
+    as_json: bool
 
 
 def report(
@@ -86,12 +88,17 @@ def report(
     fps: Annotated[
         int, typer.Option(min=1, max=100, help="Of --animate: frames in a second of the film.")
     ] = 25,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what was written as one JSON object.")
+    ] = False,
 ) -> Task:
     """Write a self-contained HTML page of a run, of several runs compared, or of a grid."""
     film = None if animate is None else FilmWishes(animate, span, pace, fps)
     if film is not None and len(folders) > 1:
         raise typer.BadParameter("--animate: found several runs, expected one")
-    return partial(_report, _Wishes(folders, output, pdf, figures, width, film))
+    if as_json and output == "-":
+        raise typer.BadParameter("--json and a printed page both need standard output")
+    return partial(_report, _Wishes(folders, output, pdf, figures, width, film, as_json))
 
 
 def _target(wishes: _Wishes) -> Path:
@@ -128,6 +135,10 @@ def _report(wishes: _Wishes) -> int:
     if wishes.film is not None:
         assert isinstance(subject, list)
         write_film(subject[0], wishes.film)
+    if wishes.as_json:
+        film = None if wishes.film is None else wishes.film.target
+        written = {"page": target, "pdf": wishes.pdf, "figures": wishes.figures, "film": film}
+        print(json_text({kind: path and str(path) for kind, path in written.items()}))
     return DONE
 
 
