@@ -24,8 +24,8 @@ from vibro_cli.storage.provenance import entry
 _POINTS_OF_A_PART = 100_000
 _IMPACTS_OF_A_PART = 250_000
 # Impacts that are solved at one go: between two stretches a thread can be told to stop.
-_IMPACTS_OF_A_STRETCH = 100_000
-_LONGEST_STRETCH = 4096
+_IMPACTS_OF_A_STRETCH = 20_000
+_LONGEST_STRETCH = 8192
 
 
 @dataclass(frozen=True)
@@ -126,10 +126,10 @@ def write_chunk(
 
 def _contents(
     grid: Grid, chunk: int, stretches: list[Solved], indices: Column
-) -> tuple[dict[str, bytes], Table]:
+) -> tuple[dict[str, memoryview], Table]:
     """The files of a chunk, the summary's last, and the columns of its summary."""
     names = file_names(grid, chunk)
-    contents: dict[str, bytes] = {}
+    contents: dict[str, memoryview] = {}
     if grid.keep.collisions:
         contents[names["collisions"]] = _collisions_part(grid, stretches, chunk)
     whole = _whole([one.summary for one in stretches])
@@ -161,7 +161,7 @@ def receipt_of(
     )
 
 
-def _collisions_part(grid: Grid, stretches: list[Solved], chunk: int) -> bytes:
+def _collisions_part(grid: Grid, stretches: list[Solved], chunk: int) -> memoryview:
     table = collision_table_of(grid)
     found = [one.collisions for one in stretches if one.collisions is not None]
     if not found:
@@ -181,6 +181,8 @@ def _joined(name: str, tables: list[Table]) -> Any:
         else:
             rows = len(next(iter(table.values())))
             parts.append(np.ma.MaskedArray(np.zeros(rows, dtype=np.int64), mask=True))
+    if len(parts) == 1:
+        return parts[0]
     if any(np.ma.isMaskedArray(part) for part in parts):
         return np.ma.concatenate(parts)  # type: ignore[no-untyped-call]
     return np.concatenate(parts)

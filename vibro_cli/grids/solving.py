@@ -26,7 +26,7 @@ Table = dict[str, Any]
 
 # Settings whose records are kept ready; a grid seldom needs many at once.
 _READY = 64
-_ROWS_AT_FIRST = 1 << 15
+_ROWS_AT_FIRST = 1 << 12
 
 
 @dataclass
@@ -64,6 +64,7 @@ class Solver:
         self._engine = engine
         self._settings: OrderedDict[tuple[Any, ...], Setting] = OrderedDict()
         self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
+        self._room = 0.0
         self._indices: Column = np.zeros(0, dtype=np.int64)
         self._slow = [path for path in grid.design.paths if not is_quick(path)]
 
@@ -167,8 +168,12 @@ class Solver:
             stop_t, most, starts.piece, starts.s, starts.c, starts.p, starts.mass,
             starts.restitution,
         )  # fmt: skip
-        rows = _ROWS_AT_FIRST if self._grid.keep.collisions else 0
-        return batch.run_all(points, empty_results(count, bodies, rows))
+        # A little more room than the points before have needed.
+        rows = int(self._room * count) + _ROWS_AT_FIRST if self._grid.keep.collisions else 0
+        results = batch.run_all(points, empty_results(count, bodies, rows))
+        taken: Any = results.outcomes
+        self._room = max(self._room, 1.1 * float(np.mean(taken["kept"])))
+        return results
 
     def _take(
         self, setting: Setting, starts: Starts, rows: Column, whole: Column, results: Results,
@@ -190,7 +195,9 @@ class Solver:
         chosen = whole[of]
         masses = starts.mass[of[chosen]]
         log: Any = results.impacts[: len(of)]
-        impacts = collision_table(places, log[chosen], counts[whole], masses)
+        wanted = self._grid.keep.columns
+        kept = log if whole.all() else log[chosen]
+        impacts = collision_table(places, kept, counts[whole], masses, wanted)
         parts.collisions.append((rows[of[chosen]], impacts))
 
     def _solve_alone(self, number: int, point: Point, parts: _Parts) -> None:
@@ -211,8 +218,11 @@ class Solver:
             return
         parts.summaries.append((row, summary))
         if self._grid.keep.collisions:
+            wanted = self._grid.keep.columns
             impacts = run.collisions
-            parts.collisions.append((np.full(len(impacts["n"]), number), impacts))
+            points = np.full(len(impacts["n"]), number)
+            kept = {k: v for k, v in impacts.items() if wanted is None or k in wanted}
+            parts.collisions.append((points, kept))
 
 
 def not_solved(status: str, reason: str | None, bodies: int) -> Table:
@@ -261,6 +271,8 @@ def _joined(parts: list[tuple[Column, Table]], indices: Column) -> Table | None:
     if not parts:
         return None
     rows = np.concatenate([rows for rows, _ in parts])
+    if len(parts) == 1:  # in order as they are
+        return {"scenario": indices[rows] + 1, **parts[0][1]}
     order = np.argsort(rows, kind="stable")
     joined: Table = {"scenario": indices[rows[order]] + 1}
     for name in parts[0][1]:

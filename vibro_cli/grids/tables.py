@@ -13,7 +13,7 @@ from vibro_cli.grids.paths import kind_of, type_of, unit_of
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.problems import KeyPath, path_text
 from vibro_cli.storage.schema import Column, Table, collisions, summary
-from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
+from vibro_cli.storage.tables import Origin, parquet_buffer, to_arrow
 
 _NUMBER = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
 
@@ -58,11 +58,11 @@ def _nullable(column: Column) -> Column:
     return Column(column.name, column.type, column.unit, column.description, nullable=True)
 
 
-def part_file(grid: Grid, table: Table, columns: dict[str, Any], chunk: int) -> bytes:
+def part_file(grid: Grid, table: Table, columns: dict[str, Any], chunk: int) -> memoryview:
     """Return the file of one part: the same bytes for the same rows of the same grid."""
     resolved = grid.resolved()
     origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
-    return parquet_bytes(to_arrow(table, columns, origin))
+    return memoryview(parquet_buffer(to_arrow(table, columns, origin)))
 
 
 def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:

@@ -21,6 +21,8 @@ class Places:
         pieces, bodies = system.trace.pieces, system.bodies
         self.sign = np.array([piece.sign for piece in pieces])
         self.radius = np.array([0.0 if piece.is_line else piece.radius for piece in pieces])
+        self.centre_x = np.array([piece.center[0] for piece in pieces])
+        self.centre_y = np.array([piece.center[1] for piece in pieces])
         self.start_s = np.array([piece.start_s for piece in pieces])
         self.angle_start = np.array([piece.angle_start for piece in pieces])
         self.angle_end = np.array([piece.angle_end for piece in pieces])
@@ -58,19 +60,16 @@ class Places:
 
     def centre(self, body: Any, piece: Any, s: Floats, c: Floats) -> tuple[Floats, Floats]:
         """Centre (m) of bodies at ``(S, C)``."""
-        x = np.empty(len(s))
-        y = np.empty(len(s))
+        rho = self.path_radius[body, piece]
+        x = self.centre_x[piece] + self.sign[piece] * rho * (2.0 * s * c)
+        y = self.centre_y[piece] - rho * ((c - s) * (c + s))
         for index, data in enumerate(self.system.trace.pieces):
-            here = piece == index
             if data.is_line:
-                radius = self.body_radius[body[here]]
+                here = piece == index
+                radius = self.body_radius[body][here] if np.ndim(body) else self.body_radius[body]
                 tangent = (math.cos(data.start_slope), math.sin(data.start_slope))
                 x[here] = data.start[0] + s[here] * tangent[0] - radius * tangent[1]
                 y[here] = data.start[1] + s[here] * tangent[1] + radius * tangent[0]
-                continue
-            rho = self.path_radius[body[here], index]
-            x[here] = data.center[0] + data.sign * rho * (2.0 * s[here] * c[here])
-            y[here] = data.center[1] - rho * ((c[here] - s[here]) * (c[here] + s[here]))
         return x, y
 
     def centre_of(self, body: int, piece: int, s: float, c: float) -> tuple[float, float]:

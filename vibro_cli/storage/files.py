@@ -18,7 +18,7 @@ _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 
 
-def write_file(path: Path, content: bytes) -> None:
+def write_file(path: Path, content: bytes | memoryview) -> None:
     """Write a file whole: beside its place, flushed, then renamed, and the folder flushed.
 
     Raises `OSError` when it cannot be written; then nothing is left behind.
@@ -50,7 +50,7 @@ def remove_partial_files(folder: Path) -> None:
             partial.unlink(missing_ok=True)
 
 
-def _write_new(path: Path, content: bytes) -> None:
+def _write_new(path: Path, content: bytes | memoryview) -> None:
     """Write a file that must not exist yet, and wait until it is on the disk."""
     with open(path, "xb") as file:
         file.write(content)
@@ -74,7 +74,7 @@ class NewFolder:
         self.path = path
         self.target = target
 
-    def write(self, name: str, content: bytes) -> None:
+    def write(self, name: str, content: bytes | memoryview) -> None:
         """Add a file; raises `OSError` when it cannot be written or is there already."""
         with _errors_name(self.target / name):
             _write_new(self.path / name, content)

@@ -41,7 +41,7 @@ def manifest(kind: str, files: Mapping[str, bytes], details: Mapping[str, Any]) 
     return manifest_of(kind, {name: entry(content) for name, content in files.items()}, details)
 
 
-def entry(content: bytes) -> dict[str, Any]:
+def entry(content: bytes | memoryview) -> dict[str, Any]:
     """What a manifest says of a file."""
     return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
 

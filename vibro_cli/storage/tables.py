@@ -66,7 +66,8 @@ def _arrow_column(column: Column, values: Any) -> pa.Array:
     if column.type == "float64":
         mask = mask | np.isnan(array)
     elif column.type == "string":
-        mask = mask | np.array([value is None for value in array], dtype=bool)
+        nothing: Any = None
+        mask = mask | np.equal(array, nothing)
     if not column.nullable and mask.any():
         row = int(np.argmax(mask))
         raise ValueError(f"column {column.name!r} has no value in row {row + 1}, and must have one")
@@ -91,7 +92,12 @@ def _bits(flags: "np.ndarray[Any, np.dtype[np.bool_]]") -> pa.Buffer:
 
 def _string_buffers(words: "np.ndarray[Any, np.dtype[Any]]") -> list[pa.Buffer]:
     """Offsets and bytes of words as arrow has them; None takes no bytes."""
-    parts = [b"" if word is None else word.encode() for word in words]
+    encoded = {word: b"" if word is None else word.encode() for word in set(words.tolist())}
+    if len(encoded) == 1:  # as in most columns of words
+        (part,) = encoded.values()
+        ends = np.arange(len(words) + 1, dtype=np.int32) * len(part)
+        return [pa.py_buffer(ends), pa.py_buffer(part * len(words))]
+    parts = [encoded[word] for word in words.tolist()]
     offsets = np.zeros(len(parts) + 1, dtype=np.int32)
     np.cumsum([len(part) for part in parts], out=offsets[1:])
     return [pa.py_buffer(offsets), pa.py_buffer(b"".join(parts))]
@@ -112,6 +118,12 @@ def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Tab
 
 def parquet_bytes(data: pa.Table) -> bytes:
     """An arrow table as a parquet file: zstd, floats split by bytes, integers by differences."""
+    content: bytes = parquet_buffer(data).to_pybytes()
+    return content
+
+
+def parquet_buffer(data: pa.Table) -> pa.Buffer:
+    """What `parquet_bytes` gives, without a copy: large parts need not be in memory twice."""
     encodings = {
         field.name: _ENCODINGS[field.type] for field in data.schema if field.type in _ENCODINGS
     }
@@ -126,8 +138,7 @@ def parquet_bytes(data: pa.Table) -> bytes:
         column_encoding=encodings,
         write_page_checksum=True,
     )
-    content: bytes = sink.getvalue().to_pybytes()
-    return content
+    return sink.getvalue()
 
 
 def read_parquet(source: Path | BinaryIO) -> pa.Table:
