@@ -58,7 +58,8 @@ def others() -> Iterator[Image.Image]:
         for override in (f"balls[1].body={body}",)
     ]
     yield picture(comparison(members))
-    axes = {"balls[1].angle": np.linspace(-1.2, -0.2, 25), "collision.k": np.linspace(0.5, 1.0, 9)}
+    axes = {"collision.k": np.linspace(0.5, 1.0, 9).tolist()}
+    axes["balls[1].angle"] = np.linspace(-1.2, -0.2, 25).tolist()
     with TemporaryDirectory() as folder:
         grid = open_grid(write_grid(Path(folder), product(axes), bad={7: ("invalid", "too steep")}))
         for drawn in draw_grid(grid, "single"):
