@@ -20,6 +20,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 GRID = """
+chunk_points = {chunk}
 base = "{base}"
 [[axes]]
 path = "balls[1].angle"
@@ -88,7 +89,7 @@ def main() -> int:
         count = round(asked.points**0.5)
         grid = work / "grid.toml"
         base = ROOT / "scenarios" / "three_arcs.toml"
-        grid.write_text(GRID.format(base=base, count=count))
+        grid.write_text(GRID.format(base=base, count=count, chunk=2 * count))
 
         def command(folder: Path) -> list[str]:
             call = [sys.executable, "-m", "vibro_cli", "grid", str(grid), "-o", str(folder)]

@@ -17,7 +17,7 @@ import pytest
 
 from tests.grids.conftest import Write
 from vibro_cli.grids.chunks import Chunks
-from vibro_cli.grids.dataset import FolderInUse, opened
+from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.shards import MergeRefused, Shard, merge
 from vibro_cli.grids.threads import solve_in_threads
@@ -128,6 +128,15 @@ def test_parts_that_no_manifest_tells_of_are_taken_up(
     solve(grid, folder)
     assert content(folder) == undisturbed
     assert {path: path.stat().st_ino for path in folder.rglob("part-*")} == before
+
+
+def test_another_version_does_not_go_on(
+    grid: Grid, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve(grid, tmp_path / "old")
+    monkeypatch.setattr("vibro_cli.grids.dataset.__version__", "99.0")
+    with pytest.raises(GridChanged, match=r'version: "[^"]*" -> "99.0"'):
+        solve(grid, tmp_path / "old")
 
 
 class Failing:

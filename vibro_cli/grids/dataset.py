@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from vibro_cli import __version__
 from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
 from vibro_cli.storage.files import remove_partial_files, write_file
@@ -183,9 +184,12 @@ def check_same(folder: Path, grid: Grid, chunks: Chunks) -> None:
     """Raise `GridChanged` if the folder holds another grid than this one."""
     stored = _stored_grid(folder)
     wanted = json.loads(json_bytes(resolved_with(grid, chunks)))
-    if stored is None or stored == wanted:
+    # Parts of two versions of the program do not belong into one dataset.
+    version = (read_manifest(folder) or {}).get("program", {}).get("version", __version__)
+    if stored is None or (stored == wanted and version == __version__):
         return
-    lines = [f"  {line}" for line in differences(stored, wanted)]
+    found = differences({**stored, "version": version}, {**wanted, "version": __version__})
+    lines = [f"  {line}" for line in found]
     raise GridChanged(
         f"{folder} holds another grid; found there and wanted now:\n"
         + "\n".join(lines)
