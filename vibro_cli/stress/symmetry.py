@@ -53,13 +53,19 @@ def mirrored(document: Document) -> Document:
 
 
 def _pairs_of_columns(run: Run, image: Run) -> list[tuple[Any, Any]]:
-    """Columns of a run and the same of its image, mirrored back."""
+    """Columns of a run and the same of its image, mirrored back.
+
+    Separate pairs that meet at one instant, to the bit, have their rows from left to right; in the
+    image that is the other order.
+    """
     one, other = run.collisions, image.collisions
-    pairs = [(one["t"], other["t"]), (one["t_low"], other["t_low"])]
+    rows = np.lexsort((one["ball_a"], one["t_low"], one["t"]))
+    mirrored_rows = np.lexsort((-other["ball_b"], other["t_low"], other["t"]))
+    names = [("t", "t", 1.0), ("t_low", "t_low", 1.0)]
     for a, b in ("ab", "ba"):
-        pairs += [(one[f"angle_{a}"], -other[f"angle_{b}"])]
-        pairs += [(one[f"speed_{a}_post"], -other[f"speed_{b}_post"])]
-    return pairs
+        names.append((f"angle_{a}", f"angle_{b}", -1.0))
+        names.append((f"speed_{a}_post", f"speed_{b}_post", -1.0))
+    return [(one[name][rows], sign * other[same][mirrored_rows]) for name, same, sign in names]
 
 
 def _mirror_on_one_arc(rng: np.random.Generator, count: int) -> Finding:
