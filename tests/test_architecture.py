@@ -130,7 +130,7 @@ def test_commands_are_imported_by_nobody(path: Path) -> None:
 def test_every_library_that_is_imported_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    required = [*project["dependencies"], *extras["dask"], *extras["stress"]]
+    required = [*project["dependencies"], *extras["dask"], *extras["stress"], *extras["peers"]]
     declared = {text.split(">")[0].split("[")[0].split(".")[0] for text in required}
     found = {name.split(".")[0] for path in SOURCES for name in imports(path)}
     found = {HALVES.get(name, name) for name in found}

@@ -27,6 +27,7 @@ PRINTING = {
     "schema": ["schema"],
     "new": ["new", "three_arcs", "-o", "-"],
     "stress": ["stress", "--only", "elliptic"],
+    "bench": ["bench", "--references", "times", "--scene", "five_balls"],
     "warm": ["warm", "--json"],
     "help": ["help", "tables"],
 }
@@ -41,6 +42,7 @@ WRITING = {
     "report": ["report", "done", "-o", "locked/page.html"],
     "new": ["new", "three_arcs", "-o", "locked/new.toml"],
     "stress": ["stress", "--only", "elliptic", "-o", "locked/stress"],
+    "bench": ["bench", "--references", "locked/times", "--scene", "five_balls"],
 }  # fmt: skip
 # These write nothing but to standard output; `warm` keeps machine code, see below.
 PRINTING_ONLY = {"check", "show", "verify", "schema", "help"}

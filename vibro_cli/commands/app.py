@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from vibro_cli import __version__
+from vibro_cli.commands.bench import bench
 from vibro_cli.commands.boundary import perform
 from vibro_cli.commands.check import check
 from vibro_cli.commands.grid import grid
@@ -32,7 +33,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-for command in (run, grid, portrait, report, check, show, verify, schema, new, stress, warm):
+for command in (
+    run, grid, portrait, report, check, show, verify, schema, new, stress, bench, warm,
+):  # fmt: skip
     app.command(command.__name__)(with_common_options(command))
 app.command("help")(with_common_options(help_command))
 

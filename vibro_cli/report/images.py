@@ -39,12 +39,12 @@ def _as_shown(wide: Drawn, narrow: Drawn, of: str) -> dict[str, Any]:
         "title": wide.title,
         "caption": wide.caption,
         "alternative": f"{wide.title}, {of}. {wide.caption}",
-        "wide": _image(wide.figure),
-        "narrow": _image(narrow.figure),
+        "wide": image(wide.figure),
+        "narrow": image(narrow.figure),
     }
 
 
-def _image(figure: Figure) -> dict[str, str]:
+def image(figure: Figure) -> dict[str, str]:
     """Return a figure as the address of an image with its size (CSS pixels)."""
     form = "png" if has_rasters(figure) else "svg"
     content = base64.b64encode(render(figure, form, _DPI)).decode()

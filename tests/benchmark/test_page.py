@@ -1,0 +1,77 @@
+"""The figures, the words and the page of a benchmark, from rows made by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.report.page_parser import Page
+from vibro_cli.benchmark.conclusions import conclude
+from vibro_cli.benchmark.measurement import Row
+from vibro_cli.figures.work_precision import growth, work_precision
+from vibro_cli.report.benchmark_page import benchmark_html
+
+
+def timed(method: str, setting: str, microseconds: float, error: float) -> Row:
+    made = Row("precision", "circle", method, setting, impacts=100, compared=10, error=error)
+    made.take_times([microseconds * 1e-4])
+    return made
+
+
+def sized(part: str, size: int, microseconds: float) -> Row:
+    made = Row(part, "circle", "vibro", size=size, impacts=100)
+    made.take_times([microseconds * 1e-4])
+    return made
+
+
+ROWS = [
+    timed("vibro", "exact", 0.5, 2e-16),
+    timed("series of the papers", "order 2", 150.0, 0.26),
+    timed("series of the papers", "order 128", 1500.0, 0.039),
+    timed("heyoka", "1e-16", 5.0, 3e-16),
+    timed("heyoka", "1e-09", 4.0, 1e-12),
+    Row("precision", "circle", "SciPy RK45", "0.0001", error=3.0, status="lost", note="astray"),
+    sized("arcs", 3, 1.0), sized("arcs", 30, 1.05),
+    sized("bodies", 2, 1.0), sized("bodies", 20, 3.0),
+    sized("cores", 1, 1.0), sized("cores", 2, 0.52),
+    Row("skips", "circle", "rows", "skipped", seconds=1.0),
+    Row("skips", "circle", "rows", "not skipped", seconds=1.5),
+    Row("memory", "circle", "vibro grid", size=1000, memory=300 * 2**20),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "takes 0.5 µs for an impact",
+        "heyoka (1e-16), errs by 3.0e-16 and takes 10.0 times as long",
+        "heyoka (1e-09), errs by 1.0e-12 and takes 8.0 times as long",
+        "64 times the order gains a factor of 6.7",
+        "SciPy RK45 0.0001",
+        "from 3 to 30 arcs of which 3 are reached: flat within ±2 %",
+        "a factor of 3.0",
+        "2 threads solve a batch 1.92 times as fast as one",
+        "Skipping rows on two balls in one circle: 1.50 times",
+        "300 MiB for 1,000",
+    ],
+)
+def test_words_follow_from_the_numbers(text: str) -> None:
+    assert text in " ".join(conclude(ROWS))
+
+
+def test_what_was_lost_is_not_drawn() -> None:
+    figure = work_precision(ROWS)
+    assert len(figure.axes[0].lines) == 3
+
+
+def test_growth_has_a_panel_for_each_part() -> None:
+    assert len(growth(ROWS).axes) == 3
+    with pytest.raises(ValueError, match="nothing to draw"):
+        growth(ROWS[:5])
+
+
+def test_the_page_says_all_of_it() -> None:
+    details = {"machine": {"Processor": "a processor"}, "plan": "quick"}
+    content = benchmark_html(ROWS, details, "1.2.3")
+    said = " ".join(element.text for element in Page(content).elements)
+    for text in ("a processor", "lost: astray", "2.6e−01", "arcs", "1.2.3", "the root diverges"):
+        assert text in said

@@ -1,0 +1,191 @@
+"""Cost per impact against the number of bodies, arcs, scenarios and cores; memory."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.benchmark.measurement import Plan, Row, by_turns, warmed
+from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Document, Scene, ball
+from vibro_cli.benchmark.with_vibro import DriverRunner, points_of
+from vibro_cli.simulation.batch import Batch
+from vibro_cli.simulation.entry import empty_results
+from vibro_cli.storage.provenance import json_bytes
+
+_IMPACTS = 20_000
+_EACH = 100
+"""Impacts of each scenario of a batch."""
+_STRETCH = 1000
+"""Scenarios that a thread takes at once; its memory does not grow beyond them."""
+_THREADED = 20_000
+_FEW = 20
+"""Impacts of each scenario of a grid."""
+
+
+def row_of_bodies(count: int) -> Scene:
+    """Return so many balls side by side in one valley, of two densities by turns."""
+    step = 2.4 / max(count - 1, 1)
+    balls = tuple(
+        ball(-1.25 + step * number + 0.02 * math.sin(7.0 * number), (7800.0, 2700.0)[number % 2])
+        | {"radius": 0.02}
+        for number in range(count)
+    )
+    return Scene(f"{count} bodies", f"{count} balls in one valley", VALLEY, balls)
+
+
+def chain_of_arcs(count: int) -> Scene:
+    """Return three arcs that two balls roam over, in a chain of so many in all."""
+    middle: list[tuple[str, float, int]] = [
+        ("valley", 1.0, 50), ("hump", 0.5, -50), ("valley", 1.0, 90),
+    ]  # fmt: skip
+    right = (count - 3 + 1) // 2
+    left = count - 3 - right
+    slopes = [-30 if number % 2 == 0 else 30 for number in range(right)]
+    after = [("hump" if end < 0 else "valley", 0.5, end) for end in slopes]
+    start, before = -90, []
+    if left:
+        # Leftwards from the hump above the middle: humps and valleys by turns, mirrored.
+        ends = [-90] + [30 if number % 2 == 0 else -30 for number in range(left)]
+        start = ends[-1]
+        before = [
+            ("hump" if end < begin else "valley", 0.5, end)
+            for begin, end in zip(reversed(ends[1:]), reversed(ends[:-1]), strict=True)
+        ]
+    arcs = [
+        {"shape": shape, "radius": radius, "end_slope": f"{end} deg"}
+        for shape, radius, end in [*before, *middle, *after]
+    ]
+    trace: Document = {"start_slope": f"{start} deg", "arcs": arcs}
+    balls = (ball(-1.2, 7800.0, left + 1), ball(0.2, 6000.0, left + 3))
+    return Scene(f"{count} arcs", f"{count} arcs, 3 reached", trace, balls, law="normal-impulse")
+
+
+def measure(plan: Plan) -> Iterator[list[Row]]:
+    """Measure how cost and memory grow; give the rows of each kind as they come."""
+    yield _measure_scenes(plan, "bodies", {count: row_of_bodies(count) for count in plan.bodies})
+    yield _measure_scenes(plan, "arcs", {count: chain_of_arcs(count) for count in plan.arcs})
+    yield _measure_batches(plan)
+    yield _measure_memory(plan)
+
+
+def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row]:
+    """Single compiled runs of scenes that differ in size."""
+    impacts = _IMPACTS if plan.form != "quick" else 500
+    rows = [
+        Row(part, scene.name, "vibro", size=size, impacts=impacts) for size, scene in scenes.items()
+    ]
+    runners = [DriverRunner(scene.system, "numba") for scene in scenes.values()]
+    tasks = [(lambda runner=runner: runner.ready(impacts), runner.go) for runner in runners]
+    for row, runner, times in zip(rows, runners, by_turns(warmed(tasks), plan), strict=True):
+        row.crossings = runner.course().crossings
+        row.take_times(times)
+    return rows
+
+
+class Crew:
+    """Threads that solve a number of scenarios, a stretch at a time.
+
+    Parameters
+    ----------
+    threads
+        How many.
+    count
+        How many scenarios: circles that differ in where the first ball starts.
+    """
+
+    def __init__(self, threads: int, count: int) -> None:
+        self._scene = BY_NAME["circle"]
+        self._count = count
+        self._batches = [Batch(self._scene.system) for _ in range(threads)]
+        self.impacts = 0
+
+    def ready(self) -> None:
+        """Nothing is kept from run to run."""
+
+    def go(self) -> None:
+        """Solve all scenarios."""
+        firsts = iter(range(0, self._count, _STRETCH))
+        lock, done = threading.Lock(), []
+
+        def serve(batch: Batch) -> None:
+            while True:
+                with lock:
+                    first = next(firsts, None)
+                if first is None:
+                    return
+                done.append(self._solve(batch, first, min(_STRETCH, self._count - first)))
+
+        crew = [threading.Thread(target=serve, args=(batch,)) for batch in self._batches]
+        for thread in crew:
+            thread.start()
+        for thread in crew:
+            thread.join()
+        self.impacts = sum(done)
+
+    def _solve(self, batch: Batch, first: int, count: int) -> int:
+        points = points_of(self._scene.system, count, _EACH)
+        starts: Any = points.starts
+        half = -0.36 - 0.05 * np.arange(first, first + count) / self._count
+        starts["s"][::2], starts["c"][::2] = np.sin(half), np.cos(half)
+        results = batch.run_all(points, empty_results(count, 2, 0))
+        outcomes: Any = results.outcomes
+        return int(outcomes["collisions"].sum())
+
+
+def _measure_batches(plan: Plan) -> list[Row]:
+    """Batches of ever more scenarios on all cores, then one size on ever more cores."""
+    cores = len(os.sched_getaffinity(0))
+    size = _THREADED if plan.form != "quick" else 1000
+    rows = [Row("scenarios", "circle", "vibro, batch", size=count) for count in plan.scenarios]
+    crews = [Crew(1, count) for count in plan.scenarios]
+    for threads in sorted({1, 2, cores} - ({2} if cores < 2 else set())):
+        rows.append(Row("cores", "circle", "vibro, batch", size=threads))
+        crews.append(Crew(threads, size))
+    times = by_turns(warmed([(crew.ready, crew.go) for crew in crews]), plan)
+    for row, crew, taken in zip(rows, crews, times, strict=True):
+        row.impacts = crew.impacts
+        row.take_times(taken)
+    return rows
+
+
+_GRID = """
+name = "memory"
+base = "scene.json"
+[[axes]]
+path = "balls[1].angle"
+linspace = [-0.72, -0.8, {count}]
+[keep]
+collisions = true
+"""
+
+
+def _measure_memory(plan: Plan) -> list[Row]:
+    """Greatest memory of `vibro grid` with every impact kept, in a process of its own."""
+    counts = {"quick": (100,), "default": (1000, 30_000), "full": (1000, 30_000, 1_000_000)}
+    rows = []
+    for count in counts[plan.form]:
+        with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
+            document = BY_NAME["circle"].document | {"stop": {"collisions": _FEW}}
+            (Path(folder) / "scene.json").write_bytes(json_bytes(document))
+            source = Path(folder) / "grid.toml"
+            source.write_text(_GRID.format(count=count), encoding="utf-8")
+            command = [sys.executable, "-m", "vibro_cli", "grid", str(source), "-q"]
+            command += ["-o", str(Path(folder) / "out"), "--engine", "numba"]
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+            row = Row("memory", "circle", "vibro grid", "impacts kept", count, _FEW * count)
+            row.memory = usage.ru_maxrss * 1024
+            if process.returncode:
+                row.status, row.note = "failed", f"exit code {process.returncode}"
+            rows.append(row)
+    return rows

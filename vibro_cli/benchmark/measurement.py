@@ -1,0 +1,164 @@
+"""What is measured, as rows of one table; how long, by turns; and how much of it is wanted."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from vibro_cli import __version__
+from vibro_cli.storage.schema import Column, Table
+from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
+
+TABLE = Table(
+    "benchmark",
+    "one method with one setting on one task",
+    (
+        Column("part", "string", "", "precision, bodies, arcs, scenarios, cores, memory or skips"),
+        Column("scene", "string", "", "name of the scene"),
+        Column("method", "string", "", "what was measured"),
+        Column("setting", "string", "", "tolerance, order of a series, or whether skipped"),
+        Column("size", "int64", "", "bodies, arcs, scenarios or threads, where varied", True),
+        Column("impacts", "int64", "", "impacts of a timed run, of all its scenarios"),
+        Column("crossings", "int64", "", "junctions crossed in it", True),
+        Column("repeats", "int64", "", "runs that were timed, by turns with the others"),
+        Column("seconds", "float64", "s", "median time of a run", True),
+        Column("spread", "float64", "", "interquartile range of the times over their median", True),
+        Column("per_impact", "float64", "s", "median time for each impact", True),
+        Column("compared", "int64", "", "impacts whose times were compared", True),
+        Column("error", "float64", "", "greatest relative error of their times", True),
+        Column("energy_drift", "float64", "", "relative change of the energy, k = 1", True),
+        Column("memory", "int64", "B", "greatest memory of the process", True),
+        Column("status", "string", "", "ok, lost (not the impacts of the motion) or failed"),
+        Column("note", "string", "", "what happened, if the status is not ok", True),
+    ),
+)
+
+
+@dataclass
+class Row:
+    """One row of the table."""
+
+    part: str
+    scene: str
+    method: str
+    setting: str = ""
+    size: int | None = None
+    impacts: int = 0
+    crossings: int | None = None
+    repeats: int = 0
+    seconds: float | None = None
+    spread: float | None = None
+    per_impact: float | None = None
+    compared: int | None = None
+    error: float | None = None
+    energy_drift: float | None = None
+    memory: int | None = None
+    status: str = "ok"
+    note: str | None = None
+
+    def take_times(self, times: Sequence[float]) -> None:
+        """Set what follows from the times of the runs."""
+        self.repeats, self.seconds = len(times), median(times)
+        quarters = np.quantile(times, (0.25, 0.75))
+        self.spread = float(quarters[1] - quarters[0]) / self.seconds
+        if self.impacts:
+            self.per_impact = self.seconds / self.impacts
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is measured."""
+
+    form: str
+    """quick, default or full."""
+    repeats: int
+    target: float
+    """Time (s) that a timed run should take, as far as its method allows."""
+    scenarios: tuple[int, ...]
+    arcs: tuple[int, ...]
+    bodies: tuple[int, ...]
+
+
+PLANS = {
+    "quick": Plan("quick", 3, 0.008, (100, 1000), (3, 30), (2, 5)),
+    "default": Plan("default", 7, 0.06, (1000, 10_000, 100_000), (3, 5, 10, 30), (2, 3, 5, 10, 20)),
+    "full": Plan(
+        "full", 11, 0.2, (1, 10, 100, 1000, 10_000, 100_000, 1_000_000), (3, 5, 10, 20, 30),
+        (2, 3, 5, 10, 20, 40),
+    ),
+}  # fmt: skip
+
+
+_LONG = 5.0
+"""Runs that take so many times the time planned for one are repeated three times only."""
+
+
+Task = tuple[Callable[[], None], Callable[[], None]]
+
+
+def warmed(tasks: Sequence[Task]) -> Sequence[Task]:
+    """Run all tasks once, so that machine code is loaded and memory is there; return them."""
+    for ready, go in tasks:
+        ready()
+        go()
+    return tasks
+
+
+def by_turns(tasks: Sequence[Task], plan: Plan) -> list[list[float]]:
+    """Return the times (s) of tasks, each run in turn with the others, as a list for each.
+
+    A task is what makes it ready, which is not timed, and what is timed.
+    """
+    times: list[list[float]] = [[] for _ in tasks]
+    for turn in range(plan.repeats):
+        for number, (ready, go) in enumerate(tasks):
+            if turn >= 3 and min(times[number]) > _LONG * plan.target:
+                continue
+            ready()
+            start = time.perf_counter()
+            go()
+            times[number].append(time.perf_counter() - start)
+    return times
+
+
+def parquet(rows: Sequence[Row], details: dict[str, Any]) -> bytes:
+    """Return the table of the rows as a parquet file; the details go into its metadata."""
+    columns: dict[str, Any] = {}
+    for column in TABLE.columns:
+        values = [getattr(row, column.name) for row in rows]
+        if column.type == "string":
+            columns[column.name] = np.array(values, dtype=object)
+        elif column.type == "float64":
+            columns[column.name] = np.array(
+                [math.nan if value is None else value for value in values], dtype=float
+            )
+        else:
+            missing = [value is None for value in values]
+            whole = np.array([value or 0 for value in values], dtype=np.int64)
+            columns[column.name] = np.ma.MaskedArray(whole, mask=missing)
+    return parquet_bytes(to_arrow(TABLE, columns, Origin(details, __version__)))
+
+
+def read_rows(path: Path) -> tuple[list[Row], dict[str, Any]]:
+    """Return the rows of a table that was written, and its details."""
+    import json
+
+    from vibro_cli.storage.tables import read_parquet
+
+    table = read_parquet(path)
+    names = [field.name for field in fields(Row)]
+    columns = {name: table.column(name).to_pylist() for name in names}
+    rows = [Row(**{name: columns[name][n] for name in names}) for n in range(table.num_rows)]
+    return rows, json.loads(table.schema.metadata[b"vibro:scenario"])
+
+
+def record_of(row: Row) -> dict[str, Any]:
+    """Return a row as plain values."""
+    return asdict(row)

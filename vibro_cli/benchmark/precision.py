@@ -1,0 +1,125 @@
+"""Run time against error: every method with every setting on every scene, by turns."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+
+from vibro_cli.benchmark import references
+from vibro_cli.benchmark.measurement import Plan, Row, by_turns
+from vibro_cli.benchmark.runner import Lost, Method, Runner, Setting
+from vibro_cli.benchmark.scenes import SCENES, Scene
+
+PEERS = {"with_heyoka": "heyoka", "with_diffrax": "diffrax", "with_cyrk": "CyRK"}
+_MODULES = ("with_vibro", "with_series", "with_heyoka", "with_diffrax", "with_cyrk", "with_scipy")
+_QUICK = ("with_vibro", "with_series", "with_heyoka", "with_scipy")
+_QUICK_SCENES = ("circle",)
+_ASTRAY = 1e-2
+"""A time that is off by more than this share belongs to another impact; series are just so bad."""
+_SERIES = "with_series"
+
+
+def installed_peers() -> tuple[str, ...]:
+    """Return the names of the peers that are installed."""
+    return tuple(name for name in PEERS.values() if find_spec(name) is not None)
+
+
+def methods(plan: Plan) -> list[tuple[str, Method]]:
+    """Return the methods that can be measured here, each with the name of its module."""
+    quick = plan.form == "quick"
+    found = []
+    for module in _QUICK if quick else _MODULES:
+        if module in PEERS and PEERS[module] not in installed_peers():
+            continue
+        own = import_module(f"vibro_cli.benchmark.{module}").methods()
+        found += [(module, _ends(method) if quick else method) for method in own]
+    return found
+
+
+def _ends(method: Method) -> Method:
+    """The method with the first and the second of its settings only."""
+    return method._replace(settings=method.settings[:2])
+
+
+def measure(plan: Plan, names: Sequence[str]) -> Iterator[list[Row]]:
+    """Measure scenes of these names (all when empty); give the rows of each as they come."""
+    found = methods(plan)
+    if not names and plan.form == "quick":
+        names = _QUICK_SCENES
+    for scene in SCENES:
+        if not names or scene.name in names:
+            yield _measure_scene(plan, scene, found)
+
+
+def _measure_scene(plan: Plan, scene: Scene, found: list[tuple[str, Method]]) -> list[Row]:
+    exact = references.read(scene)
+    rows, timed = [], []
+    for module, method in found:
+        if not method.suits(scene):
+            continue
+        for setting in method.settings:
+            row = Row("precision", scene.name, method.name, setting.name)
+            rows.append(row)
+            runner = _compared(row, scene, method, setting, exact, module == _SERIES)
+            if runner is not None and row.status == "ok":
+                timed.append((row, runner, method))
+    chosen = [
+        (row, runner) for row, runner, method in timed if _fitted(plan, scene, row, runner, method)
+    ]
+    tasks = [
+        (lambda row=row, runner=runner: runner.ready(row.impacts), runner.go)
+        for row, runner in chosen
+    ]
+    for (row, runner), times in zip(chosen, by_turns(tasks, plan), strict=True):
+        course = runner.course()
+        row.crossings, row.energy_drift = course.crossings, course.energy_drift
+        row.take_times(times)
+    return rows
+
+
+def _compared(
+    row: Row, scene: Scene, method: Method, setting: Setting, exact: list[str], series: bool
+) -> Runner | None:
+    """Run the impacts that the reference has; return the runner if it gets through."""
+    try:
+        runner = method.prepare(scene, setting)
+        runner.ready(scene.compared)
+        runner.go()
+        times = runner.course().times[: scene.compared]
+    except Lost as lost:
+        row.status, row.note = "lost", str(lost)
+        return None
+    row.compared = len(times)
+    found = references.errors(times, exact)
+    row.error = max(found)
+    astray = next((n for n, error in enumerate(found, 1) if error > _ASTRAY), None)
+    if astray is not None and not series:
+        row.status, row.note = "lost", f"impact {astray} is not that of the reference"
+    return runner
+
+
+def _timed(runner: Runner, impacts: int) -> float:
+    runner.ready(impacts)
+    start = time.perf_counter()
+    runner.go()
+    return time.perf_counter() - start
+
+
+def _fitted(plan: Plan, scene: Scene, row: Row, runner: Runner, method: Method) -> bool:
+    """Choose how many impacts are timed; return whether the method gets through so many."""
+    row.impacts = scene.compared
+    most = method.impacts if scene.most is None or method.repeats else scene.compared
+    try:
+        while True:
+            taken = min(_timed(runner, row.impacts) for _ in range(2))
+            if taken > 0.5 * plan.target or 2 * row.impacts > most:
+                return True
+            more = min(2.0, 0.9 * plan.target / taken) if taken > 0.2 * plan.target else 4.0
+            # Whole motions of a scene that ends, or many impacts of one that goes on.
+            row.impacts = max(1, int(more * row.impacts / scene.compared)) * scene.compared
+            row.impacts = min(row.impacts, most // scene.compared * scene.compared)
+    except Lost as lost:
+        row.status, row.note = "lost", str(lost)
+        return False

@@ -1,0 +1,185 @@
+"""The papers' series: the elliptic integral of a leg, both roots expanded and cut off.
+
+With c² = φ̇₀² + 4a sin²(φ₀/2), q² = 4a/c², u = sin(φ/2):
+t = (2/c) Σ_{i,j} C_i C_j q^{2i} u^{2(i+j)+1}/(2(i+j)+1), C_n = (2n−1)!!/(2n)!!, for a leg between
+turning points (A (8)–(9), B (58)–(61), its misprinted term corrected). The papers stop at i, j ≤ 2.
+At a turning point qu = 1: there the series of the root diverges, and that of the integral gains a
+digit for each hundredfold of its terms. It is used as they use it, turning points included.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from vibro_cli.benchmark.motion import Motion
+from vibro_cli.benchmark.runner import Course, Lost, Method, Runner, Setting, course_of
+from vibro_cli.benchmark.scenes import Scene
+
+PAPERS_ORDER = 2
+_ORDERS = (PAPERS_ORDER, 8, 32, 128)
+_SAMPLES = 66
+
+
+def coefficients(order: int) -> list[float]:
+    """Return C_0 … C_order, the binomial coefficients of 1/√(1 − x)."""
+    found = [1.0]
+    for n in range(1, order + 1):
+        found.append(found[-1] * (2 * n - 1) / (2 * n))
+    return found
+
+
+class Leg:
+    """A body on its way from one turning point to the next.
+
+    Parameters
+    ----------
+    a
+        w² of the equation of motion, 1/s².
+    order
+        Greatest i and j of the series.
+    t, angle, rate
+        Where the body is at an instant.
+    """
+
+    def __init__(self, a: float, order: int, t: float, angle: float, rate: float) -> None:
+        self._a = a
+        c2 = rate * rate + 4.0 * a * math.sin(0.5 * angle) ** 2
+        self.amplitude = 2.0 * math.asin(min(1.0, math.sqrt(c2 / (4.0 * a))))
+        self.way = math.copysign(1.0, rate) if rate else -math.copysign(1.0, angle)
+        self._q2 = 4.0 * a / c2
+        self._scale = 2.0 / math.sqrt(c2)
+        self._terms = terms(order)
+        self._t = t - self.way * self._from_bottom(angle)
+        self.start = angle
+        self.t_end = self.time(self.way * self.amplitude)
+
+    def _from_bottom(self, angle: float) -> float:
+        """Time from the bottom to an angle by the series (s); odd."""
+        u = math.sin(0.5 * angle)
+        powers: Any = np.arange(len(self._terms))
+        # In powers of (qu)² and u²: those of q² alone are beyond all doubles for a small swing.
+        total = (min(1.0, self._q2 * u * u) ** powers) @ self._terms @ ((u * u) ** powers)
+        return self._scale * u * float(total)
+
+    def time(self, angle: float) -> float:
+        """Instant at which the body is at an angle of this leg (s)."""
+        return self._t + self.way * self._from_bottom(angle)
+
+    def rate(self, angle: float) -> float:
+        """Rate at an angle of this leg: exact, from the energy."""
+        squares = math.sin(0.5 * self.amplitude) ** 2 - math.sin(0.5 * angle) ** 2
+        return self.way * 2.0 * math.sqrt(self._a * max(squares, 0.0))
+
+
+@cache
+def terms(order: int) -> Any:
+    """Return C_i C_j/(2(i + j) + 1) for i, j up to an order, as a matrix."""
+    each, powers = np.array(coefficients(order)), np.arange(order + 1)
+    found: Any = np.outer(each, each) / (2.0 * np.add.outer(powers, powers) + 1.0)
+    return found
+
+
+class SeriesRunner(Runner):
+    """Two bodies swinging in one valley, leg by leg.
+
+    Parameters
+    ----------
+    motion
+        What moves.
+    order
+        Of the series.
+    """
+
+    def __init__(self, motion: Motion, order: int) -> None:
+        self._motion, self._order = motion, order
+        self._beta = motion.contact_angle(0, 1, 0)
+        self._a = [motion.w2[ball][0] for ball in (0, 1)]
+        self.ready(0)
+
+    def ready(self, impacts: int) -> None:
+        """Go back to the start."""
+        self._wanted = impacts
+        self._times: list[float] = []
+        self._y = list(self._motion.start)
+        self._begin(0.0)
+
+    def _begin(self, t: float) -> None:
+        self._legs = [
+            Leg(self._a[ball], self._order, t, self._y[2 * ball], self._y[2 * ball + 1])
+            for ball in (0, 1)
+        ]
+
+    def go(self) -> None:
+        """Go from impact to impact; raises Lost where the legs no longer fit together."""
+        turns = 0
+        while len(self._times) < self._wanted:
+            met = self._meeting()
+            if met is not None:
+                self._impact(met)
+                turns = 0
+                continue
+            turns += 1
+            if turns > 64:
+                raise Lost("no impact on 64 legs")
+            ball = 0 if self._legs[0].t_end <= self._legs[1].t_end else 1
+            leg = self._legs[ball]
+            angle = leg.way * leg.amplitude
+            turned = Leg(self._a[ball], self._order, leg.t_end, angle, 0.0)
+            self._legs[ball] = turned
+
+    def _impact(self, angle: float) -> None:
+        """Carry out an impact with body a at an angle."""
+        a, b = self._legs
+        self._y = [angle, a.rate(angle), angle + self._beta, b.rate(angle + self._beta)]
+        t = a.time(angle)
+        if not self._motion.hit(0, (0, 0), self._y):
+            raise Lost(f"bodies in contact that part at t = {t:.6g} s")
+        self._times.append(t)
+        self._begin(t)
+
+    def _meeting(self) -> float | None:
+        """Angle of body a at which both are at the place of contact at one time, or None."""
+        a, b = self._legs
+        ends = sorted((a.start, a.way * a.amplitude))
+        others = sorted((b.start - self._beta, b.way * b.amplitude - self._beta))
+        low, high = max(ends[0], others[0]), min(ends[1], others[1])
+        if low >= high or a.way < b.way:
+            return None
+
+        def lag(angle: float) -> float:
+            return a.time(angle) - b.time(angle + self._beta)
+
+        count = 2 if a.way != b.way else _SAMPLES  # lag grows or falls all along if they approach
+        places = np.linspace(low, high, count) if a.way > 0.0 else np.linspace(high, low, count)
+        # Closing in: from ahead b comes to meet a, or the one behind still is the later one.
+        sign = -1.0 if a.way != b.way else a.way
+        values = [sign * lag(float(place)) for place in places]
+        for number in range(count - 1):
+            if values[number] > 0.0 > values[number + 1]:
+                root: float = brentq(lag, places[number], places[number + 1], xtol=1e-15)
+                return root
+        return None
+
+    def course(self) -> Course:
+        """Return times, counts and drift of energy."""
+        return course_of(self._motion, self._times, None, (0, 0), self._y)
+
+
+def methods() -> list[Method]:
+    """Return the series at the papers' order and at higher ones."""
+    settings = tuple(Setting(f"order {order}", float(order)) for order in _ORDERS)
+
+    def suits(scene: Scene) -> bool:
+        trace = scene.system.trace
+        return len(trace.pieces) == 1 and not trace.closed and len(scene.system.bodies) == 2
+
+    def prepare(scene: Scene, setting: Setting) -> Runner:
+        assert setting.value is not None
+        return SeriesRunner(Motion(scene.system), int(setting.value))
+
+    return [Method("series of the papers", settings, suits, prepare, 60)]

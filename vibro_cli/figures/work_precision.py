@@ -1,0 +1,166 @@
+"""Run time against error of every method, a panel for each scene; growth of the cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from vibro_cli.benchmark.measurement import Row
+from vibro_cli.benchmark.scenes import BY_NAME
+from vibro_cli.figures import style
+from vibro_cli.figures.style import MM, WIDTHS
+
+_LEFT, _RIGHT, _BETWEEN, _BOTTOM, _TITLE = 12.0, 2.5, 4.0, 9.0, 5.0
+_HIGH = {"double": 42.0, "single": 40.0}
+_LEGEND_LINE = 3.6
+_COLUMNS = {"double": 3, "single": 1}
+_LEGEND_COLUMNS = {"double": 5, "single": 3}
+_LEAST = 1e-17
+"""Errors below this, and none at all, are drawn here."""
+_GREY = "#5a5a5a"
+_LOOKS: dict[str, dict[str, Any]] = {
+    "vibro": {"color": style.BLUE, "marker": "*", "markersize": 8.0},
+    "vibro, batch": {"color": style.BLUE, "marker": "p", "markerfacecolor": "white"},
+    "vibro, all rows kept": {"color": style.BLUE, "marker": "h"},
+    "vibro, interpreted": {"color": "#56B4E9", "marker": "*", "markersize": 6.5},
+    "heyoka": {"color": style.VERMILLION, "marker": "s"},
+    "heyoka, defaults": {"color": style.VERMILLION, "marker": "s", "markerfacecolor": "white"},
+    "diffrax Tsit5": {"color": style.GREEN, "marker": "^"},
+    "CyRK DOP853": {"color": "#E69F00", "marker": "D"},
+    "SciPy RK45": {"color": _GREY, "marker": "v"},
+    "SciPy DOP853": {"color": style.BLACK, "marker": "o"},
+    "SciPy LSODA": {"color": _GREY, "marker": "<", "markerfacecolor": "white"},
+    "SciPy Radau": {"color": _GREY, "marker": ">", "markerfacecolor": "white"},
+    "series of the papers": {"color": "#CC79A7", "marker": "X"},
+}
+_LINE: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.6, "markeredgewidth": 0.7}
+_GROWTH = {
+    "bodies": "number of bodies",
+    "arcs": "number of arcs, 3 reached",
+    "scenarios": "number of scenarios",
+    "cores": "number of threads",
+}
+
+
+def look(method: str) -> dict[str, Any]:
+    """Return colour and mark of a method."""
+    return _LINE | _LOOKS.get(method, {"color": _GREY, "marker": "."})
+
+
+def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
+    """Return time for each impact against error, a panel for each scene.
+
+    `width` is `single` or `double`. Raises ValueError without any row to be drawn.
+    """
+    drawn = [
+        row for row in rows if row.part == "precision" and row.per_impact and row.error is not None
+    ]
+    if not drawn:
+        raise ValueError("no method got through any scene: there is nothing to draw")
+    scenes = list(dict.fromkeys(row.scene for row in drawn))
+    methods = list(dict.fromkeys(row.method for row in drawn))
+    with style.journal():
+        figure, axes = _panels(len(scenes), width, len(methods))
+        powers = [math.log10(row.per_impact * 1e6) for row in drawn if row.per_impact]
+        ends = 10.0 ** math.floor(min(powers)), 10.0 ** math.ceil(max(powers))
+        for number, (scene, panel) in enumerate(zip(scenes, axes, strict=True)):
+            _draw(panel, [row for row in drawn if row.scene == scene], methods)
+            panel.set_ylim(*ends)
+            panel.set_title(BY_NAME[scene].title, loc="left", pad=2.5)
+            first = number % min(_COLUMNS[width], len(scenes)) == 0
+            panel.set_ylabel("time per impact [µs]" if first else "")
+            panel.tick_params(labelleft=first)
+            panel.set_xlabel("relative error of the times")
+        figure.legend(
+            handles=[Line2D([], [], label=method, **look(method)) for method in methods],
+            loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=_LEGEND_COLUMNS[width],
+            borderaxespad=0.2, handlelength=1.6, handletextpad=0.4, columnspacing=1.2,
+        )  # fmt: skip
+    return figure
+
+
+def _panels(count: int, width: str, entries: int) -> tuple[Figure, list[Axes]]:
+    wide = WIDTHS[width]
+    columns = min(_COLUMNS[width], count)
+    lines = math.ceil(count / columns)
+    top = 1.5 + _LEGEND_LINE * math.ceil(entries / _LEGEND_COLUMNS[width])
+    cell = _TITLE + _HIGH[width] + _BOTTOM
+    total = top + lines * cell
+    inner = (wide - _LEFT - _RIGHT - (columns - 1) * _BETWEEN) / columns
+    figure = Figure(figsize=(wide * MM, total * MM))
+    axes = []
+    for number in range(count):
+        line, column = divmod(number, columns)
+        left = _LEFT + column * (inner + _BETWEEN)
+        bottom = total - top - (line + 1) * cell + _BOTTOM
+        axes.append(
+            figure.add_axes((left / wide, bottom / total, inner / wide, _HIGH[width] / total))
+        )
+    return figure, axes
+
+
+def _draw(panel: Axes, rows: Sequence[Row], methods: Sequence[str]) -> None:
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.set_xlim(_LEAST, 3.0)
+    panel.set_xticks([10.0**power for power in (-16, -12, -8, -4, 0)])
+    panel.minorticks_off()
+    panel.grid(True, color="#e3e3e3", linewidth=0.4)
+    panel.set_axisbelow(True)
+    for method in methods:
+        own = [row for row in rows if row.method == method]
+        own.sort(key=lambda row: row.error or 0.0)
+        places = [max(row.error or 0.0, _LEAST) for row in own]
+        times = [(row.per_impact or math.nan) * 1e6 for row in own]
+        panel.plot(places, times, **look(method))
+
+
+def growth(rows: Sequence[Row], width: str = "double") -> Figure:
+    """Return time for each impact against bodies, arcs, scenarios and threads.
+
+    Raises ValueError without any row to be drawn.
+    """
+    parts = [part for part in _GROWTH if any(row.part == part for row in rows)]
+    if not parts:
+        raise ValueError("no growth was measured: there is nothing to draw")
+    with style.journal():
+        figure, axes = _growth_panels(len(parts), width)
+        for part, panel in zip(parts, axes, strict=True):
+            own = [row for row in rows if row.part == part and row.per_impact]
+            sizes = [row.size or 0 for row in own]
+            times = [(row.per_impact or math.nan) * 1e6 for row in own]
+            panel.plot(sizes, times, **look(own[0].method))
+            panel.set_xscale("log")
+            panel.set_ylim(0.0, 1.25 * max(times))
+            panel.set_xlabel(_GROWTH[part])
+            panel.minorticks_off()
+            if part != "scenarios":
+                panel.set_xticks(sizes, [str(size) for size in sizes])
+            panel.margins(x=0.12)
+        axes[0].set_ylabel("time per impact [µs]")
+        if width == "single":
+            for panel in axes[1:]:
+                panel.set_ylabel("time per impact [µs]")
+    return figure
+
+
+def _growth_panels(count: int, width: str) -> tuple[Figure, list[Axes]]:
+    wide = WIDTHS[width]
+    columns = count if width == "double" else 1
+    lines = math.ceil(count / columns)
+    high, top, gap = 34.0, 2.5, 9.0
+    total = lines * (high + top + _BOTTOM)
+    inner = (wide - _LEFT - _RIGHT - (columns - 1) * gap) / columns
+    figure = Figure(figsize=(wide * MM, total * MM))
+    axes = []
+    for number in range(count):
+        line, column = divmod(number, columns)
+        left = _LEFT + column * (inner + gap)
+        bottom = total - (line + 1) * (high + top + _BOTTOM) + _BOTTOM
+        axes.append(figure.add_axes((left / wide, bottom / total, inner / wide, high / total)))
+    return figure, axes
