@@ -121,17 +121,19 @@ def first_contact(mp: Any, flight: Any) -> Any:
 
 
 def _first_root(mp: Any, gap: Any, h: Any) -> Any:
-    """First root of the gap on a step, None if it stays positive."""
-    times = [h * k / SAMPLES for k in range(SAMPLES + 1)]
+    """First root of the gap on a step, None if it stays positive.
+
+    A sample before and one behind the step let a least value at its ends be seen.
+    """
+    times = [h * k / SAMPLES for k in range(-1, SAMPLES + 2)]
     values = [gap(u) for u in times]
-    for k in range(SAMPLES + 1):
+    for k in range(1, SAMPLES + 2):
         if values[k] <= 0:
-            return _bisect(gap, times[max(k - 1, 0)], times[k])
-        inner = 0 < k < SAMPLES
-        if inner and values[k] <= values[k - 1] and values[k] <= values[k + 1]:
+            return _bisect(gap, times[max(k - 1, 1)], times[k])
+        if values[k] <= values[k - 1] and values[k] <= values[k + 1]:
             bottom = _least(mp, gap, times[k - 1], times[k + 1])
-            if gap(bottom) <= 0:
-                return _bisect(gap, times[k - 1], bottom)
+            if 0 <= bottom <= h and gap(bottom) <= 0:
+                return _bisect(gap, max(times[k - 1], mp.zero), bottom)
     return None
 
 
