@@ -44,10 +44,16 @@ def _of_scenes(rows: Sequence[Row]) -> Iterator[str]:
             continue
         text = (
             f"{BY_NAME[scene].title.capitalize()}: the compiled solver takes "
-            f"{_time(ours.per_impact)} for an impact, with a relative error of {ours.error:.1e} in "
+            f"{_time(ours.per_impact)} for an impact{_in_a_batch(rows, scene)}, with a relative "
+            f"error of {ours.error:.1e} in "
             f"the times of the first {ours.compared}"
         )
         yield text + _fastest_other(rows, scene, ours)
+
+
+def _in_a_batch(rows: Sequence[Row], scene: str) -> str:
+    batch = _find(_precision(rows), scene, BATCH)
+    return f" ({_time(batch.per_impact)} in a batch)" if batch and batch.per_impact else ""
 
 
 def _fastest_other(rows: Sequence[Row], scene: str, ours: Row) -> str:

@@ -10,7 +10,6 @@ digit for each hundredfold of its terms. It is used as they use it, turning poin
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -53,7 +52,7 @@ class Leg:
         self.way = math.copysign(1.0, rate) if rate else -math.copysign(1.0, angle)
         self._q2 = 4.0 * a / c2
         self._scale = 2.0 / math.sqrt(c2)
-        self._terms = terms(order)
+        self._terms = terms(self._q2, order)
         self._t = t - self.way * self._from_bottom(angle)
         self.start = angle
         self.t_end = self.time(self.way * self.amplitude)
@@ -61,10 +60,11 @@ class Leg:
     def _from_bottom(self, angle: float) -> float:
         """Time from the bottom to an angle by the series (s); odd."""
         u = math.sin(0.5 * angle)
-        powers: Any = np.arange(len(self._terms))
-        # In powers of (qu)² and u²: those of q² alone are beyond all doubles for a small swing.
-        total = (min(1.0, self._q2 * u * u) ** powers) @ self._terms @ ((u * u) ** powers)
-        return self._scale * u * float(total)
+        x = min(1.0, self._q2 * u * u)
+        total = 0.0
+        for term in reversed(self._terms):
+            total = total * x + term
+        return self._scale * u * total
 
     def time(self, angle: float) -> float:
         """Instant at which the body is at an angle of this leg (s)."""
@@ -76,11 +76,14 @@ class Leg:
         return self.way * 2.0 * math.sqrt(self._a * max(squares, 0.0))
 
 
-@cache
-def terms(order: int) -> Any:
-    """Return C_i C_j/(2(i + j) + 1) for i, j up to an order, as a matrix."""
-    each, powers = np.array(coefficients(order)), np.arange(order + 1)
-    found: Any = np.outer(each, each) / (2.0 * np.add.outer(powers, powers) + 1.0)
+def terms(q2: float, order: int) -> list[float]:
+    """Return the double sum collected by k = i + j, as coefficients of (qu)^{2k}.
+
+    In powers of qu, not of u: those of q² are beyond all doubles for a small swing.
+    """
+    each: Any = np.array(coefficients(order))
+    together: Any = np.convolve(each, each * q2 ** -np.arange(order + 1.0))
+    found: list[float] = (together / (2.0 * np.arange(2 * order + 1) + 1.0)).tolist()
     return found
 
 
