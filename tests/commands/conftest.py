@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+import vibro_cli.api
 from tests.fake_run import FakeRun
 from vibro_cli.commands.app import run_command_line
 
@@ -106,6 +107,7 @@ def by_hand(monkeypatch: pytest.MonkeyPatch) -> ByHand:
     """A simulation made by hand in the place of the real one."""
     stand_in = ByHand()
     module: Any = types.ModuleType("vibro_cli.api")
+    module.__dict__.update(vars(vibro_cli.api))
     module.simulate = stand_in.simulate
     monkeypatch.setitem(sys.modules, "vibro_cli.api", module)
     return stand_in

@@ -17,17 +17,16 @@ from tests.commands.conftest import SCENARIO, ByHand, Outcome, Vibro
 from vibro_cli.storage.tables import read_parquet
 
 INTERRUPTED = """
-import sys, time, types
+import sys, time
 sys.path.insert(0, {root!r})
 from tests.fake_run import FakeRun
-module = types.ModuleType("vibro_cli.api")
+import vibro_cli.api as module
 def simulate(scenario, engine):
     if scenario.name == "second":
         print("started", flush=True)
         time.sleep(60)
     return FakeRun()
 module.simulate = simulate
-sys.modules["vibro_cli.api"] = module
 sys.argv[0] = "vibro"
 from vibro_cli.__main__ import main
 main()

@@ -71,12 +71,10 @@ def solve(wishes: Wishes, scenario: "Scenario", earlier: "EarlierRun | None") ->
 
 def _simulate(wishes: Wishes, scenario: "Scenario", earlier: "EarlierRun | None") -> "Run":
     """The run of a scenario, from its start or from where an earlier run of it stopped."""
-    from vibro_cli.api import simulate
+    from vibro_cli.api import CannotContinue, TooQuiet, simulate
     from vibro_cli.commands.warm import tell_of_compiling
 
     tell_of_compiling()
-    from vibro_cli.api import CannotContinue, TooQuiet
-
     try:
         if earlier is None:
             return simulate(scenario, engine=wishes.engine)
