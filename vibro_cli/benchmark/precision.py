@@ -73,7 +73,11 @@ def _measure_scene(plan: Plan, scene: Scene, found: list[tuple[str, Method]]) ->
         for row, runner in chosen
     ]
     for (row, runner), times in zip(chosen, by_turns(tasks, plan), strict=True):
-        course = runner.course()
+        try:
+            course = runner.course()
+        except Lost as lost:
+            row.status, row.note = "lost", str(lost)
+            continue
         row.crossings, row.energy_drift = course.crossings, course.energy_drift
         row.take_times(times)
     return rows

@@ -38,13 +38,16 @@ def _flight(motion: Motion, tolerance: float) -> Any:
         jumps.append(motion.jump(pair, (0,) * count, touching))
     p, q, alpha, beta = (jnp.array(column) for column in zip(*jumps, strict=True))
 
-    def least_gap(t: Any, y: Any, args: Any, **_: Any) -> Any:
-        """One event for all pairs: of several in one step diffrax need not take the first."""
-        return jnp.min(y[0][right] - y[0][left] - least)
+    def gap(pair: int) -> Any:
+        # One event for each pair. Of several in one step diffrax need not take the first; the least
+        # gap as the only event would hide all others behind the pair that has just met.
+        return lambda t, y, args, **_: y[0][right[pair]] - y[0][left[pair]] - least[pair]
 
     term = diffrax.ODETerm(lambda t, y, args: (y[1], -w2 * jnp.sin(y[0])))
     event = diffrax.Event(
-        least_gap, optimistix.Newton(tolerance, tolerance, optimistix.rms_norm), False
+        [gap(pair) for pair in range(len(motion.pairs))],
+        optimistix.Newton(tolerance, tolerance, optimistix.rms_norm),
+        False,
     )
     control = diffrax.PIDController(rtol=tolerance, atol=tolerance)
 
@@ -54,7 +57,7 @@ def _flight(motion: Motion, tolerance: float) -> Any:
             max_steps=_MOST_STEPS, throw=False,
         )  # fmt: skip
         angles, rates = found.ys[0][-1], found.ys[1][-1]
-        hit = jnp.argmin(angles[right] - angles[left] - least)
+        hit = jnp.argmax(jnp.stack(found.event_mask))
         a, b = jnp.array(left)[hit], jnp.array(right)[hit]
         closing = jnp.maximum(p[hit] * rates[a] - q[hit] * rates[b], 0.0)
         rates = rates.at[a].add(-alpha[hit] * closing).at[b].add(beta[hit] * closing)

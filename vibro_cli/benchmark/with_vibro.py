@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.benchmark.motion import Motion
-from vibro_cli.benchmark.runner import Course, Method, Runner, Setting, course_of
+from vibro_cli.benchmark.runner import Course, Lost, Method, Runner, Setting, course_of
 from vibro_cli.benchmark.scenes import Scene
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.mechanics.system import System
@@ -52,6 +52,7 @@ class DriverRunner(Runner):
     def ready(self, impacts: int) -> None:
         """Make the records of the runs."""
         each = impacts if self._most is None else min(impacts, self._most)
+        self._each = each
         self.drivers = []
         for _ in range(impacts // each):
             world = make_world(self._system, None, each)
@@ -71,6 +72,8 @@ class DriverRunner(Runner):
         crossings = int(driver.clock_value("crossings"))
         course = course_of(self._motion, times, crossings, pieces, y)
         course.impacts = int(driver.clock_value("collisions"))
+        if course.impacts < self._each:
+            raise Lost(f"the run ended after {course.impacts} impacts")
         return course
 
     def _times(self) -> list[float]:
