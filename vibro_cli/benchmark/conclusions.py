@@ -161,8 +161,8 @@ def _of_skips(rows: Sequence[Row]) -> Iterator[str]:
         if len(pair) == 2:
             ratio = (pair[False].seconds or 0.0) / (pair[True].seconds or 1.0)
             yield (
-                f"Skipping {skip} on {BY_NAME[pair[True].scene].title}: {ratio:.2f} times the time "
-                "without the skip."
+                f"Without skipping {skip}, on {BY_NAME[pair[True].scene].title}, a run takes "
+                f"{ratio:.2f} times as long."
             )
 
 

@@ -75,11 +75,11 @@ SCENES = (
         (ball(-0.72, _STEEL), ball(0.54, _ALUMINIUM)),
     ),
     Scene(
-        "wrap_around", "over the top of a closed circle, meeting on both sides", CIRCLE,
+        "wrap_around", "over the top of a closed circle", CIRCLE,
         (ball(-0.6, _STEEL, rate=-7.0), ball(0.7, _ALUMINIUM, rate=5.0)),
     ),
     Scene(
-        "three_arcs", "three arcs, both balls roaming over the hump", THREE_ARCS,
+        "three_arcs", "three arcs, with crossings", THREE_ARCS,
         (ball(-1.3, _STEEL), ball(0.2, _LIGHT_STEEL, 3)), law="normal-impulse",
     ),
     Scene(

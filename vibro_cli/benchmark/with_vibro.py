@@ -173,7 +173,7 @@ def methods() -> list[Method]:
 
     return [
         Method(COMPILED, EXACT, anywhere, lambda s, _: _driver("numba", False, s), 20_000, True),
-        Method(KEPT, EXACT, anywhere, lambda s, _: _driver("numba", True, s), 20_000, True),
+        Method(KEPT, EXACT, anywhere, lambda s, _: _driver("numba", True, s), 20_000),
         Method(BATCH, EXACT, anywhere, lambda s, _: BatchRunner(s.system, s.most), 20_000, True),
         Method(INTERPRETED, EXACT, anywhere, lambda s, _: _driver("python", False, s), 300, True),
     ]
