@@ -164,3 +164,17 @@ def test_errors_name_the_place_and_what_was_expected(write: Path, name: str) -> 
     told = str(caught.value)
     assert told.startswith(str(write))
     assert all(part in told for part in expected), told
+
+
+def test_the_scenario_may_stand_in_the_grid_file(write: Path) -> None:
+    axes = '[[axes]]\npath = "balls[1].angle"\nlinspace = [-1.2, -0.5, 3]\n'
+    write.write_text('base = "base.toml"\n' + axes)
+    apart = load_grid(write)
+    inline = BASE.replace("[[balls]]", "[[scenario.balls]]")
+    for table in ("trace", "collision", "stop"):
+        inline = inline.replace(f"[{table}]", f"[scenario.{table}]")
+    write.write_text("[scenario]" + inline + axes)
+    within = load_grid(write)
+    assert within.base.data == apart.base.data
+    line = write.read_text().splitlines().index("k = 0.9") + 1
+    assert within.base.source.place("collision.k").line == line

@@ -152,14 +152,12 @@ def _inline(document: Document) -> Document:
     given = document.data["scenario"]
     if not isinstance(given, dict):
         raise _error(document.source, Fault(("scenario",), shown(given), "a table: the scenario"))
-    return Document(given, _Within(document.source), document.name)
+    outer = document.source
+    return Document(given, _Within(outer.file, outer.form, outer.text), document.name)
 
 
 class _Within(Source):
     """The source of the scenario that stands in a grid file: its places are further in."""
-
-    def __init__(self, outer: Source, overrides: Any = ()) -> None:
-        super().__init__(outer.file, outer.form, outer.text, overrides)
 
     def place(self, key_path: str | KeyPath, on_key: bool = False) -> Any:
         from vibro_cli.scenario.source import parsed_path
