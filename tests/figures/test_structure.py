@@ -58,7 +58,7 @@ def test_energy_is_constant_along_every_curve(name: str) -> None:
             count = len(curve) // 97
             inner = [curve[n * 97 + 1 : n * 97 + 96] for n in range(count)]
             energies = np.concatenate([_energies(hills, points) for points in inner])
-            np.testing.assert_allclose(energies, energies[0], rtol=2e-12)
+            np.testing.assert_allclose(energies, energies[0], rtol=1e-12)
 
 
 def _energies(hills: Landscape, points: Any) -> Any:
