@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.conftest import SCENARIO
+from tests.two_balls import SCENARIO
 
 ROOT = Path(__file__).parents[2]
 VIBRO = [sys.executable, "-m", "vibro_cli"]

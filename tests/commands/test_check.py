@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.conftest import SCENARIO, Vibro
+from tests.commands.conftest import Vibro
+from tests.two_balls import SCENARIO
 
 
 def test_trace_bodies_pairs_and_law_are_shown(vibro: Vibro, scenario: Path) -> None:

@@ -11,7 +11,8 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from tests.commands.conftest import SCENARIO, Vibro
+from tests.commands.conftest import Vibro
+from tests.two_balls import SCENARIO
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{key}: &{key} [{','.join([f'*{before}'] * 9)}]\n"

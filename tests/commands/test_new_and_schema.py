@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.conftest import SCENARIO, Vibro
+from tests.commands.conftest import Vibro
+from tests.two_balls import SCENARIO
 from vibro_cli.storage import schema
 
 GALLERY = Path(__file__).parents[2] / "scenarios"

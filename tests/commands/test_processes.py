@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.conftest import SCENARIO
 from tests.commands.processes import ROOT, VIBRO, call, environment, prepare
+from tests.two_balls import SCENARIO
 from vibro_cli.commands.boundary import EXIT_CODES
 
 # Without losses a run with many impacts asked for goes on for minutes, without compiling anything.

@@ -13,7 +13,8 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
-from tests.commands.conftest import SCENARIO, ByHand, Outcome, Vibro
+from tests.commands.conftest import ByHand, Outcome, Vibro
+from tests.two_balls import SCENARIO
 from vibro_cli.storage.tables import read_parquet
 
 INTERRUPTED = """

@@ -7,34 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.two_balls import SCENARIO
 from vibro_cli.grids.document import load_grid
 from vibro_cli.scenario import ScenarioError
-
-BASE = """
-gravity = 9.81
-[trace]
-start_slope = "-90 deg"
-arcs = [{shape = "valley", radius = 1.0, end_slope = "90 deg"}]
-[[balls]]
-radius = 0.1
-mass = 2.0
-arc = 1
-angle = -1.0
-[[balls]]
-radius = 0.1
-mass = 1.0
-arc = 1
-angle = 0.5
-[collision]
-k = 0.9
-[stop]
-collisions = 3
-"""
 
 
 @pytest.fixture
 def write(tmp_path: Path) -> Path:
-    (tmp_path / "base.toml").write_text(BASE)
+    (tmp_path / "base.toml").write_text(SCENARIO)
     return tmp_path / "grid.toml"
 
 
@@ -170,7 +150,7 @@ def test_the_scenario_may_stand_in_the_grid_file(write: Path) -> None:
     axes = '[[axes]]\npath = "balls[1].angle"\nlinspace = [-1.2, -0.5, 3]\n'
     write.write_text('base = "base.toml"\n' + axes)
     apart = load_grid(write)
-    inline = BASE.replace("[[balls]]", "[[scenario.balls]]")
+    inline = SCENARIO.replace("[[balls]]", "[[scenario.balls]]")
     for table in ("trace", "collision", "stop"):
         inline = inline.replace(f"[{table}]", f"[scenario.{table}]")
     write.write_text("[scenario]" + inline + axes)
