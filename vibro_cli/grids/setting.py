@@ -27,6 +27,7 @@ from vibro_cli.scenario import Scenario, ScenarioError, scenario_of
 from vibro_cli.scenario.loading import Document
 from vibro_cli.scenario.overrides import apply
 from vibro_cli.scenario.problems import KeyPath
+from vibro_cli.simulation.geometry import centres
 from vibro_cli.simulation.prepare import half_angle, initial_flight
 
 Values = Mapping[KeyPath, Column]
@@ -311,24 +312,9 @@ def _clear(
     radius_b: float,
 ) -> Column:
     """Whether bodies on two pieces are surely apart."""
-    ax, ay = _centres(piece_a, place_a, radius_a)
-    bx, by = _centres(piece_b, place_b, radius_b)
+    ax, ay = centres(piece_a, place_a, radius_a)
+    bx, by = centres(piece_b, place_b, radius_b)
     contact = radius_a + radius_b
     size = np.abs(ax) + np.abs(ay) + np.abs(bx) + np.abs(by) + contact
     clear: Column = np.hypot(bx - ax, by - ay) > contact + _SURE * size
     return clear
-
-
-def _centres(piece: Piece, place: Column, radius: float) -> tuple[Column, Column]:
-    """Centres (m) of a body at places on a piece, to about rounding."""
-    if piece.is_line:
-        sine, cosine = math.sin(piece.start_slope), math.cos(piece.start_slope)
-        return (
-            piece.start[0] + place * cosine - radius * sine,
-            piece.start[1] + place * sine + radius * cosine,
-        )
-    rho = piece.path_radius(radius)
-    return (
-        piece.center[0] + rho * np.sin(place),
-        piece.center[1] - piece.sign * rho * np.cos(place),
-    )

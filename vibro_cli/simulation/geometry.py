@@ -9,9 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.trace import Piece
 from vibro_cli.simulation.prepare import turns_of
 
 Floats = NDArray[np.float64]
+
+
+def centres(piece: Piece, positions: Floats, body_radius: float) -> tuple[Floats, Floats]:
+    """Centres (m) of a body at positions on a piece, to rounding (one: ``Piece.body_center``)."""
+    if piece.is_line:
+        sine, cosine = math.sin(piece.start_slope), math.cos(piece.start_slope)
+        return (
+            piece.start[0] + positions * cosine - body_radius * sine,
+            piece.start[1] + positions * sine + body_radius * cosine,
+        )
+    rho = piece.path_radius(body_radius)
+    return (
+        piece.center[0] + rho * np.sin(positions),
+        piece.center[1] - piece.sign * rho * np.cos(positions),
+    )
 
 
 class Places:

@@ -12,6 +12,7 @@ from vibro_cli.build import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario import ScenarioError, scenario_of
+from vibro_cli.simulation.geometry import centres
 from vibro_cli.simulation.prepare import half_angle
 from vibro_cli.stress.engine_batch import START_COLUMNS
 from vibro_cli.stress.judge import BODY_COLUMNS, COLUMNS
@@ -135,20 +136,18 @@ def random_states(rng: np.random.Generator, family: Family, count: int) -> State
     return states.part(distances(family, states) > touch * (1.0 + LEAST_GAP))
 
 
+def centres_of(family: Family, states: States) -> list[tuple[Any, Any]]:
+    """Centres of both bodies at the start (m)."""
+    return [
+        centres(piece, states.places[:, ball], family.system.bodies[ball].radius)
+        for ball, piece in enumerate(family.pieces)
+    ]
+
+
 def distances(family: Family, states: States) -> Any:
     """Distances of the centres at the start (m)."""
-    x, y = [], []
-    for ball, piece in enumerate(family.pieces):
-        place, radius = states.places[:, ball], family.system.bodies[ball].radius
-        if piece.is_line:
-            sine, cosine = math.sin(piece.start_slope), math.cos(piece.start_slope)
-            x.append(piece.start[0] + place * cosine - radius * sine)
-            y.append(piece.start[1] + place * sine + radius * cosine)
-        else:
-            rho = piece.path_radius(radius)
-            x.append(piece.center[0] + rho * np.sin(place))
-            y.append(piece.center[1] - piece.sign * rho * np.cos(place))
-    return np.hypot(x[1] - x[0], y[1] - y[0])
+    (ax, ay), (bx, by) = centres_of(family, states)
+    return np.hypot(bx - ax, by - ay)
 
 
 def for_solver(family: Family, states: States) -> Any:

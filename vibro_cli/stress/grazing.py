@@ -14,7 +14,7 @@ import numpy as np
 
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.stress.compile import compiled
-from vibro_cli.stress.flights import GRAVITY, LEAST_GAP, Family, States, distances
+from vibro_cli.stress.flights import GRAVITY, LEAST_GAP, Family, States, centres_of, distances
 
 _ORDER = 18
 _STEP = 0.15  # of a step in w t max(1, f'/w)
@@ -73,21 +73,6 @@ def _slopes(piece: Piece, places: Any) -> Any:
     return np.full(len(places), piece.start_slope) if piece.is_line else piece.sign * places
 
 
-def _centres(family: Family, ball: int, places: Any) -> tuple[Any, Any]:
-    piece, radius = family.pieces[ball], family.system.bodies[ball].radius
-    if piece.is_line:
-        sine, cosine = math.sin(piece.start_slope), math.cos(piece.start_slope)
-        return (
-            piece.start[0] + places * cosine - radius * sine,
-            piece.start[1] + places * sine + radius * cosine,
-        )
-    rho = piece.path_radius(radius)
-    return (
-        piece.center[0] + rho * np.sin(places),
-        piece.center[1] - piece.sign * rho * np.cos(places),
-    )
-
-
 def _place_beside(family: Family, places: Any, distance: Any) -> tuple[Any, Any]:
     """Places of the right body at the given distances of the centres, and where there is one."""
     first, last = family.pieces
@@ -109,7 +94,7 @@ def _place_beside(family: Family, places: Any, distance: Any) -> tuple[Any, Any]
 
 def _second_derivative(family: Family, states: States) -> tuple[Any, Any]:
     """Speed of the right body at which the gap has no rate, and the gap's second derivative."""
-    centres = [_centres(family, ball, states.places[:, ball]) for ball in range(2)]
+    centres = centres_of(family, states)
     dx, dy = (centres[1][axis] - centres[0][axis] for axis in range(2))
     tangents = []
     for ball, piece in enumerate(family.pieces):
