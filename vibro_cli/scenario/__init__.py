@@ -1,6 +1,12 @@
 """Scenarios: their models, reading them from TOML, JSON and YAML, and what is wrong with them."""
 
-from vibro_cli.scenario.loading import load_scenario, parse_scenario, scenario_of
+from vibro_cli.scenario.loading import (
+    any_scenario_of,
+    load_any,
+    load_scenario,
+    parse_scenario,
+    scenario_of,
+)
 from vibro_cli.scenario.models import (
     Arc,
     Ball,
@@ -29,6 +35,8 @@ __all__ = [
     "Trace",
     "Turning",
     "Wall",
+    "any_scenario_of",
+    "load_any",
     "load_scenario",
     "parse_scenario",
     "scenario_of",

@@ -21,9 +21,12 @@ def _models_in(annotation: Any) -> Iterator[Model]:
         yield from _models_in(part)
 
 
-def model_at(path: KeyPath) -> Model | None:
-    """Return the model of the table at a path, or None where the path leads to no table."""
-    model: Model | None = Scenario
+def model_at(path: KeyPath, root: Model = Scenario) -> Model | None:
+    """Return the model of the table at a path, or None where the path leads to no table.
+
+    `root` is the model of the whole scenario, here and below.
+    """
+    model: Model | None = root
     for part in path:
         if isinstance(part, int):
             continue
@@ -32,37 +35,43 @@ def model_at(path: KeyPath) -> Model | None:
     return model
 
 
-def description(path: KeyPath) -> str:
+def description(path: KeyPath, root: Model = Scenario) -> str:
     """Return the first sentence that describes a field, or an empty text."""
-    model, key = model_at(path[:-1]), path[-1]
+    model, key = model_at(path[:-1], root), path[-1]
     if model is None or not isinstance(key, str) or key not in model.model_fields:
         return ""
     words = " ".join((model.model_fields[key].description or "").split())
     return words.split("; ")[0].rstrip(".")
 
 
-@lru_cache(maxsize=1)
-def _homes() -> dict[str, list[str]]:
+@lru_cache(maxsize=8)
+def _homes(root: Model) -> dict[str, list[str]]:
     """Return for each key the tables it belongs to."""
     homes: dict[str, list[str]] = {}
-    tables = ("", "trace", "trace.arcs", "trace.turning", "balls", "collision", "stop", "output")
-    for table in tables:
-        model = model_at(tuple(part for part in table.split(".") if part))
-        for key in model.model_fields if model is not None else ():
+    for table, model in _tables(root, ""):
+        for key in model.model_fields:
             homes.setdefault(key, []).append(table)
     return homes
 
 
-def known_keys(table: KeyPath) -> list[str]:
+def _tables(model: Model, path: str) -> Iterator[tuple[str, Model]]:
+    """Return every table of a scenario by its path, a list's entries without their number."""
+    yield path, model
+    for key, field in model.model_fields.items():
+        for below in _models_in(field.annotation):
+            yield from _tables(below, f"{path}.{key}" if path else key)
+
+
+def known_keys(table: KeyPath, root: Model = Scenario) -> list[str]:
     """Return the keys a table may have."""
-    model = model_at(table)
+    model = model_at(table, root)
     return [] if model is None else list(model.model_fields)
 
 
-def hint(table: KeyPath, key: str) -> str:
+def hint(table: KeyPath, key: str, root: Model = Scenario) -> str:
     """Return the suggestion for an unknown key: a similar one, or the table it belongs to."""
-    close = suggestion(key, known_keys(table))
+    close = suggestion(key, known_keys(table, root))
     if close:
         return close
-    homes = [home for home in _homes().get(key, []) if home]
+    homes = [home for home in _homes(root).get(key, []) if home]
     return f' (did you mean "{homes[0]}.{key}"?)' if homes else ""

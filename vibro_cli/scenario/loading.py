@@ -7,12 +7,13 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import ValidationError
 
 from vibro_cli.scenario import limits, translate
-from vibro_cli.scenario.models import Scenario, plain
+from vibro_cli.scenario.base import plain
+from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.nodes import FormError, Node, line_and_column
 from vibro_cli.scenario.overrides import OverrideError, apply, parse
 from vibro_cli.scenario.problems import (
@@ -26,6 +27,10 @@ from vibro_cli.scenario.problems import (
     shown,
 )
 from vibro_cli.scenario.source import Source
+from vibro_cli.scenario.systems import model_of
+
+if TYPE_CHECKING:
+    from vibro_cli.scenario.systems import AnyScenario
 
 FORMS = {".toml": "toml", ".json": "json", ".yaml": "yaml", ".yml": "yaml"}
 """The form of a file by its suffix."""
@@ -44,7 +49,7 @@ class Document:
 
 
 def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario:
-    """Read a scenario from a file, or from standard input.
+    """Read the scenario of a trace from a file, or from standard input.
 
     Parameters
     ----------
@@ -62,17 +67,22 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
     Raises
     ------
     ScenarioError
-        With everything that is wrong with the scenario.
+        With everything that is wrong with the scenario, or if it is of another system.
     OSError
         If the file cannot be read.
     """
     return scenario_of(load_document(source), overrides)
 
 
+def load_any(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
+    """Read a scenario of whatever system; else as :func:`load_scenario`."""
+    return any_scenario_of(load_document(source), overrides)
+
+
 def parse_scenario(
     text: str, form: str = "toml", overrides: Sequence[str] = (), file: str = "<text>"
 ) -> Scenario:
-    """Read a scenario from a text.
+    """Read the scenario of a trace from a text.
 
     Parameters
     ----------
@@ -94,6 +104,24 @@ def parse_scenario(
 
 
 def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:
+    """Return the scenario of a trace from a document, or from plain data, after overrides.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with the scenario, or if it is of another system.
+    """
+    scenario = any_scenario_of(document, overrides)
+    if isinstance(scenario, Scenario):
+        return scenario
+    found = shown(scenario.system)
+    expected = '"trace": what was asked for is not there for other systems'
+    raise ScenarioError([Problem.at(scenario.place("system"), "system", found, expected)])
+
+
+def any_scenario_of(
+    document: Document | Mapping[str, Any], overrides: Sequence[str] = ()
+) -> AnyScenario:
     """Return the scenario of a document, or of plain data, after overrides.
 
     Raises
@@ -106,14 +134,15 @@ def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str]
     data, given, problems = overridden(document.data, overrides)
     source = replace(document.source, overrides=tuple(given))
     data.setdefault("name", document.name)
+    root = model_of(data)
     try:
-        scenario = Scenario.model_validate(data)
+        scenario = root.model_validate(data)
     except ValidationError as error:
-        problems += located(translate.faults(error), source)
+        problems += located(translate.faults(error, root), source)
     if problems:
         raise ScenarioError(problems)
     scenario._source = source
-    return scenario
+    return cast("AnyScenario", scenario)
 
 
 def overridden(

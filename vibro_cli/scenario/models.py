@@ -7,43 +7,23 @@ that all errors of a file come at once.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    ModelWrapValidatorHandler,
-    PrivateAttr,
-    Tag,
-    ValidationError,
-    WithJsonSchema,
-    model_validator,
-)
-from pydantic_core import InitErrorDetails
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.problems import KeyPath, Place, shown
-from vibro_cli.scenario.rules import all_faults, prepared
-from vibro_cli.scenario.source import Source
+from vibro_cli.scenario.base import ScenarioTable, Table, as_tuple
+from vibro_cli.scenario.parts import BodyTable, Sampling
+from vibro_cli.scenario.problems import Fault
+from vibro_cli.scenario.rules import ALTERNATIVES, all_faults, prepared
+
+SYSTEMS = ("trace", "table", "springs")
+"""The systems there are; each but the trace has models of its own (see `systems`)."""
 
 Shape = Literal["valley", "hump", "line"]
 Surface = Literal["two-sided", "one-sided"]
-BodyKind = Literal["ball", "disk", "hollow_ball", "hoop", "particle"]
 Law = Literal["hedrih", "normal-impulse", "translational"]
 Inadmissible = Literal["stop", "normal-impulse"]
-
-
-def _as_tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _as_times(value: object) -> object:
-    if isinstance(value, (list, tuple)):
-        return tuple(value)
-    raise kinds.fault(shown(value), "a list of times")
 
 
 def _as_turning(value: object) -> object:
@@ -66,19 +46,6 @@ def _end_tag(value: object) -> str | None:
 
 
 _K_SCHEMA = kinds.RESTITUTION.schema()
-
-
-class Table(BaseModel):
-    """A table of the scenario file: unknown keys are errors, and nothing changes afterwards."""
-
-    model_config = ConfigDict(
-        strict=True,
-        extra="forbid",
-        frozen=True,
-        allow_inf_nan=False,
-        use_attribute_docstrings=True,
-        defer_build=True,
-    )
 
 
 class Arc(Table):
@@ -118,28 +85,13 @@ class Trace(Table):
     ends the run."""
     turning: Annotated[Turning | None, BeforeValidator(_as_turning)] = None
     """The trace turns about a vertical axis; left out, it stands still."""
-    arcs: Annotated[tuple[Arc, ...], BeforeValidator(_as_tuple), Field(min_length=1)]
+    arcs: Annotated[tuple[Arc, ...], BeforeValidator(as_tuple), Field(min_length=1)]
     """The pieces, from left to right."""
 
 
-class Ball(Table):
+class Ball(BodyTable):
     """A body on the trace."""
 
-    body: Annotated[
-        BodyKind | None, kinds.Word(("ball", "disk", "hollow_ball", "hoop", "particle"))
-    ] = Field(default=None, json_schema_extra={"default": "ball"})
-    """Kind of the body, ball if not given; gives its moment of inertia."""
-    inertia_ratio: Annotated[float | None, kinds.RATIO] = None
-    """J_C/(m r^2) of any other body, instead of its kind; needs the mass."""
-    radius: Annotated[float, kinds.RADIUS]
-    """Radius of the body in m; 0 only for a lone particle."""
-    density: Annotated[float | None, kinds.DENSITY] = None
-    """Density in kg/m^3, or else the mass."""
-    mass: Annotated[float | None, kinds.MASS] = None
-    """Mass in kg, or else the density."""
-    thickness: Annotated[float | None, kinds.LENGTH] = None
-    """Thickness in m, needed with a density: of a disk, of a thin hollow ball, or of a hoop of
-    square section."""
     arc: Annotated[int, kinds.COUNT]
     """The piece of the trace the body starts on, counted from 1."""
     angle: Annotated[float | None, kinds.ANGLE] = None
@@ -207,31 +159,29 @@ class Ends(Table):
     """stop: the run ends when a contact point gets to the right end; or a wall."""
 
 
-class Output(Table):
+class Output(Sampling):
     """What is written besides collisions, events and the summary."""
 
-    step: Annotated[float | None, kinds.TIME] = None
-    """Time step of the sampled motion in s."""
-    times: Annotated[
-        tuple[Annotated[float, kinds.INSTANT], ...] | None, BeforeValidator(_as_times)
-    ] = None
-    """Times of the sampled motion in s, ascending; instead of a step."""
     turning_points: Annotated[bool, kinds.FLAG] = False
     """Whether turning points are written as events."""
     friction: Annotated[float | None, kinds.RATIO] = None
     """Coefficient of friction of the trace: slip events where rolling would need more."""
 
 
-class Scenario(Table):
+class Scenario(ScenarioTable):
     """A vibro-impact scenario: trace, bodies, impact law, and when to stop."""
+
+    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ALTERNATIVES
 
     name: Annotated[str, kinds.NAME] = "scenario"
     """Name of the scenario and of its folder of results; the file's stem if not given."""
+    system: Annotated[Literal["trace"], kinds.Word(SYSTEMS)] = Field("trace", exclude=True)
+    """What is solved: bodies on a trace, or another system, whose scenarios have other keys."""
     gravity: Annotated[float, kinds.GRAVITY]
     """Acceleration of gravity in m/s^2."""
     trace: Trace
     """The trace the bodies roll on."""
-    balls: Annotated[tuple[Ball, ...], BeforeValidator(_as_tuple), Field(min_length=1)]
+    balls: Annotated[tuple[Ball, ...], BeforeValidator(as_tuple), Field(min_length=1)]
     """The bodies, from left to right."""
     collision: Collision = Collision()
     """The impact law; needed with two bodies or more."""
@@ -242,66 +192,12 @@ class Scenario(Table):
     output: Output = Output()
     """Sampled motion and further events, if wanted."""
 
-    _source: Source = PrivateAttr(default_factory=Source)
-
-    @model_validator(mode="wrap")
     @classmethod
-    def _with_rules(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Check the rules between fields in one pass with the fields themselves."""
-        if isinstance(data, cls):
-            return handler(data)
-        data = plain(data)
-        faults = all_faults(data)
-        own: list[InitErrorDetails] = [
-            {"type": kinds.fault(f.found, f.expected), "loc": f.loc, "input": None} for f in faults
-        ]
-        try:
-            model = handler(prepared(data))
-        except ValidationError as error:
-            raise ValidationError.from_exception_data(
-                "Scenario", [*_details(error), *own]
-            ) from None
-        if own:
-            raise ValidationError.from_exception_data("Scenario", own)
-        return model
+    def between_fields(cls, data: Any) -> list[Fault]:
+        """Return every broken rule between fields."""
+        return all_faults(data)
 
-    def resolved(self) -> dict[str, Any]:
-        """Return the scenario as plain data, in SI units and with every default.
-
-        Keys without a value are left out; reading the data again gives an equal scenario.
-        """
-        return self.model_dump(mode="json", exclude_none=True)
-
-    def place(self, key_path: str | KeyPath) -> Place:
-        """Return where a key such as `balls[2].radius` was given, or the nearest table to it."""
-        return self._source.place(key_path)
-
-
-def plain(value: Any) -> Any:
-    """Return data in which models are replaced by dictionaries, and tuples by lists."""
-    if isinstance(value, BaseModel):
-        return value.model_dump(exclude_none=True)
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    return value
-
-
-def _details(error: ValidationError) -> list[InitErrorDetails]:
-    """Return the errors of a model in the form that makes a new error of them and others."""
-    details: list[InitErrorDetails] = []
-    for item in error.errors(include_url=False):
-        context = item.get("ctx", {})
-        kind = item["type"]
-        details.append(
-            {
-                "type": kinds.fault(context["found"], context["expected"])
-                if kind == "vibro"
-                else kind,
-                "loc": item["loc"],
-                "input": item["input"],
-                "ctx": context,
-            }
-        )
-    return details
+    @classmethod
+    def prepared(cls, data: Any) -> Any:
+        """Return the data with the defaults that depend on other fields filled in."""
+        return prepared(data)

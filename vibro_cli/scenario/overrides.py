@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibro_cli.scenario import fields, limits
+from vibro_cli.scenario.base import ScenarioTable
 from vibro_cli.scenario.nodes import FormError
 from vibro_cli.scenario.problems import Fault, KeyPath, path_text, shown
-from vibro_cli.scenario.rules import ALTERNATIVES, prepared
 from vibro_cli.scenario.source import parsed_path
+from vibro_cli.scenario.systems import model_of
 from vibro_cli.scenario.translate import unknown_key
 
 _LONGEST = 100_000
@@ -96,13 +97,14 @@ def apply(
         If the path is not one of a scenario, or counts beyond a list.
     """
     changed = deepcopy(data)
+    root = model_of(data)
     if path[:2] == ("collision", "k") and len(path) == 3:
-        _spread_restitution(changed)
+        _spread_restitution(changed, root)
     place: Any = changed
     for depth in range(len(path) - 1):
-        place = _entered(place, path, depth)
-    _check_step(place, path)
-    for group in ALTERNATIVES if isinstance(place, dict) else ():
+        place = _entered(place, path, depth, root)
+    _check_step(place, path, root)
+    for group in root.alternatives if isinstance(place, dict) else ():
         for other in group if path[-1] in group else ():
             if (*path[:-1], other) not in given:
                 place.pop(other, None)
@@ -110,17 +112,17 @@ def apply(
     return changed
 
 
-def _spread_restitution(data: dict[str, Any]) -> None:
+def _spread_restitution(data: dict[str, Any], root: type[ScenarioTable]) -> None:
     """Write one k for all pairs as a list, so that the k of one pair can be changed."""
-    spread = prepared(data)
+    spread = root.prepared(data)
     if isinstance(spread, dict) and "collision" in spread:
         data["collision"] = spread["collision"]
 
 
-def _entered(place: Any, path: KeyPath, depth: int) -> Any:
+def _entered(place: Any, path: KeyPath, depth: int, root: type[ScenarioTable]) -> Any:
     """Return the table or list that one step of the path leads to."""
     part, here = path[depth], path[: depth + 1]
-    _check_step(place, here)
+    _check_step(place, here, root)
     following = path[depth + 1]
     if isinstance(part, int):
         return place[part]
@@ -131,13 +133,13 @@ def _entered(place: Any, path: KeyPath, depth: int) -> Any:
         expected = f"a number from 1 to {count} after it: {path_text(here)}[1].{following}"
         raise OverrideError(Fault(here, path_text(here), expected))
     elif not isinstance(place.get(part), dict):
-        if fields.model_at(here) is None:
+        if fields.model_at(here, root) is None:
             raise OverrideError(Fault(here, f"{path_text(here)} as a table", "a single value"))
         place[part] = {}
     return place[part]
 
 
-def _check_step(place: Any, path: KeyPath) -> None:
+def _check_step(place: Any, path: KeyPath, root: type[ScenarioTable]) -> None:
     """Check that the last part of a path is a key or a number of the place it is in."""
     part = path[-1]
     if isinstance(part, int):
@@ -145,8 +147,8 @@ def _check_step(place: Any, path: KeyPath) -> None:
         if part >= len(place):
             found = f"{path_text(path)} of {len(place)}"
             raise OverrideError(Fault(path, found, f"a number from 1 to {len(place)}"))
-    elif not isinstance(place, dict) or part not in fields.known_keys(path[:-1]):
-        raise OverrideError(unknown_key(path))
+    elif not isinstance(place, dict) or part not in fields.known_keys(path[:-1], root):
+        raise OverrideError(unknown_key(path, root))
 
 
 def _check_list(value: Any, path: KeyPath) -> None:

@@ -26,6 +26,7 @@ EXAMPLES = {
     "speed": "m/s, cm/s, km/h",
     "acceleration": "m/s^2, g0",
     "density": "kg/m^3, g/cm^3",
+    "stiffness": "N/m, kN/m",
 }
 """Units to name in an error, for each dimension."""
 
@@ -231,6 +232,7 @@ LENGTH = Quantity("length", above=0)
 RADIUS = Quantity("length", at_least=0, bounds="greater than 0 (0 only for a lone particle)")
 MASS = Quantity("mass", above=0)
 DENSITY = Quantity("density", above=0)
+STIFFNESS = Quantity("stiffness", above=0)
 TIME = Quantity("time", above=0)
 INSTANT = Quantity("time", at_least=0)
 ANGLE = Quantity("angle")

@@ -55,10 +55,10 @@ def all_faults(data: object) -> list[Fault]:
         *_trace_faults(data),
         *_turning_faults(data),
         *_ball_faults(data),
-        *_collision_faults(data),
-        *_stop_faults(data),
+        *collision_faults(data),
+        *stop_faults(data),
         *_end_faults(data),
-        *_output_faults(data),
+        *output_faults(data),
     ]
 
 
@@ -66,11 +66,17 @@ def prepared(data: object) -> object:
     """Return the data with the defaults that depend on other fields filled in."""
     if not isinstance(data, Mapping):
         return data
-    filled = dict(data)
+    filled = spread_restitution(data)
     balls = data.get("balls")
     if isinstance(balls, list):
         pieces = _pieces(data)
         filled["balls"] = [_prepared_ball(ball, pieces) for ball in balls]
+    return filled
+
+
+def spread_restitution(data: Data) -> dict[str, Any]:
+    """Return the data with one k for all pairs written as a list."""
+    filled = dict(data)
     collision = data.get("collision", {})
     if isinstance(collision, Mapping):
         k, pairs = collision.get("k"), pair_count(data)
@@ -82,7 +88,7 @@ def prepared(data: object) -> object:
 
 def pair_count(data: Data) -> int | None:
     """Return how many pairs of neighbours there are, or None where the bodies are no list."""
-    balls, closed = data.get("balls"), _table(data, "trace").get("closed") is True
+    balls, closed = data.get("balls"), section(data, "trace").get("closed") is True
     if not isinstance(balls, list):
         return None
     return len(balls) if closed and len(balls) > 2 else max(len(balls) - 1, 0)
@@ -100,12 +106,14 @@ def _prepared_ball(ball: object, pieces: list[Piece]) -> object:
     return filled
 
 
-def _table(data: Data, key: str) -> Data:
+def section(data: Data, key: str) -> Data:
+    """Return a table of the data, empty where there is none."""
     value = data.get(key)
     return value if isinstance(value, Mapping) else {}
 
 
-def _rows(data: Data, key: str) -> list[tuple[int, Data]]:
+def rows(data: Data, key: str) -> list[tuple[int, Data]]:
+    """Return the tables of a list of the data, with their numbers from 0."""
     value = data.get(key)
     if not isinstance(value, list):
         return []
@@ -114,7 +122,7 @@ def _rows(data: Data, key: str) -> list[tuple[int, Data]]:
 
 def _pieces(data: Data) -> list[Piece]:
     """Return the chain of pieces, as far as the data tell it."""
-    trace = _table(data, "trace")
+    trace = section(data, "trace")
     slope = kinds.ANGLE.read_or_none(trace.get("start_slope"))
     arcs = trace.get("arcs")
     pieces = []
@@ -134,7 +142,7 @@ def _piece_of(ball: Data, pieces: list[Piece]) -> Piece | None:
     return pieces[index - 1] if index is not None and index <= len(pieces) else None
 
 
-def _one_of(
+def one_of(
     table: Data, keys: tuple[str, ...], loc: tuple[str | int, ...], needed: bool
 ) -> Iterator[Fault]:
     """Check that of some keys one is given (or none, where none is needed)."""
@@ -150,7 +158,7 @@ def _one_of(
 
 def _trace_faults(data: Data) -> Iterator[Fault]:
     pieces = _pieces(data)
-    for index, arc in _rows(_table(data, "trace"), "arcs"):
+    for index, arc in rows(section(data, "trace"), "arcs"):
         loc = ("trace", "arcs", index)
         if arc.get("shape") == "line":
             if "length" not in arc:
@@ -188,11 +196,11 @@ def _with_number(given: object, number: float) -> str:
 
 
 def _turning_faults(data: Data) -> Iterator[Fault]:
-    turning = _table(data, "trace").get("turning")
+    turning = section(data, "trace").get("turning")
     if not isinstance(turning, Mapping):
         return
     loc = ("trace", "turning")
-    yield from _one_of(turning, ("through_arc", "x"), loc, needed=True)
+    yield from one_of(turning, ("through_arc", "x"), loc, needed=True)
     index, pieces = kinds.COUNT.read_or_none(turning.get("through_arc")), _pieces(data)
     if index is None or not pieces:
         return
@@ -203,13 +211,13 @@ def _turning_faults(data: Data) -> Iterator[Fault]:
 
 
 def _ball_faults(data: Data) -> Iterator[Fault]:
-    balls, pieces = _rows(data, "balls"), _pieces(data)
+    balls, pieces = rows(data, "balls"), _pieces(data)
     for index, ball in balls:
         loc = ("balls", index)
-        yield from _one_of(ball, ("density", "mass"), loc, needed=True)
-        yield from _one_of(ball, ("angle", "position", "touching"), loc, needed=True)
-        yield from _one_of(ball, ("rate", "omega", "speed"), loc, needed=False)
-        yield from _body_faults(ball, loc, lone=len(data["balls"]) == 1)
+        yield from one_of(ball, ("density", "mass"), loc, needed=True)
+        yield from one_of(ball, ("angle", "position", "touching"), loc, needed=True)
+        yield from one_of(ball, ("rate", "omega", "speed"), loc, needed=False)
+        yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
         if index == 0 and "touching" in ball:
             yield Fault(
                 (*loc, "touching"),
@@ -220,9 +228,10 @@ def _ball_faults(data: Data) -> Iterator[Fault]:
         yield from _start_faults(ball, loc, pieces)
 
 
-def _body_faults(ball: Data, loc: tuple[str | int, ...], lone: bool) -> Iterator[Fault]:
+def body_faults(ball: Data, loc: tuple[str | int, ...], lone: bool) -> Iterator[Fault]:
+    """Check what a body is: its mass, its thickness where needed, and a radius of 0."""
     if "inertia_ratio" in ball:
-        yield from _one_of(ball, ("body", "inertia_ratio"), loc, needed=False)
+        yield from one_of(ball, ("body", "inertia_ratio"), loc, needed=False)
         if "density" in ball and "mass" not in ball:
             expected = "mass: the inertia_ratio tells no volume"
             yield Fault((*loc, "density"), "density with inertia_ratio", expected, on_key=True)
@@ -280,7 +289,8 @@ def _range_faults(ball: Data, loc: tuple[str | int, ...], piece: Piece) -> Itera
     yield Fault((*loc, "angle"), _with_number(ball["angle"], angle), expected)
 
 
-def _collision_faults(data: Data) -> Iterator[Fault]:
+def collision_faults(data: Data) -> Iterator[Fault]:
+    """Check that there is a coefficient of restitution for each pair of neighbours."""
     pairs = pair_count(data)
     if pairs is None:
         return
@@ -303,24 +313,26 @@ def _collision_faults(data: Data) -> Iterator[Fault]:
         )
 
 
-def _stop_faults(data: Data) -> Iterator[Fault]:
+def stop_faults(data: Data) -> Iterator[Fault]:
+    """Check that the run has an end."""
     stop = data.get("stop")
     if isinstance(stop, Mapping) and "time" not in stop and "collisions" not in stop:
         yield Fault(("stop",), "neither", "at least one of time or collisions")
 
 
 def _end_faults(data: Data) -> Iterator[Fault]:
-    if _table(data, "trace").get("closed") is not True:
+    if section(data, "trace").get("closed") is not True:
         return
     for side in ("left", "right"):
-        if isinstance(_table(data, "ends").get(side), Mapping):
+        if isinstance(section(data, "ends").get(side), Mapping):
             expected = "no wall: a closed trace has no ends"
             yield Fault(("ends", side), "a wall on a closed trace", expected)
 
 
-def _output_faults(data: Data) -> Iterator[Fault]:
-    output = _table(data, "output")
-    yield from _one_of(output, ("step", "times"), ("output",), needed=False)
+def output_faults(data: Data) -> Iterator[Fault]:
+    """Check that the sampled motion has a step or ascending times."""
+    output = section(data, "output")
+    yield from one_of(output, ("step", "times"), ("output",), needed=False)
     times = output.get("times")
     if not isinstance(times, list):
         return

@@ -39,6 +39,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "speed": (1, 0, -1, 0),
     "acceleration": (1, 0, -2, 0),
     "density": (-3, 1, 0, 0),
+    "stiffness": (0, 1, -2, 0),
 }
 """The dimensions a value of a scenario can have."""
 
@@ -100,6 +101,7 @@ UNITS: dict[str, Unit] = {
         },
     ),
     **_units(_RATE, {"rpm": PI / 30}),
+    **_units((1, 1, -2, 0), {"N": "1", "kN": "1000"}),
     **_units(DIMENSIONS["acceleration"], {"g0 gn": "9.80665"}),
 }
 """Every unit that is understood."""

@@ -1,58 +1,37 @@
-"""From a scenario to the system that is solved, with all that is mechanically wrong at once."""
+"""From the scenario of a trace to the system that is solved, with all that is wrong at once."""
 
 from __future__ import annotations
 
 import math
 from itertools import combinations, pairwise
 
+from vibro_cli.build.bodies import bodies_of
+from vibro_cli.build.findings import LONGEST, SIZES, Findings
 from vibro_cli.mechanics import clearance, placement
-from vibro_cli.mechanics.body import CUSTOM, INERTIA_RATIO, Body, mass_from_density
+from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.system import InitialState, System, Wall
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
-from vibro_cli.scenario.problems import Problem, ScenarioError
+from vibro_cli.scenario.problems import ScenarioError
 
 _CLOSING_TOLERANCE = 1e-12
 
-# Within these bounds no product or quotient of the mechanics leaves the range of doubles.
-_SIZES = (1e-30, 1e30)
-_MASSES = (1e-100, 1e100)
 _GRAVITIES = (1e-30, 1e30)
 _MOST_SLOPE = 1e3
-# Beyond it the sum of two times, or a time in units of a period, leaves that range.
-_LONGEST = 1e300
 
 
-class _Findings:
-    """Collects what is wrong, each with its place in the scenario."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
-        self.problems: list[Problem] = []
-
-    def add(self, path: str, found: str, expected: str) -> None:
-        place = self._scenario.place(path)
-        self.problems.append(Problem.at(place, path, found, expected))
-
-    def settle(self) -> None:
-        """Raise everything found so far, in the order of the file."""
-        if self.problems:
-            by_place = sorted(self.problems, key=lambda found: (found.line or 0, found.column or 0))
-            raise ScenarioError(by_place)
-
-
-def build_system(scenario: Scenario) -> System:
+def build_trace(scenario: Scenario) -> System:
     """Return the system of a scenario, checked against the mechanics.
 
     Raises ScenarioError with every problem: a trace that does not close or meets itself, bodies
     that do not fit it, that could touch over others, or that start out of order or overlapping.
     """
-    findings = _Findings(scenario)
+    findings = Findings(scenario)
     _check_sizes(scenario, findings)
     findings.settle()
     trace = _trace(scenario, findings)
-    bodies = _bodies(scenario, findings)
+    bodies = bodies_of(scenario.balls, findings)
     findings.settle()
     trace_is_sound = _check_trace(trace, findings)
     turning = _turning(scenario, findings)
@@ -102,7 +81,7 @@ def mechanics_warnings(system: System) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def _trace(scenario: Scenario, findings: _Findings) -> Trace:
+def _trace(scenario: Scenario, findings: Findings) -> Trace:
     table = scenario.trace
     shapes = [ArcShape(arc.shape, arc.radius, arc.length, arc.end_slope) for arc in table.arcs]
     try:
@@ -112,7 +91,7 @@ def _trace(scenario: Scenario, findings: _Findings) -> Trace:
         raise ScenarioError(findings.problems) from error
 
 
-def _check_sizes(scenario: Scenario, findings: _Findings) -> None:
+def _check_sizes(scenario: Scenario, findings: Findings) -> None:
     """Check that sizes, slopes, speeds and times are such that doubles can compute with them."""
     sizes: list[tuple[str, float | None]] = []
     slopes: list[tuple[str, float | None]] = [("trace.start_slope", scenario.trace.start_slope)]
@@ -129,9 +108,9 @@ def _check_sizes(scenario: Scenario, findings: _Findings) -> None:
     if not low <= scenario.gravity <= high:
         expected = f"an acceleration from {low} to {high} m/s^2"
         findings.add("gravity", repr(scenario.gravity), expected)
-    if scenario.stop.time is not None and scenario.stop.time > _LONGEST:
-        findings.add("stop.time", repr(scenario.stop.time), f"a time up to {_LONGEST} s")
-    low, high = _SIZES
+    if scenario.stop.time is not None and scenario.stop.time > LONGEST:
+        findings.add("stop.time", repr(scenario.stop.time), f"a time up to {LONGEST} s")
+    low, high = SIZES
     for path, size in sizes:
         if size is not None and not low <= size <= high:
             findings.add(path, repr(size), f"a length from {low} to {high} m")
@@ -143,36 +122,14 @@ def _check_sizes(scenario: Scenario, findings: _Findings) -> None:
             findings.add(path, repr(speed), f"a number from {-high} to {high}")
 
 
-def _bodies(scenario: Scenario, findings: _Findings) -> tuple[Body, ...]:
-    bodies = tuple(_body(ball) for ball in scenario.balls)
-    low, high = _MASSES
-    for number, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True), 1):
-        if not low <= body.mass <= high:
-            key = "mass" if ball.mass is not None else "density"
-            found = repr(ball.mass) if ball.mass is not None else f"a mass of {body.mass!r} kg"
-            findings.add(f"balls[{number}].{key}", found, f"a mass from {low} to {high} kg")
-    return bodies
-
-
-def _body(ball: Ball) -> Body:
-    if ball.inertia_ratio is not None or ball.body is None:
-        kind, ratio = CUSTOM, ball.inertia_ratio or 0.0
-    else:
-        kind, ratio = ball.body, INERTIA_RATIO[ball.body]
-    mass = ball.mass
-    if mass is None:
-        mass = mass_from_density(kind, ball.radius, ball.density or 0.0, ball.thickness)
-    return Body(kind, ball.radius, mass, ratio)
-
-
-def _turning(scenario: Scenario, findings: _Findings) -> tuple[float, float] | None:
+def _turning(scenario: Scenario, findings: Findings) -> tuple[float, float] | None:
     """Refuse a turning trace: there is no flow on one yet, and this is the one place to say so."""
     if scenario.trace.turning is not None:
         findings.add("trace.turning", "a turning trace", "a trace at rest: no other is solved yet")
     return None
 
 
-def _check_trace(trace: Trace, findings: _Findings) -> bool:
+def _check_trace(trace: Trace, findings: Findings) -> bool:
     """Check that the trace closes if it should, and meets itself nowhere."""
     if trace.closed:
         distance, turn = trace.closing_error()
@@ -198,7 +155,7 @@ def _check_trace(trace: Trace, findings: _Findings) -> bool:
 
 
 def _check_fit(
-    trace: Trace, bodies: tuple[Body, ...], findings: _Findings, trace_is_sound: bool
+    trace: Trace, bodies: tuple[Body, ...], findings: Findings, trace_is_sound: bool
 ) -> bool:
     """Check that every body fits every valley and touches only the piece it rolls on."""
     before = len(findings.problems)
@@ -221,7 +178,7 @@ def _check_fit(
     return len(findings.problems) == before
 
 
-def _check_contacts(trace: Trace, bodies: tuple[Body, ...], findings: _Findings) -> None:
+def _check_contacts(trace: Trace, bodies: tuple[Body, ...], findings: Findings) -> None:
     """Check that bodies touch only as neighbours do."""
     for a, b in combinations(range(len(bodies)), 2):
         behind = clearance.joined_behind(trace, bodies[a].radius, bodies[b].radius)
@@ -244,7 +201,7 @@ def _check_contacts(trace: Trace, bodies: tuple[Body, ...], findings: _Findings)
 
 
 def _initial(
-    scenario: Scenario, trace: Trace, bodies: tuple[Body, ...], findings: _Findings
+    scenario: Scenario, trace: Trace, bodies: tuple[Body, ...], findings: Findings
 ) -> list[InitialState | None]:
     """Return where each body starts, None where that could not be told."""
     states: list[InitialState | None] = []
@@ -265,7 +222,7 @@ def _position(
     body: Body,
     trace: Trace,
     previous: tuple[Body, InitialState | None] | None,
-    findings: _Findings,
+    findings: Findings,
 ) -> float | None:
     piece = trace.pieces[ball.arc - 1]
     if not piece.path_radius(body.radius) > 0.0:
@@ -308,7 +265,7 @@ def _check_order(
     trace: Trace,
     bodies: tuple[Body, ...],
     states: list[InitialState | None],
-    findings: _Findings,
+    findings: Findings,
 ) -> None:
     """Check that the bodies start in order along the trace and that no two overlap."""
     count = len(bodies)
@@ -339,7 +296,7 @@ def _check_walls(
     trace: Trace,
     bodies: tuple[Body, ...],
     states: list[InitialState | None],
-    findings: _Findings,
+    findings: Findings,
 ) -> None:
     """Check that the outer bodies can meet their walls, and do not start within them."""
     for side, index, piece in (

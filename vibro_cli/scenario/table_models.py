@@ -1,0 +1,215 @@
+"""The scenario of `system = "table"`: balls rolling on a horizontal plane, with or without a wall.
+
+Source: C, parts 1 and 2, figures 1, 2 and 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BeforeValidator, Field
+
+from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.base import ScenarioTable, Table, as_tuple
+from vibro_cli.scenario.models import Inadmissible, Law, Stop
+from vibro_cli.scenario.parts import BodyTable, Sampling
+from vibro_cli.scenario.problems import Fault, listing, shown
+from vibro_cli.scenario.rules import (
+    Data,
+    body_faults,
+    one_of,
+    output_faults,
+    rows,
+    section,
+)
+
+WallShape = Literal["ellipse", "circle", "rectangle", "polygon"]
+Side = Literal["inside", "outside"]
+
+SHAPE_KEYS: dict[str, tuple[str, ...]] = {
+    "ellipse": ("semi_axis_x", "semi_axis_y"),
+    "circle": ("radius",),
+    "rectangle": ("width", "depth"),
+    "polygon": ("corners",),
+}
+"""The keys that give the size of a wall of each shape."""
+_POLAR, _CARTESIAN = ("speed", "direction"), ("velocity_x", "velocity_y")
+
+Corner = Annotated[
+    tuple[Annotated[float, kinds.POSITION], ...],
+    BeforeValidator(as_tuple),
+    Field(min_length=2, max_length=2),
+]
+
+
+class Wall(Table):
+    """A vertical wall on the plane, met by a ball at the distance of its radius."""
+
+    shape: Annotated[WallShape, kinds.Word(tuple(SHAPE_KEYS))]
+    """ellipse (axes along x and y), circle, rectangle (sides along x and y) or polygon."""
+    side: Annotated[Side, kinds.Word(("inside", "outside"))] = "inside"
+    """On which side of the wall the balls are."""
+    k: Annotated[float, kinds.RESTITUTION]
+    """Coefficient of restitution of the wall, from 0 to 1, on the component across it."""
+    x: Annotated[float, kinds.POSITION] = 0.0
+    """Place of the centre of an ellipse, a circle or a rectangle in m."""
+    y: Annotated[float, kinds.POSITION] = 0.0
+    """The same along y, in m."""
+    semi_axis_x: Annotated[float | None, kinds.LENGTH] = None
+    """Semi-axis of an ellipse along x in m."""
+    semi_axis_y: Annotated[float | None, kinds.LENGTH] = None
+    """Semi-axis of an ellipse along y in m."""
+    radius: Annotated[float | None, kinds.LENGTH] = None
+    """Radius of a circle in m."""
+    width: Annotated[float | None, kinds.LENGTH] = None
+    """Side of a rectangle along x in m."""
+    depth: Annotated[float | None, kinds.LENGTH] = None
+    """Side of a rectangle along y in m."""
+    corners: Annotated[
+        tuple[Corner, ...] | None, BeforeValidator(as_tuple), Field(min_length=3)
+    ] = None
+    """Corners [x, y] of a polygon in m, in order around it."""
+
+
+class TableBall(BodyTable):
+    """A ball on the plane."""
+
+    x: Annotated[float, kinds.POSITION]
+    """Place of the centre in m."""
+    y: Annotated[float, kinds.POSITION]
+    """Place of the centre in m."""
+    speed: Annotated[float | None, kinds.SPEED] = None
+    """Speed of the centre in m/s, with its direction; else velocity_x and velocity_y."""
+    direction: Annotated[float | None, kinds.ANGLE] = None
+    """Direction of the velocity in rad, from the x axis towards the y axis."""
+    velocity_x: Annotated[float | None, kinds.SPEED] = None
+    """Component of the velocity in m/s; a ball without a velocity is at rest."""
+    velocity_y: Annotated[float | None, kinds.SPEED] = None
+    """Component of the velocity in m/s."""
+
+
+class TableCollision(Table):
+    """How two balls leave an impact: the law acts along the horizontal line of centres."""
+
+    law: Annotated[Law, kinds.Word(("hedrih", "normal-impulse", "translational"))] = "hedrih"
+    """The impact law."""
+    k: Annotated[float | None, kinds.RESTITUTION] = None
+    """Coefficient of restitution from 0 to 1, of every pair."""
+    inadmissible: Annotated[Inadmissible, kinds.Word(("stop", "normal-impulse"))] = "stop"
+    """What happens at an impact after which the law would send the balls through one another:
+    the run stops, or the normal-impulse law is used for that impact, which is marked."""
+
+
+class TableStop(Stop):
+    """When the run ends: whichever comes first."""
+
+    bounces: Annotated[int | None, kinds.COUNT] = None
+    """The run ends with this impact on the wall."""
+
+
+class TableScenario(ScenarioTable):
+    """Balls that roll on a horizontal plane: they collide with one another and with a wall."""
+
+    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (
+        ("density", "mass"),
+        ("body", "inertia_ratio"),
+        ("speed", "velocity_x"),
+        ("speed", "velocity_y"),
+        ("direction", "velocity_x"),
+        ("direction", "velocity_y"),
+        ("step", "times"),
+    )
+
+    name: Annotated[str, kinds.NAME] = "scenario"
+    """Name of the scenario and of its folder of results; the file's stem if not given."""
+    system: Annotated[Literal["table"], kinds.Word(("table",))]
+    """What is solved: balls on a horizontal plane."""
+    wall: Wall | None = None
+    """A wall around the balls, or an obstacle among them; left out, the plane is free."""
+    balls: Annotated[tuple[TableBall, ...], BeforeValidator(as_tuple), Field(min_length=1)]
+    """The balls, in any order."""
+    collision: TableCollision = TableCollision()
+    """The impact law; needed with two balls or more."""
+    stop: TableStop
+    """When the run ends."""
+    output: Sampling = Sampling()
+    """Sampled motion, if wanted."""
+
+    @classmethod
+    def between_fields(cls, data: Any) -> list[Fault]:
+        """Return every broken rule between fields."""
+        if not isinstance(data, dict):
+            return []
+        return [
+            *_wall_faults(data),
+            *_ball_faults(data),
+            *_collision_faults(data),
+            *_stop_faults(data),
+            *output_faults(data),
+        ]
+
+    @classmethod
+    def prepared(cls, data: Any) -> Any:
+        """Return the data with the defaults that depend on other fields filled in."""
+        if not isinstance(data, dict) or not isinstance(data.get("balls"), list):
+            return data
+        return {**data, "balls": [_prepared_ball(ball) for ball in data["balls"]]}
+
+
+def _prepared_ball(ball: Any) -> Any:
+    if not isinstance(ball, dict):
+        return ball
+    filled = dict(ball)
+    if "inertia_ratio" not in ball:
+        filled.setdefault("body", "ball")
+    if not set(_POLAR) & set(ball):
+        for key in _CARTESIAN:
+            filled.setdefault(key, 0.0)
+    return filled
+
+
+def _wall_faults(data: Data) -> Iterator[Fault]:
+    wall = section(data, "wall")
+    shape = wall.get("shape")
+    if shape not in SHAPE_KEYS:
+        return
+    for key in SHAPE_KEYS[shape]:
+        if key not in wall:
+            yield Fault(("wall", key), "nothing", f"the {key} of the {shape}")
+    others = {key for keys in SHAPE_KEYS.values() for key in keys} - set(SHAPE_KEYS[shape])
+    if shape == "polygon":
+        others |= {"x", "y"}
+    for key in wall:
+        if key in others:
+            expected = f"no {key}: the {shape} has {listing(SHAPE_KEYS[shape], 'and')}"
+            yield Fault(("wall", key), shown(wall[key]), expected, on_key=True)
+
+
+def _ball_faults(data: Data) -> Iterator[Fault]:
+    for index, ball in rows(data, "balls"):
+        loc = ("balls", index)
+        yield from one_of(ball, ("density", "mass"), loc, needed=True)
+        yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
+        polar, cartesian = ([k for k in keys if k in ball] for keys in (_POLAR, _CARTESIAN))
+        if polar and cartesian:
+            expected = "speed with direction, or velocity_x and velocity_y"
+            yield Fault((*loc, cartesian[0]), listing([*polar, *cartesian], "and"), expected, True)
+        elif len(polar) == 1:
+            (missing,) = set(_POLAR) - set(polar)
+            yield Fault((*loc, missing), "nothing", f"the {missing} beside the {polar[0]}")
+
+
+def _collision_faults(data: Data) -> Iterator[Fault]:
+    balls, collision = data.get("balls"), data.get("collision", {})
+    several = isinstance(balls, list) and len(balls) > 1
+    if several and isinstance(collision, dict) and "k" not in collision:
+        loc = ("collision", "k") if "collision" in data else ("collision",)
+        expected = "the coefficient of restitution k, a number from 0 to 1"
+        yield Fault(loc, "nothing", expected)
+
+
+def _stop_faults(data: Data) -> Iterator[Fault]:
+    stop = data.get("stop")
+    if isinstance(stop, dict) and not {"time", "collisions", "bounces"} & set(stop):
+        yield Fault(("stop",), "none of them", "at least one of time, collisions or bounces")
