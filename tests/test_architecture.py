@@ -38,7 +38,7 @@ STRANGERS = {
 }
 SOLVER = ("simulation", "mechanics", "numerics")
 NOT_IN_THE_SOLVER = {"pydantic", "pyarrow", "matplotlib", "typer", "ruamel"}
-KERNEL_CACHE = {PACKAGE / f"numerics/{name}.py" for name in ("engine", "cache", "cache_file")}
+KERNEL_CACHE = {PACKAGE / f"numerics/{name}.py" for name in ("machine_code", "cache")}
 HALVES = {"llvmlite": "numba", "pydantic_core": "pydantic", "PIL": "pillow"}  # one release
 LIGHT = ("__init__.py", "__main__.py", "commands")
 HEAVY = {"numpy", "scipy", "numba", "pyarrow", "matplotlib", "pydantic", "ruamel"}

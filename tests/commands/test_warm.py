@@ -1,13 +1,11 @@
 """`vibro warm` as processes of their own, with the cache that all tests share."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from tests.commands.conftest import Vibro
 from vibro_cli.numerics.cache import cache_folder
 
 ROOT = Path(__file__).parents[2]
@@ -37,10 +35,12 @@ def test_after_warming_nothing_is_compiled(tmp_path: Path) -> None:
     assert "ended at t = " in words
 
 
-def test_warming_fails_where_nothing_can_be_kept(
-    vibro: Vibro, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("vibro_cli.numerics.cache.FirstCallAlone.kept", False)
-    outcome = vibro("warm", "--json", "-q")
-    assert (outcome.code, outcome.out) == (1, b"")
-    assert outcome.err == f"vibro: the kernels cannot be kept in {cache_folder()}\n"
+def test_warming_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    outcome = subprocess.run(
+        [*VIBRO, "warm", "--json", "-q"], cwd=ROOT, capture_output=True, text=True, check=False,
+        env={**os.environ, "VIBRO_CACHE_DIR": str(blocked)},
+    )  # fmt: skip
+    assert (outcome.returncode, outcome.stdout) == (1, "")
+    assert outcome.stderr.splitlines()[-1] == f"vibro: the kernels cannot be kept in {blocked}"

@@ -35,16 +35,16 @@ def warm(
 def _warm(as_json: bool) -> int:
     from vibro_cli.api import simulate
     from vibro_cli.numerics.cache import cache_folder
-    from vibro_cli.numerics.engine import compiled_once
+    from vibro_cli.numerics.machine_code import compiled
     from vibro_cli.scenario import parse_scenario
-    from vibro_cli.simulation.loop import advance
+    from vibro_cli.simulation.entry import enter
 
     tell_of_compiling()
     begin = time.perf_counter()
     simulate(parse_scenario(_TINY, "toml"), "numba")
     taken = time.perf_counter() - begin
     folder = cache_folder()
-    if not compiled_once(advance).kept:
+    if not compiled(enter).kept:
         raise CommandError(f"vibro: the kernels cannot be kept in {folder}", FAILED)
     if as_json:
         print(json_text({"cache": str(folder), "seconds": taken}))

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import gc
+import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
+
+_DIGEST = hashlib.sha256
+_LENGTH = _DIGEST().digest_size
 
 _tell: Callable[[str], None] | None = None
 
@@ -50,61 +53,22 @@ def code_folder(name: str) -> Path:
     return cache_folder() / name
 
 
-class FirstCallAlone:
-    """A compiled kernel whose first call, if it has to make machine code, does so alone.
+@contextlib.contextmanager
+def alone_in(folder: Path) -> Iterator[bool]:
+    """Be the only process that makes machine code for a folder, waiting for another one if need be.
 
-    Of several processes with a cold cache one compiles and the others wait for it. Processes that
-    only read need no lock: what is ready stays as it is.
+    Gives whether that could be had; where no lock can be made nothing can be kept either, and
+    saving will tell why.
     """
-
-    def __init__(self, dispatcher: Any, folder: Path) -> None:
-        name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__name__}"
-        self._dispatcher = dispatcher
-        self._ready = folder / f"{name}.ready"
-        self._lock = folder / "lock"
-        self._called = False
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Return what the kernel returns."""
-        if self._called:
-            return self._dispatcher(*arguments)
-        self._called = True
-        if _exists(self._ready):
-            return self._dispatcher(*arguments)
-        with contextlib.ExitStack() as until_then:
-            kept = ", and only once"
-            try:
-                self._lock.parent.mkdir(parents=True, exist_ok=True)
-                _wait_for(until_then.enter_context(self._lock.open("w")))
-            except OSError:  # then nothing can be kept either, and saving will tell why
-                kept = ""
-            if not _exists(self._ready):
-                tell(f"compiling the kernels; this takes a minute or two{kept}")
-            # The compiler makes millions of objects that live until it has done.
-            collecting = gc.isenabled()
-            gc.disable()
-            try:
-                result = self._dispatcher(*arguments)
-            finally:
-                if collecting:
-                    gc.enable()
-            if self.kept:
-                with contextlib.suppress(OSError):
-                    self._ready.touch()
-        return result
-
-    @property
-    def kept(self) -> bool:
-        """Whether the machine code is kept for the next process, once the kernel was called."""
-        return bool(self._dispatcher._cache.kept)
-
-
-def _exists(path: Path) -> bool:
-    """Whether there is such a file; in a folder that may not be looked into there is none."""
-    try:
-        return path.exists()
-    except OSError:
-        return False
+    with contextlib.ExitStack() as until_then:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            _wait_for(until_then.enter_context((folder / "lock").open("w")))
+        except OSError:
+            locked = False
+        else:
+            locked = True
+        yield locked
 
 
 def _wait_for(lock: TextIO) -> None:
@@ -114,3 +78,40 @@ def _wait_for(lock: TextIO) -> None:
     except BlockingIOError:
         tell("waiting for another process that compiles the kernels")
         fcntl.flock(lock, fcntl.LOCK_EX)
+
+
+def read_checked(path: Path) -> bytes | None:
+    """Return what was written to a file, None if there is none, or not as it was written.
+
+    A damaged one (by a full disk, a broken network file system) is told about and removed: machine
+    code that is not as it was made could end a run with a crash.
+    """
+    try:
+        content = path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        tell(f"compiled kernels cannot be read: {path} ({error.strerror}); they are made anew")
+        return None
+    if _DIGEST(content[:-_LENGTH]).digest() == content[-_LENGTH:]:
+        return content[:-_LENGTH]
+    tell(f"compiled kernels are damaged: {path}; they are made anew")
+    with contextlib.suppress(OSError):
+        path.unlink()
+    return None
+
+
+def write_checked(path: Path, content: bytes) -> None:
+    """Write a file with a digest of its content at its end, whole or not at all.
+
+    Where that is not possible it is told: nothing depends on it.
+    """
+    unfinished = path.with_name(f"{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished.write_bytes(content + _DIGEST(content).digest())
+        unfinished.replace(path)
+    except OSError as error:
+        tell(f"compiled kernels cannot be kept in {path.parent} ({error.strerror})")
+        with contextlib.suppress(OSError):
+            unfinished.unlink()

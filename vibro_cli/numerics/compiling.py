@@ -12,14 +12,17 @@ from __future__ import annotations
 import operator
 import types
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import numba
+from llvmlite import ir
 from numba import _dynfunc
 from numba.core import cgutils, typed_passes, untyped_passes
 from numba.core import types as numba_types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import register_pass
 from numba.core.datamodel import models
 from numba.core.extending import register_model
@@ -32,7 +35,9 @@ from numba.core.typing.templates import (
     infer_global,
     signature,
 )
-from numba.extending import intrinsic
+from numba.np.numpy_support import from_dtype
+
+from vibro_cli.numerics import engine
 
 
 class Reference(numba_types.Type):
@@ -93,8 +98,13 @@ def _lower_attribute(context: Any, builder: Any, of: Reference, value: Any, name
     field = of.value[index]
     if not isinstance(_seen(field), Rows):
         return array
-    whole = context.make_array(field)(context, builder, array)
-    rows = cgutils.create_struct_proxy(_seen(field))(context, builder)
+    return _rows_of(context, builder, field, array)
+
+
+def _rows_of(context: Any, builder: Any, kind: Any, array: Any) -> Any:
+    """The records of an array."""
+    whole = context.make_array(kind)(context, builder, array)
+    rows = cgutils.create_struct_proxy(Rows(kind.dtype))(context, builder)
     rows.first = builder.bitcast(whole.data, rows.first.type)
     rows.count = whole.nitems
     return rows._getvalue()
@@ -152,26 +162,6 @@ def _lower_count(context: Any, builder: Any, signature: Any, values: Any) -> Any
     return cgutils.create_struct_proxy(signature.args[0])(context, builder, value=values[0]).count
 
 
-@intrinsic
-def referenced(typing: Any, values: Any) -> Any:
-    """Return arguments with references to named tuples in place of these.
-
-    They are good until the calling function returns.
-    """
-    kinds = [Reference(v) if isinstance(v, numba_types.BaseNamedTuple) else v for v in values]
-    result = numba_types.Tuple(kinds)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        items = cgutils.unpack_tuple(builder, arguments[0], len(kinds))
-        items = [
-            cgutils.alloca_once_value(builder, item) if isinstance(kind, Reference) else item
-            for kind, item in zip(kinds, items, strict=True)
-        ]
-        return context.make_tuple(builder, result, items)
-
-    return result(values), generate
-
-
 class PartLibrary(JITCodeLibrary):
     """The code of a kernel that is called by kernels only: a part of theirs, not yet optimised."""
 
@@ -188,23 +178,31 @@ class PartLibrary(JITCodeLibrary):
 class WholeLibrary(JITCodeLibrary):
     """The code of an entry, of which all kernels that it calls become a part."""
 
+    exported = ""
+    """Name of the one function that is called from outside."""
+    object_code = b""
+    """The machine code, once all is finished."""
+
     def finalize(self) -> None:
-        """Gather the parts, then link, optimise and make machine code."""
+        """Gather the parts, then link, optimise and make machine code, which is not loaded."""
         reached = _reached(self)
         parts = [library for library in reached if isinstance(library, PartLibrary)]
         others = [library for library in reached if not isinstance(library, PartLibrary)]
-        self._names = {f.name for part in parts for f in part.get_defined_functions()}
         # The linker takes from numba's own libraries what is called by then.
         self._linking_libraries = parts + others
         super().finalize()
 
     def _optimize_final_module(self) -> None:
         for function in self._final_module.functions:
-            if function.name in self._names:
+            if function.name != self.exported and not function.is_declaration:
                 function.linkage = "internal"
         # Once: numba's cheaper passes before these are for reference counts, and here are none.
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)
+
+    def _finalize_final_module(self) -> None:
+        self.object_code = self._codegen._tm.emit_object(self._final_module)
+        self._finalized = True
 
 
 def _reached(library: Any) -> list[Any]:
@@ -249,14 +247,14 @@ class PartLowering(NativeLowering):
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class WholeLowering(NativeLowering):
-    """Lower an entry, with all that it calls."""
+    """Lower an entry, in a library that is to gather all that it calls."""
 
     _name = "whole_lowering"
 
     def run_pass(self, state: Any) -> bool:
-        """Make the code in a library that gathers its parts."""
+        """Make the code; it stays open for the function by which it is called."""
         state.library = WholeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.library.enable_object_caching()
+        state.flags.no_compile = True
         return bool(super().run_pass(state))
 
 
@@ -292,14 +290,8 @@ class WholeCompiler(CompilerBase):
     """Compiles an entry."""
 
     def define_pipelines(self) -> Any:
-        """Have the kernel made that the entry calls; return the one pipeline there is."""
-        entry = self.state.func_id.func
-        if entry in _kernels_of_entries:
-            entry.__globals__["_kernel"] = _kernels_of_entries.pop(entry)()
+        """Return the one pipeline there is."""
         return [_pipeline(self.state, WholeLowering)]
-
-
-_kernels_of_entries: dict[types.FunctionType, Callable[[], Any]] = {}
 
 
 def _pipeline(state: Any, lowering: Any) -> Any:
@@ -314,17 +306,148 @@ def _pipeline(state: Any, lowering: Any) -> Any:
     return manager
 
 
-def entry_of(kernel: Callable[..., Any], make: Callable[[], Any]) -> types.FunctionType:
-    """Return what is compiled as the entry of a kernel; ``make`` returns its compiled form.
+@global_compiler_lock
+def object_code(kernel: Callable[..., Any], forms: Sequence[Any], symbol: str) -> bytes:
+    """Return an object file with a kernel and all that it calls.
 
-    Where the machine code is read from the cache, it is never made.
+    Parameters
+    ----------
+    kernel
+        The kernel that is called from outside.
+    forms
+        Of each parameter ``"int"``, ``"bool"`` or ``"float"``, or an array, or a named tuple of
+        arrays, of the types that it is to be called with.
+    symbol
+        Name of the function in the object file. It takes integers and doubles, and for arrays
+        pointers to what numba holds of them, one after another; at last a pointer to where the
+        results go, eight bytes each.
     """
-    entry = types.FunctionType(_enter.__code__, {"referenced": referenced}, kernel.__name__)
-    entry.__qualname__ = kernel.__name__
-    entry.__module__ = kernel.__module__
-    _kernels_of_entries[entry] = make
-    return entry
+    function = numba.njit(pipeline_class=WholeCompiler, **_OPTIONS)(_namesake(kernel))
+    compiled = function._compiler.compile(tuple(_type_of(form) for form in forms), None)
+    library = compiled.library
+    library.exported = symbol
+    library.add_ir_module(_door(compiled, symbol))
+    library.finalize()
+    return bytes(library.object_code)
 
 
-def _enter(*arguments):
-    return _kernel(*referenced(arguments))  # noqa: F821
+def _type_of(form: Any) -> Any:
+    scalars = {"int": numba_types.int64, "bool": numba_types.boolean, "float": numba_types.float64}
+    if isinstance(form, str):
+        return scalars[form]
+    if isinstance(form, tuple):
+        arrays = [_array_type(array) for array in form]
+        return Reference(numba_types.NamedTuple(arrays, type(form)))
+    return _seen(_array_type(form))
+
+
+def _array_type(array: Any) -> Any:
+    return numba_types.Array(from_dtype(array.dtype), array.ndim, "C")
+
+
+def _door(compiled: Any, symbol: str) -> Any:
+    """The function by which an entry is called from outside."""
+    context, inside = compiled.target_context, compiled.fndesc
+    word, pointer, real = ir.IntType(64), ir.IntType(8).as_pointer(), ir.DoubleType()
+    kinds = {numba_types.int64: word, numba_types.boolean: word, numba_types.float64: real}
+    outside = [kinds.get(kind, pointer) for kind in inside.argtypes]
+    module = compiled.library.create_ir_module(symbol)
+    door = ir.Function(module, ir.FunctionType(ir.VoidType(), [*outside, pointer]), symbol)
+    builder = ir.IRBuilder(door.append_basic_block())
+    values = [
+        _from_outside(context, builder, kind, value)
+        for kind, value in zip(inside.argtypes, door.args, strict=False)
+    ]
+    callee = context.declare_function(module, inside)
+    _, result = context.call_conv.call_function(
+        builder, callee, inside.restype, inside.argtypes, values
+    )
+    results = builder.bitcast(door.args[-1], word.as_pointer())
+    for position, value in enumerate(_numbers(builder, inside.restype, result)):
+        place = builder.gep(results, [ir.Constant(word, position)])
+        if value.type == real:
+            place = builder.bitcast(place, real.as_pointer())
+        elif value.type != word:
+            value = builder.zext(value, word)
+        builder.store(value, place)
+    builder.ret_void()
+    return module
+
+
+def _numbers(builder: Any, kind: Any, result: Any) -> list[Any]:
+    """The numbers of a result."""
+    if isinstance(kind, numba_types.BaseTuple):
+        return [builder.extract_value(result, n) for n in range(len(kind))]
+    return [] if kind == numba_types.none else [result]
+
+
+def _from_outside(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """A number as it is, and what a pointer means for the type of a parameter."""
+    if kind == numba_types.boolean:
+        return builder.trunc(value, ir.IntType(1))
+    if isinstance(kind, Reference):
+        return builder.bitcast(value, context.get_value_type(kind))
+    if isinstance(kind, Rows):
+        array = numba_types.Array(kind.row, 1, "C")
+        held = builder.load(builder.bitcast(value, context.get_value_type(array).as_pointer()))
+        return _rows_of(context, builder, array, held)
+    if isinstance(kind, numba_types.Array):
+        return builder.load(builder.bitcast(value, context.get_value_type(kind).as_pointer()))
+    return value
+
+
+def _namesake(kernel: Callable[..., Any]) -> types.FunctionType:
+    """A function like a kernel, for which other kernels mean their compiled form."""
+    _make_twins(kernel)
+    return _twin_functions[kernel]
+
+
+def _make_twins(kernel: Callable[..., Any]) -> None:
+    """Make a twin of every kernel that a kernel can call.
+
+    Kernels called by kernels only have no entry from Python, and no machine code of their own: it
+    would be made for every one of them, and take most of the time.
+    """
+    part = numba.njit(pipeline_class=PartCompiler, **_OPTIONS)
+    namespaces = {}
+    for module in engine.modules_of(kernel):
+        if module.__name__ in _twinned:
+            continue
+        _twinned.add(module.__name__)
+        namespaces[module.__name__] = namespace = dict(vars(module))
+        for function in engine.kernels_of(module.__name__):
+            twin = types.FunctionType(
+                function.__code__, namespace, function.__name__, function.__defaults__
+            )
+            twin.__module__ = module.__name__
+            _twin_functions[function] = twin
+            _twins[function] = _of_any_number(part(twin))
+    for namespace in namespaces.values():
+        for name, value in list(namespace.items()):
+            if isinstance(value, types.FunctionType) and value in _twins:
+                namespace[name] = _twins[value]
+
+
+def _of_any_number(function: Any) -> Any:
+    """A compiled function that is not made again for each constant that it is called with."""
+    general = function.get_call_template
+
+    def template(kinds: Any, keywords: Any) -> Any:
+        return general(tuple(numba_types.unliteral(kind) for kind in kinds), keywords)
+
+    function.get_call_template = template
+    return function
+
+
+_twinned: set[str] = set()
+_twins: dict[Any, Any] = {}
+_twin_functions: dict[Any, types.FunctionType] = {}
+# Same operations in the same order as the interpreter: no contraction, no reassociation. Options
+# of numba that its type hints leave out.
+_OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "nogil": True,
+    "_nrt": False,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}

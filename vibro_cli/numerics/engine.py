@@ -1,23 +1,20 @@
 """The switch between interpreted and compiled kernels, which are the same functions.
 
 A kernel is a short function of floats and records. Decorated with :func:`kernel` it stays a plain
-Python function; :func:`compiled` returns its compiled twin, in which every kernel it calls is
-compiled too. A record is a class of annotated fields: an object with slots for the interpreter, an
-element of a structured array for the compiler. Both engines evaluate the same floating-point
-operations in the same order (no contraction, no reassociation), so they give the same bits.
+Python function; ``machine_code.compiled`` returns its compiled form, in which every kernel it
+calls is compiled too. A record is a class of annotated fields: an object with slots for the
+interpreter, an element of a structured array for the compiler. Both engines evaluate the same
+floating-point operations in the same order (no contraction, no reassociation), so they give the
+same bits.
 """
 
 from __future__ import annotations
 
-import hashlib
 import sys
-import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
-from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar
-
-from vibro_cli.numerics.cache import FirstCallAlone, code_folder
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 RecordClass = TypeVar("RecordClass", bound=type)
@@ -26,17 +23,12 @@ RecordClass = TypeVar("RecordClass", bound=type)
 SERIES_LENGTH = 8
 Series = list[float]
 
-_kernels: dict[str, dict[str, Callable[..., Any]]] = {}
-_compiled: dict[Callable[..., Any], Any] = {}
-_twins: dict[Callable[..., Any], Any] = {}
-# Same operations in the same order as the interpreter: no contraction, no reassociation.
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
-_alone: dict[Callable[..., Any], FirstCallAlone] = {}
+_kernels: dict[str, list[Callable[..., Any]]] = {}
 
 
 def kernel(function: Function) -> Function:
     """Register a function as a kernel; it stays a plain Python function."""
-    _kernels.setdefault(function.__module__, {})[function.__name__] = function
+    _kernels.setdefault(function.__module__, []).append(function)
     return function
 
 
@@ -72,6 +64,7 @@ def record(cls: RecordClass) -> RecordClass:
     return type(cls.__name__, (), body)  # type: ignore[return-value]
 
 
+@cache
 def dtype(cls: type) -> Any:
     """Return the structured numpy type of a record."""
     import numpy as np
@@ -116,133 +109,32 @@ def compiled_rows(rows: Sequence[Any], cls: type) -> Any:
     return array
 
 
-@cache
-def source_digest() -> str:
-    """Return a digest of all that the machine code depends on.
-
-    These are the sources of the kernels, the constants of other modules that they use, the
-    versions and the processor. numba's own cache looks at one file only, so that a change in a
-    called kernel would go unseen.
-    """
-    paths = []
-    constants = []
-    for name in sorted(_kernels):
-        path = sys.modules[name].__file__
-        if path is None:  # pragma: no cover - kernels are always defined in files
-            raise RuntimeError(f"kernel module {name} has no source file")
-        paths.append(Path(path))
-        constants.append(_constants(vars(sys.modules[name])))
-    return digest_of(paths, repr(constants))
+def kernels_of(module: str) -> Sequence[Callable[..., Any]]:
+    """Return the kernels of a module, by its name."""
+    return _kernels.get(module, ())
 
 
-def digest_of(sources: Sequence[Path], constants: str = "") -> str:
-    """Return a digest of source files, of constants and of what else decides the machine code."""
-    import llvmlite
-    import llvmlite.binding
-    import numba
-
-    digest = hashlib.sha256(constants.encode())
-    for path in sources:
-        digest.update(path.read_bytes())
-    processor = (
-        llvmlite.binding.get_host_cpu_name(),
-        str(llvmlite.binding.get_host_cpu_features()),
-    )
-    versions = (numba.__version__, llvmlite.__version__, sys.version)
-    digest.update(repr((versions, processor)).encode())
-    return digest.hexdigest()[:16]
+def modules_of(kernel: Callable[..., Any]) -> list[ModuleType]:
+    """Return the modules of all kernels that a kernel can call, by name."""
+    found: dict[str, ModuleType] = {}
+    open_ones = [kernel.__module__]
+    while open_ones:
+        name = open_ones.pop()
+        if name in found:
+            continue
+        found[name] = sys.modules[name]
+        for value in vars(found[name]).values():
+            home = getattr(value, "__module__", None)
+            if home in _kernels and value in _kernels[home]:
+                open_ones.append(home)
+    return [found[name] for name in sorted(found)]
 
 
-def _constants(namespace: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """The plain values of a module, its own and imported ones: the compiler writes them down."""
+def constants_of(module: ModuleType) -> list[tuple[str, Any]]:
+    """Return the plain values of a module, its own and imported: the compiler writes them down."""
     kinds = (bool, int, float, str, tuple)
     return sorted(
         (name, value)
-        for name, value in namespace.items()
+        for name, value in vars(module).items()
         if isinstance(value, kinds) and not name.startswith("__")
     )
-
-
-def compiled(entry: Callable[..., Any]) -> Any:
-    """Return the compiled twin of a kernel.
-
-    Parameters
-    ----------
-    entry
-        A function decorated with :func:`kernel`.
-
-    Returns
-    -------
-    The numba dispatcher; machine code is made, or read from the cache, at its first call.
-    """
-    if entry not in _compiled:
-        import numba
-
-        from vibro_cli.numerics.compiling import WholeCompiler, entry_of
-
-        function = entry_of(entry, lambda: _twin(entry))
-        whole = numba.njit(pipeline_class=WholeCompiler, **_OPTIONS)
-        _compiled[entry] = kept(whole(function))
-    return _compiled[entry]
-
-
-def compiled_once(entry: Callable[..., Any]) -> Any:
-    """Return the compiled twin of a kernel for a program of which several run at one time.
-
-    It is called like :func:`compiled`'s; of several processes with a cold cache one makes the
-    machine code, and the others wait for it.
-    """
-    if entry not in _alone:
-        _alone[entry] = FirstCallAlone(compiled(entry), _machine_code())
-    return _alone[entry]
-
-
-def kept(function: Any) -> Any:
-    """Have the machine code of a compiled function that calls kernels kept with theirs."""
-    from vibro_cli.numerics.cache_file import keep_in
-
-    keep_in(_machine_code(), function)
-    return function
-
-
-def _machine_code() -> Path:
-    """The folder for the machine code of these kernels."""
-    return code_folder(f"kernels-{source_digest()}")
-
-
-def _twin(function: Callable[..., Any]) -> Any:
-    """The compiled form of a kernel."""
-    if not _twins:
-        _make_twins()
-    return _twins[function]
-
-
-def _make_twins() -> None:
-    """Make a twin of every kernel, in whose module every kernel means its compiled form.
-
-    Kernels called by kernels only have no entry from Python, and no machine code nor place in the
-    cache of their own: it would be made for every one of them, and take most of the time.
-    """
-    import numba
-
-    from vibro_cli.numerics.compiling import PartCompiler
-
-    namespaces: dict[str, dict[str, Any]] = {}
-    copies: dict[Callable[..., Any], Any] = {}
-    for module, functions in _kernels.items():
-        namespaces[module] = dict(vars(sys.modules[module]))
-        for function in functions.values():
-            twin = types.FunctionType(
-                function.__code__, namespaces[module], function.__name__, function.__defaults__
-            )
-            twin.__module__ = module
-            copies[function] = twin
-    # Options of numba that its type hints leave out.
-    inside: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    part = numba.njit(pipeline_class=PartCompiler, **_OPTIONS, **inside)
-    twins = {function: part(twin) for function, twin in copies.items()}
-    for namespace in namespaces.values():
-        for name, value in list(namespace.items()):
-            if isinstance(value, types.FunctionType) and value in twins:
-                namespace[name] = twins[value]
-    _twins.update(twins)

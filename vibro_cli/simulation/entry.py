@@ -13,6 +13,7 @@ from typing import Any
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics import engine
 from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.machine_code import compiled
 from vibro_cli.simulation.loop import advance
 from vibro_cli.simulation.points import (
     PointData,
@@ -86,7 +87,7 @@ def enter_points(
 
 
 def _enter() -> Any:
-    return engine.compiled_once(enter)
+    return compiled(enter)
 
 
 @cache

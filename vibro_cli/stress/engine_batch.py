@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from functools import cache
-from types import FunctionType
 from typing import Any
 
-import numba
 import numpy as np
 
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.mechanics.system import System
-from vibro_cli.numerics import engine
+from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.machine_code import compiled
 from vibro_cli.simulation.drive import compiled_world
 from vibro_cli.simulation.loop import advance, start
 from vibro_cli.simulation.prepare import make_world
@@ -25,23 +23,25 @@ MET, T, T_LOW, HORIZON, GRAZING = range(5)
 ANSWER_COLUMNS = 5
 
 
-def _reset(world: Any, fresh: Any, row: Any) -> None:
+@kernel
+def _reset(world: World, fresh: World, starts: Any, number: int) -> None:
     """Two bodies at the start of a flight, nothing known of it."""
-    world.clock[0] = fresh.clock[0]
+    world.clock[0] = fresh.clock[0]  # type: ignore[index]
     for j in range(len(world.pairs)):
-        world.pairs[j] = fresh.pairs[j]
+        world.pairs[j] = fresh.pairs[j]  # type: ignore[index]
     for ball in range(2):
-        world.flights[ball] = fresh.flights[ball]
-        world.flights[ball].piece = int(row[4 * ball])
-        world.flights[ball].s = row[4 * ball + 1]
-        world.flights[ball].c = row[4 * ball + 2]
-        world.flights[ball].p = row[4 * ball + 3]
+        world.flights[ball] = fresh.flights[ball]  # type: ignore[index]
+        world.flights[ball].piece = int(starts[number, 4 * ball])
+        world.flights[ball].s = starts[number, 4 * ball + 1]
+        world.flights[ball].c = starts[number, 4 * ball + 2]
+        world.flights[ball].p = starts[number, 4 * ball + 3]
 
 
-def _batch(world: Any, fresh: Any, starts: Any, answers: Any) -> None:
+@kernel
+def _first_contacts(world: World, fresh: World, starts: Any, answers: Any) -> None:
     settings = world.settings[0]
-    for number in range(starts.shape[0]):
-        _reset(world, fresh, starts[number])
+    for number in range(len(starts)):
+        _reset(world, fresh, starts, number)
         settings.stop_t = starts[number, 8]
         start(world)
         horizon = starts[number, 8]
@@ -55,18 +55,7 @@ def _batch(world: Any, fresh: Any, starts: Any, answers: Any) -> None:
         answers[number, MET] = 1.0 if met else 0.0
         answers[number, T] = world.impacts[0].t if met else NEVER
         answers[number, T_LOW] = world.impacts[0].t_low if met else 0.0
-        answers[number, GRAZING] = world.impacts[0].grazing if met else 0.0
-
-
-@cache
-def _entry() -> Any:
-    """The batch, calling the compiled twins of the event loop; kept with their machine code."""
-    namespace = globals() | {"start": engine.compiled(start), "advance": engine.compiled(advance)}
-    options: Any = {"nogil": True, "error_model": "numpy"}
-    namespace["_reset"] = numba.njit(**options)(_reset)
-    twin = FunctionType(_batch.__code__, namespace, _batch.__name__)
-    twin.__module__ = __name__
-    return engine.kept(numba.njit(**options)(twin))
+        answers[number, GRAZING] = float(world.impacts[0].grazing) if met else 0.0
 
 
 def first_contacts(system: System, starts: Any) -> Any:
@@ -88,5 +77,5 @@ def first_contacts(system: System, starts: Any) -> Any:
     fresh = World(*copies)
     answers: Any = np.zeros((len(starts), ANSWER_COLUMNS))
     if len(starts):
-        _entry()(world, fresh, starts, answers)
+        compiled(_first_contacts)(world, fresh, np.ascontiguousarray(starts), answers)
     return answers
