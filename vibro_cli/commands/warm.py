@@ -37,11 +37,13 @@ def _warm(as_json: bool) -> int:
     from vibro_cli.numerics.cache import cache_folder
     from vibro_cli.numerics.machine_code import compiled
     from vibro_cli.scenario import parse_scenario
+    from vibro_cli.simulation.batch import Batch
     from vibro_cli.simulation.entry import enter
 
     tell_of_compiling()
     begin = time.perf_counter()
     simulate(parse_scenario(_TINY, "toml"), "numba")
+    Batch.compile()
     taken = time.perf_counter() - begin
     folder = cache_folder()
     if not compiled(enter).kept:

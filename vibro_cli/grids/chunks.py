@@ -7,7 +7,7 @@ the same from any number of workers, in any order.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,10 @@ import numpy as np
 
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
+from vibro_cli.grids.impacts import impact_columns
+from vibro_cli.grids.room import Room
 from vibro_cli.grids.solving import Solved, Table
-from vibro_cli.grids.tables import collision_table_of, empty_column, part_file, summary_table
+from vibro_cli.grids.tables import collision_table_of, part_file, summary_table
 from vibro_cli.storage.files import write_file
 from vibro_cli.storage.provenance import entry
 
@@ -24,8 +26,10 @@ from vibro_cli.storage.provenance import entry
 _POINTS_OF_A_PART = 100_000
 _IMPACTS_OF_A_PART = 250_000
 # Impacts that are solved at one go: between two stretches a thread can be told to stop.
-_IMPACTS_OF_A_STRETCH = 20_000
+_IMPACTS_OF_A_STRETCH = 40_000
 _LONGEST_STRETCH = 8192
+# Stretches of a small grid, for any number of threads to share.
+_FEWEST_STRETCHES = 64
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,9 @@ class Chunks:
     def of_size(grid: Grid, size: int, impacts_of_a_point: float) -> Chunks:
         """Divide a grid into chunks of a known size."""
         stretch = int(_IMPACTS_OF_A_STRETCH / max(impacts_of_a_point, 1.0))
-        return Chunks(grid.design.points, size, max(1, min(stretch, _LONGEST_STRETCH, size)))
+        points = grid.design.points
+        stretch = min(stretch, _LONGEST_STRETCH, size, points // _FEWEST_STRETCHES)
+        return Chunks(points, size, max(1, stretch))
 
     @property
     def count(self) -> int:
@@ -94,10 +100,33 @@ def file_names(grid: Grid, chunk: int) -> dict[str, str]:
     return {table: f"{table}/part-{chunk:06d}.parquet" for table in tables}
 
 
-def write_chunk(
-    grid: Grid, chunks: Chunks, chunk: int, solved: Iterable[Solved], folder: Path
-) -> Receipt:
-    """Write the parts of a chunk, each whole or not at all; the summary's comes last.
+@dataclass(frozen=True)
+class Encoded:
+    """The parts of a chunk, ready to be written."""
+
+    files: dict[str, memoryview]
+    """Contents by their names in the folder of the grid, the summary's last."""
+    receipt: Receipt
+    """What will be on the disk, but for its files."""
+
+    def write(self, folder: Path) -> Receipt:
+        """Write the parts, each whole or not at all.
+
+        Raises
+        ------
+        OSError
+            If a part cannot be written.
+        """
+        for name, content in self.files.items():
+            write_file(folder / name, content)
+        files = {name: entry(content) for name, content in self.files.items()}
+        return replace(self.receipt, files=files)
+
+
+def encode_chunk(
+    grid: Grid, chunks: Chunks, chunk: int, solved: Iterable[Solved], room: Room
+) -> Encoded:
+    """Make the parts of a chunk.
 
     Parameters
     ----------
@@ -105,44 +134,38 @@ def write_chunk(
         The grid, how it is divided, and the number of the chunk.
     solved
         Its stretches, in order.
-    folder
-        The folder of the grid.
-
-    Raises
-    ------
-    OSError
-        If a part cannot be written.
+    room
+        Memory to work in; the parts are there, until the next chunk is made.
     """
     stretches = list(solved)
     indices = np.arange(*chunks.range_of(chunk))
     impacts = sum(one.impacts for one in stretches)
-    contents, whole = _contents(grid, chunk, stretches, indices)
-    files = {}
-    for name, content in contents.items():
-        write_file(folder / name, content)
-        files[name] = entry(content)
-    return receipt_of(chunk, whole["status"], whole["end_cause"], impacts, files)
+    contents, whole = _contents(grid, chunk, stretches, indices, room)
+    return Encoded(contents, receipt_of(chunk, whole["status"], whole["end_cause"], impacts, {}))
 
 
 def _contents(
-    grid: Grid, chunk: int, stretches: list[Solved], indices: Column
+    grid: Grid, chunk: int, stretches: list[Solved], indices: Column, room: Room
 ) -> tuple[dict[str, memoryview], Table]:
     """The files of a chunk, the summary's last, and the columns of its summary."""
     names = file_names(grid, chunk)
     contents: dict[str, memoryview] = {}
     if grid.keep.collisions:
-        contents[names["collisions"]] = _collisions_part(grid, stretches, chunk)
+        table = collision_table_of(grid)
+        logged = [logged for one in stretches for logged in one.logged]
+        impacts = impact_columns(table, logged, indices, room)
+        contents[names["collisions"]] = part_file(grid, table, impacts, chunk, room)
     whole = _whole([one.summary for one in stretches])
     table = summary_table(grid)
     given = [indices + 1, *grid.design.columns(indices).values()]
     columns = dict(zip([column.name for column in table.columns], given, strict=False))
-    contents[names["summary"]] = part_file(grid, table, {**columns, **whole}, chunk)
+    contents[names["summary"]] = part_file(grid, table, {**columns, **whole}, chunk, room)
     return contents, whole
 
 
 def part_bytes(grid: Grid, solved: Solved, indices: Column) -> float:
     """Return how many bytes a point takes on the disk, judged by some of them."""
-    contents, _ = _contents(grid, 0, [solved], indices)
+    contents, _ = _contents(grid, 0, [solved], indices, Room())
     return sum(map(len, contents.values())) / len(indices)
 
 
@@ -159,17 +182,6 @@ def receipt_of(
         inadmissible=int(np.count_nonzero(end_cause == "inadmissible")),
         files=files,
     )
-
-
-def _collisions_part(grid: Grid, stretches: list[Solved], chunk: int) -> memoryview:
-    table = collision_table_of(grid)
-    found = [one.collisions for one in stretches if one.collisions is not None]
-    if not found:
-        return part_file(grid, table, {c.name: empty_column(c) for c in table.columns}, chunk)
-    columns: Table = {}
-    for column in table.columns:
-        columns[column.name] = _joined(column.name, found)
-    return part_file(grid, table, columns, chunk)
 
 
 def _joined(name: str, tables: list[Table]) -> Any:

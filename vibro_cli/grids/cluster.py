@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.grids.chunks import Chunks, Receipt, write_chunk
+from vibro_cli.grids.chunks import Chunks, Receipt, encode_chunk
 from vibro_cli.grids.document import Grid
+from vibro_cli.grids.room import Room
 from vibro_cli.grids.solving import Solver
 from vibro_cli.grids.threads import Told
 
@@ -197,8 +198,8 @@ def solve_chunk(
     ``run`` tells chunks of one grid from those of another.
     """
     if getattr(_of_thread, "run", None) != run:
-        _of_thread.solver = Solver(grid, engine)
+        _of_thread.solver, _of_thread.room = Solver(grid, engine), Room()
         _of_thread.run = run
     solver: Solver = _of_thread.solver
     solved = (solver.solve(np.arange(*stretch)) for stretch in chunks.stretches(chunk))
-    return write_chunk(grid, chunks, chunk, solved, Path(folder))
+    return encode_chunk(grid, chunks, chunk, solved, _of_thread.room).write(Path(folder))

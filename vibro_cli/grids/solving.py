@@ -10,17 +10,17 @@ import numpy as np
 
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
+from vibro_cli.grids.impacts import Logged, SpareLogs
 from vibro_cli.grids.setting import Point, Setting, Starts, is_quick, read_point
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.batch import Batch, make_points
 from vibro_cli.simulation.entry import empty_results
 from vibro_cli.simulation.geometry import Places
-from vibro_cli.simulation.impacts import collision_table
 from vibro_cli.simulation.points import Results
 from vibro_cli.simulation.run import simulate_system
 from vibro_cli.simulation.summary import summary_columns
-from vibro_cli.simulation.world import LOG_FULL
+from vibro_cli.simulation.world import LOG_FULL, World
 
 Table = dict[str, Any]
 
@@ -31,21 +31,22 @@ _ROWS_AT_FIRST = 1 << 12
 
 @dataclass
 class Solved:
-    """A stretch of points, solved: columns of both tables, in order of the points."""
+    """A stretch of points, solved."""
 
     summary: Table
-    collisions: Table | None
-    """With ``scenario``, the number of the point, from 1."""
+    logged: list[Logged]
+    """Their impacts, if they are kept."""
     impacts: int
     """Number of impacts, kept or not."""
 
 
 @dataclass
 class _Parts:
-    """Pieces of the tables as they come, each with the points it is of (from 0 in the stretch)."""
+    """What is solved of a stretch, as it comes."""
 
     summaries: list[tuple[Column, Table]] = field(default_factory=list)
-    collisions: list[tuple[Column, Table]] = field(default_factory=list)
+    """Each with the points it is of (from 0 in the stretch)."""
+    logged: list[Logged] = field(default_factory=list)
 
 
 class Solver:
@@ -65,6 +66,7 @@ class Solver:
         self._settings: OrderedDict[tuple[Any, ...], Setting] = OrderedDict()
         self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
         self._room = 0.0
+        self._logs = SpareLogs()
         self._indices: Column = np.zeros(0, dtype=np.int64)
         self._slow = [path for path in grid.design.paths if not is_quick(path)]
 
@@ -80,11 +82,8 @@ class Solver:
         for key, rows in self._groups(values, len(indices)):
             self._solve_group(key, rows, {path: values[path][rows] for path in values}, parts)
         summary = _in_order(parts.summaries, len(indices))
-        collisions = None
-        if self._grid.keep.collisions:
-            collisions = _joined(parts.collisions, indices)
         impacts = summary["collisions"]
-        return Solved(summary, collisions, int(np.ma.filled(impacts, 0).sum()))
+        return Solved(summary, parts.logged, int(np.ma.filled(impacts, 0).sum()))
 
     def _groups(
         self, values: dict[KeyPath, Column], count: int
@@ -155,7 +154,7 @@ class Solver:
         # What a batch leaves out: runs too long for its logs.
         whole = outcomes["end_cause"] != LOG_FULL
         if whole.any():
-            self._take(setting, starts, rows, whole, results, parts)
+            self._take(setting, starts, rows, whole, results, self._batches[key].world, parts)
         for row in rows[~whole]:
             values = self._grid.design.columns(self._indices[[row]])
             self._solve_alone(row, read_point(self._grid.base, _row(values, 0)), parts)
@@ -169,15 +168,18 @@ class Solver:
             starts.restitution,
         )  # fmt: skip
         # A little more room than the points before have needed.
-        rows = int(self._room * count) + _ROWS_AT_FIRST if self._grid.keep.collisions else 0
-        results = batch.run_all(points, empty_results(count, bodies, rows))
+        results = empty_results(count, bodies, 0)
+        if self._grid.keep.collisions:
+            rows = int(self._room * count) + _ROWS_AT_FIRST
+            results = results._replace(impacts=self._logs.take(rows))
+        results = batch.run_all(points, results)
         taken: Any = results.outcomes
         self._room = max(self._room, 1.1 * float(np.mean(taken["kept"])))
         return results
 
     def _take(
         self, setting: Setting, starts: Starts, rows: Column, whole: Column, results: Results,
-        parts: _Parts,
+        world: World, parts: _Parts,
     ) -> None:  # fmt: skip
         """Turn results of a batch into columns."""
         bodies = starts.piece.shape[1]
@@ -190,15 +192,16 @@ class Solver:
         parts.summaries.append((rows[whole], table))
         if not self._grid.keep.collisions:
             return
-        counts = every["kept"]
-        of = np.repeat(np.arange(len(counts)), counts)
-        chosen = whole[of]
-        masses = starts.mass[of[chosen]]
-        log: Any = results.impacts[: len(of)]
-        wanted = self._grid.keep.columns
-        kept = log if whole.all() else log[chosen]
-        impacts = collision_table(places, kept, counts[whole], masses, wanted)
-        parts.collisions.append((rows[of[chosen]], impacts))
+        # A point that is left out has no rows here.
+        counts = every["kept"].copy()
+        log: Any = results.impacts[: counts.sum()]
+        points = self._indices[rows]
+        parts.logged.append(
+            Logged(
+                setting.system, world, self._engine, points, counts, log, starts.mass,
+                lambda: self._logs.put(results.impacts),
+            )
+        )  # fmt: skip
 
     def _solve_alone(self, number: int, point: Point, parts: _Parts) -> None:
         """Solve one point by itself, or take down why it cannot be solved."""
@@ -218,11 +221,9 @@ class Solver:
             return
         parts.summaries.append((row, summary))
         if self._grid.keep.collisions:
-            wanted = self._grid.keep.columns
-            impacts = run.collisions
-            points = np.full(len(impacts["n"]), number)
-            kept = {k: v for k, v in impacts.items() if wanted is None or k in wanted}
-            parts.collisions.append((points, kept))
+            log = run.history()["impacts"]
+            counts, points = np.array([len(log)]), self._indices[row]
+            parts.logged.append(Logged(run.system, run.world, run.engine, points, counts, log))
 
 
 def not_solved(status: str, reason: str | None, bodies: int) -> Table:
@@ -263,18 +264,3 @@ def _concatenated(columns: list[Any]) -> Any:
     if any(np.ma.isMaskedArray(column) for column in columns):
         return np.ma.concatenate(columns)  # type: ignore[no-untyped-call]
     return np.concatenate(columns)
-
-
-def _joined(parts: list[tuple[Column, Table]], indices: Column) -> Table | None:
-    """One table of impacts for all points, in their order."""
-    parts = [(rows, table) for rows, table in parts if len(rows)]
-    if not parts:
-        return None
-    rows = np.concatenate([rows for rows, _ in parts])
-    if len(parts) == 1:  # in order as they are
-        return {"scenario": indices[rows] + 1, **parts[0][1]}
-    order = np.argsort(rows, kind="stable")
-    joined: Table = {"scenario": indices[rows[order]] + 1}
-    for name in parts[0][1]:
-        joined[name] = _concatenated([table[name] for _, table in parts])[order]
-    return joined

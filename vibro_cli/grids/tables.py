@@ -10,11 +10,15 @@ import numpy as np
 from vibro_cli import __version__
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.paths import kind_of, type_of, unit_of
+from vibro_cli.grids.room import Room
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.problems import KeyPath, path_text
 from vibro_cli.storage.schema import Column, Table, collisions, summary
-from vibro_cli.storage.tables import Origin, parquet_buffer, to_arrow
+from vibro_cli.storage.tables import Origin, parquet_in, to_arrow
 
+SUMMARY = "grid-summary"
+# Columns of impacts that readers of a few scenarios or moments look at first.
+_ORDERED = ("scenario", "n", "t")
 _NUMBER = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
 
 
@@ -29,7 +33,7 @@ def summary_table(grid: Grid) -> Table:
     """Return the table of summaries of a grid's scenarios."""
     axes = [axis_column(path) for path in grid.design.paths]
     of_runs = summary(ball_count(grid)).columns
-    return Table("grid-summary", "one scenario", (_NUMBER, *axes, *of_runs))
+    return Table(SUMMARY, "one scenario", (_NUMBER, *axes, *of_runs))
 
 
 def collision_table_of(grid: Grid) -> Table:
@@ -58,11 +62,18 @@ def _nullable(column: Column) -> Column:
     return Column(column.name, column.type, column.unit, column.description, nullable=True)
 
 
-def part_file(grid: Grid, table: Table, columns: dict[str, Any], chunk: int) -> memoryview:
+def part_file(
+    grid: Grid, table: Table, columns: dict[str, Any], chunk: int, room: Room
+) -> memoryview:
     """Return the file of one part: the same bytes for the same rows of the same grid."""
     resolved = grid.resolved()
     origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
-    return memoryview(parquet_buffer(to_arrow(table, columns, origin)))
+    arrow = to_arrow(table, columns, origin)
+    names = [column.name for column in table.columns]
+    skipped_by = [name for name in names if table.name == SUMMARY or name in _ORDERED]
+    return parquet_in(
+        lambda size: room(f"file of {table.name}", (size,), np.uint8), arrow, skipped_by
+    )
 
 
 def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:
@@ -70,9 +81,3 @@ def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:
         "vibro:grid": json.dumps(resolved, ensure_ascii=False, allow_nan=False),
         "vibro:part": str(chunk),
     }
-
-
-def empty_column(column: Column) -> Any:
-    """Return a column without rows."""
-    types = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
-    return np.zeros(0, dtype=types[column.type])

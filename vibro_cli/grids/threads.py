@@ -5,12 +5,14 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
-from vibro_cli.grids.chunks import Chunks, Receipt, write_chunk
+from vibro_cli.grids.chunks import Chunks, Encoded, Receipt, encode_chunk
 from vibro_cli.grids.document import Grid
+from vibro_cli.grids.room import Room
 from vibro_cli.grids.solving import Solved, Solver
 
 Told = Callable[[int, int], None]
@@ -72,30 +74,41 @@ def solve_in_threads(
     receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
 
-    def serve() -> None:
+    def write(parts: Encoded) -> None:
+        receipts.put(parts.write(folder))
+
+    def serve(disk: ThreadPoolExecutor) -> None:
         try:
-            solver = Solver(grid, engine)
+            solver, room = Solver(grid, engine), Room()
+            writing: Future[None] | None = None
             while not stop.is_set() and (taken := work.take()) is not None:
                 chunk, number, first, last = taken
                 solved = solver.solve(np.arange(first, last))
                 tell(last - first, solved.impacts)
                 whole = work.put(chunk, number, solved)
                 if whole is not None:
-                    receipts.put(write_chunk(grid, chunks, chunk, whole, folder))
+                    if writing is not None:
+                        writing.result()  # its parts are in the room
+                    parts = encode_chunk(grid, chunks, chunk, whole, room)
+                    writing = disk.submit(write, parts)
+            if writing is not None:
+                writing.result()
         except BaseException as error:
             receipts.put(error)
         finally:
             receipts.put(None)
 
-    crew = [threading.Thread(target=serve, daemon=True) for _ in range(threads)]
-    for thread in crew:
-        thread.start()
-    try:
-        yield from _given(receipts, len(crew))
-    finally:
-        stop.set()
+    # The disk is waited for by threads of its own; those that solve have something else to do.
+    with ThreadPoolExecutor(threads) as disk:
+        crew = [threading.Thread(target=serve, args=(disk,), daemon=True) for _ in range(threads)]
         for thread in crew:
-            thread.join()
+            thread.start()
+        try:
+            yield from _given(receipts, len(crew))
+        finally:
+            stop.set()
+            for thread in crew:
+                thread.join()
 
 
 def _given(

@@ -30,6 +30,11 @@ class PieceData:
     tangent_x: float  # of a line
     tangent_y: float
     length: float  # m
+    radius: float  # R, m; 0 on a line
+    start_s: float  # arc length of the left end, m
+    angle_start: float  # phi or psi of the ends, rad; on a line their distance from the left one, m
+    angle_end: float
+    turn: float  # whole turns between phi or psi and the angle that S and C are of, rad
 
 
 @record

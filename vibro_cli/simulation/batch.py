@@ -13,6 +13,7 @@ from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.numerics import engine
 from vibro_cli.simulation.drive import STATE, compiled_world
 from vibro_cli.simulation.entry import empty_results, enter_points, zeros
+from vibro_cli.simulation.impacts import ImpactTable, runs_of
 from vibro_cli.simulation.points import PointData, Points, RestitutionData, Results, StartData
 from vibro_cli.simulation.prepare import make_world
 
@@ -35,14 +36,15 @@ class Batch:
     """
 
     def __init__(self, system: System) -> None:
-        self._world = compiled_world(make_world(system, None, None))
-        copies: Any = {name: np.array(getattr(self._world, name)) for name in STATE}
-        self._fresh = self._world._replace(**copies)
+        self.world = compiled_world(make_world(system, None, None))
+        """The records of the system; bodies, pairs, flights and clock are those of the last run."""
+        copies: Any = {name: np.array(getattr(self.world, name)) for name in STATE}
+        self._fresh = self.world._replace(**copies)
         self._scratch: Any = np.zeros(1, dtype=engine.dtype(Flight))
 
     @staticmethod
     def compile() -> None:
-        """Make or load the machine code now."""
+        """Make or load the machine code now, also that for the table of impacts."""
         trace = Trace.chain(-1.0, [ArcShape("valley", 1.0, None, 1.0)])
         body = Body("ball", 0.1, 1.0, INERTIA_RATIO["ball"])
         start_at = InitialState(0, 0.0, 0.0)
@@ -51,7 +53,10 @@ class Batch:
         )
         none = np.zeros((0, 1))
         points = make_points(none[:, 0], none[:, 0], none, none, none, none, none, none)
-        Batch(system).run(points, empty_results(0, 1, 0), Progress(0, 0), 0)
+        batch, results = Batch(system), empty_results(0, 1, 0)
+        batch.run(points, results, Progress(0, 0), 0)
+        runs = runs_of(system, [], [], [], none)
+        ImpactTable(0, ()).fill(batch.world, "numba", results.impacts, runs, 0.0)
 
     def run_all(self, points: Points, results: Results) -> Results:
         """Run all points; return the results, with more room for impacts if they needed it."""
@@ -67,7 +72,7 @@ class Batch:
         """Go on to before point ``last``, or until there is no room for the impacts of a point."""
         return Progress(
             *enter_points(
-                self._world, self._fresh, self._scratch, points, results,
+                self.world, self._fresh, self._scratch, points, results,
                 done.point, last, done.rows,
             )
         )  # fmt: skip

@@ -130,6 +130,10 @@ def _piece_data(piece: Piece) -> PieceData:
     data = PieceData()
     data.sign = piece.sign
     data.length = piece.length
+    data.radius = 0.0 if piece.is_line else piece.radius
+    data.start_s = piece.start_s
+    data.angle_start, data.angle_end = piece.angle_start, piece.angle_end
+    data.turn = math.tau * turns_of(piece)
     if piece.is_line:
         data.x, data.y = piece.start
         data.tangent_y, data.tangent_x = sine_cosine(piece.start_slope)

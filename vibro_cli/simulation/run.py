@@ -16,7 +16,7 @@ from vibro_cli.simulation.impacts import collision_table
 from vibro_cli.simulation.paths import Paths
 from vibro_cli.simulation.prepare import make_world
 from vibro_cli.simulation.summary import summary_columns, summary_record, tally_run
-from vibro_cli.simulation.world import END_NAMES, END_TIME, LOGS
+from vibro_cli.simulation.world import END_NAMES, END_TIME, LOGS, World
 
 Table = dict[str, Any]
 
@@ -66,6 +66,11 @@ class Run:
         return Places(self.system)
 
     @cached_property
+    def world(self) -> World:
+        """The records of the system, interpreted, for what is made of its logs."""
+        return make_world(self.system, None, None)
+
+    @cached_property
     def _paths(self) -> Paths:
         logs = self._logs
         return Paths(
@@ -75,7 +80,7 @@ class Run:
     @cached_property
     def collisions(self) -> Table:
         """Columns of ``collisions.parquet``, a row for each impact."""
-        return collision_table(self._places, self._logs["impacts"])
+        return collision_table(self.system, self.world, self.engine, self._logs["impacts"])
 
     @cached_property
     def events(self) -> Table:
@@ -104,7 +109,7 @@ class Run:
         """Columns of ``summary.parquet``, one row."""
         end = self._clock["t"], self._clock["t_low"]
         outcome, finals = tally_run(
-            self.system, self.engine, self._logs, self._state, self._cause, end
+            self.world, self.engine, self._logs, self._state, self._cause, end
         )
         restitution = np.array([self.system.restitution])
         return summary_columns(self._places, restitution, outcome, finals)

@@ -8,18 +8,16 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.mechanics.records import NEVER, Flight
-from vibro_cli.mechanics.system import System
 from vibro_cli.numerics import engine
 from vibro_cli.simulation.drive import ROWS_USED, compiled_world, restore
 from vibro_cli.simulation.entry import enter_tally
 from vibro_cli.simulation.geometry import Floats, Places
-from vibro_cli.simulation.prepare import make_world
 from vibro_cli.simulation.tally import FinalState, Outcome, tally
-from vibro_cli.simulation.world import END_NAMES, LOGS, RECORDS
+from vibro_cli.simulation.world import END_NAMES, LOGS, RECORDS, World
 
 
 def tally_run(
-    system: System,
+    world: World,
     engine_name: str,
     logs: dict[str, Any],
     state: dict[str, Any],
@@ -30,8 +28,8 @@ def tally_run(
 
     Parameters
     ----------
-    system
-        What was solved.
+    world
+        The records of the run, interpreted; they are put into its state at the end.
     engine_name
         ``"python"`` or ``"numba"``; both give the same bits.
     logs, state
@@ -39,7 +37,6 @@ def tally_run(
     cause, end
         Why and when (two doubles, s) it ended.
     """
-    world = make_world(system, None, None)
     restore(world, state)
     for name, used in ROWS_USED.items():
         setattr(world.clock[0], used, len(logs[name]))
@@ -48,7 +45,7 @@ def tally_run(
         return results.outcomes, results.finals
     rows = {name: engine.interpreted_copies(logs[name], RECORDS[name]) for name in LOGS}
     own = engine.interpreted_rows(Outcome, 1)
-    states = engine.interpreted_rows(FinalState, len(system.bodies))
+    states = engine.interpreted_rows(FinalState, len(world.bodies))
     tally(world._replace(**rows), cause, *end, own[0], states, 0, Flight())
     return engine.compiled_rows(own, Outcome), engine.compiled_rows(states, FinalState)
 

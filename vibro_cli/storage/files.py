@@ -16,6 +16,9 @@ from pathlib import Path
 
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
+# Files from this size on (bytes) are not kept in memory once they are on the disk: many of them
+# would crowd out everything else, and fresh memory for each takes longer than writing it.
+_LARGE = 1 << 22
 
 
 def write_file(path: Path, content: bytes | memoryview) -> None:
@@ -56,6 +59,8 @@ def _write_new(path: Path, content: bytes | memoryview) -> None:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
+        if len(content) >= _LARGE and hasattr(os, "posix_fadvise"):
+            os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 def flush_folder(path: Path) -> None:

@@ -5,10 +5,10 @@ bytes: nothing of the machine or of the time goes into a table.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -23,6 +23,10 @@ _ARROW_TYPES = {
     "string": pa.string(),
 }
 _ENCODINGS = {pa.float64(): "BYTE_STREAM_SPLIT", pa.int64(): "DELTA_BINARY_PACKED"}
+# Of the bytes of a double six are noise: more effort makes files smaller by a hundredth or two.
+_LEVEL = -1
+# What a file takes beside its columns, as far as it need not be guessed again.
+_OF_A_FILE = 1 << 20
 _JSON_LINES_AT_ONCE = 4096
 
 
@@ -36,6 +40,16 @@ class Origin:
     scenario: Mapping[str, Any]
     version: str
     more: Mapping[str, str] = field(default_factory=dict)
+
+
+Room = Callable[[int], Any]
+
+
+class Words(NamedTuple):
+    """A column of words as numbers, from 0, of a few different ones."""
+
+    numbers: "np.ndarray[Any, np.dtype[Any]]"
+    words: Sequence[str]
 
 
 def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
@@ -61,17 +75,14 @@ def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
 
 def _arrow_column(column: Column, values: Any) -> pa.Array:
     """One column as arrow: masked entries, None and, in a nullable float column, NaN are null."""
+    if isinstance(values, Words):
+        return pa.Array.from_buffers(pa.string(), len(values.numbers), [None, *_of_numbers(values)])
     array = np.ma.getdata(values)
-    mask = np.ma.getmaskarray(values)
-    if column.type == "float64":
-        mask = mask | np.isnan(array)
-    elif column.type == "string":
-        nothing: Any = None
-        mask = mask | np.equal(array, nothing)
-    if not column.nullable and mask.any():
+    mask = _missing(column, values, array)
+    if mask is not None and not column.nullable:
         row = int(np.argmax(mask))
         raise ValueError(f"column {column.name!r} has no value in row {row + 1}, and must have one")
-    present = _bits(~mask) if mask.any() else None
+    present = None if mask is None else _bits(~mask)
     if column.type == "string":
         content = _string_buffers(array)
     elif column.type == "bool":
@@ -79,6 +90,19 @@ def _arrow_column(column: Column, values: Any) -> pa.Array:
     else:
         content = [pa.py_buffer(array.astype(column.type, order="C", casting="safe", copy=False))]
     return pa.Array.from_buffers(_ARROW_TYPES[column.type], array.size, [present, *content])
+
+
+def _missing(column: Column, values: Any, array: Any) -> Any:
+    """Flags of the rows without a value; None where every row has one."""
+    mask: Any = np.ma.getmask(values)
+    if column.type == "float64":
+        # The least of numbers with a nan among them is nan: one look, no memory.
+        if array.size and np.isnan(np.min(array)):
+            mask = mask | np.isnan(array)
+    elif column.type == "string":
+        nothing: Any = None
+        mask = mask | np.equal(array, nothing)
+    return mask if np.any(mask) else None
 
 
 # Columns are put together from buffers: arrow's own conversion, of lists too, imports pandas where
@@ -95,12 +119,33 @@ def _string_buffers(words: "np.ndarray[Any, np.dtype[Any]]") -> list[pa.Buffer]:
     encoded = {word: b"" if word is None else word.encode() for word in set(words.tolist())}
     if len(encoded) == 1:  # as in most columns of words
         (part,) = encoded.values()
-        ends = np.arange(len(words) + 1, dtype=np.int32) * len(part)
-        return [pa.py_buffer(ends), pa.py_buffer(part * len(words))]
+        return _repeated(part, len(words))
     parts = [encoded[word] for word in words.tolist()]
     offsets = np.zeros(len(parts) + 1, dtype=np.int32)
     np.cumsum([len(part) for part in parts], out=offsets[1:])
     return [pa.py_buffer(offsets), pa.py_buffer(b"".join(parts))]
+
+
+def _repeated(word: bytes, count: int) -> list[pa.Buffer]:
+    """Offsets and bytes of one word again and again."""
+    offsets = np.arange(count + 1, dtype=np.int32) * len(word)
+    return [pa.py_buffer(offsets), pa.py_buffer(word * count)]
+
+
+def _of_numbers(column: Words) -> list[pa.Buffer]:
+    """Offsets and bytes of words that are given by their numbers."""
+    encoded = [word.encode() for word in column.words]
+    count = len(column.numbers)
+    if count and np.min(column.numbers) == np.max(column.numbers):
+        part = encoded[int(column.numbers[0])]
+        return _repeated(part, count)
+    lengths = np.array([len(word) for word in encoded])
+    offsets = np.zeros(len(column.numbers) + 1, dtype=np.int32)
+    np.cumsum(lengths[column.numbers], out=offsets[1:])
+    padded = np.array(encoded).view(np.uint8).reshape(len(encoded), -1)
+    inside = np.arange(padded.shape[1]) < lengths[:, None]
+    content = padded[column.numbers][inside[column.numbers]]
+    return [pa.py_buffer(offsets), pa.py_buffer(content)]
 
 
 def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Table:
@@ -118,27 +163,44 @@ def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Tab
 
 def parquet_bytes(data: pa.Table) -> bytes:
     """An arrow table as a parquet file: zstd, floats split by bytes, integers by differences."""
-    content: bytes = parquet_buffer(data).to_pybytes()
+    sink = pa.BufferOutputStream()
+    _write_parquet(data, sink)
+    content: bytes = sink.getvalue().to_pybytes()
     return content
 
 
-def parquet_buffer(data: pa.Table) -> pa.Buffer:
-    """What `parquet_bytes` gives, without a copy: large parts need not be in memory twice."""
+def parquet_in(room: Room, data: pa.Table, skipped_by: Sequence[str]) -> memoryview:
+    """An arrow table as in `parquet_bytes`, in memory that is there already, `room(bytes)`.
+
+    The least and largest value of row groups, by which readers skip them, is there of the columns
+    `skipped_by` only.
+    """
+    size = data.nbytes + data.nbytes // 8 + _OF_A_FILE
+    while True:
+        block = room(size)
+        sink = pa.FixedSizeBufferWriter(pa.py_buffer(block))
+        try:
+            _write_parquet(data, sink, list(skipped_by))
+            return memoryview(block)[: sink.tell()]
+        except OSError:  # there is nothing else that could fail in memory
+            size *= 2
+
+
+def _write_parquet(data: pa.Table, sink: Any, statistics: bool | list[str] = True) -> None:
     encodings = {
         field.name: _ENCODINGS[field.type] for field in data.schema if field.type in _ENCODINGS
     }
     words = [field.name for field in data.schema if pa.types.is_string(field.type)]
-    sink = pa.BufferOutputStream()
     pq.write_table(
         data,
         sink,
         compression="zstd",
-        compression_level=3,
+        compression_level=_LEVEL,
         use_dictionary=words,
         column_encoding=encodings,
         write_page_checksum=True,
+        write_statistics=statistics,
     )
-    return sink.getvalue()
 
 
 def read_parquet(source: Path | BinaryIO) -> pa.Table:
