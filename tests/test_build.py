@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from tests.effort import calls
-from vibro_cli.build import build_system, mechanics_warnings
+from vibro_cli.build import build_system
+from vibro_cli.mechanics.caveats import mechanics_warnings
 from vibro_cli.mechanics.placement import gap
 from vibro_cli.mechanics.system import InitialState, System, Wall
 from vibro_cli.scenario import ScenarioError, load_scenario, parse_scenario
@@ -133,6 +134,16 @@ def test_laws_that_surprise_are_warned_of() -> None:
         warnings = mechanics_warnings(built)
         assert len(warnings) == (words is not None)
         assert all(warning.startswith(words or "") for warning in warnings)
+
+
+def test_a_phase_beyond_double_precision_is_warned_of() -> None:
+    """On the hump w = sqrt(g/(kappa rho)) = 3.42/s; 1/(2 w eps) = 6.6e14 s."""
+    built = system(scenario(ball(angle=-0.5)))
+    assert mechanics_warnings(built, 6.5e14) == mechanics_warnings(built) == ()
+    (warning,) = mechanics_warnings(built, 6.7e14)
+    assert "not determined in double precision from about t = 6.6e+14 s" in warning
+    (earlier,) = mechanics_warnings(system(scenario(ball(angle=-0.5, rate=2.0e3))), 1.0e13)
+    assert "t = 1.5e+12 s" in earlier
 
 
 def test_the_seam_of_a_circle_counts_for_warnings() -> None:

@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tests.mechanics.kernel_records import flight_on_arc
+from vibro_cli.mechanics.bounce import displacement
 from vibro_cli.mechanics.flow import LINE, advance_slightly, flow, time_to
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics.elliptic import set_theta_constants
@@ -58,6 +59,21 @@ def test_flow_against_series(name: str) -> None:
             size = max(1.0, abs(p)) ** 2
             steep = 1.0 + u * size + 1.0 / max(abs(flight.root_complement), 0.05)
             assert abs(value - true) <= 8.0 * EPSILON * steep * size, t
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_displacement_is_good_to_the_last_places_however_short(name: str) -> None:
+    f, p = STARTS[name]
+    flight = flight_on_arc(FREQUENCY, *half_angle(f), p)
+    s0, c0, _ = on_circle(flight.s, flight.c, p)
+    motion = ArcMotion(mp.mpf(FREQUENCY), on_circle(flight.s, flight.c, p))
+    for t in (1e-12, 1e-7, 0.003, 0.1, 0.3):
+        s1, c1, _ = motion.at(mp.mpf(t))
+        sine, cosine = displacement(flight, t)
+        # At most so far it may go: by its rate, and by its acceleration.
+        way = FREQUENCY * t * (abs(p) + FREQUENCY * t * abs(math.sin(f)))
+        assert abs(sine - (s1 * c0 - c1 * s0)) <= 16.0 * EPSILON * way * max(1.0, abs(p)), t
+        assert abs(cosine - (c1 * c0 + s1 * s0)) <= 16.0 * EPSILON * max(1.0, abs(p)), t
 
 
 @pytest.mark.parametrize("name", STARTS)

@@ -4,13 +4,15 @@ import sys
 
 import mpmath
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibro_cli.mechanics.body import CUSTOM, INERTIA_RATIO, Body, mass_from_density
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace, sine_cosine
 
 EPSILON = 2.0**-52
+
+SETTINGS = settings(deadline=None, derandomize=True)
 
 
 def arc(shape: str, radius: float, end_slope: float) -> ArcShape:
@@ -59,6 +61,7 @@ def integrated_ends(start: float, shapes: list[ArcShape]) -> list[tuple[mpmath.m
     return ends
 
 
+@SETTINGS
 @given(chains())
 def test_ends_follow_the_differential_equation_of_the_trace(
     chain: tuple[float, list[ArcShape]],
@@ -73,6 +76,7 @@ def test_ends_follow_the_differential_equation_of_the_trace(
             assert abs(piece.end[1] - y) <= 2 * EPSILON * size
 
 
+@SETTINGS
 @given(chains(), st.floats(0.0, 0.009))
 def test_the_path_of_a_centre_is_continuous_at_junctions(
     chain: tuple[float, list[ArcShape]], radius: float
@@ -86,6 +90,7 @@ def test_the_path_of_a_centre_is_continuous_at_junctions(
         assert math.dist(end, start) <= 1e-14 * (10.0 + trace.length)
 
 
+@SETTINGS
 @given(chains(), st.floats(0.0, 1.0), st.floats(0.0, 0.009))
 def test_a_centre_is_one_radius_from_its_contact_point_along_the_normal(
     chain: tuple[float, list[ArcShape]], fraction: float, radius: float
@@ -99,6 +104,7 @@ def test_a_centre_is_one_radius_from_its_contact_point_along_the_normal(
         assert center[1] - contact[1] == pytest.approx(radius * normal[1], abs=1e-13)
 
 
+@SETTINGS
 @given(chains(), st.floats(0.01, 0.99))
 def test_the_tangent_of_the_path_is_the_slope(
     chain: tuple[float, list[ArcShape]], fraction: float
@@ -125,6 +131,7 @@ def test_quarter_turns_have_exact_sines_and_cosines(quarter: int) -> None:
     assert (sine, cosine) == [(0, 1), (1, 0), (0, -1), (-1, 0)][quarter % 4]
 
 
+@SETTINGS
 @given(st.floats(-100.0, 100.0))
 def test_sine_and_cosine_elsewhere_are_those_of_the_angle(angle: float) -> None:
     sine, cosine = sine_cosine(angle)
@@ -141,6 +148,7 @@ def test_the_circle_and_the_stadium_close_exactly() -> None:
     assert Trace.chain(0.0, sides, closed=True).closing_error() == (0.0, math.tau)
 
 
+@SETTINGS
 @given(st.floats(0.01, 3.0), st.floats(0.01, 1.5), st.floats(0.01, 10.0), st.floats(0.01, 10.0))
 def test_a_symmetric_trace_has_equal_ends_and_level_junctions(
     outer: float, inner: float, valley: float, hump: float

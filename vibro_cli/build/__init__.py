@@ -1,6 +1,5 @@
 """From scenarios to the systems that are solved: the only place that knows both."""
 
 from vibro_cli.build.trace import build_trace as build_system
-from vibro_cli.build.trace import mechanics_warnings
 
-__all__ = ["build_system", "mechanics_warnings"]
+__all__ = ["build_system"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations, pairwise
+from itertools import combinations
 
 from vibro_cli.build.bodies import bodies_of
 from vibro_cli.build.findings import LONGEST, SIZES, Findings
@@ -57,28 +57,6 @@ def build_trace(scenario: Scenario) -> System:
         right_end=Wall(right.wall) if isinstance(right, WallTable) else None,
         turning=turning,
     )
-
-
-def mechanics_warnings(system: System) -> tuple[str, ...]:
-    """Return what a user should know about a sound system before running it, a sentence each."""
-    warnings = []
-    neighbours = list(pairwise(system.bodies))
-    if system.trace.closed and len(system.bodies) > 2:
-        neighbours.append((system.bodies[-1], system.bodies[0]))
-    unequal_kappa = any(a.kappa != b.kappa for a, b in neighbours)
-    if system.law == "translational" and unequal_kappa:
-        warnings.append(
-            "the translational law does not conserve the energy of rolling at k = 1"
-            " between bodies of unequal J_C/(m r^2)"
-        )
-    unequal_radii = any(a.radius != b.radius for a, b in neighbours)
-    if system.law == "hedrih" and unequal_radii:
-        then = "the run stops there" if system.inadmissible == "stop" else "normal-impulse is used"
-        warnings.append(
-            "the hedrih law between bodies of unequal radii can be inadmissible"
-            f" (they would go through one another): {then}"
-        )
-    return tuple(warnings)
 
 
 def _trace(scenario: Scenario, findings: Findings) -> Trace:

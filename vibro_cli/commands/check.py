@@ -62,7 +62,7 @@ def _check_all(
 
 def understood(scenario: "Scenario", system: "System") -> dict[str, Any]:
     """What a scenario means, as plain values: given values, defaults and what follows from them."""
-    from vibro_cli.build import mechanics_warnings
+    from vibro_cli.mechanics.caveats import mechanics_warnings
 
     return {
         "name": scenario.name,
@@ -78,7 +78,7 @@ def understood(scenario: "Scenario", system: "System") -> dict[str, Any]:
         "law": system.law,
         "inadmissible": system.inadmissible,
         "surface": system.surface,
-        "warnings": list(mechanics_warnings(system)),
+        "warnings": list(mechanics_warnings(system, scenario.stop.time)),
     }
 
 

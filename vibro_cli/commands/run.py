@@ -160,7 +160,7 @@ def _print_refused(wishes: Wishes, refused: "list[Refused]") -> None:
 
 def _warn(scenario: "Scenario", system: "System") -> None:
     """Say what is doubtful about a scenario."""
-    from vibro_cli.build import mechanics_warnings
+    from vibro_cli.mechanics.caveats import mechanics_warnings
 
-    for warning in mechanics_warnings(system):
+    for warning in mechanics_warnings(system, scenario.stop.time):
         say(f"{scenario.name}: warning: {warning}", "warning", scenario=scenario.name)

@@ -17,7 +17,7 @@ PARTING = 1  # after an impact, with a speed
 RELEASED = 2  # after lasting contact, with neither speed nor acceleration
 CLOSING = 3  # in contact and approaching: an impact now, whatever the rounding of the gap
 
-NEVER = 1.0e300  # a time, s, after the end of every run
+NEVER = 1.0e303  # a time, s, after the end of every run (a stop.time is at most 1e300)
 
 
 @record
@@ -134,6 +134,7 @@ class PairData:
     clear_t: float  # no contact before this instant (two doubles)
     clear_t_low: float
     touching: int  # in contact at that instant: PARTING, RELEASED or CLOSING, else 0
+    bouncing: int  # 1: both flights began together, in contact and parting
     held: int  # 1: in lasting contact
     logged: int  # what of it has been logged: 1 closed, 0 open
     change_t: float  # when ``held`` last changed (two doubles)
@@ -154,7 +155,8 @@ class PairData:
     normal_a: float  # scratch of an instant: n t of both bodies
     normal_b: float
     closing: int  # scratch of an instant: ``touching`` to be; 1: takes part in a joint impact
-    diagonal: float  # row of the tridiagonal system of a chain of contacts, and its solution
+    part_a: float  # row of the tridiagonal system of a chain of contacts: both bodies' parts of the
+    part_b: float  # diagonal, what stands beside it, the right-hand side; and the solution
     lower: float
     upper: float
     right: float

@@ -24,6 +24,8 @@ PARAMETER_SPLIT = 0.8
 ROOT_COMPLEMENT_TINY = 1.0e-70
 # Below it a quarter period comes from its expansion at the separatrix.
 ROOT_COMPLEMENT_SMALL = 1.0e-3
+# Below it the hyperbolic sine comes from its power series, to its own last place.
+SMALL_ARGUMENT = 0.35
 
 TRIGONOMETRIC = 0
 HYPERBOLIC = 1
@@ -197,7 +199,8 @@ def _hyperbolic(theta: ThetaConstants, u: float) -> tuple[float, float, float, f
     odd = x * (theta.odd_1 + square * theta.odd_3)
     total = theta.sum_0 + square * theta.sum_2
     difference = x * theta.difference_1
-    s = theta.sine_scale * (1.0 - e2) * (total - difference)
+    distance = 1.0 - e2 if abs(r) > SMALL_ARGUMENT else 2.0 * e * _hyperbolic_sine(abs(r))
+    s = theta.sine_scale * distance * (total - difference)
     c = theta.cosine_scale * (2.0 * e) * (even - odd)
     d = theta.delta_scale * (2.0 * e) * (even + odd)
     if r < 0.0:
@@ -206,6 +209,14 @@ def _hyperbolic(theta: ThetaConstants, u: float) -> tuple[float, float, float, f
         s = -s
         c = -c
     return s, c, d, (1.0 + e2) * (total + difference)
+
+
+@kernel
+def _hyperbolic_sine(r: float) -> float:
+    """Hyperbolic sine for r below ``SMALL_ARGUMENT``, by its power series."""
+    z = r * r
+    series = 1.0 + z * (1.0 / 42.0) * (1.0 + z * (1.0 / 72.0) * (1.0 + z * (1.0 / 110.0)))
+    return r + r * z * (1.0 / 6.0) * (1.0 + z * (1.0 / 20.0) * series)
 
 
 @kernel

@@ -15,7 +15,7 @@ from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.analysis.sides import side
 from vibro_cli.analysis.trigger import FIGURE_EIGHT
-from vibro_cli.build import mechanics_warnings
+from vibro_cli.mechanics.caveats import mechanics_warnings
 from vibro_cli.report.analogy import analogy
 from vibro_cli.report.images import figures_of_run
 from vibro_cli.report.words import END_CAUSES, LAWS, number, validity
@@ -70,7 +70,9 @@ def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]
         "figures": list(figures_of_run(run, name)),
         "analogy": analogy(run),
         "energy": energy_balance(run),
-        "validity": validity(summary, _refused(run), mechanics_warnings(run.system)),
+        "validity": validity(
+            summary, _refused(run), mechanics_warnings(run.system, summary["end_time"])
+        ),
         "accuracy": _accuracy(run),
         "sides": _sides(run),
         "impacts": _impacts(run),

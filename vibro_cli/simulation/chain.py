@@ -97,7 +97,14 @@ def speed_of_chain(world: World, first: int, count: int) -> float:
 
 @kernel
 def solve_from_both_ends(world: World, first: int, count: int) -> None:
-    """Solve the tridiagonal system held in ``count`` pairs from ``first`` on, into ``solution``."""
+    """Solve the tridiagonal system held in ``count`` pairs from ``first`` on, into ``solution``.
+
+    A diagonal is the sum of what both bodies of a pair yield, ``part_a + part_b``, and the product
+    of ``lower`` and the ``upper`` before it that of two parts of one body. Eliminating a pair from
+    the left leaves of the next one's ``part_a`` the share ``part_a/(part_a + part_b)`` of the pair
+    before: nothing is subtracted, and where all pairs close every impulse is right to a few units
+    in its last place, however much one pair makes another one's.
+    """
     pairs = world.settings[0].pairs
     half = (count - 1) // 2
     for step in range(half):
@@ -105,36 +112,38 @@ def solve_from_both_ends(world: World, first: int, count: int) -> None:
         next_left = world.pairs[(first + step + 1) % pairs]
         right = world.pairs[(first + count - 1 - step) % pairs]
         next_right = world.pairs[(first + count - 2 - step) % pairs]
-        factor_left = next_left.lower / left.diagonal
-        factor_right = next_right.upper / right.diagonal
-        diagonal_left = factor_left * left.upper
-        diagonal_right = factor_right * right.lower
-        value_left = factor_left * left.right
-        value_right = factor_right * right.right
+        diagonal_left = left.part_a + left.part_b
+        diagonal_right = right.part_a + right.part_b
+        next_left.part_a *= left.part_a / diagonal_left
+        next_right.part_b *= right.part_b / diagonal_right
+        value_left = next_left.lower / diagonal_left * left.right
+        value_right = next_right.upper / diagonal_right * right.right
         if step == half - 1 and count % 2 == 1:
-            next_left.diagonal -= diagonal_left + diagonal_right
             next_left.right -= value_left + value_right
         else:
-            next_left.diagonal -= diagonal_left
             next_left.right -= value_left
-            next_right.diagonal -= diagonal_right
             next_right.right -= value_right
     left = world.pairs[(first + half) % pairs]
     if count % 2 == 1:
-        left.solution = left.right / left.diagonal
+        left.solution = left.right / (left.part_a + left.part_b)
     else:
         right = world.pairs[(first + half + 1) % pairs]
-        determinant = left.diagonal * right.diagonal - left.upper * right.lower
-        value = left.right * right.diagonal - left.upper * right.right
-        right.solution = (right.right * left.diagonal - right.lower * left.right) / determinant
+        diagonal_left = left.part_a + left.part_b
+        diagonal_right = right.part_a + right.part_b
+        # Product of the diagonals less lower times upper, which is left.part_b right.part_a.
+        product = left.part_a * right.part_a + left.part_b * right.part_b
+        determinant = product + left.part_a * right.part_b
+        value = left.right * diagonal_right - left.upper * right.right
+        right.solution = (right.right * diagonal_left - right.lower * left.right) / determinant
         left.solution = value / determinant
     for step in range(half - 1, -1, -1):
         left = world.pairs[(first + step) % pairs]
         inner = world.pairs[(first + step + 1) % pairs]
-        left.solution = (left.right - left.upper * inner.solution) / left.diagonal
+        left.solution = (left.right - left.upper * inner.solution) / (left.part_a + left.part_b)
         right = world.pairs[(first + count - 1 - step) % pairs]
         inner = world.pairs[(first + count - 2 - step) % pairs]
-        right.solution = (right.right - right.lower * inner.solution) / right.diagonal
+        value = right.right - right.lower * inner.solution
+        right.solution = value / (right.part_a + right.part_b)
 
 
 @kernel
@@ -155,7 +164,8 @@ def joint_impulses(world: World, first: int, count: int, law: int, plastic: int)
             world.flights[pair.a].speed, world.flights[pair.b].speed,
         )  # fmt: skip
         k = 0.0 if plastic == 1 else pair.restitution
-        pair.diagonal = qa * ha + qb * hb
+        pair.part_a = qa * ha
+        pair.part_b = qb * hb
         pair.right = (1.0 + k) * approach
         pair.lower = 0.0
         pair.upper = 0.0
@@ -200,11 +210,12 @@ def contact_forces(world: World, first: int, count: int) -> None:
         ease_a = mobility(world, pair.a)
         ease_b = mobility(world, pair.b)
         pair.right = -free_approach(world, j)
-        pair.diagonal = pair.normal_a * pair.normal_a * ease_a
-        pair.diagonal += pair.normal_b * pair.normal_b * ease_b
-        if pair.diagonal == 0.0:
+        pair.part_a = pair.normal_a * pair.normal_a * ease_a
+        pair.part_b = pair.normal_b * pair.normal_b * ease_b
+        if pair.part_a + pair.part_b == 0.0:
             # Both at walls: nothing moves, nothing presses.
-            pair.diagonal = 1.0
+            pair.part_a = 0.5
+            pair.part_b = 0.5
         pair.lower = 0.0
         pair.upper = 0.0
         if step > 0:

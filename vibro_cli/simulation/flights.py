@@ -101,6 +101,7 @@ def _forget(world: World, j: int, flight: Flight) -> None:
     pair.contact_t = NEVER
     pair.apart = 0
     pair.touching = 0
+    pair.bouncing = 0
     pair.clear_t = flight.t
     pair.clear_t_low = flight.t_low
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.mechanics.records import NEVER
 from vibro_cli.mechanics.system import System
 from vibro_cli.simulation.drive import Driver, Earlier
 from vibro_cli.simulation.geometry import Floats, Places
@@ -266,7 +267,7 @@ def _skipped(clock: dict[str, float], wanted: Wanted) -> tuple[str, ...]:
     apart, searches = int(clock["skipped_apart"]), int(clock["searches"])
     if apart:
         notes.append(f"{apart} of {searches} searches for a contact: the bodies are proved apart")
-    if clock["quiet_t"] < 1e300:
+    if clock["quiet_t"] < NEVER:
         notes.append(f"no search after t = {clock['quiet_t']:.6g} s: no impact is possible")
     if not wanted.turning_points:
         notes.append("turning points: not asked for (output.turning_points)")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
+from vibro_cli.mechanics.bounce import sharpened_by_distance, sharpened_on_arc
 from vibro_cli.mechanics.contact import contact_by_distance, contact_on_arc, contact_on_line
 from vibro_cli.mechanics.flow import LINE
 from vibro_cli.mechanics.records import (
     CLOSING,
     NEVER,
+    PARTING,
     Flight,
     PairData,
     PairTrack,
@@ -86,6 +88,8 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         pair.a_s, pair.a_c, pair.a_p = state_at(world, pair.a, pair.clear_t, pair.clear_t_low)
         pair.b_s, pair.b_c, pair.b_p = state_at(world, pair.b, pair.clear_t, pair.clear_t_low)
         return
+    if pair.touching == PARTING:
+        pair.bouncing = 1
     limit = _time_to_limit(a, b, pair, settings.stop_t)
     age_a = time_between(pair.clear_t, pair.clear_t_low, a.t, a.t_low)
     age_b = time_between(pair.clear_t, pair.clear_t_low, b.t, b.t_low)
@@ -103,6 +107,8 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         h = contact_on_arc(
             a, b, age_a, age_b, pair.touching, ahead, limit, contact, orientation, pair, clock
         )
+        if h > 0.0 and pair.bouncing == 1:
+            h = max(sharpened_on_arc(a, b, age_a + h, pair, clock) - age_a, 0.0)
     elif a.piece == b.piece and laps == 0 and a.form == LINE and b.form == LINE:
         contact = world.contacts[j * settings.pieces + a.piece]
         h = contact_on_line(a, b, age_a, age_b, pair.touching, limit, contact, pair, clock)
@@ -116,6 +122,11 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
             a, b, age_a, age_b, pair.touching, ahead, limit,
             piece, track_a, piece_b, track_b, pair, clock,
         )  # fmt: skip
+        if h > 0.0 and pair.bouncing == 1:
+            t = sharpened_by_distance(
+                a, b, age_a + h, piece, track_a, piece_b, track_b, pair, clock
+            )
+            h = max(t - age_a, 0.0)
     if h >= 0.0:
         pair.contact_t, pair.contact_t_low = add_to_time(pair.clear_t, pair.clear_t_low, h)
 

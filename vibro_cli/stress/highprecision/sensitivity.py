@@ -24,6 +24,7 @@ def neighbouring(system: System) -> Iterator[System]:
         for changed in (
             replace(body, radius=body.radius * factor),
             replace(body, mass=body.mass * factor),
+            replace(body, inertia_ratio=body.kappa * factor - 1.0),
         ):
             yield replace(system, bodies=_with(system.bodies, number, changed))
     for number, state in enumerate(system.initial):
@@ -33,6 +34,9 @@ def neighbouring(system: System) -> Iterator[System]:
         ):
             if start != state:
                 yield replace(system, initial=_with(system.initial, number, start))
+    for number, k in enumerate(system.restitution):
+        if k > 0.0:
+            yield replace(system, restitution=_with(system.restitution, number, k / factor))
     for number in range(len(system.trace.pieces)):
         yield replace(system, trace=_stretched(system.trace, number, factor))
 

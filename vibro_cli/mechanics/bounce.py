@@ -1,0 +1,144 @@
+"""Short flights from contact to contact, timed by how far the bodies go and not by where they are.
+
+Two bodies that part from contact have a gap of exactly zero there. Its later value as a difference
+of two places is rounded as the places are, which late in an accumulation is more than the gap
+itself; as a difference of two displacements from there it is rounded as these are.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
+from vibro_cli.mechanics.gap import centre_position, centre_tangent
+from vibro_cli.mechanics.records import Clock, Flight, PairData, PieceData, TrackData
+from vibro_cli.numerics.elliptic import HYPERBOLIC_TINY, theta_functions
+from vibro_cli.numerics.engine import kernel
+
+# A flight whose relative rate times its length is more than this (rad, or a share of the bodies'
+# places) is timed well enough by places.
+FAR = 0.2
+# Times the frequency; displacements of longer flights are no smaller than places.
+LONG = 1.0
+# Corrections of an instant below this share of it are its rounding.
+SETTLED = 1.0e-11
+MOST_STEPS = 6
+
+
+@kernel
+def displacement(flight: Flight, t: float) -> tuple[float, float]:
+    """Sine and cosine of half the angle through which a body has gone since its flight began.
+
+    ``S C0 - C S0`` and ``C C0 + S S0`` with the state of :func:`flow` put in and ``1 - cn`` as
+    ``sn^2/(1 + cn)``: no difference of places is left. On a line the way (m) and 1.
+    """
+    s0 = flight.flow_s
+    c0 = flight.flow_c
+    p0 = flight.flow_p
+    if flight.at_rest == 1:
+        return 0.0, 1.0
+    if flight.form == LINE:
+        return t * (p0 + 0.5 * flight.line_acceleration * t), 1.0
+    s, c, d, common = theta_functions(flight, flight.frequency * t)
+    sc0 = s * c0
+    rest = s * s / (common + c)
+    both = c0 * c0 * common + s0 * s0 * c
+    inverse = 1.0 / (c * c + sc0 * sc0)
+    sine = (p0 * s * both - s0 * c0 * d * rest) * inverse
+    return sine, (d * both + s0 * p0 * c0 * (s * rest)) * inverse
+
+
+@kernel
+def _long_or_grouped(flight: Flight, t: float) -> bool:
+    """Tell whether displacements of a flight over a time t (s) are not better than its places."""
+    if flight.grouped == 1 or flight.form == POLYNOMIAL or flight.form == HYPERBOLIC_TINY:
+        return True
+    return flight.frequency * t > LONG
+
+
+@kernel
+def sharpened_on_arc(a: Flight, b: Flight, t: float, pair: PairData, clock: Clock) -> float:
+    """Time of a contact on one arc (s), t nearly, that ends a flight from contact.
+
+    The states of contact, left in ``pair``, are sharpened too; a flight that is not a short one is
+    left as it is.
+    """
+    if _long_or_grouped(a, t) or _long_or_grouped(b, t):
+        return t
+    for _ in range(MOST_STEPS):
+        rate = 2.0 * (b.own_frequency * pair.b_p - a.own_frequency * pair.a_p)
+        if rate >= 0.0 or rate * t < -FAR:
+            break
+        sine_a, cosine_a = displacement(a, t)
+        sine_b, cosine_b = displacement(b, t)
+        change = -2.0 * (sine_b * cosine_a - cosine_b * sine_a) / rate
+        t += change
+        _keep_flows(a, b, t, pair, clock)
+        if abs(change) <= SETTLED * t:
+            break
+    return t
+
+
+@kernel
+def _keep_flows(a: Flight, b: Flight, t: float, pair: PairData, clock: Clock) -> None:
+    """Leave the states a time t (s) after the start of both flights in ``pair``."""
+    clock.evaluations += 1
+    pair.a_s, pair.a_c, pair.a_p = flow(a, t)
+    pair.b_s, pair.b_c, pair.b_p = flow(b, t)
+
+
+@kernel
+def sharpened_by_distance(
+    a: Flight,
+    b: Flight,
+    t: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    piece_b: PieceData,
+    track_b: TrackData,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """As :func:`sharpened_on_arc`, for two pieces, by ``d^2 - (r_a + r_b)^2``."""
+    if _long_or_grouped(a, t) or _long_or_grouped(b, t):
+        return t
+    # The line of centres where the flights begin, drawn to the length it has in contact.
+    ax, ay = centre_position(piece_a, track_a, a.flow_s, a.flow_c)
+    bx, by = centre_position(piece_b, track_b, b.flow_s, b.flow_c)
+    scale = pair.distance / math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+    x = (bx - ax) * scale
+    y = (by - ay) * scale
+    size = pair.distance + track_a.path_radius + track_b.path_radius
+    for _ in range(MOST_STEPS):
+        mx, my = _centre_displacement(a, piece_a, track_a, t)
+        nx, ny = _centre_displacement(b, piece_b, track_b, t)
+        ux = nx - mx
+        uy = ny - my
+        tax, tay = centre_tangent(piece_a, pair.a_s, pair.a_c)
+        tbx, tby = centre_tangent(piece_b, pair.b_s, pair.b_c)
+        va = track_a.speed_factor * pair.a_p
+        vb = track_b.speed_factor * pair.b_p
+        rate = 2.0 * ((x + ux) * (vb * tbx - va * tax) + (y + uy) * (vb * tby - va * tay))
+        if rate >= 0.0 or rate * t < -2.0 * FAR * pair.distance * size:
+            break
+        change = -((2.0 * x + ux) * ux + (2.0 * y + uy) * uy) / rate
+        t += change
+        _keep_flows(a, b, t, pair, clock)
+        if abs(change) <= SETTLED * t:
+            break
+    return t
+
+
+@kernel
+def _centre_displacement(
+    flight: Flight, piece: PieceData, track: TrackData, t: float
+) -> tuple[float, float]:
+    """How far a body's centre has gone since its flight began (m)."""
+    sine, cosine = displacement(flight, t)
+    if piece.sign == 0.0:
+        return piece.tangent_x * sine, piece.tangent_y * sine
+    # Along the tangent half-way.
+    tx, ty = centre_tangent(piece, flight.flow_s, flight.flow_c)
+    chord = 2.0 * track.path_radius * sine
+    sign = piece.sign
+    return chord * (tx * cosine - sign * ty * sine), chord * (ty * cosine + sign * tx * sine)

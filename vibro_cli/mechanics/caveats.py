@@ -1,0 +1,56 @@
+"""What a user should know about a sound system before running it."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from vibro_cli.mechanics.system import System
+
+_EPSILON = 2.0**-52
+
+
+def mechanics_warnings(system: System, stop_time: float | None = None) -> tuple[str, ...]:
+    """Return what a user should know about a sound system before running it, a sentence each.
+
+    `stop_time` (s) is when its run ends at the latest.
+    """
+    warnings = []
+    neighbours = list(pairwise(system.bodies))
+    if system.trace.closed and len(system.bodies) > 2:
+        neighbours.append((system.bodies[-1], system.bodies[0]))
+    unequal_kappa = any(a.kappa != b.kappa for a, b in neighbours)
+    if system.law == "translational" and unequal_kappa:
+        warnings.append(
+            "the translational law does not conserve the energy of rolling at k = 1"
+            " between bodies of unequal J_C/(m r^2)"
+        )
+    unequal_radii = any(a.radius != b.radius for a, b in neighbours)
+    if system.law == "hedrih" and unequal_radii:
+        then = "the run stops there" if system.inadmissible == "stop" else "normal-impulse is used"
+        warnings.append(
+            "the hedrih law between bodies of unequal radii can be inadmissible"
+            f" (they would go through one another): {then}"
+        )
+    longest = _longest_phase(system)
+    if stop_time is not None and stop_time > longest:
+        warnings.append(
+            "places of bodies that still move are not determined in double precision from about"
+            f" t = {longest:.2g} s on: rounding alone turns the phase of their motion by a radian"
+        )
+    return tuple(warnings)
+
+
+def _longest_phase(system: System) -> float:
+    """Return the time (s) after which a phase in double precision is off by a radian, or inf.
+
+    An angle grows at most at a rate of √(φ̇₀² + 4 w²) on an arc, w² = g/(κ ρ).
+    """
+    fastest = 0.0
+    for body, state in zip(system.bodies, system.initial, strict=True):
+        for piece in system.trace.pieces:
+            if not piece.is_line:
+                rho = piece.path_radius(body.radius)
+                w = math.sqrt(system.gravity / (body.kappa * rho))
+                fastest = max(fastest, math.hypot(state.speed / rho, 2.0 * w))
+    return 1.0 / (_EPSILON * fastest) if fastest > 0.0 else math.inf
