@@ -2,22 +2,42 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 from vibro_cli.build import build_system
 from vibro_cli.scenario import Scenario, load_scenario
 from vibro_cli.simulation.drive import TooQuiet
 from vibro_cli.simulation.run import CannotContinue, Run, Wanted, simulate_system
 
+if TYPE_CHECKING:
+    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.table_models import TableScenario
+    from vibro_cli.systems.table.run import TableRun
+
+    AnyRun: TypeAlias = Run | TableRun
+
 __all__ = ["CannotContinue", "Run", "TooQuiet", "load_scenario", "simulate"]
 
 
+@overload
 def simulate(
     scenario: Scenario,
     engine: str = "auto",
     checkpoint: dict[str, Any] | None = None,
     history: dict[str, Any] | None = None,
-) -> Run:
+) -> Run: ...
+
+
+@overload
+def simulate(scenario: TableScenario, engine: str = "auto") -> TableRun: ...
+
+
+def simulate(
+    scenario: AnyScenario,
+    engine: str = "auto",
+    checkpoint: dict[str, Any] | None = None,
+    history: dict[str, Any] | None = None,
+) -> AnyRun:
     """Run a scenario to its end.
 
     Parameters
@@ -30,6 +50,7 @@ def simulate(
     checkpoint, history
         From ``run.checkpoint()`` and ``run.history()`` of an earlier run of this scenario with a
         nearer stop: it goes on from there, and the result is that of one run without a break.
+        Of a trace only.
 
     Returns
     -------
@@ -44,6 +65,8 @@ def simulate(
     CannotContinue
         If the earlier run had ended for good, or is past the stop.
     """
+    if scenario.system != "trace":
+        return _simulate_table(scenario, engine)
     output = scenario.output
     wanted = Wanted(
         times=output.times,
@@ -54,3 +77,15 @@ def simulate(
     system = build_system(scenario)
     stop = scenario.stop
     return simulate_system(system, stop.time, stop.collisions, engine, wanted, checkpoint, history)
+
+
+def _simulate_table(scenario: TableScenario, engine: str) -> TableRun:
+    from vibro_cli.build.table import build_table
+    from vibro_cli.systems.table.run import simulate_table
+    from vibro_cli.systems.wanted import Wanted
+
+    wanted = Wanted(scenario.output.times, scenario.output.step)
+    stop = scenario.stop
+    return simulate_table(
+        build_table(scenario), stop.time, stop.collisions, stop.bounces, engine, wanted
+    )

@@ -23,7 +23,7 @@ from vibro_cli.scenario import (
     scenario_of,
 )
 from vibro_cli.scenario.gallery import names, text
-from vibro_cli.scenario.loading import parse_scenario
+from vibro_cli.scenario.loading import parse_any
 
 
 def test_defaults_are_those_of_the_interface() -> None:
@@ -268,9 +268,9 @@ def test_all_problems_come_at_once_with_a_suggestion() -> None:
 def test_the_resolved_scenario_reads_back_equal(name: str) -> None:
     import json
 
-    scenario = parse_scenario(text(name), overrides=[f"name={name}"])
+    scenario = parse_any(text(name), overrides=[f"name={name}"])
     resolved = scenario.resolved()
-    again = parse_scenario(json.dumps(resolved), "json")
+    again = parse_any(json.dumps(resolved), "json")
     assert again == scenario
     assert again.resolved() == resolved
     assert pickle.loads(pickle.dumps(scenario)) == scenario

@@ -1,9 +1,9 @@
 """`vibro check`: validate scenarios and show what was understood."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -12,9 +12,11 @@ from vibro_cli.commands.options import FailFast, Overrides, Quiet, Scenarios, Ta
 from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
+    from vibro_cli.build import AnySystem
     from vibro_cli.mechanics.system import System
     from vibro_cli.mechanics.trace import Piece
     from vibro_cli.scenario import Scenario
+    from vibro_cli.scenario.systems import AnyScenario
 
 
 def check(
@@ -36,14 +38,13 @@ def _check_all(
     quiet: bool,
 ) -> int:
     """Show what was understood of each scenario, or what is wrong with it, in their order."""
-    from vibro_cli.commands.loading import load
+    from vibro_cli.commands.loading import check_standard_input, load_any
 
-    if sources.count("-") > 1:
-        raise CommandError("vibro: standard input (-) can be read only once")
+    check_standard_input(sources)
     code = DONE
     for source in sources:
         try:
-            found = understood(*load(source, overrides))
+            found, lines = _understood(*load_any(source, overrides))
         except CommandError as error:
             if as_json:
                 refusal = {"source": source, "valid": False, "problems": error.problems}
@@ -56,8 +57,21 @@ def _check_all(
         if as_json:
             print(json_text(found))
         elif not quiet:
-            print("\n".join(_lines(found)))
+            print("\n".join(lines))
     return code
+
+
+def _understood(
+    scenario: "AnyScenario", system: "AnySystem"
+) -> tuple[dict[str, Any], Iterable[str]]:
+    """What a scenario means, as plain values and as lines of text."""
+    if scenario.system != "trace":
+        from vibro_cli.commands.checking_systems import lines_of, understood_of
+
+        found = understood_of(scenario, system)
+        return found, lines_of(found)
+    found = understood(scenario, cast("System", system))
+    return found, _lines(found)
 
 
 def understood(scenario: "Scenario", system: "System") -> dict[str, Any]:

@@ -1,15 +1,19 @@
 """Scenarios from the command line: all of them are read, and all their problems told at once."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from vibro_cli.commands.boundary import CommandError, reason
 
 if TYPE_CHECKING:
+    from vibro_cli.build import AnySystem
     from vibro_cli.mechanics.system import System
     from vibro_cli.scenario import Scenario
+    from vibro_cli.scenario.systems import AnyScenario
+
+Loaded = TypeVar("Loaded")
 
 
 @dataclass(frozen=True)
@@ -21,16 +25,41 @@ class Refused:
 
 
 def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "System"]:
-    """A scenario with the system it describes.
+    """The scenario of a trace with the system it describes.
+
+    Raises `CommandError` with every problem of it, or if it is of another system.
+    """
+    from vibro_cli.build import build_system
+    from vibro_cli.scenario import load_scenario
+
+    def read() -> tuple["Scenario", "System"]:
+        scenario = load_scenario(source, overrides)
+        return scenario, build_system(scenario)
+
+    return _refusals_told(source, read)
+
+
+def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", "AnySystem"]:
+    """A scenario of whatever system with what it describes.
 
     Raises `CommandError` with every problem of it.
     """
-    from vibro_cli.build import build_system
-    from vibro_cli.scenario import ScenarioError, load_scenario
+    from vibro_cli.build import build_any
+    from vibro_cli.scenario import load_any as load_scenario
+
+    def read() -> tuple["AnyScenario", "AnySystem"]:
+        scenario = load_scenario(source, overrides)
+        return scenario, build_any(scenario)
+
+    return _refusals_told(source, read)
+
+
+def _refusals_told(source: str, read: Callable[[], Loaded]) -> Loaded:
+    """What is read; why it cannot be is told as a `CommandError`."""
+    from vibro_cli.scenario import ScenarioError
 
     try:
-        scenario = load_scenario(source, overrides)
-        return scenario, build_system(scenario)
+        return read()
     except ScenarioError as error:
         problems = [asdict(problem) for problem in error.problems]
         raise CommandError(str(error), problems=problems) from error
@@ -42,28 +71,22 @@ def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "System"]:
 
 def load_each(
     sources: Sequence[str], overrides: Sequence[str]
-) -> tuple[list[tuple["Scenario", "System"]], list[Refused]]:
+) -> tuple[list[tuple["AnyScenario", "AnySystem"]], list[Refused]]:
     """Every scenario that can be used, and every one that cannot."""
-    if sources.count("-") > 1:
-        raise CommandError("vibro: standard input (-) can be read only once")
+    check_standard_input(sources)
     loaded, refused = [], []
     for source in sources:
         try:
-            loaded.append(load(source, overrides))
+            loaded.append(load_any(source, overrides))
         except CommandError as error:
             refused.append(Refused(source, error))
     return loaded, refused
 
 
-def load_all(sources: Sequence[str], overrides: Sequence[str]) -> list[tuple["Scenario", "System"]]:
-    """Every scenario with the system it describes.
-
-    Raises `CommandError` with every problem of every scenario.
-    """
-    loaded, refused = load_each(sources, overrides)
-    if refused:
-        raise together(refused)
-    return loaded
+def check_standard_input(sources: Sequence[str]) -> None:
+    """Raise `CommandError` when standard input would have to be read twice."""
+    if sources.count("-") > 1:
+        raise CommandError("vibro: standard input (-) can be read only once")
 
 
 def together(refused: Sequence[Refused]) -> CommandError:
@@ -74,7 +97,7 @@ def together(refused: Sequence[Refused]) -> CommandError:
     )
 
 
-def check_names(scenarios: Sequence["Scenario"]) -> None:
+def check_names(scenarios: Sequence["AnyScenario"]) -> None:
     """Raise `CommandError` unless the names, which are also those of folders, are different."""
     for name, times in Counter(scenario.name for scenario in scenarios).items():
         if times > 1:

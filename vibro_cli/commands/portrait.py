@@ -95,11 +95,11 @@ def portrait(
 
 def _portray(wishes: _Wishes) -> int:
     """Analyse, draw, write and print."""
-    from vibro_cli.commands.loading import load_all
+    from vibro_cli.commands.loading import load
     from vibro_cli.storage.portraits import check_portrait_folder, write_portraits
     from vibro_cli.storage.provenance import FolderRefused
 
-    ((scenario, system),) = load_all([wishes.source], wishes.overrides)
+    scenario, system = load(wishes.source, wishes.overrides)
     if system.turning is not None:
         raise CommandError(
             f"{scenario.name}: the portrait of a trace that turns about a vertical is not available"

@@ -20,9 +20,11 @@ from vibro_cli.commands.solving import Wishes, solve
 from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from vibro_cli.build import AnySystem
     from vibro_cli.commands.loading import Refused
-    from vibro_cli.mechanics.system import System
-    from vibro_cli.scenario import Scenario
+    from vibro_cli.scenario.systems import AnyScenario
 
 OutputFolder = Annotated[
     str | None,
@@ -131,7 +133,7 @@ def _worst(codes: list[int]) -> int:
     return next((code for code in (FAILED, MISUSED) if code in codes), max(codes, default=DONE))
 
 
-def _check_folders(wishes: Wishes, scenarios: "list[Scenario]") -> None:
+def _check_folders(wishes: Wishes, scenarios: "Sequence[AnyScenario]") -> None:
     """Raise `CommandError` before anything runs if some results could not take their place."""
     from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.storage.runs import check_run_folder
@@ -158,7 +160,7 @@ def _print_refused(wishes: Wishes, refused: "list[Refused]") -> None:
             print(json_text(line), flush=True)
 
 
-def _warn(scenario: "Scenario", system: "System") -> None:
+def _warn(scenario: "AnyScenario", system: "AnySystem") -> None:
     """Say what is doubtful about a scenario."""
     from vibro_cli.mechanics.caveats import mechanics_warnings
 

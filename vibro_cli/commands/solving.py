@@ -11,7 +11,10 @@ from vibro_cli.commands.options import TableFormat
 from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
-    from vibro_cli.scenario import Scenario
+    from matplotlib.figure import Figure
+
+    from vibro_cli.api import AnyRun
+    from vibro_cli.scenario.systems import AnyScenario
     from vibro_cli.simulation.run import Run
     from vibro_cli.storage.runs import EarlierRun
 
@@ -45,7 +48,7 @@ class Wishes:
         return folder / name if len(self.sources) > 1 else folder
 
 
-def solve(wishes: Wishes, scenario: "Scenario", earlier: "EarlierRun | None") -> int:
+def solve(wishes: Wishes, scenario: "AnyScenario", earlier: "EarlierRun | None") -> int:
     """Run a scenario and put its results where they were asked; return the exit code."""
     from vibro_cli.commands.words import summary_text
     from vibro_cli.storage.provenance import FolderRefused
@@ -55,7 +58,7 @@ def solve(wishes: Wishes, scenario: "Scenario", earlier: "EarlierRun | None") ->
     folder = wishes.folder_of(scenario.name)
     if folder is not None:
         try:
-            write_run(result, scenario, folder, _portraits(result) if wishes.figures else {})
+            write_run(result, scenario, folder, _figures(result) if wishes.figures else {})
         except FolderRefused as error:
             raise CommandError(f"vibro: {error}") from error
     record = result.summary_record()
@@ -69,14 +72,14 @@ def solve(wishes: Wishes, scenario: "Scenario", earlier: "EarlierRun | None") ->
     return DONE if is_sound(record) or not wishes.strict else NOT_STRICT
 
 
-def _simulate(wishes: Wishes, scenario: "Scenario", earlier: "EarlierRun | None") -> "Run":
+def _simulate(wishes: Wishes, scenario: "AnyScenario", earlier: "EarlierRun | None") -> "AnyRun":
     """The run of a scenario, from its start or from where an earlier run of it stopped."""
     from vibro_cli.api import CannotContinue, TooQuiet, simulate
     from vibro_cli.commands.warm import tell_of_compiling
 
     tell_of_compiling()
     try:
-        if earlier is None:
+        if earlier is None or scenario.system != "trace":
             return simulate(scenario, engine=wishes.engine)
         return simulate(scenario, wishes.engine, earlier.checkpoint, earlier.history)
     except TooQuiet as error:
@@ -90,21 +93,37 @@ def is_sound(record: dict[str, Any]) -> bool:
     return bool(record["status"] == "ok" and record["end_cause"] != "inadmissible")
 
 
-def _portraits(result: "Run") -> dict[str, bytes]:
-    """The phase portrait of every body: names of files and their contents."""
+def _figures(result: "AnyRun") -> dict[str, bytes]:
+    """The figures of a run: names of files and their contents."""
+
+    from vibro_cli.systems.table.run import TableRun
+
+    if isinstance(result, TableRun):
+        from vibro_cli.figures.table_plan import table_plan
+
+        return _files("plan", table_plan(result))
+    return _portraits(result)
+
+
+def _files(stem: str, figure: "Figure") -> dict[str, bytes]:
+    """A figure in both forms."""
     from vibro_cli.figures.output import render
+
+    return {f"{stem}.{form}": render(figure, form) for form in _PORTRAIT_FORMS}
+
+
+def _portraits(result: "Run") -> dict[str, bytes]:
+    """The phase portrait of every body."""
     from vibro_cli.figures.portrait import phase_portrait
 
     width = "double" if len(result.system.trace.pieces) > 1 else "single"
-    files = {}
+    files: dict[str, bytes] = {}
     for ball in range(1, len(result.system.bodies) + 1):
-        figure = phase_portrait(result, ball, width)
-        for form in _PORTRAIT_FORMS:
-            files[f"portrait_{ball}.{form}"] = render(figure, form)
+        files |= _files(f"portrait_{ball}", phase_portrait(result, ball, width))
     return files
 
 
-def _stream_collisions(result: "Run", scenario: "Scenario", form: TableFormat) -> None:
+def _stream_collisions(result: "AnyRun", scenario: "AnyScenario", form: TableFormat) -> None:
     """Write the collision table to standard output."""
     from vibro_cli.storage.runs import origin_of, run_table
     from vibro_cli.storage.tables import stream

@@ -14,6 +14,9 @@ END_CAUSES = {
     "end_of_trace": "a body came to an end of the trace",
     "lift_off": "a body left the trace",
     "rest": "all bodies are at rest",
+    "bounces": "the number of impacts on the wall asked for was reached",
+    "wall_contact": "a ball comes to roll along the wall, which is not solved",
+    "accumulation": "impacts follow one another without end in finite time, which is not solved",
 }
 
 
@@ -55,7 +58,8 @@ def summary_text(name: str, record: Mapping[str, Any], folder: Path | None) -> s
         lines.append(f"  impacts    {_impacts(record)}")
         lines.append(f"  energy     {_energy(record)}")
         lines.append(f"  accuracy   {_accuracy(record)}")
-        lines.append(f"  validity   {_validity(record)}")
+        if "min_normal_force" in record:
+            lines.append(f"  validity   {_validity(record)}")
     if folder is not None:
         lines.append(f"  files      {printable(str(folder))}")
     return "\n".join(lines)
@@ -74,6 +78,8 @@ def _impacts(record: Mapping[str, Any]) -> str:
         first, last = record["first_collision_time"], record["last_collision_time"]
         until = f" to {quantity(last, 's')}" if last != first else ""
         impacts += f", {'from' if until else 'at'} t = {quantity(first, 's')}{until}"
+    if "bounces" in record:
+        return f"{impacts}; {count(record['bounces'], 'impact', 'impacts')} on the wall"
     crossings = count(record["crossings"], "crossing", "crossings")
     contacts = count(record["contacts"], "lasting contact", "lasting contacts")
     quiet = record["quiet_from"]

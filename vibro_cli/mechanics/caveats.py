@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
+from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.system import System
 
 _EPSILON = 2.0**-52
@@ -15,23 +17,10 @@ def mechanics_warnings(system: System, stop_time: float | None = None) -> tuple[
 
     `stop_time` (s) is when its run ends at the latest.
     """
-    warnings = []
     neighbours = list(pairwise(system.bodies))
     if system.trace.closed and len(system.bodies) > 2:
         neighbours.append((system.bodies[-1], system.bodies[0]))
-    unequal_kappa = any(a.kappa != b.kappa for a, b in neighbours)
-    if system.law == "translational" and unequal_kappa:
-        warnings.append(
-            "the translational law does not conserve the energy of rolling at k = 1"
-            " between bodies of unequal J_C/(m r^2)"
-        )
-    unequal_radii = any(a.radius != b.radius for a, b in neighbours)
-    if system.law == "hedrih" and unequal_radii:
-        then = "the run stops there" if system.inadmissible == "stop" else "normal-impulse is used"
-        warnings.append(
-            "the hedrih law between bodies of unequal radii can be inadmissible"
-            f" (they would go through one another): {then}"
-        )
+    warnings = law_warnings(system.law, system.inadmissible, neighbours)
     longest = _longest_phase(system)
     if stop_time is not None and stop_time > longest:
         warnings.append(
@@ -39,6 +28,25 @@ def mechanics_warnings(system: System, stop_time: float | None = None) -> tuple[
             f" t = {longest:.2g} s on: rounding alone turns the phase of their motion by a radian"
         )
     return tuple(warnings)
+
+
+def law_warnings(law: str, inadmissible: str, pairs: Sequence[tuple[Body, Body]]) -> list[str]:
+    """Return what is doubtful about a law between the bodies that can meet."""
+    warnings = []
+    unequal_kappa = any(a.kappa != b.kappa for a, b in pairs)
+    if law == "translational" and unequal_kappa:
+        warnings.append(
+            "the translational law does not conserve the energy of rolling at k = 1"
+            " between bodies of unequal J_C/(m r^2)"
+        )
+    unequal_radii = any(a.radius != b.radius for a, b in pairs)
+    if law == "hedrih" and unequal_radii:
+        then = "the run stops there" if inadmissible == "stop" else "normal-impulse is used"
+        warnings.append(
+            "the hedrih law between bodies of unequal radii can be inadmissible"
+            f" (they would go through one another): {then}"
+        )
+    return warnings
 
 
 def _longest_phase(system: System) -> float:

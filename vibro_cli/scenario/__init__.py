@@ -4,6 +4,7 @@ from vibro_cli.scenario.loading import (
     any_scenario_of,
     load_any,
     load_scenario,
+    parse_any,
     parse_scenario,
     scenario_of,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "any_scenario_of",
     "load_any",
     "load_scenario",
+    "parse_any",
     "parse_scenario",
     "scenario_of",
 ]

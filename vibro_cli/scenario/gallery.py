@@ -6,6 +6,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
+from vibro_cli.scenario.models import SYSTEMS
 from vibro_cli.scenario.problems import Place, Problem, ScenarioError, listing, shown, suggestion
 
 
@@ -17,8 +18,14 @@ def _folder() -> Traversable:
 
 def names() -> list[str]:
     """Return the names of the scenarios, sorted."""
-    entries = [entry.name for entry in _folder().iterdir()]
-    return sorted(name.removesuffix(".toml") for name in entries if name.endswith(".toml"))
+    return sorted(_entries())
+
+
+def _entries() -> dict[str, Traversable]:
+    """Return the scenarios by name: those of a trace, and those of other systems in folders."""
+    folders = [_folder(), *(_folder() / system for system in SYSTEMS)]
+    entries = [entry for folder in folders if folder.is_dir() for entry in folder.iterdir()]
+    return {e.name.removesuffix(".toml"): e for e in entries if e.name.endswith(".toml")}
 
 
 def text(name: str) -> str:
@@ -29,8 +36,9 @@ def text(name: str) -> str:
     ScenarioError
         If there is no scenario of that name.
     """
-    known = names()
+    entries = _entries()
+    known = sorted(entries)
     if name not in known:
         expected = listing(known) + suggestion(name, known)
         raise ScenarioError([Problem.at(Place("gallery"), "", shown(name), expected)])
-    return (_folder() / f"{name}.toml").read_text(encoding="utf-8")
+    return entries[name].read_text(encoding="utf-8")

@@ -79,6 +79,13 @@ def load_any(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
     return any_scenario_of(load_document(source), overrides)
 
 
+def parse_any(
+    text: str, form: str = "toml", overrides: Sequence[str] = (), file: str = "<text>"
+) -> AnyScenario:
+    """Read a scenario of whatever system; else as :func:`parse_scenario`."""
+    return any_scenario_of(parse_document(text, form, file), overrides)
+
+
 def parse_scenario(
     text: str, form: str = "toml", overrides: Sequence[str] = (), file: str = "<text>"
 ) -> Scenario:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from vibro_cli import __version__
 from vibro_cli.storage.files import new_folder
@@ -24,42 +24,53 @@ from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 if TYPE_CHECKING:
     import pyarrow
 
-    from vibro_cli.scenario import Scenario
+    from vibro_cli.api import AnyRun
+    from vibro_cli.scenario.systems import AnyScenario
     from vibro_cli.simulation.run import Run
 
 SCENARIO_NAME = "scenario.json"
 CHECKPOINT_NAME = "checkpoint.json"
-_TABLES = ("collisions", "events", "summary", "motion")
+_TABLES = {
+    "trace": ("collisions", "events", "summary", "motion"),
+    "table": ("collisions", "bounces", "summary", "motion"),
+}
+"""The tables of a run of each system; motion is there only when it was asked for."""
 
 check_run_folder = partial(check_replaceable, kind="run")
 
 
-def origin_of(scenario: "Scenario") -> Origin:
+def origin_of(scenario: "AnyScenario") -> Origin:
     """Scenario and program version, as they stand in the metadata of every table."""
     return Origin(scenario.resolved(), __version__)
 
 
-def run_table(run: "Run", name: str, origin: Origin) -> "pyarrow.Table":
-    """A table of a run ("collisions", "events", "summary", "motion") in arrow form."""
+def run_table(run: "AnyRun", name: str, origin: Origin) -> "pyarrow.Table":
+    """A table of a run ("collisions", "summary", …) in arrow form."""
     columns: Mapping[str, Any] = getattr(run, name)
-    return to_arrow(table_named(name, list(columns)), columns, origin)
+    system = origin.scenario.get("system", "trace")
+    return to_arrow(table_named(name, list(columns), system), columns, origin)
 
 
-def run_files(run: "Run", scenario: "Scenario") -> dict[str, bytes]:
+def run_files(run: "AnyRun", scenario: "AnyScenario") -> dict[str, bytes]:
     """Every file of a run except its figures: name to content."""
     origin = origin_of(scenario)
     files = {}
-    for name in _TABLES:
-        if getattr(run, name) is not None:  # motion is there only when it was asked for
+    for name in _TABLES[scenario.system]:
+        if getattr(run, name) is not None:
             files[f"{name}.parquet"] = parquet_bytes(run_table(run, name, origin))
     files["summary.json"] = json_bytes(run.summary_record())
-    files[CHECKPOINT_NAME] = json_bytes(run.checkpoint())
     files[SCENARIO_NAME] = json_bytes(origin.scenario)
+    if scenario.system != "trace":
+        return files  # such a run cannot be continued
+    run = cast("Run", run)
+    files[CHECKPOINT_NAME] = json_bytes(run.checkpoint())
     files[HISTORY_NAME] = history_bytes(run.history())
     return files
 
 
-def write_run(run: "Run", scenario: "Scenario", target: Path, figures: Mapping[str, bytes]) -> None:
+def write_run(
+    run: "AnyRun", scenario: "AnyScenario", target: Path, figures: Mapping[str, bytes]
+) -> None:
     """Write the folder of a run, whole or not at all; `figures` are files' names and contents.
 
     Raises `FolderRefused` when `target` is there and is no run of ours, `OSError` when it cannot be
@@ -100,6 +111,8 @@ def read_earlier_run(folder: Path) -> EarlierRun:
         raise NotContinuable(
             f"{folder} was written by vibro {version}; expected {__version__}, this program"
         )
+    if CHECKPOINT_NAME not in found["files"]:
+        raise NotContinuable(f"{folder} is of a system whose runs cannot be continued nor reported")
     content = {}
     for name in (SCENARIO_NAME, CHECKPOINT_NAME, HISTORY_NAME):
         content[name] = (folder / name).read_bytes()

@@ -33,27 +33,35 @@ class Table:
     columns: tuple[Column, ...]
 
     @property
+    def file(self) -> str:
+        """The name of its file without the suffix: that of a system's table stands before it."""
+        return self.name.rpartition(".")[2]
+
+    @property
     def schema_id(self) -> str:
         """Name and version of the schema, as written into the files' metadata."""
         return f"{self.name}/{SCHEMA_VERSION}"
 
 
-def _number(name: str, unit: str, description: str, nullable: bool = False) -> Column:
+def number(name: str, unit: str, description: str, nullable: bool = False) -> Column:
+    """A column of numbers with a unit."""
     return Column(name, "float64", unit, description, nullable)
 
 
-def _count(name: str, description: str, nullable: bool = False) -> Column:
+def count(name: str, description: str, nullable: bool = False) -> Column:
+    """A column of whole numbers."""
     return Column(name, "int64", "", description, nullable)
 
 
-def _flag(name: str, description: str) -> Column:
+def flag(name: str, description: str) -> Column:
+    """A column of truth values."""
     return Column(name, "bool", "", description)
 
 
 def _pair(prefix: str, suffix: str, unit: str, text: str, nullable: bool = False) -> list[Column]:
     """The same quantity of both bodies of an impact."""
     return [
-        _number(f"{prefix}_{body}{suffix}", unit, f"{text} of body {body}", nullable)
+        number(f"{prefix}_{body}{suffix}", unit, f"{text} of body {body}", nullable)
         for body in ("a", "b")
     ]
 
@@ -77,46 +85,46 @@ _VALUE = (
     "m/s; contact_closed: how long the bounces before it lasted in s; slip: the coefficient of "
     "friction; lift_off: the normal force in N; else null"
 )
-_SIDE = _count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
+_SIDE = count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
 
 
 def collisions(sided: bool = False) -> Table:
     """The table of impacts; `sided` for two bodies on a closed trace, which may meet two ways."""
     columns = [
-        _count("n", "number of the impact, from 1"),
-        _number("t", "s", "time of the impact, the nearest double"),
-        _number("t_low", "s", "what t lacks: t + t_low is the time in two doubles"),
-        _number("dt", "s", "time since the previous row (null in the first)", nullable=True),
-        _count("ball_a", "left body of the pair, from 1"),
-        _count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)"),
+        count("n", "number of the impact, from 1"),
+        number("t", "s", "time of the impact, the nearest double"),
+        number("t_low", "s", "what t lacks: t + t_low is the time in two doubles"),
+        number("dt", "s", "time since the previous row (null in the first)", nullable=True),
+        count("ball_a", "left body of the pair, from 1"),
+        count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)"),
         *([_SIDE] if sided else []),
-        _count("arc_a", "piece of the trace body a is on, from 1"),
-        _count("arc_b", "piece of the trace body b is on, from 1"),
+        count("arc_a", "piece of the trace body a is on, from 1"),
+        count("arc_b", "piece of the trace body b is on, from 1"),
         *_pair("angle", "", "rad", _ANGLE, nullable=True),
         *_pair("s", "", "m", "arc length from the trace's left end to the contact point"),
-        _number("x_a", "m", "horizontal place of the centre of body a"),
-        _number("y_a", "m", "height of the centre of body a"),
-        _number("x_b", "m", "horizontal place of the centre of body b"),
-        _number("y_b", "m", "height of the centre of body b"),
+        number("x_a", "m", "horizontal place of the centre of body a"),
+        number("y_a", "m", "height of the centre of body a"),
+        number("x_b", "m", "horizontal place of the centre of body b"),
+        number("y_b", "m", "height of the centre of body b"),
         *_before_and_after("rate", "rad/s", _RATE, nullable=True),
         *_before_and_after("omega", "rad/s", "angular velocity about the contact point"),
         *_before_and_after("speed", "m/s", "signed speed of the centre"),
         *_before_and_after("energy", "J", _ENERGY),
-        _number(
+        number(
             "energy_loss",
             "J",
             "energy lost in the impact; where contact begins, in all further bounces too",
         ),
-        _number("impulse_moment", "N m s", "J_Pb (ω_b⁺ − ω_b⁻), the moment of the impulse"),
-        _number("approach_speed", "m/s", "speed of approach along the line of centres, before"),
-        _number("separation_speed", "m/s", "speed of separation along the line of centres, after"),
-        _number("gap", "m", "distance of the surfaces left at that time"),
+        number("impulse_moment", "N m s", "J_Pb (ω_b⁺ − ω_b⁻), the moment of the impulse"),
+        number("approach_speed", "m/s", "speed of approach along the line of centres, before"),
+        number("separation_speed", "m/s", "speed of separation along the line of centres, after"),
+        number("gap", "m", "distance of the surfaces left at that time"),
         Column("law", "string", "", "impact law that gave the speeds after the impact"),
-        _flag("admissible", "whether the bodies separate after the law of the scenario"),
-        _flag("substituted", "whether the normal-impulse law stood in for an inadmissible impact"),
-        _flag("simultaneous", "whether other pairs collide at the same instant"),
-        _flag("grazing", "whether the contact cannot be told from a touch in double precision"),
-        _flag("contact", "whether lasting contact of the pair begins here"),
+        flag("admissible", "whether the bodies separate after the law of the scenario"),
+        flag("substituted", "whether the normal-impulse law stood in for an inadmissible impact"),
+        flag("simultaneous", "whether other pairs collide at the same instant"),
+        flag("grazing", "whether the contact cannot be told from a touch in double precision"),
+        flag("contact", "whether lasting contact of the pair begins here"),
     ]
     return Table("collisions", "one impact of one pair", tuple(columns))
 
@@ -124,20 +132,20 @@ def collisions(sided: bool = False) -> Table:
 def events() -> Table:
     """The table of everything else that happens at an instant."""
     columns = (
-        _number("t", "s", "time of the event"),
+        number("t", "s", "time of the event"),
         Column(
             "event",
             "string",
             "",
             "crossing, turning, contact_closed, contact_opened, wall, end, lift_off or slip",
         ),
-        _count("ball", "body it happens to, from 1", nullable=True),
-        _count("other", "other body of the pair, from 1", nullable=True),
-        _count("arc_from", "piece of the trace before the event, from 1", nullable=True),
-        _count("arc_to", "piece of the trace after the event, from 1", nullable=True),
-        _number("s", "m", "arc length from the trace's left end to the contact point", True),
-        _number("speed", "m/s", "signed speed of the body's centre after the event", True),
-        _number("value", "", _VALUE, True),
+        count("ball", "body it happens to, from 1", nullable=True),
+        count("other", "other body of the pair, from 1", nullable=True),
+        count("arc_from", "piece of the trace before the event, from 1", nullable=True),
+        count("arc_to", "piece of the trace after the event, from 1", nullable=True),
+        number("s", "m", "arc length from the trace's left end to the contact point", True),
+        number("speed", "m/s", "signed speed of the body's centre after the event", True),
+        number("value", "", _VALUE, True),
     )
     return Table("events", "one event other than an impact", columns)
 
@@ -145,15 +153,15 @@ def events() -> Table:
 def motion() -> Table:
     """The table of the sampled motion."""
     columns = (
-        _number("t", "s", "time"),
-        _count("ball", "body, from 1"),
-        _count("arc", "piece of the trace the body is on, from 1"),
-        _number("angle", "rad", _ANGLE, nullable=True),
-        _number("s", "m", "arc length from the trace's left end to the contact point"),
-        _number("x", "m", "horizontal place of the centre"),
-        _number("y", "m", "height of the centre"),
-        _number("speed", "m/s", "signed speed of the centre"),
-        _number("energy", "J", _ENERGY),
+        number("t", "s", "time"),
+        count("ball", "body, from 1"),
+        count("arc", "piece of the trace the body is on, from 1"),
+        number("angle", "rad", _ANGLE, nullable=True),
+        number("s", "m", "arc length from the trace's left end to the contact point"),
+        number("x", "m", "horizontal place of the centre"),
+        number("y", "m", "height of the centre"),
+        number("speed", "m/s", "signed speed of the centre"),
+        number("energy", "J", _ENERGY),
     )
     return Table("motion", "one body at one sampled time", columns)
 
@@ -168,27 +176,25 @@ _SUMMARY_HEAD = (
         "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off or rest",
         nullable=True,
     ),
-    _number("end_time", "s", "time at which the run ended", True),
-    _number("quiet_from", "s", "time since when no further impact was possible", True),
-    _count("collisions", "number of impacts", True),
-    _count("crossings", "number of junctions crossed (a seam counts as one)", True),
-    _count("contacts", "number of lasting contacts begun", True),
-    _number("first_collision_time", "s", "time of the first impact", True),
-    _number("last_collision_time", "s", "time of the last impact", True),
-    _number("energy_start", "J", "energy of all bodies at the start", True),
-    _number("energy_end", "J", "energy of all bodies at the end", True),
-    _number(
+    number("end_time", "s", "time at which the run ended", True),
+    number("quiet_from", "s", "time since when no further impact was possible", True),
+    count("collisions", "number of impacts", True),
+    count("crossings", "number of junctions crossed (a seam counts as one)", True),
+    count("contacts", "number of lasting contacts begun", True),
+    number("first_collision_time", "s", "time of the first impact", True),
+    number("last_collision_time", "s", "time of the last impact", True),
+    number("energy_start", "J", "energy of all bodies at the start", True),
+    number("energy_end", "J", "energy of all bodies at the end", True),
+    number(
         "energy_drift",
         "",
         "relative change of the energy, where it should be kept (else null)",
         True,
     ),
-    _number(
-        "energy_correction", "J", "sum of the corrections that keep the energy, absolute", True
-    ),
-    _number("max_gap", "m", "largest distance of the surfaces left at an impact", True),
-    _number("min_normal_force", "N", "smallest normal force of the trace on any body", True),
-    _number(
+    number("energy_correction", "J", "sum of the corrections that keep the energy, absolute", True),
+    number("max_gap", "m", "largest distance of the surfaces left at an impact", True),
+    number("min_normal_force", "N", "smallest normal force of the trace on any body", True),
+    number(
         "max_friction_demand",
         "",
         "largest coefficient of friction that rolling needs (null if no coefficient suffices)",
@@ -200,10 +206,10 @@ _SUMMARY_HEAD = (
 def final_state(ball: int | str) -> tuple[Column, ...]:
     """The columns of a body's final state; `ball` counts from 1."""
     return (
-        _count(f"arc_{ball}", f"piece of the trace body {ball} ends on, from 1", True),
-        _number(f"angle_{ball}", "rad", f"final angle of body {ball} (null on a line)", True),
-        _number(f"s_{ball}", "m", f"final arc length of the contact point of body {ball}", True),
-        _number(f"speed_{ball}", "m/s", f"final signed speed of the centre of body {ball}", True),
+        count(f"arc_{ball}", f"piece of the trace body {ball} ends on, from 1", True),
+        number(f"angle_{ball}", "rad", f"final angle of body {ball} (null on a line)", True),
+        number(f"s_{ball}", "m", f"final arc length of the contact point of body {ball}", True),
+        number(f"speed_{ball}", "m/s", f"final signed speed of the centre of body {ball}", True),
     )
 
 
@@ -219,11 +225,15 @@ def reference() -> tuple[Table, ...]:
     return (collisions(sided=True), events(), motion(), sample)
 
 
-def table_named(name: str, column_names: Sequence[str]) -> Table:
-    """The table `name` as it must be for data with these columns.
+def table_named(name: str, column_names: Sequence[str], system: str = "trace") -> Table:
+    """The table `name` of a system, as it must be for data with these columns.
 
     Raises `ValueError` for a name that is no table.
     """
+    if system != "trace":
+        from vibro_cli.storage.system_schema import system_table
+
+        return system_table(system, name, column_names)
     if name == "collisions":
         return collisions(sided=_SIDE.name in column_names)
     if name == "summary":
@@ -256,10 +266,15 @@ def as_json() -> dict[str, object]:
 
 def as_markdown() -> str:
     """The description of all tables as it stands in README.md."""
+    return markdown_of(reference())
+
+
+def markdown_of(tables: Iterable[Table]) -> str:
+    """The description of tables as Markdown."""
     parts = []
-    for table in reference():
+    for table in tables:
         lines = [
-            f"`{table.name}.parquet`: {table.row} in each row.",
+            f"`{table.file}.parquet`: {table.row} in each row.",
             "",
             "| column | type | unit | null | meaning |",
             "|---|---|---|---|---|",

@@ -1,0 +1,182 @@
+"""Balls on a table to 50 digits: every event the first of all, looked for anew; a twin for tests.
+
+Nothing is shared with the solver. The contact with an ellipse is the root of two equations in time
+and eccentric angle, started from a fine search along the path; the others are roots of polynomials.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from mpmath import MPContext
+
+mp: Any = MPContext()
+mp.dps = 50
+Vector = tuple[Any, Any]
+
+
+@dataclass
+class Ball:
+    radius: Any
+    inertia: Any  # kappa m
+    place: Vector
+    velocity: Vector
+
+
+@dataclass(frozen=True)
+class Event:
+    t: Any
+    kind: str
+    balls: tuple[int, ...]
+    places: tuple[Vector, ...]
+    velocities: tuple[Vector, ...]
+
+
+def number(value: float) -> Any:
+    return mp.mpf(value)
+
+
+def ball(
+    radius: float, inertia: float, place: tuple[float, float], velocity: tuple[float, float]
+) -> Ball:
+    return Ball(
+        number(radius),
+        number(inertia),
+        (number(place[0]), number(place[1])),
+        (number(velocity[0]), number(velocity[1])),
+    )
+
+
+class Ellipse:
+    """An elliptic wall around the balls."""
+
+    def __init__(self, a: float, b: float, k: float) -> None:
+        self.a, self.b, self.k = number(a), number(b), number(k)
+
+    def _centre(self, angle: Any, radius: Any) -> tuple[Any, Any, Any, Any]:
+        x, y = self.a * mp.cos(angle), self.b * mp.sin(angle)
+        nx, ny = x / self.a**2, y / self.b**2
+        size = mp.sqrt(nx**2 + ny**2)
+        return x - radius * nx / size, y - radius * ny / size, nx / size, ny / size
+
+    def _near(self, x: float, y: float) -> tuple[float, float]:
+        """Least distance of a place from the ellipse, and the eccentric angle there, roughly."""
+        a, b = float(self.a), float(self.b)
+        angles = [math.tau * n / 720 for n in range(720)]
+        return min((math.hypot(a * math.cos(f) - x, b * math.sin(f) - y), f) for f in angles)
+
+    def hit(self, one: Ball) -> tuple[Any, Vector]:
+        """Time until the contact, and the normal there."""
+        px, py, vx, vy = map(float, (*one.place, *one.velocity))
+        speed, radius = math.hypot(vx, vy), float(one.radius)
+        a, b = float(self.a), float(self.b)
+
+        def within(t: float) -> bool:
+            x, y = px + vx * t, py + vy * t
+            return (x / a) ** 2 + (y / b) ** 2 < 1 and self._near(x, y)[0] > radius
+
+        step = 0.01 * b / speed
+        # Beyond a first bit: the ball may have just left the wall.
+        t = step
+        while within(t):
+            t += step
+        angle = self._near(px + vx * t, py + vy * t)[1]
+
+        def equations(time: Any, angle: Any) -> list[Any]:
+            x, y, _, _ = self._centre(angle, one.radius)
+            return [
+                one.place[0] + one.velocity[0] * time - x,
+                one.place[1] + one.velocity[1] * time - y,
+            ]
+
+        time, angle = mp.findroot(equations, (mp.mpf(t), mp.mpf(angle)), tol=mp.mpf(10) ** -80)
+        _, _, nx, ny = self._centre(angle, one.radius)
+        return time, (nx, ny)
+
+
+class Box:
+    """A rectangle around the balls, its middle at the origin."""
+
+    def __init__(self, width: float, depth: float, k: float) -> None:
+        self.half, self.k = (number(width) / 2, number(depth) / 2), number(k)
+
+    def hit(self, one: Ball) -> tuple[Any, Vector]:
+        """Time until the contact, and the normal there."""
+        found = []
+        for axis in (0, 1):
+            for sign in (1, -1):
+                speed = sign * one.velocity[axis]
+                if speed > 0:
+                    room = self.half[axis] - one.radius - sign * one.place[axis]
+                    normal = (mp.mpf(sign), mp.zero) if axis == 0 else (mp.zero, mp.mpf(sign))
+                    found.append((room / speed, normal))
+        return min(found, key=lambda one: one[0])
+
+
+def pair_time(one: Ball, other: Ball) -> Any:
+    """Time until two balls touch, None if never."""
+    d = [b - a for a, b in zip(one.place, other.place, strict=True)]
+    w = [b - a for a, b in zip(one.velocity, other.velocity, strict=True)]
+    half = d[0] * w[0] + d[1] * w[1]
+    if half >= 0:
+        return None
+    square = w[0] ** 2 + w[1] ** 2
+    rest = d[0] ** 2 + d[1] ** 2 - 4 * one.radius * other.radius
+    inside = half**2 - square * rest
+    return None if inside < 0 else (-half - mp.sqrt(inside)) / square
+
+
+def collide(one: Ball, other: Ball, k: Any) -> None:
+    """The papers' law, C (3), on the components along the line of centres."""
+    d = [b - a for a, b in zip(one.place, other.place, strict=True)]
+    size = mp.sqrt(d[0] ** 2 + d[1] ** 2)
+    n = (d[0] / size, d[1] / size)
+    omegas = [(b.velocity[0] * n[0] + b.velocity[1] * n[1]) / b.radius for b in (one, other)]
+    inertia = [b.inertia * b.radius**2 for b in (one, other)]
+    relative = omegas[0] - omegas[1]
+    changes = (
+        -(1 + k) / (1 + inertia[0] / inertia[1]) * relative,
+        (1 + k) / (1 + inertia[1] / inertia[0]) * relative,
+    )
+    for b, change in zip((one, other), changes, strict=True):
+        b.velocity = tuple(v + change * b.radius * c for v, c in zip(b.velocity, n, strict=True))
+
+
+def run(balls: list[Ball], wall: Any, k: float, events: int) -> list[Event]:
+    """The first events, one after the other."""
+    t, found = mp.zero, []
+    for _ in range(events):
+        options: list[tuple[Any, tuple[int, ...], Any]] = []
+        for a, one in enumerate(balls):
+            if wall is not None and one.velocity != (0, 0):
+                time, normal = wall.hit(one)
+                options.append((time, (a,), normal))
+            for b in range(a + 1, len(balls)):
+                time = pair_time(one, balls[b])
+                if time is not None:
+                    options.append((time, (a, b), None))
+        time, who, normal = min(options, key=lambda option: option[0])
+        t += time
+        for one in balls:
+            one.place = tuple(x + v * time for x, v in zip(one.place, one.velocity, strict=True))
+        if normal is not None:
+            (one,) = (balls[n] for n in who)
+            across = one.velocity[0] * normal[0] + one.velocity[1] * normal[1]
+            one.velocity = tuple(
+                v - (1 + wall.k) * across * c for v, c in zip(one.velocity, normal, strict=True)
+            )
+        else:
+            collide(balls[who[0]], balls[who[1]], number(k))
+        moved = [balls[n] for n in who]
+        found.append(
+            Event(
+                t,
+                "bounce" if normal is not None else "impact",
+                who,
+                tuple(one.place for one in moved),
+                tuple(one.velocity for one in moved),
+            )
+        )
+    return found

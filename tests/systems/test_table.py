@@ -1,0 +1,337 @@
+"""Balls on a table: laws of impacts, walls, the order of events, against 50 digits and theorems."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.highprecision import table as twin
+from tests.systems.table_cases import Document, ball, box, ellipse, particle, solve, table
+from vibro_cli.systems.table.run import TableRun
+
+EPSILON = 2.0**-52
+
+
+def events(run: TableRun) -> list[tuple[float, tuple[int, ...], list[tuple[float, ...]]]]:
+    """Time, balls, and for each its place and velocity after, of every event in order."""
+    found = []
+    table = run.collisions
+    for row in range(len(table["n"])):
+        balls = tuple(int(table[f"ball_{end}"][row]) - 1 for end in "ab")
+        states = [
+            tuple(
+                float(table[name][row])
+                for name in (
+                    f"x_{end}", f"y_{end}", f"velocity_x_{end}_post", f"velocity_y_{end}_post",
+                )
+            )
+            for end in "ab"
+        ]  # fmt: skip
+        found.append((float(table["t"][row]), balls, states))
+    table = run.bounces
+    names = ("x", "y", "velocity_x_post", "velocity_y_post")
+    for row in range(len(table["n"])):
+        state = tuple(float(table[name][row]) for name in names)
+        found.append((float(table["t"][row]), (int(table["ball"][row]) - 1,), [state]))
+    return sorted(found, key=lambda event: event[0])
+
+
+def twins_of(document: Document) -> list[twin.Ball]:
+    return [
+        twin.ball(
+            b["radius"], b["mass"] * (1.0 if b.get("body") == "particle" else 1.4),
+            (b["x"], b["y"]), (b["velocity_x"], b["velocity_y"]),
+        )
+        for b in document["balls"]
+    ]  # fmt: skip
+
+
+CASES: dict[str, tuple[Document, Any]] = {
+    "ellipse, r = 0.1": (
+        table([ball(0.3, 0.1, 0.9, 0.7)], ellipse(2.0, 1.2, 0.97), bounces=10),
+        twin.Ellipse(2.0, 1.2, 0.97),
+    ),
+    "ellipse, r = 0": (
+        table([particle(0.3, -0.2, -0.4, 0.9)], ellipse(1.0, 1.7), bounces=10),
+        twin.Ellipse(1.0, 1.7, 1.0),
+    ),
+    "box, three unequal balls": (
+        table(
+            [
+                ball(-0.6, 0.05, 1.3, 0.2, radius=0.12, mass=2.0),
+                ball(0.1, 0.1, 0.0, -0.3, radius=0.11),
+                ball(0.55, -0.2, -0.6, 0.5, radius=0.115, mass=1.7),
+            ],
+            box(2.0, 1.4, 0.9), k=0.95, collisions=10, bounces=10,
+        ),
+        twin.Box(2.0, 1.4, 0.9),
+    ),
+    "ellipse, two balls": (
+        table(
+            [ball(-0.6, 0.05, 1.3, 0.2), ball(0.4, 0.1, 0.2, -0.3, mass=2.0)],
+            ellipse(1.5, 1.0), collisions=10, bounces=10,
+        ),
+        twin.Ellipse(1.5, 1.0, 1.0),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_first_ten_impacts_against_fifty_digits(name: str) -> None:
+    document, wall = CASES[name]
+    found = events(solve(document))[:10]
+    exact = twin.run(twins_of(document), wall, document.get("collision", {}).get("k", 1.0), 10)
+    assert len(found) == 10
+    for (t, balls, states), event in zip(found, exact, strict=True):
+        assert balls == event.balls
+        assert abs(t - event.t) <= 1e-12 * event.t
+        for state, place, velocity in zip(states, event.places, event.velocities, strict=True):
+            for value, known in zip(state, (*place, *velocity), strict=True):
+                assert abs(value - known) <= 1e-12
+
+
+@given(
+    angle=st.floats(-1.2, 1.2),
+    radii=st.tuples(st.floats(0.05, 0.2), st.floats(0.05, 0.2)),
+    masses=st.tuples(st.floats(0.1, 10.0), st.floats(0.1, 10.0)),
+    k=st.floats(0.0, 1.0),
+    law=st.sampled_from(["hedrih", "normal-impulse", "translational"]),
+)
+@settings(deadline=None)
+def test_a_law_acts_along_the_line_of_centres(
+    angle: float, radii: tuple[float, float], masses: tuple[float, float], k: float, law: str
+) -> None:
+    touch = 2.0 * math.sqrt(radii[0] * radii[1])
+    first = ball(0.0, 0.0, 1.0, 0.3, radius=radii[0], mass=masses[0])
+    x, y = 1.01 * touch * math.cos(angle), 1.01 * touch * math.sin(angle)
+    second = ball(x, y, -0.4, 0.1, radius=radii[1], mass=masses[1])
+    document = table([first, second], k=k, collisions=1)
+    document["collision"] |= {"law": law, "inadmissible": "normal-impulse"}
+    run = solve(document)
+    if not len(run.collisions["n"]):
+        return  # they miss
+    row = {name: values[0] for name, values in run.collisions.items()}
+    n = np.array([math.cos(row["normal_angle"]), math.sin(row["normal_angle"])])
+    across = np.array([-n[1], n[0]])
+    before = {end: np.array([row[f"velocity_{a}_{end}_pre"] for a in "xy"]) for end in "ab"}
+    after = {end: np.array([row[f"velocity_{a}_{end}_post"] for a in "xy"]) for end in "ab"}
+    size = max(float(np.linalg.norm(v)) for v in (*before.values(), *after.values()))
+    for end in "ab":
+        assert abs(after[end] @ across - before[end] @ across) <= 1e-15 * max(size, 1.0)
+        assert abs(row[f"tangential_speed_{end}"] - before[end] @ across) <= 1e-15 * size
+        assert abs(row[f"normal_speed_{end}_pre"] - before[end] @ n) <= 1e-15 * size
+    if row["law"] == "hedrih":
+        inertias = [1.4 * m * r**2 for m, r in zip(masses, radii, strict=True)]
+        omegas = [before[end] @ n / r for end, r in zip("ab", radii, strict=True)]
+        change = (1.0 + k) / (1.0 + inertias[0] / inertias[1]) * (omegas[0] - omegas[1])
+        expected = (omegas[0] - change) * radii[0]
+    else:
+        weights = masses if row["law"] == "translational" else [1.4 * m for m in masses]
+        change = (1.0 + k) / (1.0 + weights[0] / weights[1])
+        expected = before["a"] @ n - change * (before["a"] @ n - before["b"] @ n)
+    assert abs(row["normal_speed_a_post"] - expected) <= 4e-15 * max(size, 1.0)
+
+
+def test_of_two_equal_balls_the_one_at_rest_leaves_at_a_right_angle() -> None:
+    run = solve(table([ball(-1.0, 0.07, 1.0), ball(0.0, 0.0)], collisions=1))
+    row = {name: values[0] for name, values in run.collisions.items()}
+    product = sum(row[f"velocity_{a}_a_post"] * row[f"velocity_{a}_b_post"] for a in "xy")
+    assert abs(product) <= 1e-15
+    assert row["energy_loss"] == 0.0
+
+
+def test_balls_of_unequal_radii_touch_at_twice_the_geometric_mean() -> None:
+    first, second = ball(-1.0, 0.0, 1.0, radius=0.2), ball(0.0, 0.0, radius=0.05, mass=3.0)
+    document = table([first, second], collisions=1)
+    document["collision"]["law"] = "normal-impulse"
+    run = solve(document)
+    apart = run.collisions["x_b"][0] - run.collisions["x_a"][0]
+    assert abs(apart - 2.0 * math.sqrt(0.2 * 0.05)) <= EPSILON
+    assert abs(run.collisions["t"][0] - 0.8) <= EPSILON
+
+
+def test_an_inadmissible_impact_ends_the_run_or_is_substituted() -> None:
+    first = ball(-1.0, 0.0, 1.0, radius=0.2)
+    second = ball(0.0, 0.0, 0.6, radius=0.08)
+    document = table([first, second], k=0.6, time=5.0)
+    run = solve(document)
+    assert run.end_cause == "inadmissible"
+    assert not run.collisions["admissible"][-1]
+    last = run.sample([run.end_time])
+    assert last["velocity_x"][0] == 1.0  # the impact was not carried out
+    document["collision"]["inadmissible"] = "normal-impulse"
+    run = solve(document)
+    assert run.end_cause == "time"
+    assert run.collisions["substituted"][0]
+    assert run.collisions["separation_speed"][0] >= 0.0
+
+
+@pytest.mark.parametrize("shape", [(2.0, 1.2), (1.0, 1.6)])
+def test_the_foci_of_an_elliptic_wall(shape: tuple[float, float]) -> None:
+    """At r = 0 and k = 1 the product of the angular momenta about the foci stays."""
+    a, b = shape
+    run = solve(table([particle(0.3, 0.1, 0.9, 0.7)], ellipse(a, b), bounces=100_000), "numba")
+    rows = run.bounces
+    c = math.sqrt(abs(a * a - b * b))
+    focus = (c, 0.0) if a > b else (0.0, c)
+    x, y = np.append(0.3, rows["x"]), np.append(0.1, rows["y"])
+    vx, vy = np.append(0.9, rows["velocity_x_post"]), np.append(0.7, rows["velocity_y_post"])
+    product = np.ones(len(x))
+    for sign in (1.0, -1.0):
+        product *= (x - sign * focus[0]) * vy - (y - sign * focus[1]) * vx
+    assert np.max(np.abs(product / product[0] - 1.0)) <= 1e-10
+    assert abs(run.summary_record()["energy_drift"]) <= 1e-12
+
+
+@pytest.mark.parametrize(
+    "wall",
+    [ellipse(2.0, 1.2), box(3.0, 2.0), {"shape": "circle", "radius": 1.5, "k": 1.0}],
+    ids=["ellipse", "box", "circle"],
+)
+def test_no_ball_escapes_in_a_million_bounces(wall: Document) -> None:
+    run = solve(table([ball(0.3, 0.1, 0.9, 0.7)], wall, bounces=1_000_000), "numba")
+    assert run.end_cause == "bounces"
+    x, y = np.abs(run.bounces["x"]), np.abs(run.bounces["y"])
+    if wall["shape"] == "rectangle":
+        assert max(np.max(x) - 1.4, np.max(y) - 0.9) <= 1e-14
+    else:
+        a, b = wall.get("semi_axis_x", 1.5), wall.get("semi_axis_y", 1.5)
+        nx, ny = np.cos(run.bounces["normal_angle"]), np.sin(run.bounces["normal_angle"])
+        foot_x = run.bounces["x"] + 0.1 * nx
+        foot_y = run.bounces["y"] + 0.1 * ny
+        assert np.max(np.abs((foot_x / a) ** 2 + (foot_y / b) ** 2 - 1.0)) <= 1e-14
+    assert np.all(np.diff(run.bounces["t"]) > 0.0)
+
+
+@pytest.mark.parametrize("radius", [0.0, 1e-3, 0.1, 0.4])
+@pytest.mark.parametrize("side", ["inside", "outside"])
+def test_the_contact_with_an_ellipse_is_the_first(radius: float, side: str) -> None:
+    """Along the path before it the ball is free of the wall, and there it touches it."""
+    rng = np.random.default_rng(8)
+    hits = 0
+    for _ in range(20):
+        place = rng.uniform(-0.5, 0.5, 2) if side == "inside" else rng.uniform(2.0, 3.0, 2)
+        place *= rng.choice([-1.0, 1.0], 2)
+        direction = rng.uniform(0.0, math.tau)
+        body = {"body": "particle"} if radius == 0.0 else {}
+        one = ball(
+            float(place[0]), float(place[1]), math.cos(direction), math.sin(direction),
+            radius=radius, **body,
+        )  # fmt: skip
+        run = solve(table([one], ellipse(1.4, 0.9, side=side), bounces=1, time=10.0))
+        end = float(run.bounces["t"][0]) if len(run.bounces["t"]) else 10.0
+        times = np.linspace(0.0, end, 200)
+        x = one["x"] + one["velocity_x"] * times
+        y = one["y"] + one["velocity_y"] * times
+        f = np.linspace(0.0, math.tau, 3001)
+        distances = np.hypot(x[:, None] - 1.4 * np.cos(f), y[:, None] - 0.9 * np.sin(f)).min(axis=1)
+        assert np.all(distances[:-1] >= radius - 1e-5)
+        if len(run.bounces["t"]):
+            hits += 1
+            assert abs(distances[-1] - radius) <= 2e-3
+            normal = float(run.bounces["normal_angle"][0])
+            foot = run.bounces["x"][0] + radius * math.cos(normal)
+            other = run.bounces["y"][0] + radius * math.sin(normal)
+            assert abs((foot / 1.4) ** 2 + (other / 0.9) ** 2 - 1.0) <= 1e-14
+    assert hits == 20 if side == "inside" else 1 < hits < 19
+
+
+def test_a_polygon_seen_from_outside_and_its_corners() -> None:
+    corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+    wall = {"shape": "polygon", "corners": corners, "side": "outside", "k": 1.0}
+    run = solve(table([ball(-1.0, 1.05, 1.0)], wall, time=5.0))
+    # The centre passes 0.05 above the corner: contact where it is 0.1 away from it.
+    x = -math.sqrt(0.1**2 - 0.05**2)
+    assert run.bounces["x"][0] == pytest.approx(x, abs=1e-15)
+    assert len(run.bounces["t"]) == 1
+    run = solve(table([ball(-1.0, 0.5, 1.0)], wall, time=5.0))
+    assert run.bounces["x"][0] == pytest.approx(-0.1, abs=1e-15)
+    assert run.bounces["edge"][0] == 4
+
+
+def test_an_angled_room_is_left_by_no_corner() -> None:
+    corners = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]]
+    for order in (corners, corners[::-1]):
+        wall = {"shape": "polygon", "corners": order, "k": 1.0}
+        for one in (ball(0.5, 0.5, 0.77, 0.59), particle(0.5, 0.5, 0.77, 0.59)):
+            run = solve(table([one], wall, bounces=20_000), "numba")
+            r, (x, y) = one["radius"], (run.bounces["x"], run.bounces["y"])
+            assert run.end_cause == "bounces"
+            assert min(np.min(x), np.min(y)) >= r - 1e-12
+            assert max(np.max(x), np.max(y)) <= 2.0 - r + 1e-12
+            inner = np.hypot(np.maximum(1.0 - x, 0.0), np.maximum(1.0 - y, 0.0))
+            beyond = (x > 1.0) & (y > 1.0)
+            assert not np.any(beyond)
+            near = (x < 1.0) & (y < 1.0)
+            assert np.all(inner[near] >= r - 1e-12)
+
+
+def test_into_a_corner_both_components_turn_round() -> None:
+    run = solve(table([particle(0.0, 0.0, 1.0, 1.0)], box(2.0, 2.0), time=2.5))
+    assert list(run.bounces["t"]) == [1.0, 1.0]
+    last = run.sample([2.5])
+    assert (last["velocity_x"][0], last["velocity_y"][0]) == (-1.0, -1.0)
+    assert (last["x"][0], last["y"][0]) == (-0.5, -0.5)
+
+
+def test_a_row_of_balls_hands_its_speed_on() -> None:
+    balls = [ball(-1.0, 0.0, 1.0), *(ball(0.2 * n, 0.0) for n in range(4))]
+    run = solve(table(balls, time=5.0))
+    assert len(run.collisions["n"]) == 4
+    final = run.sample([5.0])["velocity_x"]
+    assert np.array_equal(final, [0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("count", [2, 3, 17, 40])
+def test_many_balls_in_order_by_both_engines(count: int) -> None:
+    """A gas in a box: energy and order of events, and every event as if all were searched anew."""
+    rng = np.random.default_rng(count)
+    places = [(0.3 * (n % 8) - 1.05, 0.3 * (n // 8) - 0.75) for n in range(count)]
+    balls = [
+        ball(x, y, *map(float, rng.normal(size=2)), radius=float(rng.uniform(0.06, 0.12)))
+        for x, y in places
+    ]
+    document = table(balls, box(2.6, 2.0), collisions=300, time=50.0)
+    document["collision"]["law"] = "normal-impulse"
+    run = solve(document)
+    other = solve(document, "numba")
+    for name in ("collisions", "bounces"):
+        for column, values in getattr(run, name).items():
+            np.testing.assert_array_equal(values, getattr(other, name)[column], column)
+    summary = run.summary_record()
+    assert abs(summary["energy_drift"]) <= 1e-13
+    assert summary["max_gap"] <= 1e-14
+    for instant in np.linspace(0.0, run.end_time, 200):
+        state = run.sample([instant])
+        x, y = state["x"], state["y"]
+        radii = np.array([b["radius"] for b in balls])
+        touch = 2.0 * np.sqrt(radii[:, None] * radii[None, :])
+        apart = np.hypot(x[:, None] - x, y[:, None] - y)
+        np.fill_diagonal(apart, np.inf)
+        assert np.all(apart >= touch - 1e-13)
+        assert np.all(np.abs(x) <= 1.3 - radii + 1e-13)
+        assert np.all(np.abs(y) <= 1.0 - radii + 1e-13)
+
+
+def test_a_plastic_ball_stays_at_a_curved_wall_and_the_run_says_so() -> None:
+    run = solve(table([ball(0.0, 0.0, 1.0, 0.4)], ellipse(2.0, 1.2, 0.5), time=100.0))
+    assert run.end_cause == "wall_contact"
+    gaps = np.diff(run.bounces["t"])
+    assert gaps[-1] < 1e-5 * gaps[0]
+
+
+def test_a_ball_caught_between_others_accumulates_and_the_run_says_so() -> None:
+    balls = [ball(-1.0, 0.0, 1.0), ball(0.0, 0.0), ball(1.0, 0.0, -1.0)]
+    run = solve(table(balls, k=0.05, time=100.0))
+    assert run.end_cause == "accumulation"
+
+
+def test_plastic_balls_roll_on_side_by_side() -> None:
+    run = solve(table([ball(-1.0, 0.05, 1.0), ball(0.0, 0.0)], k=0.0, time=100.0))
+    assert len(run.collisions["n"]) == 1
+    assert run.end_cause == "time"

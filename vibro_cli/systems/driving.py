@@ -1,0 +1,111 @@
+"""Driving the event loop of a system with either engine, chunk by chunk of its logs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.numerics import engine
+from vibro_cli.simulation.record import Log
+
+INTERPRETED_ROWS = 256
+COMPILED_ROWS = 16384
+# A run left to itself is compiled once it has had this many rows: it depends on the scenario alone.
+COMPILE_AFTER = 4096
+
+
+@dataclass(frozen=True)
+class Library:
+    """What a system's kernels are called by."""
+
+    advance: Callable[[Any], int]
+    """The event loop; it returns ``log_full`` when it is to be called again."""
+    records: Mapping[str, type]
+    logs: Mapping[str, str]
+    """Logs, and the field of the clock that counts their rows."""
+    log_full: int
+
+
+class Driver:
+    """One run in progress; its ``world`` is a named tuple of interpreted records at first."""
+
+    def __init__(self, library: Library, world: Any, engine_name: str) -> None:
+        if engine_name not in ("auto", "python", "numba"):
+            raise ValueError(f"engine must be auto, python or numba, not {engine_name!r}")
+        self._library = library
+        self.logs = {name: Log(library.records[name]) for name in library.logs}
+        self.engine = "python"
+        self._may_compile = engine_name == "auto"
+        self._rows = 0
+        self.world = world
+        self._make_room(INTERPRETED_ROWS)
+        if engine_name == "numba":
+            self._compile()
+
+    def run(self) -> int:
+        """Run to the end; return the cause."""
+        while True:
+            cause = self._advance()
+            self._collect()
+            if cause != self._library.log_full:
+                return cause
+            if self._may_compile and self._rows >= COMPILE_AFTER:
+                self._compile()
+
+    def _advance(self) -> int:
+        if self.engine == "numba":
+            return int(engine.compiled_once(self._library.advance)(self.world))
+        return self._library.advance(self.world)
+
+    def value(self, name: str) -> float:
+        """Return a field of the run's clock, whichever engine holds it."""
+        clock: Any = self.world.clock[0]
+        return float(clock[name] if self.engine == "numba" else getattr(clock, name))
+
+    def state(self, name: str, fields: tuple[str, ...]) -> list[tuple[float, ...]]:
+        """Return fields of all records of one kind, as they are now."""
+        rows = getattr(self.world, name)
+        if self.engine == "numba":
+            return [tuple(float(row[field]) for field in fields) for row in rows]
+        return [tuple(float(getattr(row, field)) for field in fields) for row in rows]
+
+    def _collect(self) -> None:
+        clock: Any = self.world.clock[0]
+        for name, used in self._library.logs.items():
+            count = int(self.value(used))
+            self._rows += count
+            self.logs[name].take(getattr(self.world, name), count)
+            if self.engine == "numba":
+                if count > 0:
+                    self._replace_log(name, COMPILED_ROWS)
+                clock[used] = 0
+            else:
+                setattr(clock, used, 0)
+
+    def _replace_log(self, name: str, room: int) -> None:
+        kind = engine.dtype(self._library.records[name])
+        self.world = self.world._replace(**{name: np.zeros(2 * room, dtype=kind)})
+
+    def _make_room(self, room: int) -> None:
+        self.world.settings[0].room = room
+        records = self._library.records
+        rows = {n: engine.interpreted_rows(records[n], 2 * room) for n in self._library.logs}
+        self.world = self.world._replace(**rows)
+
+    def _compile(self) -> None:
+        self._may_compile = False
+        self.engine = "numba"
+        self.world.settings[0].room = COMPILED_ROWS
+        arrays: dict[str, Any] = {}
+        for name, rows in self.world._asdict().items():
+            cls = self._library.records.get(name)
+            if name in self._library.logs:
+                arrays[name] = np.zeros(2 * COMPILED_ROWS, dtype=engine.dtype(cls))  # type: ignore[arg-type]
+            elif cls is None:
+                arrays[name] = np.array(rows, dtype=np.int64)
+            else:
+                arrays[name] = engine.compiled_rows(rows, cls)
+        self.world = type(self.world)(**arrays)

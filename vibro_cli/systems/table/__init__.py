@@ -1,0 +1,1 @@
+"""Balls on a horizontal plane, with skew impacts and a wall (C, parts 1 and 2)."""

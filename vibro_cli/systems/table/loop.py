@@ -1,0 +1,74 @@
+"""The event loop of the table: the first meeting of all, its impact, the search anew."""
+
+from __future__ import annotations
+
+from vibro_cli.numerics.double import time_between
+from vibro_cli.numerics.engine import kernel
+from vibro_cli.systems.table.impacts import bounce, collide
+from vibro_cli.systems.table.queue import renew, search_all
+from vibro_cli.systems.table.world import (
+    END_ACCUMULATION,
+    END_BOUNCES,
+    END_COLLISIONS,
+    END_NO_MORE,
+    END_TIME,
+    LOG_FULL,
+    MEETS_BALL,
+    NEVER,
+    NOTHING,
+    RUNNING,
+    World,
+)
+
+# So many events in a row, of each ball, at what the clock shows as one instant are an accumulation.
+MOST_AT_ONCE = 200
+
+
+@kernel
+def advance(world: World) -> int:
+    """Run until the end, or until a log is full; return the cause."""
+    clock = world.clock[0]
+    settings = world.settings[0]
+    if clock.begun == 0:
+        search_all(world)
+        clock.begun = 1
+    while True:
+        if clock.collisions >= settings.stop_collisions:
+            return END_COLLISIONS
+        if clock.bounces >= settings.stop_bounces:
+            return END_BOUNCES
+        if clock.pair_rows >= settings.room or clock.bounce_rows >= settings.room:
+            return LOG_FULL
+        cause = _event(world)
+        if cause != RUNNING:
+            return cause
+
+
+@kernel
+def _event(world: World) -> int:
+    """Carry out the next event; return RUNNING or the cause of the end."""
+    clock = world.clock[0]
+    settings = world.settings[0]
+    ball = world.tree[1]
+    meeting = world.meetings[ball]
+    if meeting.kind == NOTHING or meeting.t > settings.stop_time:
+        return END_TIME if settings.stop_time < NEVER else END_NO_MORE
+    step = time_between(meeting.t, meeting.t_low, clock.t, clock.t_low)
+    clock.t = meeting.t
+    clock.t_low = meeting.t_low
+    instant = 1 if step == 0.0 and clock.collisions + clock.bounces > 0 else 0
+    clock.stalled = clock.stalled + 1 if step <= 1.0e-15 * clock.t else 0
+    if clock.stalled > MOST_AT_ONCE * len(world.balls):
+        return END_ACCUMULATION
+    if meeting.kind == MEETS_BALL:
+        other = meeting.other
+        cause = collide(world, ball, other, instant)
+        if cause != RUNNING:
+            return cause
+        renew(world, ball)
+        renew(world, other)
+        return RUNNING
+    cause = bounce(world, ball)
+    if cause == RUNNING:
+        renew(world, ball)
+    return cause

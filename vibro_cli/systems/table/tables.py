@@ -1,0 +1,96 @@
+"""The tables of a run on the table, from its logs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.mechanics.laws import LAW_NAMES
+from vibro_cli.systems.table.system import POLYGON, TableSystem
+
+Table = dict[str, Any]
+
+
+def collision_table(system: TableSystem, rows: Any) -> Table:
+    """Columns of ``collisions.parquet``, a row for each impact of two balls."""
+    table = _when(rows)
+    table["ball_a"] = rows["a"] + 1
+    table["ball_b"] = rows["b"] + 1
+    for letter in "ab":
+        table[f"x_{letter}"] = rows[f"x_{letter}"]
+        table[f"y_{letter}"] = rows[f"y_{letter}"]
+    table["normal_angle"] = np.arctan2(rows["normal_y"], rows["normal_x"])
+    for when in ("pre", "post"):
+        for letter in "ab":
+            for axis in "xy":
+                table[f"velocity_{axis}_{letter}_{when}"] = rows[f"v{axis}_{letter}_{when}"]
+    for when in ("pre", "post"):
+        for letter in "ab":
+            table[f"normal_speed_{letter}_{when}"] = rows[f"normal_{letter}_{when}"]
+    for letter in "ab":
+        across = rows[f"vy_{letter}_pre"] * rows["normal_x"]
+        table[f"tangential_speed_{letter}"] = across - rows[f"vx_{letter}_pre"] * rows["normal_y"]
+    masses = np.array([body.kappa * body.mass for body in system.bodies])
+    for when in ("pre", "post"):
+        for letter in "ab":
+            square = rows[f"vx_{letter}_{when}"] ** 2 + rows[f"vy_{letter}_{when}"] ** 2
+            table[f"energy_{letter}_{when}"] = 0.5 * masses[rows[letter]] * square
+    table["energy_loss"] = rows["loss"]
+    inertias = np.array([body.rolling_inertia for body in system.bodies])[rows["b"]]
+    radii = np.array([body.radius for body in system.bodies])[rows["b"]]
+    change = rows["normal_b_post"] - rows["normal_b_pre"]
+    table["impulse_moment"] = _over(inertias * change, radii)
+    inclined = _inclinations(system, rows)
+    table["approach_speed"] = inclined * (rows["normal_a_pre"] - rows["normal_b_pre"])
+    table["separation_speed"] = inclined * (rows["normal_b_post"] - rows["normal_a_post"])
+    table["gap"] = rows["gap"]
+    table["law"] = np.array(LAW_NAMES, dtype=object)[rows["law"]]
+    for flag in ("admissible", "substituted", "simultaneous", "grazing"):
+        table[flag] = rows[flag] == 1
+    return table
+
+
+def _over(values: Any, radii: Any) -> Any:
+    return np.divide(values, radii, out=np.zeros_like(values), where=radii > 0.0)
+
+
+def _inclinations(system: TableSystem, rows: Any) -> Any:
+    radii = np.array([body.radius for body in system.bodies])
+    one, other = radii[rows["a"]], radii[rows["b"]]
+    return np.where(one == other, 1.0, 2.0 * np.sqrt(one * other) / np.maximum(one + other, 1e-300))
+
+
+def bounce_table(system: TableSystem, rows: Any) -> Table:
+    """Columns of ``bounces.parquet``, a row for each impact of a ball on the wall."""
+    table = _when(rows)
+    table["ball"] = rows["ball"] + 1
+    on_polygon = system.wall is not None and system.wall.shape == POLYGON
+    table["edge"] = np.ma.MaskedArray(rows["edge"] + 1, mask=np.full(len(rows), not on_polygon))
+    table["x"], table["y"] = rows["x"], rows["y"]
+    table["normal_angle"] = np.arctan2(rows["normal_y"], rows["normal_x"])
+    for when in ("pre", "post"):
+        for axis in "xy":
+            table[f"velocity_{axis}_{when}"] = rows[f"v{axis}_{when}"]
+    for when in ("pre", "post"):
+        across = rows[f"vx_{when}"] * rows["normal_x"] + rows[f"vy_{when}"] * rows["normal_y"]
+        table[f"normal_speed_{when}"] = across
+    along = rows["vy_pre"] * rows["normal_x"] - rows["vx_pre"] * rows["normal_y"]
+    table["tangential_speed"] = along
+    table["energy_loss"] = rows["loss"]
+    table["grazing"] = rows["grazing"] == 1
+    return table
+
+
+def _when(rows: Any) -> Table:
+    """Number and time of each row, and the time since the row before."""
+    count = len(rows)
+    between = np.full(count, np.nan)
+    if count > 1:
+        between[1:] = np.diff(rows["t"]) + np.diff(rows["t_low"])
+    return {
+        "n": np.arange(1, count + 1),
+        "t": rows["t"],
+        "t_low": rows["t_low"],
+        "dt": between,
+    }
