@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from tests.effort import processor_time
 from tests.scenario import cases
-from vibro_cli.scenario import ScenarioError, load_scenario, parse_scenario
+from vibro_cli.scenario import ScenarioError, load_scenario, parse_any, parse_scenario
 from vibro_cli.scenario.gallery import names, text
 from vibro_cli.scenario.loading import form_of
 from vibro_cli.scenario.toml_form import places
@@ -33,9 +33,9 @@ def as_yaml(data: Any) -> str:
 @pytest.mark.parametrize("name", names())
 def test_the_forms_read_alike(name: str) -> None:
     data = tomllib.loads(text(name))
-    scenario = parse_scenario(text(name), "toml")
-    assert parse_scenario(json.dumps(data), "json") == scenario
-    assert parse_scenario(as_yaml(data), "yaml") == scenario
+    scenario = parse_any(text(name), "toml")
+    assert parse_any(json.dumps(data), "json") == scenario
+    assert parse_any(as_yaml(data), "yaml") == scenario
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 def understood_of(scenario: "AnyScenario", system: "AnySystem") -> dict[str, Any]:
     """What a scenario means, as plain values: given values, defaults and what follows from them."""
-    from vibro_cli.build import mechanics_warnings
+    from vibro_cli.build import warnings_of
 
     return {
         "name": scenario.name,
@@ -29,7 +29,7 @@ def understood_of(scenario: "AnyScenario", system: "AnySystem") -> dict[str, Any
         ],
         "law": system.law,
         "inadmissible": system.inadmissible,
-        "warnings": list(mechanics_warnings(system)),
+        "warnings": list(warnings_of(scenario, system)),
     }
 
 

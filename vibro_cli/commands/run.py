@@ -162,7 +162,7 @@ def _print_refused(wishes: Wishes, refused: "list[Refused]") -> None:
 
 def _warn(scenario: "AnyScenario", system: "AnySystem") -> None:
     """Say what is doubtful about a scenario."""
-    from vibro_cli.mechanics.caveats import mechanics_warnings
+    from vibro_cli.build import warnings_of
 
-    for warning in mechanics_warnings(system, scenario.stop.time):
+    for warning in warnings_of(scenario, system):
         say(f"{scenario.name}: warning: {warning}", "warning", scenario=scenario.name)

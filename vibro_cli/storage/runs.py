@@ -54,13 +54,14 @@ def run_table(run: "AnyRun", name: str, origin: Origin) -> "pyarrow.Table":
 def run_files(run: "AnyRun", scenario: "AnyScenario") -> dict[str, bytes]:
     """Every file of a run except its figures: name to content."""
     origin = origin_of(scenario)
+    system = origin.scenario.get("system", "trace")
     files = {}
-    for name in _TABLES[scenario.system]:
+    for name in _TABLES[system]:
         if getattr(run, name) is not None:
             files[f"{name}.parquet"] = parquet_bytes(run_table(run, name, origin))
     files["summary.json"] = json_bytes(run.summary_record())
     files[SCENARIO_NAME] = json_bytes(origin.scenario)
-    if scenario.system != "trace":
+    if system != "trace":
         return files  # such a run cannot be continued
     run = cast("Run", run)
     files[CHECKPOINT_NAME] = json_bytes(run.checkpoint())

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.numerics import engine
+from vibro_cli.numerics.machine_code import compiled
 from vibro_cli.simulation.record import Log
 
 INTERPRETED_ROWS = 256
@@ -57,7 +58,7 @@ class Driver:
 
     def _advance(self) -> int:
         if self.engine == "numba":
-            return int(engine.compiled_once(self._library.advance)(self.world))
+            return int(compiled(self._library.advance)(self.world))
         return self._library.advance(self.world)
 
     def value(self, name: str) -> float:
@@ -103,7 +104,7 @@ class Driver:
         for name, rows in self.world._asdict().items():
             cls = self._library.records.get(name)
             if name in self._library.logs:
-                arrays[name] = np.zeros(2 * COMPILED_ROWS, dtype=engine.dtype(cls))  # type: ignore[arg-type]
+                arrays[name] = np.zeros(2 * COMPILED_ROWS, dtype=engine.dtype(cls))
             elif cls is None:
                 arrays[name] = np.array(rows, dtype=np.int64)
             else:

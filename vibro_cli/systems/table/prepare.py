@@ -59,7 +59,7 @@ def make_world(
         bodies=bodies,
         balls=[_ball(state.place, state.velocity) for state in system.initial],
         meetings=[Meeting() for _ in system.bodies],
-        tree=[0] * leaves,
+        tree=[leaves] * leaves,  # no ball where none has played
         pair_log=[],
         bounce_log=[],
     )
