@@ -14,7 +14,7 @@ import pytest
 from vibro_cli.numerics.double import time_between
 from vibro_cli.numerics.machine_code import digest
 from vibro_cli.simulation import loop
-from vibro_cli.simulation.entry import enter
+from vibro_cli.simulation.points import run_points
 
 # A program with few kernels, so that its compiling takes seconds.
 PROGRAM = """
@@ -28,7 +28,7 @@ print(compiled(time_between)(3.0, 0.0, 1.0, 0.5))
 
 
 ROOT = Path(__file__).parents[2]
-COMPILING = "compiling the kernels; this takes half a minute or so"
+COMPILING = "compiling the kernels; this takes some ten seconds"
 
 
 def start(
@@ -113,10 +113,10 @@ def test_machine_code_does_not_depend_on_where_the_sources_are(tmp_path: Path) -
 def test_a_constant_of_another_module_is_part_of_the_machine_code(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    before = digest.__wrapped__(enter)
-    assert digest.__wrapped__(enter) == before
+    before = digest.__wrapped__(run_points)
+    assert digest.__wrapped__(run_points) == before
     monkeypatch.setattr(loop, "LOG_FULL", 99)
-    assert digest.__wrapped__(enter) != before
+    assert digest.__wrapped__(run_points) != before
 
 
 def test_machine_code_does_not_depend_on_kernels_that_it_does_not_call(

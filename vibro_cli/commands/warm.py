@@ -38,7 +38,7 @@ def _warm(as_json: bool) -> int:
     from vibro_cli.numerics.machine_code import compiled
     from vibro_cli.scenario import parse_scenario
     from vibro_cli.simulation.batch import Batch
-    from vibro_cli.simulation.entry import enter
+    from vibro_cli.simulation.points import run_points
 
     tell_of_compiling()
     begin = time.perf_counter()
@@ -46,7 +46,7 @@ def _warm(as_json: bool) -> int:
     Batch.compile()
     taken = time.perf_counter() - begin
     folder = cache_folder()
-    if not compiled(enter).kept:
+    if not compiled(run_points).kept:
         raise CommandError(f"vibro: the kernels cannot be kept in {folder}", FAILED)
     if as_json:
         print(json_text({"cache": str(folder), "seconds": taken}))

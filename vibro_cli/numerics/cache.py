@@ -18,6 +18,7 @@ _DIGEST = hashlib.sha256
 _LENGTH = _DIGEST().digest_size
 
 _tell: Callable[[str], None] | None = None
+_told = False
 
 
 def on_compiling(tell: Callable[[str], None] | None) -> None:
@@ -33,6 +34,22 @@ def tell(text: str) -> None:
     """Tell the user something about machine code, if anybody is to be told."""
     if _tell is not None:
         _tell(text)
+
+
+def tell_once(text: str) -> None:
+    """Tell the user what this process does about missing machine code, if it was not said yet."""
+    global _told
+    if not _told:
+        tell(text)
+    _told = True
+
+
+def is_there(path: Path) -> bool:
+    """Tell whether there is such a file; in a folder that may not be looked into there is none."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
 
 
 def cache_folder() -> Path:
@@ -54,16 +71,16 @@ def code_folder(name: str) -> Path:
 
 
 @contextlib.contextmanager
-def alone_in(folder: Path) -> Iterator[bool]:
-    """Be the only process that makes machine code for a folder, waiting for another one if need be.
+def alone_with(path: Path) -> Iterator[bool]:
+    """Be the only process that makes a file of machine code, waiting for another one if need be.
 
     Gives whether that could be had; where no lock can be made nothing can be kept either, and
     saving will tell why.
     """
     with contextlib.ExitStack() as until_then:
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            _wait_for(until_then.enter_context((folder / "lock").open("w")))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _wait_for(until_then.enter_context(path.with_suffix(".lock").open("w")))
         except OSError:
             locked = False
         else:
@@ -76,7 +93,7 @@ def _wait_for(lock: TextIO) -> None:
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        tell("waiting for another process that compiles the kernels")
+        tell_once("waiting for another process that compiles the kernels")
         fcntl.flock(lock, fcntl.LOCK_EX)
 
 

@@ -9,10 +9,11 @@ it is part of the function that calls it; a kernel called by kernels only is kep
 
 from __future__ import annotations
 
+import contextlib
 import operator
 import types
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numba
@@ -35,6 +36,7 @@ from numba.core.typing.templates import (
     infer_global,
     signature,
 )
+from numba.extending import intrinsic
 from numba.np.numpy_support import from_dtype
 
 from vibro_cli.numerics import engine
@@ -323,7 +325,8 @@ def object_code(kernel: Callable[..., Any], forms: Sequence[Any], symbol: str) -
         results go, eight bytes each.
     """
     function = numba.njit(pipeline_class=WholeCompiler, **_OPTIONS)(_namesake(kernel))
-    compiled = function._compiler.compile(tuple(_type_of(form) for form in forms), None)
+    with _remembered_operators(function.typingctx):
+        compiled = function._compiler.compile(tuple(_type_of(form) for form in forms), None)
     library = compiled.library
     library.exported = symbol
     library.add_ir_module(_door(compiled, symbol))
@@ -331,10 +334,30 @@ def object_code(kernel: Callable[..., Any], forms: Sequence[Any], symbol: str) -
     return bytes(library.object_code)
 
 
+@contextlib.contextmanager
+def _remembered_operators(typing: Any) -> Iterator[None]:
+    """What operations on numbers give is found out once, not at each of ten thousand uses."""
+    found: dict[Any, Any] = {}
+    find = typing.resolve_function_type
+
+    def resolve(function: Any, kinds: Any, keywords: Any) -> Any:
+        numbers = (numba_types.Number, numba_types.Boolean)
+        if keywords or not all(isinstance(kind, numbers) for kind in kinds):
+            return find(function, kinds, keywords)
+        if (function, kinds) not in found:
+            found[function, kinds] = find(function, kinds, keywords)
+        return found[function, kinds]
+
+    typing.resolve_function_type = resolve
+    try:
+        yield
+    finally:
+        del typing.resolve_function_type
+
+
 def _type_of(form: Any) -> Any:
-    scalars = {"int": numba_types.int64, "bool": numba_types.boolean, "float": numba_types.float64}
     if isinstance(form, str):
-        return scalars[form]
+        return _SCALARS[form]
     if isinstance(form, tuple):
         arrays = [_array_type(array) for array in form]
         return Reference(numba_types.NamedTuple(arrays, type(form)))
@@ -355,7 +378,7 @@ def _door(compiled: Any, symbol: str) -> Any:
     door = ir.Function(module, ir.FunctionType(ir.VoidType(), [*outside, pointer]), symbol)
     builder = ir.IRBuilder(door.append_basic_block())
     values = [
-        _from_outside(context, builder, kind, value)
+        _taken(context, builder, kind, value)
         for kind, value in zip(inside.argtypes, door.args, strict=False)
     ]
     callee = context.declare_function(module, inside)
@@ -374,6 +397,55 @@ def _door(compiled: Any, symbol: str) -> Any:
     return module
 
 
+def _handed(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """A number as it is, and a pointer for what doors take pointers to."""
+    word, pointer = ir.IntType(64), ir.IntType(8).as_pointer()
+    if kind == numba_types.boolean:
+        return builder.zext(value, word)
+    if isinstance(kind, Rows):
+        rows = cgutils.create_struct_proxy(kind)(context, builder, value=value)
+        held = context.make_array(numba_types.Array(kind.row, 1, "C"))(context, builder)
+        held.data = builder.bitcast(rows.first, held.data.type)
+        held.nitems = rows.count
+        value = held._getpointer()
+    return (
+        value
+        if kind in (numba_types.int64, numba_types.float64)
+        else builder.bitcast(value, pointer)
+    )
+
+
+def _from_outside(kernel: Callable[..., Any]) -> Any:
+    """What calls a kernel that is apart, through its door."""
+    symbol, returned = engine.symbol_of(kernel), _SCALARS.get(kernel.__annotations__["return"])
+    word, pointer = ir.IntType(64), ir.IntType(8).as_pointer()
+
+    def call(typing: Any, *kinds: Any) -> Any:
+        kinds = tuple(numba_types.unliteral(kind) for kind in kinds)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            values = cgutils.unpack_tuple(builder, arguments[0], len(kinds))
+            values = [
+                _handed(context, builder, kind, value)
+                for kind, value in zip(kinds, values, strict=True)
+            ]
+            found = cgutils.alloca_once(builder, word)
+            values.append(builder.bitcast(found, pointer))
+            form = ir.FunctionType(ir.VoidType(), [value.type for value in values])
+            builder.call(cgutils.get_or_insert_function(builder.module, form, symbol), values)
+            if returned is None:
+                return context.get_dummy_value()
+            if returned == numba_types.float64:
+                found = builder.bitcast(found, ir.DoubleType().as_pointer())
+            result = builder.load(found)
+            boolean = returned == numba_types.boolean
+            return builder.trunc(result, ir.IntType(1)) if boolean else result
+
+        return (returned or numba_types.none)(numba_types.StarArgTuple.from_types(kinds)), generate
+
+    return intrinsic(call)
+
+
 def _numbers(builder: Any, kind: Any, result: Any) -> list[Any]:
     """The numbers of a result."""
     if isinstance(kind, numba_types.BaseTuple):
@@ -381,7 +453,7 @@ def _numbers(builder: Any, kind: Any, result: Any) -> list[Any]:
     return [] if kind == numba_types.none else [result]
 
 
-def _from_outside(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+def _taken(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """A number as it is, and what a pointer means for the type of a parameter."""
     if kind == numba_types.boolean:
         return builder.trunc(value, ir.IntType(1))
@@ -421,7 +493,9 @@ def _make_twins(kernel: Callable[..., Any]) -> None:
             )
             twin.__module__ = module.__name__
             _twin_functions[function] = twin
-            _twins[function] = _of_any_number(part(twin))
+            _twins[function] = (
+                _from_outside(function) if engine.is_apart(function) else _of_any_number(part(twin))
+            )
     for namespace in namespaces.values():
         for name, value in list(namespace.items()):
             if isinstance(value, types.FunctionType) and value in _twins:
@@ -439,6 +513,11 @@ def _of_any_number(function: Any) -> Any:
     return function
 
 
+_SCALARS = {
+    "int": numba_types.int64,
+    "bool": numba_types.boolean,
+    "float": numba_types.float64,
+}
 _twinned: set[str] = set()
 _twins: dict[Any, Any] = {}
 _twin_functions: dict[Any, types.FunctionType] = {}

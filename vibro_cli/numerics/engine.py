@@ -24,12 +24,32 @@ SERIES_LENGTH = 8
 Series = list[float]
 
 _kernels: dict[str, list[Callable[..., Any]]] = {}
+_apart: set[Callable[..., Any]] = set()
 
 
 def kernel(function: Function) -> Function:
     """Register a function as a kernel; it stays a plain Python function."""
     _kernels.setdefault(function.__module__, []).append(function)
     return function
+
+
+def apart(function: Function) -> Function:
+    """Have the machine code of a kernel made once, and not be a part of that of its callers.
+
+    Its parameters are numbers, records and named tuples; it returns a number or nothing.
+    """
+    _apart.add(function)
+    return function
+
+
+def is_apart(function: Callable[..., Any]) -> bool:
+    """Tell whether the machine code of a kernel is apart from that of its callers."""
+    return function in _apart
+
+
+def symbol_of(function: Callable[..., Any]) -> str:
+    """Return the name of a kernel in machine code."""
+    return f"{function.__module__}.{function.__name__}"
 
 
 def record(cls: RecordClass) -> RecordClass:

@@ -11,6 +11,7 @@ import ctypes
 import gc
 import hashlib
 import platform
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -19,10 +20,17 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli.numerics import engine
-from vibro_cli.numerics.cache import alone_in, code_folder, read_checked, tell, write_checked
+from vibro_cli.numerics.cache import (
+    alone_with,
+    code_folder,
+    is_there,
+    read_checked,
+    tell_once,
+    write_checked,
+)
 
 _SCALARS = {"int": ctypes.c_int64, "bool": ctypes.c_int64, "float": ctypes.c_double}
-_COMPILING = "compiling the kernels; this takes half a minute or so"
+_COMPILING = "compiling the kernels; this takes some ten seconds"
 _entries: dict[Callable[..., Any], CompiledKernel] = {}
 _making = threading.Lock()
 
@@ -45,13 +53,62 @@ def compiled(kernel: Callable[..., Any]) -> CompiledKernel:
     return _entries[kernel]
 
 
+def prepare_together(calls: Sequence[tuple[Callable[..., Any], Any]], beside: str = "") -> None:
+    """Make or load the machine code of kernels that call each other, for calls with arguments.
+
+    Parameters
+    ----------
+    calls
+        Each kernel with the arguments of a call; what takes longest to make first.
+    beside
+        ``"module:function"``, called in a process of its own if more than one of them is to be
+        made; it is to make all but the first.
+    """
+    with _making:
+        kernels = [(compiled(kernel), arguments) for kernel, arguments in calls]
+        kernels = [(kernel, arguments) for kernel, arguments in kernels if not kernel.is_loaded]
+        missing = [kernel for kernel, arguments in kernels if not kernel.is_made(arguments)]
+        with helper(beside) if beside and len(missing) > 1 else contextlib.nullcontext():
+            codes = [kernel.code(arguments) for kernel, arguments in kernels]
+        _add(codes)
+        for kernel, arguments in kernels:
+            kernel.load(arguments)
+
+
+@contextlib.contextmanager
+def helper(task: str) -> Iterator[None]:
+    """Have ``"module:function"`` done by another process, which ends with this one or earlier.
+
+    Whatever it fails to do is done here: nothing is said of it.
+    """
+    module, _, function = task.partition(":")
+    program = (
+        "import os, sys, threading\n"
+        "threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()\n"
+        f"from {module} import {function}\n{function}()\n"
+    )
+    command = [sys.executable, "-c", program]
+    silent = subprocess.DEVNULL
+    process = None
+    with contextlib.suppress(OSError):
+        process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=silent, stderr=silent, start_new_session=True
+        )
+    try:
+        yield
+    finally:
+        if process is not None:
+            process.kill()
+            process.communicate()
+
+
 class CompiledKernel:
     """A kernel with its machine code (see :func:`compiled`)."""
 
     def __init__(self, kernel: Callable[..., Any]) -> None:
         kinds = dict(kernel.__annotations__)
         self._kernel = kernel
-        self.symbol = f"{kernel.__module__}.{kernel.__name__}"
+        self.symbol = engine.symbol_of(kernel)
         self.results = results_of(kinds.pop("return"))
         self._numbers = [_SCALARS.get(kind) for kind in kinds.values()]
         self._layout: list[Any] = []
@@ -67,18 +124,7 @@ class CompiledKernel:
         TypeError
             If the arguments are not of the form they had at the first call.
         """
-        layout = [
-            [(array.dtype, array.ndim) for array in _arrays(argument)]
-            for argument, number in zip(arguments, self._numbers, strict=True)
-            if number is None
-        ]
-        if self._function is None:
-            with _making:
-                if self._function is None:
-                    self._layout = layout
-                    self._function = self._ready(arguments)
-        if layout != self._layout:
-            raise TypeError(f"{self.symbol}: arrays of another form than at the first call")
+        self.prepare(*arguments)
         blocks = [
             argument if number is not None else _block(argument)
             for argument, number in zip(arguments, self._numbers, strict=True)
@@ -87,6 +133,27 @@ class CompiledKernel:
         found = (ctypes.c_int64 * max(1, len(self.results)))()
         self._function(*words, found)
         return self._unpacked(found)
+
+    def prepare(self, *arguments: Any) -> None:
+        """Make or load the machine code for a call with these arguments, without calling it.
+
+        Raises
+        ------
+        TypeError
+            If the arguments are not of the form they had at the first call.
+        """
+        layout = self._layout_of(arguments)
+        if self._function is None:
+            prepare_together([(self._kernel, arguments)])
+        if layout != self._layout:
+            raise TypeError(f"{self.symbol}: arrays of another form than at the first call")
+
+    def _layout_of(self, arguments: Sequence[Any]) -> list[Any]:
+        return [
+            [(array.dtype, array.ndim) for array in _arrays(argument)]
+            for argument, number in zip(arguments, self._numbers, strict=True)
+            if number is None
+        ]
 
     def _unpacked(self, found: Any) -> Any:
         reals = ctypes.cast(found, ctypes.POINTER(ctypes.c_double))
@@ -102,24 +169,37 @@ class CompiledKernel:
     def _is_tuple(self) -> bool:
         return str(self._kernel.__annotations__["return"]).startswith("tuple")
 
-    def _ready(self, arguments: Sequence[Any]) -> Any:
-        """The address of the machine code, as a function."""
-        code = self._code(arguments)
+    @property
+    def is_loaded(self) -> bool:
+        """Whether the machine code is in memory."""
+        return self._function is not None
+
+    def is_made(self, arguments: Sequence[Any]) -> bool:
+        """Tell whether there is a file with the machine code for a call with these arguments."""
+        return is_there(self._path(arguments))
+
+    def load(self, arguments: Sequence[Any]) -> None:
+        """Take the machine code, which is in memory, for a call with these arguments."""
         kinds: list[Any] = [number or ctypes.c_void_p for number in self._numbers]
         call = ctypes.CFUNCTYPE(None, *kinds, ctypes.POINTER(ctypes.c_int64))  # releases the GIL
-        return call(_load(code, self.symbol))
+        self._layout = self._layout_of(arguments)
+        self._function = call(_address(self.symbol))
 
-    def _code(self, arguments: Sequence[Any]) -> bytes:
-        form = hashlib.sha256(repr(self._layout).encode()).hexdigest()[:8]
-        path = code_folder(f"kernels-{digest(self._kernel)}") / f"{self.symbol}-{form}.o"
+    def _path(self, arguments: Sequence[Any]) -> Path:
+        form = hashlib.sha256(repr(self._layout_of(arguments)).encode()).hexdigest()[:8]
+        return code_folder(f"kernels-{digest(self._kernel)}") / f"{self.symbol}-{form}.o"
+
+    def code(self, arguments: Sequence[Any]) -> bytes:
+        """Return the machine code for a call with these arguments: kept, or made and kept."""
+        path = self._path(arguments)
         code = read_checked(path)
         self.kept = code is not None
         if code is not None:
             return code
-        with alone_in(path.parent) as locked:
+        with alone_with(path) as locked:
             code = read_checked(path)
             if code is None:
-                tell(_COMPILING + (", and only once" if locked else ""))
+                tell_once(_COMPILING + (", and only once" if locked else ""))
                 code = self._make(arguments)
                 write_checked(path, code)
         self.kept = read_checked(path) == code
@@ -213,14 +293,17 @@ def _loader() -> Any:
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), target.create_target_machine())
 
 
-def _load(code: bytes, symbol: str) -> int:
-    """The address of a function of an object file, once that is in memory and linked."""
+def _add(codes: Sequence[bytes]) -> None:
+    """Bring object files into memory and link them."""
     import llvmlite.binding as llvm
 
-    loader = _loader()
-    loader.add_object_file(llvm.ObjectFileRef.from_data(code))
-    loader.finalize_object()
-    address = loader.get_function_address(symbol)
+    for code in codes:
+        _loader().add_object_file(llvm.ObjectFileRef.from_data(code))
+    _loader().finalize_object()
+
+
+def _address(symbol: str) -> int:
+    address = int(_loader().get_function_address(symbol))
     if not address:
         raise RuntimeError(f"the machine code has no function {symbol}")
-    return int(address)
+    return address

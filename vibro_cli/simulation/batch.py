@@ -6,16 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_cli.mechanics.body import INERTIA_RATIO, Body
 from vibro_cli.mechanics.records import Flight
-from vibro_cli.mechanics.system import InitialState, System
-from vibro_cli.mechanics.trace import ArcShape, Trace
+from vibro_cli.mechanics.system import System
 from vibro_cli.numerics import engine
 from vibro_cli.simulation.drive import STATE, compiled_world
 from vibro_cli.simulation.entry import empty_results, enter_points, zeros
 from vibro_cli.simulation.impacts import ImpactTable, runs_of
 from vibro_cli.simulation.points import PointData, Points, RestitutionData, Results, StartData
-from vibro_cli.simulation.prepare import make_world
+from vibro_cli.simulation.prepare import make_world, smallest_system
 
 
 class Progress(NamedTuple):
@@ -45,12 +43,7 @@ class Batch:
     @staticmethod
     def compile() -> None:
         """Make or load the machine code now, also that for the table of impacts."""
-        trace = Trace.chain(-1.0, [ArcShape("valley", 1.0, None, 1.0)])
-        body = Body("ball", 0.1, 1.0, INERTIA_RATIO["ball"])
-        start_at = InitialState(0, 0.0, 0.0)
-        system = System(
-            9.81, trace, (body,), (start_at,), (), "hedrih", "stop", "two-sided", None, None, None
-        )
+        system = smallest_system()
         none = np.zeros((0, 1))
         points = make_points(none[:, 0], none[:, 0], none, none, none, none, none, none)
         batch, results = Batch(system), empty_results(0, 1, 0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from vibro_cli.mechanics.laws import NORMAL_IMPULSE
 from vibro_cli.mechanics.records import CLOSING, PARTING, RELEASED
-from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.engine import apart, kernel
 from vibro_cli.simulation.accumulation import (
     EPSILON,
     LOST_BOUNCE,
@@ -183,6 +183,7 @@ def _equalise(world: World, first: int, count: int) -> None:
                 pair.closing = 0
 
 
+@apart
 @kernel
 def launch_chain(world: World, first: int, count: int, cause: int) -> None:
     """Launch the ``count + 1`` bodies of a chain, each run of held pairs as one group."""

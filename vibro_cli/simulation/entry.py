@@ -1,71 +1,59 @@
-"""The one way from the interpreter into the compiled kernels.
+"""The ways from the interpreter into the compiled kernels.
 
-A compiled function with an entry of its own has all that it calls compiled into it. There is only
-one, so that the event loop is compiled once, whatever it is wanted for.
+The event loop and the tally have machine code of their own, made once; whatever else is compiled
+calls it (see ``numerics.engine.apart``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable
 from typing import Any
 
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics import engine
-from vibro_cli.numerics.engine import kernel
-from vibro_cli.numerics.machine_code import compiled
-from vibro_cli.simulation.loop import advance
-from vibro_cli.simulation.points import (
-    PointData,
-    Points,
-    RestitutionData,
-    Results,
-    StartData,
-    run_points,
-)
+from vibro_cli.numerics.machine_code import compiled, prepare_together
+from vibro_cli.simulation.contact_changes import launch_chain
+from vibro_cli.simulation.loop import proceed
+from vibro_cli.simulation.points import Points, Results, run_points
 from vibro_cli.simulation.tally import FinalState, Outcome, tally
 from vibro_cli.simulation.world import ImpactRow, World
 
-ADVANCE = 0
-TALLY = 1
-POINTS = 2
+
+def prepare_event_loop(world: World) -> None:
+    """Make or load the machine code of the event loop and of the tally.
+
+    What is missing is made by two processes, which takes two thirds of the time.
+    """
+    if not compiled(proceed).is_loaded:
+        calls = [(proceed, (world, False)), *_beside(world)]
+        prepare_together(calls, beside=f"{__name__}:{make_beside.__name__}")
 
 
-@kernel
-def enter(
-    task: int,
-    world: World,
-    fresh: World,
-    scratch: Sequence[Flight],
-    points: Points,
-    results: Results,
-    first: int,
-    last: int,
-    filled: int,
-    end_t: float,
-    end_t_low: float,
-) -> tuple[int, int]:
-    """Do one of the tasks; what the numbers mean depends on it (see the functions below)."""
-    if task == ADVANCE:
-        return advance(world), 0
-    if task == TALLY:
-        outcome = results.outcomes[0]
-        tally(world, first, end_t, end_t_low, outcome, results.finals, 0, scratch[0])
-        return 0, 0
-    return run_points(world, fresh, scratch, points, results, first, last, filled)
+def make_beside() -> None:
+    """Make the machine code that the event loop calls, and that of the tally."""
+    from vibro_cli.simulation.drive import compiled_world
+    from vibro_cli.simulation.prepare import make_world, smallest_system
+
+    for kernel, arguments in _beside(compiled_world(make_world(smallest_system(), None, None))):
+        compiled(kernel).code(arguments)
+
+
+def _beside(world: World) -> list[tuple[Callable[..., Any], Any]]:
+    results = empty_results(1, 1, 0)
+    of_tally = (world, 0, 0.0, 0.0, results.outcomes, 0, results.finals, zeros(1, Flight))
+    return [(launch_chain, (world, 0, 0, 0)), (tally, of_tally)]
 
 
 def enter_advance(world: World) -> int:
     """Run on a compiled world (see ``simulation.loop.advance``)."""
-    cause, _ = _enter()(ADVANCE, world, world, *_nothing(), 0, 0, 0, 0.0, 0.0)
-    return int(cause)
+    prepare_event_loop(world)
+    return int(compiled(proceed)(world, False))
 
 
 def enter_tally(world: World, cause: int, end: tuple[float, float]) -> Results:
     """Tally a run on a compiled world (see ``simulation.tally``)."""
     results = empty_results(1, len(world.flights), 0)
-    scratch, points, _ = _nothing()
-    _enter()(TALLY, world, world, scratch, points, results, cause, 0, 0, *end)
+    compiled(tally)(world, cause, *end, results.outcomes, 0, results.finals, zeros(1, Flight))
     return results
 
 
@@ -80,21 +68,9 @@ def enter_points(
     filled: int,
 ) -> tuple[int, int]:
     """Run some points (see ``simulation.points``)."""
-    point, rows = _enter()(
-        POINTS, world, fresh, scratch, points, results, first, last, filled, 0.0, 0.0
-    )
+    prepare_event_loop(world)
+    point, rows = compiled(run_points)(world, fresh, scratch, points, results, first, last, filled)
     return int(point), int(rows)
-
-
-def _enter() -> Any:
-    return compiled(enter)
-
-
-@cache
-def _nothing() -> tuple[Any, Points, Results]:
-    """Arguments of the tasks that do not look at them."""
-    points = Points(zeros(0, PointData), zeros(0, StartData), zeros(0, RestitutionData))
-    return zeros(1, Flight), points, empty_results(0, 0, 0)
 
 
 def empty_results(points: int, bodies: int, impact_rows: int) -> Results:

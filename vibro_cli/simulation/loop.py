@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vibro_cli.mechanics.records import NEVER, Clock
 from vibro_cli.numerics.double import time_between
-from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.engine import apart, kernel
 from vibro_cli.simulation.changes import collide, leave_piece, release
 from vibro_cli.simulation.contact_changes import count_corrections, launch_chain, settle
 from vibro_cli.simulation.rows import log_contacts
@@ -48,6 +48,16 @@ def _in_contact(world: World, j: int) -> bool:
     set_normals(world, j)
     gap, size = present_gap(world, j)
     return abs(gap) <= CONTACT_ROUNDING * size
+
+
+@apart
+@kernel
+def proceed(world: World, starting: bool) -> int:
+    """Launch the first flights, or go on with a run; one machine code for both."""
+    if starting:
+        start(world)
+        return RUNNING
+    return advance(world)
 
 
 @kernel

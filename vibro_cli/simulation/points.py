@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from vibro_cli.mechanics.records import NEVER, Flight
 from vibro_cli.numerics.engine import kernel, record
-from vibro_cli.simulation.loop import advance, start
+from vibro_cli.simulation.loop import proceed
 from vibro_cli.simulation.tally import FinalState, Outcome, tally
 from vibro_cli.simulation.world import END_TIME, LOG_FULL, ImpactRow, World
 
@@ -88,12 +88,11 @@ def run_points(
     The first point that was not run (there was no room left for its impacts), and the rows of
     impacts that are used.
     """
-    bodies = fresh.settings[0].bodies
     keep = len(results.impacts) > 0
     for point in range(first, last):
         _prepare(world, fresh, points, point)
-        start(world)
-        cause = advance(world)
+        proceed(world, True)
+        cause = proceed(world, False)
         clock = world.clock[0]
         outcome = results.outcomes[point]
         outcome.end_cause = cause
@@ -110,7 +109,7 @@ def run_points(
         if cause == END_TIME and points.own[point].stop_t < NEVER:
             end_t = points.own[point].stop_t
             end_low = 0.0
-        tally(world, cause, end_t, end_low, outcome, results.finals, point * bodies, scratch[0])
+        tally(world, cause, end_t, end_low, results.outcomes, point, results.finals, scratch)
         outcome.kept = clock.impact_rows if keep else 0
     return last, filled
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.body import INERTIA_RATIO, Body
 from vibro_cli.mechanics.clearance import contact_angle, reach
 from vibro_cli.mechanics.heights import Heights, contains_turn, heights
 from vibro_cli.mechanics.laws import LAW_NAMES
@@ -20,8 +20,8 @@ from vibro_cli.mechanics.records import (
     Settings,
     TrackData,
 )
-from vibro_cli.mechanics.system import System
-from vibro_cli.mechanics.trace import Piece, sine_cosine
+from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.trace import ArcShape, Piece, Trace, sine_cosine
 from vibro_cli.simulation.world import ContactRow, FlightRow, ImpactRow, SegmentRow, World
 
 NO_WALL = -1.0
@@ -52,6 +52,16 @@ def neighbours(system: System) -> list[tuple[int, int, int]]:
     if system.trace.closed and count >= 2:
         pairs.append((count - 1, 0, 1))
     return pairs
+
+
+def smallest_system() -> System:
+    """Return one ball in a valley: to have kernels made, which are the same for all systems."""
+    trace = Trace.chain(-1.0, [ArcShape("valley", 1.0, None, 1.0)])
+    body = Body("ball", 0.1, 1.0, INERTIA_RATIO["ball"])
+    start = InitialState(0, 0.0, 0.0)
+    return System(
+        9.81, trace, (body,), (start,), (), "hedrih", "stop", "two-sided", None, None, None
+    )
 
 
 def make_world(system: System, stop_time: float | None, stop_collisions: int | None) -> World:

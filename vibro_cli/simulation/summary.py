@@ -46,7 +46,7 @@ def tally_run(
     rows = {name: engine.interpreted_copies(logs[name], RECORDS[name]) for name in LOGS}
     own = engine.interpreted_rows(Outcome, 1)
     states = engine.interpreted_rows(FinalState, len(world.bodies))
-    tally(world._replace(**rows), cause, *end, own[0], states, 0, Flight())
+    tally(world._replace(**rows), cause, *end, own, 0, states, [Flight()])
     return engine.compiled_rows(own, Outcome), engine.compiled_rows(states, FinalState)
 
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from vibro_cli.mechanics.flow import flow
 from vibro_cli.mechanics.gap import centre_position
 from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData
-from vibro_cli.numerics.engine import kernel, record
+from vibro_cli.numerics.engine import apart, kernel, record
 from vibro_cli.simulation.recall import half_period, recall_flight
 from vibro_cli.simulation.tally_contact import friction_demand, group_extremes
 from vibro_cli.simulation.world import END_INADMISSIBLE, WALL, FlightRow, ImpactRow, World
@@ -55,16 +55,17 @@ class FinalState:
     latest: int  # scratch: the row of its last flight
 
 
+@apart
 @kernel
 def tally(
     world: World,
     cause: int,
     end_t: float,
     end_t_low: float,
-    outcome: Outcome,
+    outcomes: Sequence[Outcome],
+    number: int,
     finals: Sequence[FinalState],
-    first_final: int,
-    scratch: Flight,
+    scratch: Sequence[Flight],
 ) -> None:
     """Fill in the outcome of a run, and the final state of every body.
 
@@ -74,14 +75,18 @@ def tally(
         After the run, with all its rows in the logs (their numbers are those of the clock).
     cause, end_t, end_t_low
         Why and when (two doubles, s) the run ended.
-    outcome
-        Filled in.
-    finals, first_final
-        A row for each body, from this row on; filled in.
+    outcomes, number
+        Outcomes of runs, and which is that of this one; filled in.
+    finals
+        A row for each body, run by run; filled in.
     scratch
         A flight to work with.
     """
     clock = world.clock[0]
+    bodies = world.settings[0].bodies
+    first_final = number * bodies
+    outcome = outcomes[number]
+    flight = scratch[0]
     outcome.end_cause = cause
     outcome.end_t = end_t
     outcome.end_t_low = end_t_low
@@ -91,9 +96,9 @@ def tally(
     outcome.contacts = clock.contacts
     outcome.correction = clock.energy_correction
     _tally_impacts(world, cause, outcome)
-    _tally_flights(world, outcome, finals, first_final, scratch)
-    for ball in range(world.settings[0].bodies):
-        _finish(world, ball, outcome, finals[first_final + ball], scratch)
+    _tally_flights(world, outcome, finals, first_final, flight)
+    for ball in range(bodies):
+        _finish(world, ball, outcome, finals[first_final + ball], flight)
 
 
 @kernel

@@ -11,7 +11,8 @@ from vibro_cli.mechanics.system import System
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.numerics.machine_code import compiled
 from vibro_cli.simulation.drive import compiled_world
-from vibro_cli.simulation.loop import advance, start
+from vibro_cli.simulation.entry import prepare_event_loop
+from vibro_cli.simulation.loop import proceed
 from vibro_cli.simulation.prepare import make_world
 from vibro_cli.simulation.world import World
 
@@ -43,14 +44,14 @@ def _first_contacts(world: World, fresh: World, starts: Any, answers: Any) -> No
     for number in range(len(starts)):
         _reset(world, fresh, starts, number)
         settings.stop_t = starts[number, 8]
-        start(world)
+        proceed(world, True)
         horizon = starts[number, 8]
         for ball in range(2):
             horizon = min(horizon, world.flights[ball].exit_t)
         settings.stop_t = horizon
         answers[number, HORIZON] = horizon
         if horizon > 0.0:
-            advance(world)
+            proceed(world, False)
         met = world.clock[0].impact_rows > 0
         answers[number, MET] = 1.0 if met else 0.0
         answers[number, T] = world.impacts[0].t if met else NEVER
@@ -77,5 +78,6 @@ def first_contacts(system: System, starts: Any) -> Any:
     fresh = World(*copies)
     answers: Any = np.zeros((len(starts), ANSWER_COLUMNS))
     if len(starts):
+        prepare_event_loop(world)
         compiled(_first_contacts)(world, fresh, np.ascontiguousarray(starts), answers)
     return answers
