@@ -202,16 +202,6 @@ class Paths:
             "energy": self._energy(chosen, s, c, p),
         }
 
-    def start_energies(self) -> Floats:
-        """Energy (J) of every body at the start of the run."""
-        rows = np.flatnonzero(np.append(True, self.body[1:] != self.body[:-1]))
-        return self._energy(rows, self.log["s"][rows], self.log["c"][rows], self.log["p"][rows])
-
-    def end_energies(self) -> Floats:
-        """Energy (J) of every body at the end of the run."""
-        rows = np.flatnonzero(self.last)
-        return self._energy(rows, self.end_s[rows], self.end_c[rows], self.end_p[rows])
-
     def _energy(self, chosen: Any, s: Floats, c: Floats, p: Floats) -> Floats:
         """Energy (J); carried on a free flight, from the state in lasting contact."""
         body, piece = self.body[chosen], self.piece[chosen]
