@@ -12,8 +12,8 @@ from vibro_cli.api import simulate
 from vibro_cli.build import build_system
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.impacts import impact_columns
+from vibro_cli.grids.points import scenario_at
 from vibro_cli.grids.room import Room
-from vibro_cli.grids.setting import scenario_at
 from vibro_cli.grids.solving import Solver
 from vibro_cli.grids.tables import collision_table_of
 from vibro_cli.scenario import ScenarioError

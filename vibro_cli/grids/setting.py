@@ -16,73 +16,24 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.build import build_system
 from vibro_cli.grids.axes import Column
+from vibro_cli.grids.points import Point
 from vibro_cli.mechanics.body import mass_from_density
 from vibro_cli.mechanics.clearance import contact_angle
 from vibro_cli.mechanics.placement import wall_position
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.scenario import Scenario, ScenarioError, scenario_of
-from vibro_cli.scenario.loading import Document
-from vibro_cli.scenario.overrides import apply
+from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.geometry import centres
 from vibro_cli.simulation.prepare import half_angle, initial_flight
 
 Values = Mapping[KeyPath, Column]
 
-# What points of one setting may differ in.
-_OF_A_BALL = ("angle", "position", "rate", "omega", "speed", "density", "mass")
 # Closer than this share to the edge of what is possible, the ordinary reader decides.
 _SURE = 1.0e-9
 _LEAST_MASS, _MOST_MASS, _MOST_SPEED = 1.0e-99, 1.0e99, 1.0e29
 _LARGEST_COUNT = 2**63 - 1
-
-
-def is_quick(path: KeyPath) -> bool:
-    """Tell whether points may differ in the value at a path and still share a setting."""
-    if path[0] == "balls":
-        return len(path) == 3 and path[2] in _OF_A_BALL
-    return path[:2] == ("collision", "k") or path in (("stop", "time"), ("stop", "collisions"))
-
-
-def scenario_at(base: Document, values: Mapping[KeyPath, Any]) -> Scenario:
-    """Return the scenario of one point, by the ordinary reader.
-
-    Raises
-    ------
-    ScenarioError
-        With everything that is wrong with it.
-    """
-    data = base.data
-    given: list[KeyPath] = []
-    for path, value in values.items():
-        plain = value.item() if isinstance(value, np.generic) else value
-        data = apply(data, path, plain, given)
-        given.append(path)
-    return scenario_of(Document(data, base.source, base.name))
-
-
-@dataclass(frozen=True)
-class Point:
-    """One point that went through the ordinary reader: a scenario, or the reason why not."""
-
-    scenario: Scenario | None
-    system: System | None
-    reason: str | None
-
-
-def read_point(base: Document, values: Mapping[KeyPath, Any]) -> Point:
-    """Return one point by the ordinary reader."""
-    try:
-        scenario = scenario_at(base, values)
-        return Point(scenario, build_system(scenario), None)
-    except ScenarioError as error:
-        texts = [
-            f"{one.path}: found {one.found}, expected {one.expected}" for one in error.problems
-        ]
-        return Point(None, None, "; ".join(texts))
 
 
 @dataclass(frozen=True)

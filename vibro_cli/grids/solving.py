@@ -11,7 +11,8 @@ import numpy as np
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.impacts import Logged, SpareLogs
-from vibro_cli.grids.setting import Point, Setting, Starts, is_quick, read_point
+from vibro_cli.grids.points import Point, Reader, is_quick
+from vibro_cli.grids.setting import Setting, Starts
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.batch import Batch, make_points
@@ -25,7 +26,7 @@ from vibro_cli.simulation.world import LOG_FULL, World
 Table = dict[str, Any]
 
 # Settings whose records are kept ready; a grid seldom needs many at once.
-_READY = 64
+_READY = 1024
 _ROWS_AT_FIRST = 1 << 12
 
 
@@ -67,6 +68,7 @@ class Solver:
         self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
         self._room = 0.0
         self._logs = SpareLogs()
+        self._reader = Reader(grid.base)
         self._indices: Column = np.zeros(0, dtype=np.int64)
         self._slow = [path for path in grid.design.paths if not is_quick(path)]
 
@@ -102,12 +104,12 @@ class Solver:
         """Solve points of one setting."""
         if self._engine == "python":
             for at, row in enumerate(rows):
-                self._solve_alone(row, read_point(self._grid.base, _row(values, at)), parts)
+                self._solve_alone(row, self._reader.read(_row(values, at)), parts)
             return
         at = 0
         while key not in self._settings and at < len(rows):
             # The first point that is valid shows the setting.
-            point = read_point(self._grid.base, _row(values, int(at)))
+            point = self._reader.read(_row(values, int(at)))
             if point.scenario is not None and point.system is not None:
                 self._remember(key, Setting(point.scenario, point.system))
             else:
@@ -133,7 +135,7 @@ class Solver:
             self._solve_batch(key, starts.at(starts.sure), rows[starts.sure], parts)
         found: list[tuple[int, Point]] = []
         for at in np.flatnonzero(~starts.sure):
-            point = read_point(self._grid.base, _row(values, int(at)))
+            point = self._reader.read(_row(values, int(at)))
             if point.system is None:
                 self._solve_alone(rows[at], point, parts)
             else:
@@ -148,7 +150,7 @@ class Solver:
         """Solve valid points of a setting with the compiled kernels."""
         setting = self._settings[key]
         if key not in self._batches:
-            self._batches[key] = Batch(setting.system)
+            self._batches[key] = Batch(setting.system, next(iter(self._batches.values()), None))
         results = self._run(self._batches[key], starts)
         outcomes: Any = results.outcomes
         # What a batch leaves out: runs too long for its logs.
@@ -157,7 +159,7 @@ class Solver:
             self._take(setting, starts, rows, whole, results, self._batches[key].world, parts)
         for row in rows[~whole]:
             values = self._grid.design.columns(self._indices[[row]])
-            self._solve_alone(row, read_point(self._grid.base, _row(values, 0)), parts)
+            self._solve_alone(row, self._reader.read(_row(values, 0)), parts)
 
     def _run(self, batch: Batch, starts: Starts) -> Results:
         count, bodies = starts.piece.shape

@@ -21,6 +21,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from itertools import pairwise
 
 from vibro_cli.mechanics.body import Body
@@ -29,6 +30,8 @@ from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
 _EPSILON = 2.0**-52
 _SEARCH_LIMIT = 5000
 _RESOLUTION = 1e-9
+# Answers that are kept: the scenarios of a grid ask for the same ones again and again.
+_REMEMBERED = 4096
 
 Interval = tuple[float, float]
 
@@ -212,6 +215,7 @@ def overlapping_pieces(trace: Trace) -> tuple[int, ...]:
     )
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def touched_pieces(trace: Trace, radius: float) -> tuple[tuple[int, int], ...]:
     """Return the pairs (i, j) such that a body rolling on piece i may touch piece j elsewhere.
 
@@ -234,6 +238,7 @@ def _adjacent(trace: Trace, i: int, j: int) -> bool:
     return steps <= 1 or (trace.closed and steps == len(trace.pieces) - 1)
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def reach(trace: Trace, body_a: Body, body_b: Body) -> tuple[tuple[bool, ...], ...]:
     """Return for each two pieces whether body a and body b on them can never be in contact.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
+from functools import lru_cache
 
 from vibro_cli.mechanics.trace import Piece, Trace
 
@@ -27,6 +28,7 @@ class Heights:
     """At the highest point of the full circle; on a line at the right end."""
 
 
+@lru_cache(maxsize=4096)  # the scenarios of a grid ask for the same ones again and again
 def heights(trace: Trace, radius: float) -> tuple[Heights, ...]:
     """Return the heights of each piece for a body of the given radius (m)."""
     with localcontext() as context:

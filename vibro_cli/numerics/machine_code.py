@@ -238,7 +238,7 @@ def _block(argument: Any) -> Any:
     for array in _arrays(argument):
         if not array.flags.c_contiguous:
             raise TypeError("the arrays of a compiled kernel must be in C order")
-        address = array.__array_interface__["data"][0]
+        address = array.ctypes.data
         words += (0, 0, array.size, array.itemsize, address, *array.shape, *array.strides)
     return np.array(words, dtype=np.int64)
 

@@ -14,6 +14,7 @@ from vibro_cli.simulation.entry import empty_results, enter_points, zeros
 from vibro_cli.simulation.impacts import ImpactTable, runs_of
 from vibro_cli.simulation.points import PointData, Points, RestitutionData, Results, StartData
 from vibro_cli.simulation.prepare import make_world, smallest_system
+from vibro_cli.simulation.world import World
 
 
 class Progress(NamedTuple):
@@ -31,10 +32,13 @@ class Batch:
     system
         Trace, bodies (but for their masses), laws and ends of every run; its initial states are
         not used.
+    beside
+        Another batch of as many bodies, in the same thread, to share its logs.
     """
 
-    def __init__(self, system: System) -> None:
-        self.world = compiled_world(make_world(system, None, None))
+    def __init__(self, system: System, beside: Batch | None = None) -> None:
+        logs_of = None if beside is None else beside.world
+        self.world: World = compiled_world(make_world(system, None, None), logs_of)
         """The records of the system; bodies, pairs, flights and clock are those of the last run."""
         copies: Any = {name: np.array(getattr(self.world, name)) for name in STATE}
         self._fresh = self.world._replace(**copies)

@@ -178,8 +178,11 @@ def _empty_log(name: str, room: int) -> Any:
     return np.zeros(2 * room, dtype=engine.dtype(RECORDS[name]))
 
 
-def compiled_world(world: World) -> World:
-    """Return a world of arrays with the contents of one of interpreted records."""
+def compiled_world(world: World, logs_of: World | None = None) -> World:
+    """Return a world of arrays with the contents of one of interpreted records.
+
+    Its logs are new, or those of another compiled world with as many bodies.
+    """
     import numpy as np
 
     settings = world.settings[0]
@@ -190,6 +193,8 @@ def compiled_world(world: World) -> World:
         for name, cls in RECORDS.items()
         if name not in LOGS
     }
-    logs: dict[str, Any] = {name: _empty_log(name, room) for name in LOGS}
+    logs: dict[str, Any] = {
+        name: _empty_log(name, room) if logs_of is None else getattr(logs_of, name) for name in LOGS
+    }
     far: Any = np.array(world.far, dtype=np.int64)
     return World(**arrays, far=far, **logs)

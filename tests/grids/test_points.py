@@ -1,0 +1,57 @@
+"""Points that are read like one that is known get the scenario, or the reason, of the reader."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+from vibro_cli.build import build_system
+from vibro_cli.grids.points import Reader, scenario_at
+from vibro_cli.scenario import ScenarioError
+from vibro_cli.scenario.loading import load_document
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+END = 0.8726646259971648  # of the first arc of three_arcs, 50 deg
+# Allowed, at an edge, and refused; the last three of the angles overlap, or are beyond the arc.
+VALUES = {
+    ("balls", 0, "angle"): (-1.0, END, 0.7, 0.9, -3.0),
+    ("balls", 1, "angle"): (0.4, -END, -1.0),
+    ("collision", "k"): (1.0, 0.0, 1.2),
+    ("balls", 0, "radius"): (0.1, 0.3, 0.0, 5.0),
+    ("gravity",): (9.81, -1.0),
+    ("balls", 1, "density"): (2700.0, 0.0, float("nan")),
+}
+
+
+def test_points_are_what_the_reader_says() -> None:
+    base = load_document(SCENARIOS / "three_arcs.toml")
+    reader = Reader(base)
+    seen = set()
+    for values in product(*VALUES.values()):
+        point = dict(zip(VALUES, values, strict=True))
+        found = reader.read(point)
+        try:
+            scenario = scenario_at(base, point)
+            system = build_system(scenario)
+        except ScenarioError as error:
+            lines = [f"{p.path}: found {p.found}, expected {p.expected}" for p in error.problems]
+            assert found.reason == "; ".join(lines)
+            assert found.system is None
+            seen.add(found.reason.partition(":")[0])
+        else:
+            assert (found.scenario, found.system, found.reason) == (scenario, system, None)
+            seen.add("valid")
+    assert {"valid", "collision.k", "gravity", "balls[1].radius", "balls[2].angle"} <= seen
+
+
+def test_words_are_read_alone() -> None:
+    base = load_document(SCENARIOS / "three_arcs.toml")
+    reader = Reader(base)
+    for law, k in (("hedrih", 0.5), ("translational", 0.6), ("nonsense", 0.7)):
+        found = reader.read({("collision", "law"): law, ("collision", "k"): k})
+        if law == "nonsense":
+            assert found.reason is not None
+            assert found.reason.startswith("collision.law: ")
+            continue
+        assert found.system is not None
+        assert (found.system.law, found.system.restitution) == (law, (k,))

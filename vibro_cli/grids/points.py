@@ -1,0 +1,183 @@
+"""Single points of a grid: each read alone, or like one whose scenario is known.
+
+The ordinary reader decides what is a valid scenario, and says what is wrong with one that is not.
+Where points differ in numbers only, a good part of its work is the same for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.build import build_system
+from vibro_cli.grids.paths import kind_of
+from vibro_cli.mechanics.system import System
+from vibro_cli.scenario import Scenario, ScenarioError, scenario_of
+from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.loading import Document
+from vibro_cli.scenario.overrides import apply
+from vibro_cli.scenario.problems import KeyPath
+
+PointValues = Mapping[KeyPath, Any]
+
+# What points of one setting may differ in, and what of a setting another one may differ in.
+_OF_A_BALL = ("angle", "position", "rate", "omega", "speed", "density", "mass")
+_OF_A_SETTING = ("radius", "thickness", "inertia_ratio")
+# Reasons that are kept ready.
+_MOST_REASONS = 10_000
+
+
+def is_quick(path: KeyPath) -> bool:
+    """Tell whether points may differ in the value at a path and still share a setting."""
+    if path[0] == "balls":
+        return len(path) == 3 and path[2] in _OF_A_BALL
+    return path[:2] == ("collision", "k") or path in (("stop", "time"), ("stop", "collisions"))
+
+
+def is_number(path: KeyPath) -> bool:
+    """Tell whether another value at a path leaves all else of a scenario as it is."""
+    of_ball = path[0] == "balls" and len(path) == 3 and path[2] in _OF_A_SETTING
+    return is_quick(path) or of_ball or path == ("gravity",)
+
+
+def scenario_at(base: Document, values: PointValues) -> Scenario:
+    """Return the scenario of one point, by the ordinary reader.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with it.
+    """
+    data = base.data
+    given: list[KeyPath] = []
+    for path, value in values.items():
+        data = apply(data, path, _plain(value), given)
+        given.append(path)
+    return scenario_of(Document(data, base.source, base.name))
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+@dataclass(frozen=True)
+class Point:
+    """One point that went through the ordinary reader: a scenario, or the reason why not."""
+
+    scenario: Scenario | None
+    system: System | None
+    reason: str | None
+
+
+class Reader:
+    """Reads points of one grid whose scenarios differ in numbers only.
+
+    Parameters
+    ----------
+    base
+        The scenario that the axes change.
+    """
+
+    def __init__(self, base: Document) -> None:
+        self._base = base
+        self._known: Scenario | None = None
+        self._reasons: dict[tuple[tuple[KeyPath, Any], ...], str] = {}
+
+    def read(self, values: PointValues) -> Point:
+        """Return one point, as the ordinary reader finds it.
+
+        A number that its key does not allow is told before anything else is looked at, so that
+        the reason is the same for every point that has it.
+        """
+        plain = {path: _plain(value) for path, value in values.items()}
+        refused: tuple[tuple[KeyPath, Any], ...] = ()
+        if self._known is not None:
+            refused = tuple(item for item in plain.items() if not _allowed(self._known, *item))
+            if refused in self._reasons:
+                return Point(None, None, self._reasons[refused])
+        try:
+            scenario = self._scenario(plain, refused)
+            point = Point(scenario, build_system(scenario), None)
+        except ScenarioError as error:
+            return Point(None, None, _reason(error))
+        if self._known is None and all(map(is_number, plain)):
+            self._known = point.scenario
+        return point
+
+    def _scenario(self, values: PointValues, refused: tuple[tuple[KeyPath, Any], ...]) -> Scenario:
+        if self._known is not None and not refused:
+            return _changed(self._known, values)
+        try:
+            return scenario_at(self._base, values)
+        except ScenarioError as error:
+            if refused and len(self._reasons) < _MOST_REASONS:
+                self._reasons[refused] = _reason(error)
+            raise
+
+
+def _reason(error: ScenarioError) -> str:
+    texts = [f"{one.path}: found {one.found}, expected {one.expected}" for one in error.problems]
+    return "; ".join(texts)
+
+
+def _allowed(known: Scenario, path: KeyPath, value: Any) -> bool:
+    """Whether a number is one that the key of a known scenario allows, whatever the others are."""
+    kind = kind_of(path)
+    assert isinstance(kind, kinds.Quantity | kinds.Count)
+    number = kind.read_or_none(value)
+    if number is None:
+        return False
+    if path[-1] == "radius":
+        return number > 0.0
+    if path[-1] not in ("angle", "position"):
+        return True
+    assert isinstance(path[1], int)
+    arc = known.trace.arcs[known.balls[path[1]].arc - 1]
+    if path[-1] == "position":
+        return arc.length is not None and 0.0 < number < arc.length
+    return _inside(known, known.balls[path[1]].arc - 1, number)
+
+
+def _inside(known: Scenario, piece: int, angle: float) -> bool:
+    """Whether an angle is within an arc, and not at one of its ends."""
+    arcs = known.trace.arcs
+    slopes = [known.trace.start_slope]
+    for arc in arcs[: piece + 1]:
+        slopes.append(slopes[-1] if arc.end_slope is None else arc.end_slope)
+    sign = -1.0 if arcs[piece].shape == "hump" else 1.0
+    return sign * slopes[piece] < angle < sign * slopes[piece + 1]
+
+
+def _changed(known: Scenario, values: Mapping[KeyPath, Any]) -> Scenario:
+    """A scenario with other numbers, each of which is allowed."""
+    changes: dict[str, Any] = {}
+    balls: dict[int, dict[str, Any]] = {}
+    stop: dict[str, Any] = {}
+    k = list(known.collision.k)
+    for path, value in values.items():
+        kind = kind_of(path)
+        assert isinstance(kind, kinds.Quantity | kinds.Count)
+        number = kind.read(value)
+        if path[0] == "balls":
+            balls.setdefault(int(path[1]), {})[str(path[2])] = number
+        elif path[0] == "stop":
+            stop[str(path[1])] = number
+        elif path == ("collision", "k"):
+            k = [number] * len(k)
+        elif path[0] == "collision":
+            k[int(path[2])] = number
+        else:
+            changes[str(path[0])] = number
+    if balls:
+        changed = enumerate(known.balls)
+        changes["balls"] = tuple(
+            ball.model_copy(update=balls[n]) if n in balls else ball for n, ball in changed
+        )
+    if stop:
+        changes["stop"] = known.stop.model_copy(update=stop)
+    if tuple(k) != known.collision.k:
+        changes["collision"] = known.collision.model_copy(update={"k": tuple(k)})
+    return known.model_copy(update=changes)
