@@ -13,6 +13,7 @@ from vibro_cli.commands.options import Engine, Overrides, Strict, Task
 from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
+    from vibro_cli.grids.chunks import Expected
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.shards import Shard
 
@@ -171,13 +172,13 @@ def load(wishes: Wishes) -> "Grid":
         raise CommandError(f"{wishes.source}: cannot be read: {reason(error)}") from error
 
 
-def engine_of(wishes: Wishes, found: "Grid", impacts_of_a_point: float) -> str:
+def engine_of(wishes: Wishes, found: "Grid", impacts: "Expected") -> str:
     """The engine that was asked for, or the one that the grid needs."""
     from vibro_cli.commands.warm import tell_of_compiling
     from vibro_cli.grids.sample import engine_for
 
     tell_of_compiling()
-    return wishes.engine if wishes.engine != "auto" else engine_for(found, impacts_of_a_point)
+    return wishes.engine if wishes.engine != "auto" else engine_for(found, impacts)
 
 
 def _workers(wishes: Wishes) -> int:

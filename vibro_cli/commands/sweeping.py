@@ -9,7 +9,7 @@ from vibro_cli.commands.words import size
 
 if TYPE_CHECKING:
     from vibro_cli.commands.grid import Wishes
-    from vibro_cli.grids.chunks import Chunks
+    from vibro_cli.grids.chunks import Chunks, Expected
     from vibro_cli.grids.dataset import Dataset
     from vibro_cli.grids.document import Grid
 
@@ -48,7 +48,7 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     return state
 
 
-def _chunks(wishes: "Wishes", grid: "Grid", expected: float, folder: Path) -> "Chunks":
+def _chunks(wishes: "Wishes", grid: "Grid", expected: "Expected", folder: Path) -> "Chunks":
     """How the grid is divided: as the folder has it, if it has it already."""
     from vibro_cli.grids.chunks import Chunks
     from vibro_cli.grids.dataset import known_chunk_size

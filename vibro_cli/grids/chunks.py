@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,11 +25,20 @@ from vibro_cli.storage.provenance import entry
 # Rows of a part: what readers of parquet like, and what a chunk may take of memory.
 _POINTS_OF_A_PART = 100_000
 _IMPACTS_OF_A_PART = 250_000
+# However they are spread, no more than this.
+_MOST_IMPACTS_OF_A_PART = 500_000
 # Impacts that are solved at one go: between two stretches a thread can be told to stop.
 _IMPACTS_OF_A_STRETCH = 40_000
 _LONGEST_STRETCH = 8192
 # Stretches of a small grid, for any number of threads to share.
 _FEWEST_STRETCHES = 64
+
+
+class Expected(NamedTuple):
+    """How many impacts a point may be expected to have."""
+
+    mean: float
+    most: float
 
 
 @dataclass(frozen=True)
@@ -44,18 +53,19 @@ class Chunks:
     """Points that are solved at one go; the results do not depend on it."""
 
     @staticmethod
-    def of(grid: Grid, impacts_of_a_point: float) -> Chunks:
-        """Divide a grid whose points are expected to have this many impacts."""
-        expected = max(impacts_of_a_point, 1.0)
+    def of(grid: Grid, impacts: Expected) -> Chunks:
+        """Divide a grid whose points are expected to have so many impacts."""
         size = _POINTS_OF_A_PART
         if grid.keep.collisions:
-            size = max(1, min(size, int(_IMPACTS_OF_A_PART / expected)))
-        return Chunks.of_size(grid, grid.chunk_points or size, expected)
+            wished = int(_IMPACTS_OF_A_PART / max(impacts.mean, 1.0))
+            possible = int(_MOST_IMPACTS_OF_A_PART / max(impacts.most, 1.0))
+            size = max(1, min(size, wished, possible))
+        return Chunks.of_size(grid, grid.chunk_points or size, impacts)
 
     @staticmethod
-    def of_size(grid: Grid, size: int, impacts_of_a_point: float) -> Chunks:
+    def of_size(grid: Grid, size: int, impacts: Expected) -> Chunks:
         """Divide a grid into chunks of a known size."""
-        stretch = int(_IMPACTS_OF_A_STRETCH / max(impacts_of_a_point, 1.0))
+        stretch = int(_IMPACTS_OF_A_STRETCH / max(impacts.mean, 1.0))
         points = grid.design.points
         stretch = min(stretch, _LONGEST_STRETCH, size, points // _FEWEST_STRETCHES)
         return Chunks(points, size, max(1, stretch))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,8 @@ from vibro_cli.simulation.impacts import ImpactTable, runs_of, sidedness
 from vibro_cli.simulation.world import ImpactRow, World
 from vibro_cli.storage.schema import Table
 from vibro_cli.storage.tables import Words
+
+_ROWS_OF_A_BLOCK = 1 << 17
 
 
 @dataclass(frozen=True)
@@ -40,23 +44,63 @@ class Logged:
     """Called once the log is not needed any more."""
 
 
-class SpareLogs:
-    """Logs that are used again; one thread takes them, any may put them back."""
+@dataclass(eq=False)
+class _Block:
+    """Memory for logs, one after another."""
+
+    rows: Any
+    used: int = 0
+    logs: int = 0
+    """How many of them are still needed."""
+
+
+class LogSpace:
+    """Room for the logs of one thread; any thread may tell that one is not needed any more.
+
+    Memory that is written to for the first time costs more than what is written, so that it is
+    used again, and a log takes no more of it than it has rows.
+    """
 
     def __init__(self) -> None:
-        self._spare: list[Any] = []
+        self._lock = threading.Lock()
+        self._block = _Block(zeros(0, ImpactRow))
+        self._spare: list[_Block] = []
 
     def take(self, rows: int) -> Any:
         """Return a log with room for at least some rows."""
-        while self._spare:
-            log = self._spare.pop()
-            if len(log) >= rows:
-                return log
-        return zeros(rows + rows // 8, ImpactRow)
+        with self._lock:
+            if self._block.logs == 0:
+                self._block.used = 0
+            if len(self._block.rows) - self._block.used < rows:
+                self._block = self._another(rows)
+            return self._block.rows[self._block.used :]
 
-    def put(self, log: Any) -> None:
-        """Take back a log."""
-        self._spare.append(log)
+    def _another(self, rows: int) -> _Block:
+        if self._block.logs == 0:
+            self._spare.append(self._block)
+        for block in self._spare:
+            if len(block.rows) >= rows:
+                self._spare.remove(block)
+                block.used = 0
+                return block
+        self._spare.clear()  # all of them are too small
+        return _Block(zeros(max(rows + rows // 4, _ROWS_OF_A_BLOCK), ImpactRow))
+
+    def keep(self, log: Any, rows: int) -> Callable[[], None]:
+        """Keep the first rows of the log that was taken last; return what gives them back."""
+        block = self._block
+        if not np.shares_memory(log, block.rows):
+            return lambda: None  # it has outgrown its room
+        with self._lock:
+            block.used += rows
+            block.logs += 1
+        return partial(self._give_back, block)
+
+    def _give_back(self, block: _Block) -> None:
+        with self._lock:
+            block.logs -= 1
+            if block.logs == 0 and block is not self._block:
+                self._spare.append(block)
 
 
 def impact_columns(

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_cli.grids.axes import Column
-from vibro_cli.grids.chunks import part_bytes
+from vibro_cli.grids.chunks import Expected, part_bytes
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Solver
 
 # The number of points that tell how the grid is divided; it must not depend on the machine.
 _POINTS = 32
 _MOST_IMPACTS = 500
+_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 # A point that has more is taken to have this many times as many, if its stop allows.
 _MANY = 10.0
 # Impacts for which compiling is worth its time, and how many a point without any counts for.
@@ -25,12 +26,16 @@ _TIMED = 0.3
 
 
 def spread(grid: Grid, count: int) -> Column:
-    """Return the numbers of some points spread evenly over a grid."""
+    """Return the numbers of about so many points spread over a grid, along every axis of it."""
     points = grid.design.points
-    return np.unique(np.arange(min(count, points)) * points // min(count, points))
+    if count >= points:
+        return np.arange(points)
+    # Equal steps would meet the same values of the last axes again and again.
+    shares = (0.5 + _GOLDEN * np.arange(count)) % 1.0
+    return np.unique((shares * points).astype(np.int64))
 
 
-def expected_impacts(grid: Grid) -> float:
+def expected_impacts(grid: Grid) -> Expected:
     """Return how many impacts a point may be expected to have; the same on every machine."""
     stop = grid.base.data.get("stop")
     most = stop.get("collisions") if isinstance(stop, dict) else None
@@ -41,12 +46,12 @@ def expected_impacts(grid: Grid) -> float:
     solved = Solver(limited.without_collisions(), "python").solve(spread(grid, _POINTS))
     counts = np.ma.filled(solved.summary["collisions"], 0).astype(np.float64)
     counts[counts >= _MOST_IMPACTS] = limit
-    return float(np.mean(counts))
+    return Expected(float(np.mean(counts)), float(np.max(counts)))
 
 
-def engine_for(grid: Grid, impacts_of_a_point: float) -> str:
+def engine_for(grid: Grid, impacts: Expected) -> str:
     """Return the engine for a grid: small ones are done before the kernels would be compiled."""
-    work = grid.design.points * (impacts_of_a_point + _LEAST_WORK)
+    work = grid.design.points * (impacts.mean + _LEAST_WORK)
     return "numba" if work > _WORTH_COMPILING else "python"
 
 

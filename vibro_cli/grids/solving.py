@@ -10,7 +10,7 @@ import numpy as np
 
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.impacts import Logged, SpareLogs
+from vibro_cli.grids.impacts import Logged, LogSpace
 from vibro_cli.grids.points import Point, Reader, is_quick
 from vibro_cli.grids.setting import Setting, Starts
 from vibro_cli.mechanics.records import NEVER
@@ -67,7 +67,7 @@ class Solver:
         self._settings: OrderedDict[tuple[Any, ...], Setting] = OrderedDict()
         self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
         self._room = 0.0
-        self._logs = SpareLogs()
+        self._logs = LogSpace()
         self._reader = Reader(grid.base)
         self._indices: Column = np.zeros(0, dtype=np.int64)
         self._slow = [path for path in grid.design.paths if not is_quick(path)]
@@ -196,14 +196,12 @@ class Solver:
             return
         # A point that is left out has no rows here.
         counts = every["kept"].copy()
-        log: Any = results.impacts[: counts.sum()]
-        points = self._indices[rows]
+        used = int(counts.sum())
+        log: Any = results.impacts[:used]
+        points, give_back = self._indices[rows], self._logs.keep(results.impacts, used)
         parts.logged.append(
-            Logged(
-                setting.system, world, self._engine, points, counts, log, starts.mass,
-                lambda: self._logs.put(results.impacts),
-            )
-        )  # fmt: skip
+            Logged(setting.system, world, self._engine, points, counts, log, starts.mass, give_back)
+        )
 
     def _solve_alone(self, number: int, point: Point, parts: _Parts) -> None:
         """Solve one point by itself, or take down why it cannot be solved."""
