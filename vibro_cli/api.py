@@ -10,11 +10,13 @@ from vibro_cli.simulation.drive import TooQuiet
 from vibro_cli.simulation.run import CannotContinue, Run, Wanted, simulate_system
 
 if TYPE_CHECKING:
+    from vibro_cli.scenario.springs_models import SpringsScenario
     from vibro_cli.scenario.systems import AnyScenario
     from vibro_cli.scenario.table_models import TableScenario
+    from vibro_cli.systems.springs.run import SpringsRun
     from vibro_cli.systems.table.run import TableRun
 
-    AnyRun: TypeAlias = Run | TableRun
+    AnyRun: TypeAlias = Run | TableRun | SpringsRun
 
 __all__ = ["CannotContinue", "Run", "TooQuiet", "load_scenario", "simulate"]
 
@@ -30,6 +32,10 @@ def simulate(
 
 @overload
 def simulate(scenario: TableScenario, engine: str = "auto") -> TableRun: ...
+
+
+@overload
+def simulate(scenario: SpringsScenario, engine: str = "auto") -> SpringsRun: ...
 
 
 def simulate(
@@ -65,8 +71,10 @@ def simulate(
     CannotContinue
         If the earlier run had ended for good, or is past the stop.
     """
-    if scenario.system != "trace":
+    if scenario.system == "table":
         return _simulate_table(scenario, engine)
+    if scenario.system == "springs":
+        return _simulate_springs(scenario, engine)
     output = scenario.output
     wanted = Wanted(
         times=output.times,
@@ -89,3 +97,13 @@ def _simulate_table(scenario: TableScenario, engine: str) -> TableRun:
     return simulate_table(
         build_table(scenario), stop.time, stop.collisions, stop.bounces, engine, wanted
     )
+
+
+def _simulate_springs(scenario: SpringsScenario, engine: str) -> SpringsRun:
+    from vibro_cli.build.springs import build_springs
+    from vibro_cli.systems.springs.run import simulate_springs
+    from vibro_cli.systems.wanted import Wanted
+
+    wanted = Wanted(scenario.output.times, scenario.output.step)
+    stop = scenario.stop
+    return simulate_springs(build_springs(scenario), stop.time, stop.collisions, engine, wanted)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
 from vibro_cli.build.trace import build_trace as build_system
@@ -11,9 +11,10 @@ from vibro_cli.mechanics.system import System
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.systems.springs.system import SpringsSystem
     from vibro_cli.systems.table.system import TableSystem
 
-    AnySystem: TypeAlias = System | TableSystem
+    AnySystem: TypeAlias = System | TableSystem | SpringsSystem
 
 __all__ = ["build_any", "build_system", "warnings_of"]
 
@@ -27,6 +28,10 @@ def build_any(scenario: AnyScenario) -> AnySystem:
         from vibro_cli.build.table import build_table
 
         return build_table(scenario)
+    if scenario.system == "springs":
+        from vibro_cli.build.springs import build_springs
+
+        return build_springs(scenario)
     return build_system(scenario)
 
 
@@ -34,5 +39,6 @@ def warnings_of(scenario: AnyScenario, system: AnySystem) -> tuple[str, ...]:
     """Return what a user should know about a sound system before running it, a sentence each."""
     if isinstance(system, System):
         return mechanics_warnings(system, scenario.stop.time)
-    pairs = list(combinations(system.bodies, 2))
+    on_table = scenario.system == "table"
+    pairs = list(combinations(system.bodies, 2) if on_table else pairwise(system.bodies))
     return tuple(law_warnings(system.law, system.inadmissible, pairs))

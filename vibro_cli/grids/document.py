@@ -12,6 +12,7 @@ from vibro_cli.grids.axes import Axis, Wrong, read_axis
 from vibro_cli.grids.design import MODES, Design
 from vibro_cli.scenario import loading
 from vibro_cli.scenario.loading import Document, load_document, located
+from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.overrides import OverrideError, apply
 from vibro_cli.scenario.problems import (
     Fault,
@@ -24,6 +25,7 @@ from vibro_cli.scenario.problems import (
     suggestion,
 )
 from vibro_cli.scenario.source import Source
+from vibro_cli.scenario.systems import model_of
 from vibro_cli.storage.schema import collisions
 
 _KEYS = ("name", "base", "scenario", "mode", "n", "seed", "axes", "keep", "chunk_points")
@@ -133,6 +135,11 @@ def _base(
         problems.extend(error.problems)
         return None
     changed, texts, wrong = loading.overridden(given.data, overrides)
+    if model_of(changed) is not Scenario:
+        expected = '"trace": grids of other systems are not there'
+        fault = Fault(("system",), shown(changed["system"]), expected)
+        problems.extend(located([fault], given.source))
+        return None
     problems.extend(wrong)
     return Document(changed, replace(given.source, overrides=tuple(texts)), given.name)
 

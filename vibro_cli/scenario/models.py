@@ -17,7 +17,7 @@ from vibro_cli.scenario.parts import BodyTable, Sampling
 from vibro_cli.scenario.problems import Fault
 from vibro_cli.scenario.rules import ALTERNATIVES, all_faults, prepared
 
-SYSTEMS = ("trace", "table")
+SYSTEMS = ("trace", "table", "springs")
 """The systems there are; each but the trace has models of its own (see `systems`)."""
 
 Shape = Literal["valley", "hump", "line"]

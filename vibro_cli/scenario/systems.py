@@ -10,12 +10,14 @@ from vibro_cli.scenario.base import ScenarioTable
 from vibro_cli.scenario.models import SYSTEMS, Scenario
 
 if TYPE_CHECKING:
+    from vibro_cli.scenario.springs_models import SpringsScenario
     from vibro_cli.scenario.table_models import TableScenario
 
-    AnyScenario: TypeAlias = Scenario | TableScenario
+    AnyScenario: TypeAlias = Scenario | TableScenario | SpringsScenario
 
 # A module is read when a scenario of its system is: most are of the trace.
 _MODELS = {
+    "springs": ("vibro_cli.scenario.springs_models", "SpringsScenario"),
     "table": ("vibro_cli.scenario.table_models", "TableScenario"),
 }
 

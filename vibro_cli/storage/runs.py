@@ -33,6 +33,7 @@ CHECKPOINT_NAME = "checkpoint.json"
 _TABLES = {
     "trace": ("collisions", "events", "summary", "motion"),
     "table": ("collisions", "bounces", "summary", "motion"),
+    "springs": ("collisions", "events", "summary", "motion"),
 }
 """The tables of a run of each system; motion is there only when it was asked for."""
 

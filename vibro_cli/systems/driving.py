@@ -14,8 +14,9 @@ from vibro_cli.simulation.record import Log
 
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
-# A run left to itself is compiled once it has had this many rows: it depends on the scenario alone.
-COMPILE_AFTER = 4096
+# A run left to itself is compiled once its loop has come back this often, with full logs or after
+# so much work: it depends on the scenario alone.
+COMPILE_AFTER = 16
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Driver:
         self.logs = {name: Log(library.records[name]) for name in library.logs}
         self.engine = "python"
         self._may_compile = engine_name == "auto"
-        self._rows = 0
+        self._rounds = 0
         self.world = world
         self._make_room(INTERPRETED_ROWS)
         if engine_name == "numba":
@@ -53,7 +54,8 @@ class Driver:
             self._collect()
             if cause != self._library.log_full:
                 return cause
-            if self._may_compile and self._rows >= COMPILE_AFTER:
+            self._rounds += 1
+            if self._may_compile and self._rounds >= COMPILE_AFTER:
                 self._compile()
 
     def _advance(self) -> int:
@@ -77,14 +79,16 @@ class Driver:
         clock: Any = self.world.clock[0]
         for name, used in self._library.logs.items():
             count = int(self.value(used))
-            self._rows += count
-            self.logs[name].take(getattr(self.world, name), count)
+            rows = getattr(self.world, name)
             if self.engine == "numba":
-                if count > 0:
-                    self._replace_log(name, COMPILED_ROWS)
                 clock[used] = 0
+                if 4 * count > COMPILED_ROWS:
+                    self._replace_log(name, COMPILED_ROWS)
+                else:
+                    rows = rows[:count].copy()  # a few rows do not keep a whole log
             else:
                 setattr(clock, used, 0)
+            self.logs[name].take(rows, count)
 
     def _replace_log(self, name: str, room: int) -> None:
         kind = engine.dtype(self._library.records[name])
@@ -106,7 +110,8 @@ class Driver:
             if name in self._library.logs:
                 arrays[name] = np.zeros(2 * COMPILED_ROWS, dtype=engine.dtype(cls))
             elif cls is None:
-                arrays[name] = np.array(rows, dtype=np.int64)
+                kind = np.float64 if isinstance(rows[0], float) else np.int64
+                arrays[name] = np.array(rows, dtype=kind)
             else:
                 arrays[name] = engine.compiled_rows(rows, cls)
         self.world = type(self.world)(**arrays)

@@ -10,13 +10,18 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Wanted:
-    """Sampled motion and further events."""
+    """Sampled motion."""
 
     times: tuple[float, ...] | None = None
     """Instants of the motion table (s)."""
     step: float | None = None
     """Or its step (s), to the end of the run."""
-    turning_points: bool = False
+
+    def skipped(self) -> tuple[str, ...]:
+        """Return what is not computed, and why."""
+        if self.times is None and self.step is None:
+            return ("sampled motion: not asked for (output.step or output.times)",)
+        return ()
 
     def instants(self, end: float) -> NDArray[np.float64] | None:
         """Return the instants of the sampled motion of a run with this end, None if none."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.systems import impact_columns as columns
 from vibro_cli.systems.driving import Driver, Library
 from vibro_cli.systems.table.loop import advance
 from vibro_cli.systems.table.motion import Motion
@@ -32,9 +33,6 @@ class TableRun:
     skipped: tuple[str, ...]
     energy_correction: float
     _logs: dict[str, Any] = field(repr=False)
-
-    tables = ("collisions", "bounces", "summary", "motion")
-    """The tables there are; motion is None if no sampled motion was asked for."""
 
     @cached_property
     def collisions(self) -> Table:
@@ -64,39 +62,29 @@ class TableRun:
     @cached_property
     def summary(self) -> Table:
         """Columns of ``summary.parquet``, one row."""
-        return {name: np.array([value], dtype=_kind(value)) for name, value in self._totals()}
+        return columns.summary_columns(self._totals)
 
     def summary_record(self) -> dict[str, Any]:
         """Return the summary as plain values, None for null."""
-        return {
-            name: None if isinstance(value, float) and value != value else value
-            for name, value in self._totals()
-        }
+        return columns.summary_values(self._totals)
 
+    @cached_property
     def _totals(self) -> list[tuple[str, Any]]:
-        pairs, bounces = self._logs["pair_log"], self._logs["bounce_log"]
-        start, end = (
-            float(np.sum(self.sample([time], side)["energy"]))
-            for time, side in ((0.0, "before"), (self.end_time, "after"))
-        )
-        times = pairs["t"]
-        drift = (end - start) / start if start > 0.0 and self._keeps_energy() else np.nan
-        totals = [
+        pairs = self._logs["pair_log"]
+        last = self.sample([self.end_time])
+        start = float(np.sum(self.sample([0.0], "before")["energy"]))
+        end = float(np.sum(last["energy"]))
+        totals: list[tuple[str, Any]] = [
             ("status", "ok"),
             ("reason", None),
             ("end_cause", self.end_cause),
             ("end_time", self.end_time),
             ("collisions", len(pairs)),
-            ("bounces", len(bounces)),
-            ("first_collision_time", float(times[0]) if len(times) else np.nan),
-            ("last_collision_time", float(times[-1]) if len(times) else np.nan),
-            ("energy_start", start),
-            ("energy_end", end),
-            ("energy_drift", drift),
-            ("energy_correction", self.energy_correction),
-            ("max_gap", float(np.max(np.abs(pairs["gap"]))) if len(pairs) else np.nan),
+            ("bounces", len(self._logs["bounce_log"])),
+            *columns.impact_totals(pairs),
+            *columns.energy_totals(start, end, self._keeps_energy(), self.energy_correction),
+            ("max_gap", columns.largest_gap(pairs)),
         ]
-        last = self.sample([self.end_time])
         for row in range(len(self.system.bodies)):
             for name in ("x", "y", "velocity_x", "velocity_y"):
                 totals.append((f"{name}_{row + 1}", float(last[name][row])))
@@ -110,11 +98,6 @@ class TableRun:
             equal = len({body.kappa for body in system.bodies}) == 1
             kept = kept and system.restitution == 1.0 and (system.law != "translational" or equal)
         return kept
-
-
-def _kind(value: Any) -> Any:
-    """The type of a column with this value."""
-    return object if value is None or isinstance(value, str) else None
 
 
 def simulate_table(
@@ -148,15 +131,13 @@ def simulate_table(
     cause = driver.run()
     end = stop_time if cause == END_TIME and stop_time is not None else driver.value("t")
     wanted = wanted or Wanted()
-    unasked = wanted.times is None and wanted.step is None
-    note = "sampled motion: not asked for (output.step or output.times)"
     return TableRun(
         system=system,
         engine=driver.engine,
         end_cause=END_NAMES[cause],
         end_time=end,
         wanted=wanted,
-        skipped=(note,) if unasked else (),
+        skipped=wanted.skipped(),
         energy_correction=driver.value("energy_correction"),
         _logs={name: log.table() for name, log in driver.logs.items()},
     )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.mechanics.laws import LAW_NAMES
+from vibro_cli.systems.impact_columns import impact_flags, when_columns
 from vibro_cli.systems.table.system import POLYGON, TableSystem
 
 Table = dict[str, Any]
@@ -14,7 +15,7 @@ Table = dict[str, Any]
 
 def collision_table(system: TableSystem, rows: Any) -> Table:
     """Columns of ``collisions.parquet``, a row for each impact of two balls."""
-    table = _when(rows)
+    table = when_columns(rows)
     table["ball_a"] = rows["a"] + 1
     table["ball_b"] = rows["b"] + 1
     for letter in "ab":
@@ -46,9 +47,7 @@ def collision_table(system: TableSystem, rows: Any) -> Table:
     table["separation_speed"] = inclined * (rows["normal_b_post"] - rows["normal_a_post"])
     table["gap"] = rows["gap"]
     table["law"] = np.array(LAW_NAMES, dtype=object)[rows["law"]]
-    for flag in ("admissible", "substituted", "simultaneous", "grazing"):
-        table[flag] = rows[flag] == 1
-    return table
+    return table | impact_flags(rows)
 
 
 def _over(values: Any, radii: Any) -> Any:
@@ -63,7 +62,7 @@ def _inclinations(system: TableSystem, rows: Any) -> Any:
 
 def bounce_table(system: TableSystem, rows: Any) -> Table:
     """Columns of ``bounces.parquet``, a row for each impact of a ball on the wall."""
-    table = _when(rows)
+    table = when_columns(rows)
     table["ball"] = rows["ball"] + 1
     on_polygon = system.wall is not None and system.wall.shape == POLYGON
     table["edge"] = np.ma.MaskedArray(rows["edge"] + 1, mask=np.full(len(rows), not on_polygon))
@@ -80,17 +79,3 @@ def bounce_table(system: TableSystem, rows: Any) -> Table:
     table["energy_loss"] = rows["loss"]
     table["grazing"] = rows["grazing"] == 1
     return table
-
-
-def _when(rows: Any) -> Table:
-    """Number and time of each row, and the time since the row before."""
-    count = len(rows)
-    between = np.full(count, np.nan)
-    if count > 1:
-        between[1:] = np.diff(rows["t"]) + np.diff(rows["t_low"])
-    return {
-        "n": np.arange(1, count + 1),
-        "t": rows["t"],
-        "t_low": rows["t_low"],
-        "dt": between,
-    }

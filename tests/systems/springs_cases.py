@@ -1,0 +1,44 @@
+"""Bodies on springs as plain data, and runs of them."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from vibro_cli.api import simulate
+from vibro_cli.scenario import any_scenario_of
+from vibro_cli.scenario.springs_models import SpringsScenario
+from vibro_cli.systems.springs.run import SpringsRun
+
+Document = dict[str, Any]
+
+
+def spring(stiffness: float, length: float, height: float, foot: float) -> Document:
+    return {"stiffness": stiffness, "length": length, "height": height, "foot": foot}
+
+
+def disk(position: float, speed: float, held: Document, **more: Any) -> Document:
+    return {
+        "body": "disk",
+        "radius": 0.4,
+        "mass": 1.0,
+        "position": position,
+        "speed": speed,
+        "spring": held,
+        **more,
+    }
+
+
+def springs(balls: list[Document], k: float = 1.0, **stop: Any) -> Document:
+    document: Document = {"system": "springs", "balls": balls, "stop": stop}
+    return {**document, "collision": {"k": k}} if len(balls) > 1 else document
+
+
+FIGURE_FIVE = [
+    disk(-4.0, 8.5, spring(6.0, 5.0, 1.0, 0.0)),
+    disk(7.0, -2.0, spring(9.0, 5.0, 1.5, 3.0), mass=2.0),
+]
+"""Paper C, figure 5: l = 5, b = 1 and 1.5; the rest is chosen."""
+
+
+def solve(document: Document, engine: str = "python") -> SpringsRun:
+    return simulate(cast(SpringsScenario, any_scenario_of(document)), engine)

@@ -1,0 +1,157 @@
+"""Bodies on springs: against 50 digits, theorems and laws."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.highprecision import springs as twin
+from tests.highprecision.springs_references import CASES, COLUMNS, references, twin_of
+from tests.systems.springs_cases import FIGURE_FIVE, disk, solve, spring, springs
+from vibro_cli.mechanics.body import Body
+from vibro_cli.systems.springs.system import Spring, separatrix_speed, singular_points
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_first_ten_impacts_against_fifty_digits(name: str) -> None:
+    balls, k = CASES[name]
+    rows = solve(springs(balls, k, collisions=10)).collisions
+    known = references()[name]
+    assert len(known) == 10
+    for row, values in enumerate(known):
+        for column, text in zip(COLUMNS, values, strict=True):
+            value = twin.mp.mpf(text)
+            scale = abs(value) if column == "t" else 1 + abs(value)
+            assert abs(float(rows[column][row]) - value) <= 1e-12 * scale, (row, column)
+
+
+def test_the_references_are_what_their_program_says() -> None:
+    name = "one singular point each"
+    balls, k = CASES[name]
+    (again,) = twin.run(twin_of(balls[0]), twin_of(balls[1]), k, 1)
+    assert [twin.mp.nstr(value, 30) for value in again] == references()[name][0]
+
+
+@pytest.mark.parametrize(
+    "shape", [(5.0, 1.0), (5.0, 1.5), (2.0, 2.0), (1.0, 3.0), (1.0, 1.0 - 1e-9)]
+)
+def test_singular_points_and_separatrix(shape: tuple[float, float]) -> None:
+    length, height = shape
+    held = Spring(6.0, length, height, 0.0)
+    points = singular_points(held)
+    if length <= height:
+        assert points == ((0.0, "center"),)
+        return
+    away = float(twin.mp.sqrt(twin.mp.mpf(length) ** 2 - twin.mp.mpf(height) ** 2))
+    assert [kind for _, kind in points] == ["center", "saddle", "center"]
+    for place, known in zip((place for place, _ in points), (-away, 0.0, away), strict=True):
+        assert abs(place - known) <= 4e-16 * away
+    # On the separatrix it comes to the saddle, and no further.
+    w = math.sqrt(6.0 / 1.5)
+    speed = separatrix_speed(held, w, away)
+    assert speed == pytest.approx(w * (length - height), rel=1e-15)
+    for factor, passes in ((1.0 + 1e-6, True), (1.0 - 1e-6, False)):
+        one = disk(away, -speed * factor, spring(6.0, length, height, 0.0))
+        times = np.linspace(0.0, 60.0 if length < 2.0 else 20.0, 400)
+        place = solve(springs([one], time=float(times[-1]))).sample(times)["x"]
+        if length - height > 0.1:
+            assert bool(np.min(place) < 0.0) == passes
+
+
+def test_at_rest_in_a_centre_or_a_saddle_a_body_stays() -> None:
+    for place in (-3.0, 0.0, 3.0):
+        run = solve(springs([disk(place, 0.0, spring(6.0, 5.0, 4.0, 0.0))], time=20.0))
+        final = run.sample([20.0])
+        assert abs(final["x"][0] - place) <= 1e-12
+        assert abs(final["speed"][0]) <= 1e-12
+
+
+def test_energy_over_ten_thousand_impacts() -> None:
+    """A hundred thousand in `vibro stress --full`."""
+    run = solve(springs(FIGURE_FIVE, collisions=10_000), "numba")
+    summary = run.summary_record()
+    assert summary["collisions"] == 10_000
+    assert abs(summary["energy_drift"]) <= 1e-13
+    assert summary["max_gap"] <= 1e-14
+    assert np.all(run.collisions["approach_speed"] >= 0.0)
+
+
+def test_both_engines_give_the_same_bits() -> None:
+    for k in (1.0, 0.6, 0.0):
+        document = springs(FIGURE_FIVE, k, collisions=60, time=200.0)
+        one, other = solve(document), solve(document, "numba")
+        for name in ("collisions", "events", "summary"):
+            for column, values in getattr(one, name).items():
+                np.testing.assert_array_equal(values, getattr(other, name)[column], column)
+
+
+PRESSED = [
+    disk(-1.0, 0.0, spring(5.0, 0.5, 1.0, 0.3)),
+    disk(1.2, 0.0, spring(8.0, 0.5, 1.0, -0.3), mass=1.5),
+    disk(2.4, 0.0, spring(8.0, 0.5, 1.0, 0.0), mass=0.7),
+]
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("k", [0.0, 0.5, 0.8])
+def test_springs_press_bodies_into_lasting_contact(k: float, count: int) -> None:
+    run = solve(springs(PRESSED[:count], k, time=30.0))
+    assert run.contacts >= count - 1
+    summary = run.summary_record()
+    lost = float(np.sum(run.collisions["energy_loss"]))
+    start, end = summary["energy_start"], summary["energy_end"]
+    assert start - end == pytest.approx(lost, rel=1e-9)
+    state = run.sample(np.linspace(0.0, 30.0, 500))
+    x = state["x"].reshape(-1, count)
+    assert np.all(np.diff(x, axis=1) >= 0.8 - 1e-9)
+    assert np.max(np.abs(np.diff(x[-1]) - 0.8)) <= 1e-9
+    held = state["speed"].reshape(-1, count)[-1]
+    assert np.ptp(held) <= 1e-12
+
+
+def test_a_contact_opens_where_its_force_ends() -> None:
+    balls = [
+        disk(-0.4, 3.0, spring(5.0, 0.5, 1.0, 0.0)),
+        disk(0.4, 3.0, spring(3.0, 0.5, 1.0, -0.2), mass=2.0),
+    ]
+    run = solve(springs(balls, 0.0, time=20.0))
+    kinds = list(run.events["event"])
+    assert "contact_opened" in kinds
+    for t in run.events["t"][run.events["event"] == "contact_opened"]:
+        # There both would have the same acceleration if they were free.
+        x = run.sample([t])["displacement"]
+        accelerations = [
+            -c * d * (1.0 - 0.5 / math.hypot(1.0, d)) / (1.5 * m)
+            for c, m, d in zip((5.0, 3.0), (1.0, 2.0), x, strict=True)
+        ]
+        assert accelerations[0] == pytest.approx(accelerations[1], abs=1e-9)
+
+
+def test_where_they_can_never_meet_the_run_ends_at_once() -> None:
+    balls = [
+        disk(-4.5, 0.5, spring(6.0, 5.0, 1.0, 0.0)),
+        disk(7.5, -0.5, spring(9.0, 5.0, 1.5, 3.0)),
+    ]
+    run = solve(springs(balls, 1.0, collisions=5))
+    assert run.end_cause == "no_more_collisions"
+
+
+def test_motion_is_the_same_from_either_side_of_an_event() -> None:
+    run = solve(springs(FIGURE_FIVE, 0.9, collisions=4))
+    rows = run.collisions
+    for when in ("pre", "post"):
+        state = run.sample(rows["t"], "before" if when == "pre" else "after")
+        for end, first in (("a", 0), ("b", 1)):
+            assert np.max(np.abs(state["x"][first::2] - rows[f"x_{end}"])) <= 1e-13
+            assert np.max(np.abs(state["speed"][first::2] - rows[f"speed_{end}_{when}"])) <= 1e-12
+
+
+def test_the_frequency_is_the_papers() -> None:
+    document = springs([disk(0.0, 0.0, spring(6.0, 5.0, 1.0, 0.0))], time=1.0)
+    system = solve(document).system
+    body = Body("disk", 0.4, 1.0, 0.5)
+    assert system.frequency(0) == pytest.approx(
+        math.sqrt(6.0 * 0.4**2 / body.rolling_inertia), rel=1e-15
+    )

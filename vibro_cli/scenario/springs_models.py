@@ -1,0 +1,127 @@
+"""The scenario of `system = "springs"`: disks or balls on a straight line, each held by a spring.
+
+Source: C, part 3, (4)-(7) and figure 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BeforeValidator, Field
+
+from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.base import ScenarioTable, Table, as_tuple
+from vibro_cli.scenario.models import Collision, Stop
+from vibro_cli.scenario.parts import BodyTable, Sampling
+from vibro_cli.scenario.problems import Fault, shown
+from vibro_cli.scenario.rules import (
+    Data,
+    body_faults,
+    collision_faults,
+    one_of,
+    output_faults,
+    rows,
+    spread_restitution,
+    stop_faults,
+)
+
+
+class Spring(Table):
+    """The spring between a body's centre and its foot above the line of the centres."""
+
+    stiffness: Annotated[float, kinds.STIFFNESS]
+    """Stiffness c in N/m."""
+    length: Annotated[float, kinds.LENGTH]
+    """Natural length l in m."""
+    height: Annotated[float, kinds.LENGTH]
+    """Height b of the foot above the line of the body's centre in m."""
+    foot: Annotated[float, kinds.POSITION]
+    """Place of the foot along the line in m."""
+
+
+class SpringBall(BodyTable):
+    """A body on the line, held by its spring."""
+
+    position: Annotated[float | None, kinds.POSITION] = None
+    """Place of the centre along the line in m, on the axis on which the feet are given."""
+    touching: Annotated[Literal["previous"] | None, kinds.Word(("previous",))] = None
+    """previous: the body starts in contact with the one to its left."""
+    speed: Annotated[float | None, kinds.SPEED] = Field(
+        default=None, json_schema_extra={"default": 0.0}
+    )
+    """Speed of the centre in m/s, positive to the right; 0 if no motion is given."""
+    omega: Annotated[float | None, kinds.ANGULAR_RATE] = None
+    """Angular velocity of rolling in rad/s, speed of the centre over the radius."""
+    spring: Spring
+    """The spring that holds the body."""
+
+
+class SpringsScenario(ScenarioTable):
+    """Bodies rolling on a straight line, each held by a spring, that collide as neighbours."""
+
+    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (
+        ("density", "mass"),
+        ("body", "inertia_ratio"),
+        ("position", "touching"),
+        ("speed", "omega"),
+        ("step", "times"),
+    )
+
+    name: Annotated[str, kinds.NAME] = "scenario"
+    """Name of the scenario and of its folder of results; the file's stem if not given."""
+    system: Annotated[Literal["springs"], kinds.Word(("springs",))]
+    """What is solved: bodies on a line, each with its spring."""
+    balls: Annotated[tuple[SpringBall, ...], BeforeValidator(as_tuple), Field(min_length=1)]
+    """The bodies, from left to right."""
+    collision: Collision = Collision()
+    """The impact law; needed with two bodies or more."""
+    stop: Stop
+    """When the run ends."""
+    output: Sampling = Sampling()
+    """Sampled motion, if wanted."""
+
+    @classmethod
+    def between_fields(cls, data: Any) -> list[Fault]:
+        """Return every broken rule between fields."""
+        if not isinstance(data, dict):
+            return []
+        return [
+            *_ball_faults(data),
+            *collision_faults(data),
+            *stop_faults(data),
+            *output_faults(data),
+        ]
+
+    @classmethod
+    def prepared(cls, data: Any) -> Any:
+        """Return the data with the defaults that depend on other fields filled in."""
+        if not isinstance(data, dict):
+            return data
+        filled = spread_restitution(data)
+        if isinstance(data.get("balls"), list):
+            filled["balls"] = [_prepared_ball(ball) for ball in data["balls"]]
+        return filled
+
+
+def _prepared_ball(ball: Any) -> Any:
+    if not isinstance(ball, dict):
+        return ball
+    filled = dict(ball)
+    if "inertia_ratio" not in ball:
+        filled.setdefault("body", "ball")
+    if "omega" not in ball:
+        filled.setdefault("speed", 0.0)
+    return filled
+
+
+def _ball_faults(data: Data) -> Iterator[Fault]:
+    for index, ball in rows(data, "balls"):
+        loc = ("balls", index)
+        yield from one_of(ball, ("density", "mass"), loc, needed=True)
+        yield from one_of(ball, ("position", "touching"), loc, needed=True)
+        yield from one_of(ball, ("speed", "omega"), loc, needed=False)
+        yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
+        if index == 0 and "touching" in ball:
+            expected = "position: the first body has none to its left"
+            yield Fault((*loc, "touching"), shown(ball["touching"]), expected, on_key=True)

@@ -1,0 +1,138 @@
+"""The event loop of the springs: a step of the series, cut at the first event within it."""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.numerics.double import add_to_time
+from vibro_cli.numerics.engine import kernel
+from vibro_cli.systems.springs.impacts import (
+    log_states,
+    open_contact,
+    renew_energies,
+    settle_contacts,
+    touches_at_start,
+)
+from vibro_cli.systems.springs.search import first_event, forget, move
+from vibro_cli.systems.springs.series import expand, group_size, keep_energy
+from vibro_cli.systems.springs.world import (
+    END_COLLISIONS,
+    END_NO_MORE,
+    END_QUIET,
+    END_TIME,
+    LOG_FULL,
+    NEVER,
+    PARTING,
+    RUNNING,
+    START,
+    SpringBody,
+    World,
+)
+
+# So many steps without an event are more than a run is worth: it is refused.
+MOST_STEPS = 20_000_000
+
+
+@kernel
+def advance(world: World) -> int:
+    """Run until the end, or until a log is full; return the cause."""
+    clock = world.clock[0]
+    settings = world.settings[0]
+    if clock.begun == 0:
+        clock.begun = 1
+        touches_at_start(world)
+        renew_energies(world)
+        log_states(world, START, 0, 0.0)
+    while True:
+        if clock.collisions >= settings.stop_collisions:
+            return END_COLLISIONS
+        clock.work += 1
+        if clock.impact_rows >= settings.room or clock.state_rows >= settings.room:
+            return LOG_FULL
+        if clock.work >= 2 * settings.room:  # to be compiled if it comes back often
+            clock.work = 0
+            return LOG_FULL
+        cause = settle_contacts(world)
+        if cause != RUNNING:
+            return cause
+        if clock.collisions < settings.stop_collisions:
+            cause = _step(world)
+            if cause != RUNNING:
+                return cause
+
+
+@kernel
+def _step(world: World) -> int:
+    """Go on by one step, or to the first event within it."""
+    clock = world.clock[0]
+    settings = world.settings[0]
+    left = settings.stop_time - clock.t - clock.t_low
+    if left <= 0.0:
+        return END_TIME
+    clock.steps += 1
+    if clock.steps % 1024 == 1 and settings.stop_time >= NEVER and never_meet(world):
+        return END_NO_MORE
+    if clock.steps > MOST_STEPS:
+        return END_QUIET
+    step = expand(world)
+    last = step >= left
+    step = min(step, left)
+    time, pair = first_event(world, step)
+    if pair >= 0:
+        step = time
+        last = False
+    move(world, step)
+    clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
+    if step > 0.0:
+        forget(world)
+        clock.at_once = 0
+    _keep_energies(world)
+    if last:
+        clock.t, clock.t_low = settings.stop_time, 0.0
+        return END_TIME
+    if pair >= 0:
+        if world.pairs[pair].held == 1:
+            open_contact(world, pair)
+        else:
+            world.pairs[pair].known = PARTING
+    return RUNNING
+
+
+@kernel
+def _keep_energies(world: World) -> None:
+    first = 0
+    while first < world.settings[0].bodies:
+        count = group_size(world, first)
+        keep_energy(world, first, count)
+        first += count
+
+
+@kernel
+def never_meet(world: World) -> bool:
+    """Whether the energies keep all neighbours apart for ever; groups in contact may still part."""
+    for pair in range(world.settings[0].bodies - 1):
+        if world.pairs[pair].held == 1:
+            return False
+        one = world.springs[pair]
+        other = world.springs[pair + 1]
+        if one.foot + farthest(one, 1.0) + world.pairs[pair].touch >= other.foot - farthest(
+            other, -1.0
+        ):
+            return False
+    return True
+
+
+@kernel
+def farthest(spring: SpringBody, side: float) -> float:
+    """Return how far to a side (+1 right, -1 left) a body can get by its energy, m from its foot.
+
+    The length of its spring stays within l -+ sqrt(2 e)/w; below the energy of the saddle the body
+    stays on its side of the foot.
+    """
+    swing = math.sqrt(2.0 * spring.energy / spring.square) * (1.0 + 1.0e-12)
+    longest = spring.length + swing
+    outer = math.sqrt(max(longest * longest - spring.height * spring.height, 0.0))
+    shortest = spring.length - swing
+    if shortest > spring.height and spring.x * side < 0.0:
+        return -math.sqrt(shortest * shortest - spring.height * spring.height)
+    return outer

@@ -1,0 +1,82 @@
+"""What is solved: bodies on a line with their springs, how they start and how they collide."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from vibro_cli.mechanics.body import Body
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring between the centre of a body and a foot above the line of the centres."""
+
+    stiffness: float
+    """c (N/m)."""
+    length: float
+    """Natural length l (m)."""
+    height: float
+    """b (m): how far the foot is above the line."""
+    foot: float
+    """Place of the foot along the line (m)."""
+
+    def energy(self, displacement: float) -> float:
+        """Return c/2 (√(b² + x²) - l)², J, x measured from the foot's place."""
+        return 0.5 * self.stiffness * (math.hypot(self.height, displacement) - self.length) ** 2
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """Where a body starts (m along the line) and how fast (m/s)."""
+
+    position: float
+    speed: float
+
+
+@dataclass(frozen=True)
+class SpringsSystem:
+    """Bodies from left to right and everything their motion depends on."""
+
+    bodies: tuple[Body, ...]
+    springs: tuple[Spring, ...]
+    initial: tuple[InitialState, ...]
+    restitution: tuple[float, ...]
+    """k of each pair of neighbours."""
+    law: str
+    """`hedrih`, `normal-impulse` or `translational`."""
+    inadmissible: str
+    """What follows an inadmissible impact: `stop` or `normal-impulse`."""
+
+    def frequency(self, index: int) -> float:
+        """Return ω₀ = √(c r²/J_P) = √(c/(κ m)) of a body (from 0), 1/s (C (4))."""
+        body = self.bodies[index]
+        return math.sqrt(self.springs[index].stiffness / (body.kappa * body.mass))
+
+
+def touching_distance(one: Body, other: Body) -> float:
+    """Return 2 √(r_a r_b), the distance (m) along the line of two touching bodies' centres."""
+    if one.radius == other.radius:
+        return 2.0 * one.radius
+    return 2.0 * math.sqrt(one.radius * other.radius)
+
+
+def singular_points(spring: Spring) -> tuple[tuple[float, str], ...]:
+    """Return the singular points of a body's motion (m from the foot's place) and their kinds.
+
+    One centre at 0 for l <= b; for l > b a saddle there and centres at ±√(l² - b²) (C, part 3).
+    """
+    if spring.length <= spring.height:
+        return ((0.0, "center"),)
+    away = math.sqrt((spring.length - spring.height) * (spring.length + spring.height))
+    return ((-away, "center"), (0.0, "saddle"), (away, "center"))
+
+
+def separatrix_speed(spring: Spring, frequency: float, displacement: float) -> float:
+    """Return the speed (m/s, not negative) on the separatrix through the saddle; nan off it.
+
+    v² = ω₀² ((b - l)² - (√(b² + x²) - l)²), which is 0 at the saddle.
+    """
+    length = math.hypot(spring.height, displacement)
+    square = (length - spring.height) * (2.0 * spring.length - spring.height - length)
+    return frequency * math.sqrt(square) if square >= 0.0 else math.nan
