@@ -80,11 +80,12 @@ def _impacts(record: Mapping[str, Any]) -> str:
         impacts += f", {'from' if until else 'at'} t = {quantity(first, 's')}{until}"
     if "bounces" in record:
         return f"{impacts}; {count(record['bounces'], 'impact', 'impacts')} on the wall"
-    crossings = count(record.get("crossings", 0), "crossing", "crossings")
     contacts = count(record["contacts"], "lasting contact", "lasting contacts")
     quiet = record.get("quiet_from")
     ending = "" if quiet is None else f"; none possible after t = {quantity(quiet, 's')}"
-    return f"{impacts}; {crossings}, {contacts}{ending}"
+    if "crossings" in record:
+        contacts = f"{count(record['crossings'], 'crossing', 'crossings')}, {contacts}"
+    return f"{impacts}; {contacts}{ending}"
 
 
 def _energy(record: Mapping[str, Any]) -> str:
