@@ -14,8 +14,8 @@ import atheris
 with atheris.instrument_imports(include=["vibro_cli.scenario", "tomllib", "json", "ruamel"]):
     from tests.fuzz.judge import Found, judge_one
     from tests.fuzz.mutation import FORMS, WORDS, seeds
-    from vibro_cli.build import build_system
-    from vibro_cli.scenario import load_scenario
+    from vibro_cli.build import build_any
+    from vibro_cli.scenario import load_any
 
 
 def corpus(folder: Path, form: str) -> None:
@@ -42,7 +42,7 @@ def main() -> None:
         def read(content: bytes) -> None:
             file.write_bytes(content)
             found = Found()
-            judge_one(lambda: build_system(load_scenario(file)), found, "this text")
+            judge_one(lambda: build_any(load_any(file)), found, "this text")
             if found.faults:
                 raise RuntimeError(found.faults[0])
 

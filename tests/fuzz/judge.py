@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 
 from tests.fuzz.mutation import mutated
-from vibro_cli.build import build_system
-from vibro_cli.scenario import ScenarioError, parse_scenario
+from vibro_cli.build import build_any
+from vibro_cli.scenario import ScenarioError, parse_any
 
 LONGEST = 1.0
 """Time (s) of the processor that a text may take."""
@@ -42,7 +42,7 @@ def judge(form: str, numbers: range, longest: float = LONGEST) -> Found:
 
 
 def _read_and_build(text: str, form: str) -> None:
-    build_system(parse_scenario(text, form))
+    build_any(parse_any(text, form))
 
 
 def judge_one(read: Callable[[], object], found: Found, name: str) -> None:

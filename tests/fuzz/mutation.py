@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import load_any
 
 TESTS = Path(__file__).parents[1]
 FORMS = ("toml", "json", "yaml")
@@ -18,7 +18,8 @@ WORDS = (
     '"""', '"', "'", "#", "&a ", "*a", "<<: *a", "!!python/object ", "---\n", "...", "|\n", ">-\n",
     "%YAML 1.1\n", "\\u0000", "\\ud800", "é", "π", "60 deg", "7.8 g/cm^3", "1 furlong",
     "[[balls]]\n", "[trace]\n", "a.b.c = 1\n", "1979-05-27", "[" * 40, "{a=" * 40, "- " * 40,
-    "gravity", "angle", "touching", "previous", "wall", "through_arc", "9.81", "-1.2", "1e308",
+    "gravity", "angle", "touching", "previous", "wall", "through_arc", "system", "table", "springs",
+    "ellipse", "vertices", "stiffness", "9.81", "-1.2", "1e308",
     "4.9e-324",
 )  # fmt: skip
 
@@ -30,8 +31,11 @@ def seeds(form: str) -> tuple[str, ...]:
     folders = (TESTS / "bad_scenarios", TESTS / "impossible_scenarios")
     paths = [path for folder in folders for path in sorted(folder.iterdir())]
     texts = [_text(path) for path in paths if path.suffix in suffixes]
-    for path in sorted((TESTS.parent / "scenarios").glob("*.toml")):
-        resolved = load_scenario(path).resolved()
+    gallery = TESTS.parent / "scenarios"
+    for path in sorted([*gallery.glob("*.toml"), *gallery.glob("*/*.toml")]):
+        if path.parent.name == "grids":
+            continue
+        resolved = load_any(path).resolved()
         texts.append(
             {"toml": _text(path), "json": json.dumps(resolved, indent=1), "yaml": _yaml(resolved)}[
                 form
