@@ -123,10 +123,14 @@ def test_a_grid_has_a_page_and_figures(vibro: Vibro) -> None:
     assert b"All 4 points are solved." in Path("sweep-report.html").read_bytes()
     assert Path("sweep.pdf").read_bytes().count(b"/Type /Page ") == 5
     assert Path("figures/endings.svg").exists()
+    assert vibro("report", "sweep", "--map", "energy_start", "--figures", "maps").code == 0
+    assert Path("maps/map_energy_start.svg").exists()
+    assert b"Energy start" in Path("sweep-report.html").read_bytes()
     vibro(*RUN)
     for extra, words in {
         ("outputs/one_circle",): "reported alone",
         ("--animate", "film.gif"): "takes a run",
+        ("--map", "energy_strat"): 'did you mean "energy_start"?',
     }.items():
         outcome = vibro("report", "sweep", *extra)
         assert outcome.code == 2

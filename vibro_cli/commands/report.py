@@ -32,6 +32,7 @@ class _Wishes:
     pdf: Path | None
     figures: Path | None
     width: str
+    maps: Sequence[str]
     film: FilmWishes | None
     as_json: bool
 
@@ -67,6 +68,15 @@ def report(
         Literal["single", "double"],
         typer.Option(help="Of --pdf and --figures: one column (85 mm) or two (170 mm)."),
     ] = "double",
+    maps: Annotated[
+        list[str],
+        typer.Option(
+            "--map",
+            metavar="COLUMN",
+            help="Of a grid: also the map of this column of the summary over two axes; repeatable.",
+            show_default=False,
+        ),
+    ] = [],  # noqa: B006 (typer copies it)
     animate: Annotated[
         Path | None,
         typer.Option(
@@ -98,7 +108,7 @@ def report(
         raise typer.BadParameter("--animate: found several runs, expected one")
     if as_json and output == "-":
         raise typer.BadParameter("--json and a printed page both need standard output")
-    return partial(_report, _Wishes(folders, output, pdf, figures, width, film, as_json))
+    return partial(_report, _Wishes(folders, output, pdf, figures, width, maps, film, as_json))
 
 
 def _target(wishes: _Wishes) -> Path:
@@ -121,7 +131,8 @@ def _report(wishes: _Wishes) -> int:
     if not printed and target.exists() and not is_report(target.read_bytes()):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     subject = _subject(wishes)
-    content = _page(subject, Path.cwd() if printed else target.parent)
+    _check_maps(subject, wishes.maps)
+    content = _page(subject, Path.cwd() if printed else target.parent, wishes.maps)
     if printed:
         sys.stdout.buffer.write(content)
         sys.stdout.buffer.flush()
@@ -129,9 +140,9 @@ def _report(wishes: _Wishes) -> int:
         write_file(target, content)
         say(f"report in {target}")
     if wishes.pdf is not None:
-        _write_pdf(subject, wishes.pdf, wishes.width)
+        _write_pdf(subject, wishes.pdf, wishes)
     if wishes.figures is not None:
-        _write_figures(subject, wishes.figures, wishes.width)
+        _write_figures(subject, wishes.figures, wishes)
     if wishes.film is not None:
         assert isinstance(subject, list)
         write_film(subject[0], wishes.film)
@@ -162,12 +173,27 @@ def _subject(wishes: _Wishes) -> "Subject":
         raise CommandError(f"vibro: {error}") from error
 
 
-def _page(subject: "Subject", beside: Path) -> bytes:
+def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
+    """Raise `CommandError` unless every map asked for is of a column of the grid's summary."""
+    from vibro_cli.figures.grid_kinds import mapped_columns
+    from vibro_cli.scenario.problems import listing, suggestion
+
+    if maps and isinstance(subject, list):
+        raise CommandError("vibro: --map takes a grid, not runs")
+    for name in maps:
+        assert not isinstance(subject, list)
+        known = mapped_columns(subject)
+        if name not in known:
+            expected = listing(known) + suggestion(name, known)
+            raise CommandError(f"vibro: --map: found {name}, expected one of {expected}")
+
+
+def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
     from vibro_cli.report.page import grid_html, report_html
 
     if isinstance(subject, list):
         return report_html(subject, beside, __version__)
-    return grid_html(subject, beside, __version__)
+    return grid_html(subject, beside, __version__, maps)
 
 
 def _opened(folder: Path) -> "StoredRun":
@@ -195,13 +221,13 @@ def _check(wishes: _Wishes) -> None:
         raise CommandError(f"vibro: {error}") from error
 
 
-def _drawn(subject: "Subject", width: str) -> "Iterator[tuple[str, Drawn]]":
+def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tuple[str, Drawn]]":
     """Every figure of what is reported, with the stem of its files."""
     from vibro_cli.figures.grid_kinds import draw_grid
     from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
 
     if not isinstance(subject, list):
-        yield from ((drawn.name, drawn) for drawn in draw_grid(subject, width))
+        yield from ((drawn.name, drawn) for drawn in draw_grid(subject, width, maps))
         return
     for place, run in enumerate(subject, 1):
         prefix = f"{place}_{run.scenario.name}_" if len(subject) > 1 else ""
@@ -209,23 +235,26 @@ def _drawn(subject: "Subject", width: str) -> "Iterator[tuple[str, Drawn]]":
             yield f"{prefix}{drawn.name}", drawn
 
 
-def _write_pdf(subject: "Subject", target: Path, width: str) -> None:
+def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:
     """Write all figures into one PDF."""
     from vibro_cli.figures.output import render_pages
     from vibro_cli.storage.files import write_file
 
-    write_file(target, render_pages([drawn.figure for _, drawn in _drawn(subject, width)]))
+    write_file(
+        target,
+        render_pages([drawn.figure for _, drawn in _drawn(subject, wishes.width, wishes.maps)]),
+    )
     say(f"figures in {target}")
 
 
-def _write_figures(subject: "Subject", target: Path, width: str) -> None:
+def _write_figures(subject: "Subject", target: Path, wishes: _Wishes) -> None:
     """Write every figure into a folder, in all forms."""
     from vibro_cli.figures.output import FORMATS, render
     from vibro_cli.storage.portraits import write_figures
 
     files = {
         f"{stem}.{form}": render(drawn.figure, form)
-        for stem, drawn in _drawn(subject, width)
+        for stem, drawn in _drawn(subject, wishes.width, wishes.maps)
         for form in FORMATS
     }
     write_figures(files, target)

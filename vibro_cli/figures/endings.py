@@ -37,11 +37,18 @@ class Endings:
     @staticmethod
     def of(grid: Swept, rows: NDArray[np.int64]) -> Endings:
         """Return the endings of the points in rows of the summary."""
-        status = grid.summary["status"][rows].astype(str)
-        cause = np.where(status == "ok", grid.summary["end_cause"][rows].astype(str), status)
-        causes = tuple(name for name in COLOURS if np.any(cause == name))
-        code = np.array([causes.index(str(name)) for name in cause], dtype=np.int64)
-        return Endings(causes, code)
+        status, cause = (grid.summary[name][rows] for name in ("status", "end_cause"))
+        found = np.where(status == "ok", cause, status)
+        code = np.full(len(rows), -1)
+        causes: list[str] = []
+        for name in COLOURS:
+            here = found == name
+            if np.any(here):
+                code[here] = len(causes)
+                causes.append(name)
+        if np.any(code < 0):
+            raise ValueError(f"there is no colour for the ending {found[code < 0][0]!r}")
+        return Endings(tuple(causes), code)
 
     def colours(self) -> ListedColormap:
         """Return the colours of the causes that occur."""
@@ -56,9 +63,14 @@ class Endings:
         """Return the legend: each cause with the number of its points."""
         counts = np.bincount(self.code, minlength=len(self.causes))
         return [
-            (f"{cause.replace('_', ' ')} ({count})", _patch(COLOURS[cause]))
+            (f"{cause.replace('_', ' ')} ({grouped(count)})", _patch(COLOURS[cause]))
             for cause, count in zip(self.causes, counts.tolist(), strict=True)
         ]
+
+
+def grouped(count: int) -> str:
+    """Return a whole number, in groups of three digits from 10 000 on."""
+    return f"{count:,}".replace(",", "\u2009") if count >= 10_000 else str(count)
 
 
 def _patch(colour: str) -> dict[str, Any]:

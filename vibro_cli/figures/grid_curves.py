@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from vibro_cli.figures import strokes, style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS, log_axis, number_bar, stacked, value_axis
+from vibro_cli.figures.dots import draw_dots
 from vibro_cli.figures.endings import Endings
 from vibro_cli.figures.lattice import Lattice, Swept, lattice, set_axis
 from vibro_cli.figures.legend import LINE, wrapped_legend
@@ -19,7 +21,7 @@ from vibro_cli.figures.style import WIDTHS
 _HIGH = {"single": (26.0, 26.0, 26.0), "double": (34.0, 34.0, 34.0)}
 _DIAGRAM = {"single": 58.0, "double": 80.0}
 _WIDE_RANGE = 50.0
-_PLACES = (
+PLACES = (
     ("angle_a", r"angle at impact, body $a$", "rad"),
     ("s_a", r"$s$ at impact, body $a$", "m"),
     ("x_a", r"$x$ at impact, body $a$", "m"),
@@ -97,7 +99,7 @@ def diagram(grid: Swept, width: str = "single") -> Figure | None:
 
     None where no impact was kept with its number and place, or no axis of numbers changes.
     """
-    place = next((one for one in _PLACES if one[0] in grid.impact_columns()), None)
+    place = next((one for one in PLACES if one[0] in grid.impact_columns()), None)
     shown = lattice(grid, 1, numbers_first=True)
     if place is None or shown is None or "n" not in grid.impact_columns():
         return None
@@ -110,18 +112,13 @@ def diagram(grid: Swept, width: str = "single") -> Figure | None:
     row = order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
     with style.journal():
         figure, (axes,), across = stacked(width, [_DIAGRAM[width]])
-        dots = axes.scatter(
-            shown.coordinates[0].place[row],
-            where,
-            c=impacts["n"],
-            cmap=strokes.time_colours(),
-            s=float(np.clip(6000.0 / len(where), 0.15, 4.0)),
-            linewidths=0.0,
-            zorder=2.0,
-        )
-        dots.set_rasterized(len(where) > MOST_VECTOR_POINTS)
         low, high = float(np.nanmin(where)), float(np.nanmax(where))
         value_axis(axes, low, high, _DIAGRAM[width], place[1], place[2])
         set_axis(axes, shown.coordinates[0], across[0], vertical=False)
+        number = np.asarray(impacts["n"], dtype=np.float64)
+        size = float(np.clip(6000.0 / len(where), 0.15, 4.0))
+        norm = Normalize(float(np.min(number)), float(np.max(number)))
+        along = shown.coordinates[0].place[row]
+        draw_dots(axes, along, where, number, strokes.time_colours(), norm, size)
         number_bar(figure, int(np.max(impacts["n"])))
     return figure

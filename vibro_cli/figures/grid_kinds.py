@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from vibro_cli.figures.bifurcation import LAST, bifurcation
 from vibro_cli.figures.grid_curves import curves, diagram
 from vibro_cli.figures.grid_maps import ending_map, quantity_map
 from vibro_cli.figures.kinds import Drawn, Kind
@@ -25,6 +27,28 @@ def _energy(grid: Swept, width: str) -> Figure | None:
     return quantity_map(grid, width, share, r"$E_\mathrm{end}/E_0$", 1e3)
 
 
+def _contact(grid: Swept, width: str) -> Figure | None:
+    """When the last impact was, of the runs in which lasting contact began."""
+    begun = np.asarray(grid.summary["contacts"], dtype=np.float64) > 0.0
+    last = np.asarray(grid.summary["last_collision_time"], dtype=np.float64)
+    return quantity_map(grid, width, np.where(begun, last, np.nan), "last impact [s]")
+
+
+def column_map(grid: Swept, width: str, name: str) -> Figure | None:
+    """Return the map of a column of numbers of the summary over two axes."""
+    unit = grid.units[name]
+    words = name.replace("_", " ")
+    label = f"{words} [{unit}]" if unit else words
+    return quantity_map(grid, width, np.asarray(grid.summary[name], dtype=np.float64), label)
+
+
+def mapped_columns(grid: Swept) -> list[str]:
+    """Return the columns of numbers of the summary."""
+    names = list(grid.summary)
+    results = names[names.index("status") :]
+    return [name for name in results if grid.summary[name].dtype != object]
+
+
 _OVER_TWO = "Over the two axes with the most values"
 GRID_KINDS: dict[str, Kind[Swept]] = {
     "endings": Kind(
@@ -40,6 +64,12 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
     "energy": Kind(
         _energy, "Energy left", f"{_OVER_TWO}: energy at the end as a share of that at the start."
     ),
+    "contact": Kind(
+        _contact,
+        "Time to lasting contact",
+        f"{_OVER_TWO}: the last impact of each run in which lasting contact began; white where "
+        "none did.",
+    ),
     "curves": Kind(
         curves,
         "Runs over one axis",
@@ -52,13 +82,27 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
         "Where the left body of each impact is, over one axis: every impact of every run, coloured "
         "by its number.",
     ),
+    "bifurcation": Kind(
+        bifurcation,
+        "The last impacts",
+        f"Place and speed of the left body at the last {LAST} impacts of each run, over one axis.",
+    ),
 }
-_DIMENSIONS = {"curves": 1, "diagram": 1}
+_DIMENSIONS = {"curves": 1, "diagram": 1, "bifurcation": 1}
 
 
-def draw_grid(grid: Swept, width: str = "double") -> Iterator[Drawn]:
-    """Draw every kind of figure of a grid that has something to show."""
-    for name, kind in GRID_KINDS.items():
+def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -> Iterator[Drawn]:
+    """Draw every kind of figure of a grid that has something to show.
+
+    `columns` are those of the summary whose maps are drawn too.
+    """
+    kinds = dict(GRID_KINDS)
+    for column in columns:
+        caption = f"{_OVER_TWO}: the column {column} of the summary; white where it has no value."
+        kinds[f"map_{column}"] = Kind(
+            partial(column_map, name=column), column.replace("_", " ").capitalize(), caption
+        )
+    for name, kind in kinds.items():
         figure = kind.draw(grid, width)
         if figure is None:
             continue

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from vibro_cli.figures import strokes, style
-from vibro_cli.figures.chart import MOST_VECTOR_POINTS
+from vibro_cli.figures.dots import draw_dots
 from vibro_cli.figures.endings import Endings
 from vibro_cli.figures.lattice import Lattice, Swept, lattice, set_axis
 from vibro_cli.figures.legend import LINE, wrapped_legend
@@ -97,10 +97,7 @@ def _fill(axes: Axes, shown: Lattice, values: Array, colours: Any, norm: Normali
     across, along = shown.coordinates
     if not shown.is_full:
         size = float(np.clip(4000.0 / len(values), 0.6, 14.0))
-        dots = axes.scatter(
-            across.place, along.place, c=values, cmap=colours, norm=norm, s=size, linewidths=0.0
-        )
-        dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
+        draw_dots(axes, across.place, along.place, values, colours, norm, size)
         return
     columns, rows = len(across.different), len(along.different)
     cells = np.full((rows, columns), np.nan)

@@ -113,16 +113,17 @@ def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattic
     has to be one of numbers. None where the grid has too few axes that change.
     """
     columns = {path: grid.summary[path] for path in grid.axes}
-    changing = [path for path in _independent(columns) if len(np.unique(_plain(columns[path]))) > 1]
+    found = {path: _factored(values) for path, values in columns.items()}
+    independent = _independent(found)
+    changing = [path for path in independent if found[path].number > 1]
     if numbers_first:
         changing = [path for path in changing if columns[path].dtype != object]
     if len(changing) < dimensions:
         return None
-    by_size = sorted(changing, key=lambda path: -len(np.unique(_plain(columns[path]))))
-    chosen = by_size[:dimensions]
-    rest = [path for path in _independent(columns) if path not in chosen]
+    chosen = sorted(changing, key=lambda path: -found[path].number)[:dimensions]
+    rest = [path for path in independent if path not in chosen]
     first = {path: columns[path][0] for path in rest}
-    scattered = len(np.unique(_plain(columns[chosen[0]]))) == len(columns[chosen[0]])
+    scattered = found[chosen[0]].number == len(columns[chosen[0]])
     mask = np.ones(len(columns[chosen[0]]), dtype=np.bool_)
     if not scattered:  # a sample has no two points with equal values: all are shown
         for path in rest:
@@ -133,27 +134,38 @@ def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattic
     return Lattice(rows, coordinates, fixed)
 
 
-def _independent(columns: Mapping[str, Column]) -> list[str]:
+@dataclass(frozen=True)
+class _Factored:
+    """Which of its different values a column has in each row."""
+
+    code: Column
+    number: int
+
+
+def _factored(values: Column) -> _Factored:
+    different, code = np.unique(
+        values.astype(str) if values.dtype == object else values, return_inverse=True
+    )
+    return _Factored(code, len(different))
+
+
+def _independent(columns: Mapping[str, _Factored]) -> list[str]:
     """Return the axes without those that take each of their values with one value of another."""
     kept: list[str] = []
-    codes: list[Column] = []
-    for path, values in columns.items():
-        _, code = np.unique(_plain(values), return_inverse=True)
-        if not any(_same_partition(code, other) for other in codes):
+    for path, one in columns.items():
+        if not any(_same_partition(one, columns[other]) for other in kept):
             kept.append(path)
-            codes.append(code)
     return kept
 
 
-def _same_partition(one: Column, other: Column) -> bool:
-    pairs = len(np.unique(np.column_stack([one, other]), axis=0))
-    constant = len(np.unique(one)) == 1
-    together = pairs == len(np.unique(one)) == len(np.unique(other))
-    return together and not constant and pairs < len(one)
-
-
-def _plain(values: Column) -> Column:
-    return values.astype(str) if values.dtype == object else values
+def _same_partition(one: _Factored, other: _Factored) -> bool:
+    if one.number != other.number or one.number == 1 or one.number == len(one.code):
+        return False
+    # Each value of one goes with the value of the other that it has in its last row.
+    partner = np.empty(one.number, dtype=np.int64)
+    partner[one.code] = other.code
+    goes = np.array_equal(partner[one.code], other.code)
+    return goes and len(np.unique(partner)) == other.number
 
 
 def _shown(value: Any) -> str:

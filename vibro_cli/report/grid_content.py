@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,13 @@ _OF_POINTS = (
 )  # fmt: skip
 
 
-def grid_page(grid: StoredGrid, beside: Path, version: str) -> dict[str, Any]:
-    """Return the values of a report of a grid whose file is to stand in the folder `beside`."""
+def grid_page(
+    grid: StoredGrid, beside: Path, version: str, columns: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return the values of a report of a grid whose file is to stand in the folder `beside`.
+
+    `columns` are those of the summary whose maps are shown too.
+    """
     return {
         "title": grid.name,
         "version": version,
@@ -39,7 +45,7 @@ def grid_page(grid: StoredGrid, beside: Path, version: str) -> dict[str, Any]:
         "setting": _setting(grid),
         "axes": [_axis(grid, path) for path in grid.axes],
         "common": _common(grid),
-        "figures": list(figures_of_grid(grid)),
+        "figures": list(figures_of_grid(grid, columns)),
         "quantities": [row for name in _QUANTITIES for row in _quantity(grid, name)],
         "refused": _refused(grid),
         "points": _points(grid),

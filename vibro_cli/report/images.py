@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -27,9 +27,13 @@ def figures_of_run(run: Recorded, name: str) -> Iterator[dict[str, Any]]:
         yield _as_shown(wide, narrow, f"run {name}")
 
 
-def figures_of_grid(grid: StoredGrid) -> Iterator[dict[str, Any]]:
-    """Return every figure of a grid as the page has it, with its words."""
-    for wide, narrow in zip(draw_grid(grid, "double"), draw_grid(grid, "single"), strict=True):
+def figures_of_grid(grid: StoredGrid, columns: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+    """Return every figure of a grid as the page has it, with its words.
+
+    `columns` are those of the summary whose maps are drawn too.
+    """
+    both = (draw_grid(grid, width, columns) for width in ("double", "single"))
+    for wide, narrow in zip(*both, strict=True):
         yield _as_shown(wide, narrow, f"grid {grid.name}")
 
 

@@ -29,9 +29,12 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
     return rendered("report", values)
 
 
-def grid_html(grid: StoredGrid, beside: Path, version: str) -> bytes:
-    """Return the report of a grid as the bytes of an HTML file that is to stand in `beside`."""
-    values = grid_page(grid, beside, version) | {"generator": GENERATOR, "method": METHOD}
+def grid_html(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str] = ()) -> bytes:
+    """Return the report of a grid as the bytes of an HTML file that is to stand in `beside`.
+
+    `columns` are those of the summary whose maps are shown too.
+    """
+    values = grid_page(grid, beside, version, columns) | {"generator": GENERATOR, "method": METHOD}
     return rendered("grid", values, assets="report")
 
 

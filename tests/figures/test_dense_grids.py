@@ -1,0 +1,130 @@
+"""Figures of a grid with very many points, of its last impacts, and of any column."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.collections import PathCollection, QuadMesh
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from vibro_cli.figures import dots
+from vibro_cli.figures.bifurcation import LAST, bifurcation
+from vibro_cli.figures.grid_kinds import GRID_KINDS, column_map, draw_grid, mapped_columns
+from vibro_cli.figures.strokes import time_colours
+
+RUNS = 12
+IMPACTS = 30  # of the first run; each further one has one more
+
+
+@dataclass(frozen=True)
+class Made:
+    """A grid of two axes made by hand: run i has IMPACTS + i impacts; impact n is at 0.01 n + i."""
+
+    axes: tuple[str, ...] = ("balls[1].angle", "collision.k")
+    units: Mapping[str, str] = field(
+        default_factory=lambda: {"balls[1].angle": "rad", "collision.k": "", "end_time": "s"}
+    )
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        n = np.arange(RUNS)
+        return {
+            "scenario": n + 1,
+            "balls[1].angle": 0.1 * (n // 2),
+            "collision.k": np.where(n % 2, 0.9, 0.5),
+            "status": np.full(RUNS, "ok", dtype=object),
+            "end_cause": np.full(RUNS, "time", dtype=object),
+            "collisions": IMPACTS + n,
+            "contacts": n % 3,
+            "end_time": 10.0 + n,
+            "last_collision_time": 5.0 + n,
+            "first_collision_time": 0.5 + 0.0 * n,
+            "energy_start": np.ones(RUNS),
+            "energy_end": np.full(RUNS, 0.5),
+        }
+
+    def impact_columns(self) -> tuple[str, ...]:
+        return ("scenario", "n", "angle_a", "speed_a_pre")
+
+    def impacts(self, columns: Sequence[str], scenarios: Any) -> dict[str, Any]:
+        scenario = np.concatenate([np.full(IMPACTS + i - 1, i) for i in scenarios.tolist()])
+        n = np.concatenate([np.arange(1, IMPACTS + i) for i in scenarios.tolist()])
+        found = {"scenario": scenario, "n": n, "angle_a": 0.01 * n + scenario}
+        found["speed_a_pre"] = -2.0 * found["angle_a"]
+        return {name: found[name] for name in columns}
+
+
+def offsets(figure: Figure, panel: int) -> Any:
+    (drawn,) = (one for one in figure.axes[panel].collections if isinstance(one, PathCollection))
+    return np.asarray(drawn.get_offsets())
+
+
+def test_the_bifurcation_diagram_has_the_last_impacts() -> None:
+    figure = bifurcation(Made())
+    assert figure is not None
+    places, speeds = offsets(figure, 0), offsets(figure, 1)
+    shown = range(0, RUNS, 2)  # k is held at its first value
+    expected = [
+        (0.1 * (i // 2), 0.01 * n + i + 1)
+        for i in shown
+        for n in range(IMPACTS + i - LAST + 1, IMPACTS + i + 1)
+    ]
+    np.testing.assert_allclose(places, expected)
+    np.testing.assert_allclose(speeds[:, 1], -2.0 * places[:, 1])
+    assert [axes.get_ylabel() for axes in figure.axes][1] == "$v_a$ before [m/s]"
+
+
+def cells(figure: Figure) -> Any:
+    (mesh,) = (one for one in figure.axes[0].collections if isinstance(one, QuadMesh))
+    return mesh.get_array()
+
+
+def test_the_map_of_contacts_has_their_last_impacts_and_no_others() -> None:
+    figure = GRID_KINDS["contact"].draw(Made(), "single")
+    assert figure is not None
+    found = cells(figure)
+    for n in range(RUNS):
+        value = found[n % 2, n // 2]
+        assert (value is np.ma.masked) if n % 3 == 0 else value == 5.0 + n
+
+
+def test_any_column_of_numbers_has_a_map() -> None:
+    grid = Made()
+    known = mapped_columns(grid)
+    assert "end_time" in known
+    assert not {"scenario", "collision.k", "status", "end_cause"} & set(known)
+    figure = column_map(grid, "single", "end_time")
+    assert figure is not None
+    assert cells(figure)[1, 2] == 15.0
+    assert figure.axes[1].get_ylabel() == "end time [s]"
+    drawn = {one.name: one for one in draw_grid(grid, "single", ["end_time"])}
+    assert drawn["map_end_time"].title == "End time"
+
+
+def test_very_many_points_are_pixels_in_the_same_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    draw = np.random.default_rng(3)
+    across, along, values = draw.random(400), draw.random(400), draw.random(400)
+    across[0] = np.nan
+    images = []
+    for most in (400, 399):
+        monkeypatch.setattr(dots, "MOST_MARKS", most)
+        figure = Figure(figsize=(3.0, 3.0), dpi=100)
+        axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
+        axes.set_xlim(0.0, 1.0)
+        axes.set_ylim(0.0, 1.0)
+        dots.draw_dots(axes, across, along, values, time_colours(), Normalize(0.0, 1.0), 1.0)
+        assert (axes.get_xlim(), axes.get_ylim()) == ((0.0, 1.0), (0.0, 1.0))
+        images.append(axes.images)
+    assert not images[0]
+    pixels: Any = np.ma.filled(np.ma.asarray(images[1][0].get_array()), np.nan)
+    rows, columns = pixels.shape
+    for x, y in zip(across[1:], along[1:], strict=True):
+        assert np.isfinite(pixels[int(y * rows), int(x * columns)])
+    assert 350 < np.isfinite(pixels).sum() <= 399
+    last = pixels[int(along[-1] * rows), int(across[-1] * columns)]
+    assert last == values[-1]
