@@ -17,7 +17,7 @@ from vibro_cli.stress.report import line_of, write
 from vibro_cli.stress.scenes import VALLEY, ball, scene
 from vibro_cli.stress.watched import fault_of
 
-QUICK = ("elliptic", "crest")
+QUICK = ("elliptic", "crest", "springs", "table")
 
 
 @pytest.mark.parametrize("name", QUICK)

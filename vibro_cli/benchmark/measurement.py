@@ -20,7 +20,12 @@ TABLE = Table(
     "benchmark",
     "one method with one setting on one task",
     (
-        Column("part", "string", "", "precision, bodies, arcs, scenarios, cores, memory or skips"),
+        Column(
+            "part",
+            "string",
+            "",
+            "precision, bodies, arcs, scenarios, cores, memory, skips or systems",
+        ),
         Column("scene", "string", "", "name of the scene"),
         Column("method", "string", "", "what was measured"),
         Column("setting", "string", "", "tolerance, order of a series, or whether skipped"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from vibro_cli.benchmark import growth, precision, skips
+from vibro_cli.benchmark import growth, other_systems, precision, skips
 from vibro_cli.benchmark.measurement import Plan, Row
 from vibro_cli.simulation.batch import Batch
 
@@ -16,3 +16,4 @@ def run(plan: Plan, scenes: Sequence[str] = ()) -> Iterator[list[Row]]:
     if not scenes:
         yield from growth.measure(plan)
         yield skips.measure(plan)
+        yield other_systems.measure(plan)

@@ -21,6 +21,8 @@ NAMES = (
     "extremes",
     "limits",
     "energy",
+    "table",
+    "springs",
     "contacts",
 )
 

@@ -20,7 +20,6 @@ from vibro_cli.systems.table.world import (
     END_INADMISSIBLE,
     END_WALL_CONTACT,
     RUNNING,
-    Ball,
     PairRow,
     World,
 )
@@ -28,6 +27,8 @@ from vibro_cli.systems.table.world import (
 # Below this share of the speed a bounce cannot be told from rolling along: the rounding of the
 # place turns the normal by about the root of it.
 ALONG_THE_WALL = 1.0e-6
+# Energies that differ by less, relatively, differ by rounding.
+SMALL_SURPLUS = 1.0e-12
 
 
 @kernel
@@ -66,8 +67,7 @@ def collide(world: World, a: int, b: int, instant: int) -> int:
         row.substituted = 1
         apply_law(world, row, NORMAL_IMPULSE)
     _after(row)
-    _leave(world.balls[a], row.vx_a_post, row.vy_a_post)
-    _leave(world.balls[b], row.vx_b_post, row.vy_b_post)
+    _part(world, row)
     return RUNNING
 
 
@@ -146,10 +146,27 @@ def _after(row: PairRow) -> None:
 
 
 @kernel
-def _leave(ball: Ball, vx: float, vy: float) -> None:
-    ball.vx = vx
-    ball.vy = vy
-    ball.square = vx * vx + vy * vy
+def _part(world: World, row: PairRow) -> None:
+    """Give the balls their velocities; where nothing is lost, the energy that both had stays."""
+    one = world.balls[row.a]
+    other = world.balls[row.b]
+    mass_a = world.bodies[row.a].rolling_mass
+    mass_b = world.bodies[row.b].rolling_mass
+    twice = mass_a * one.square + mass_b * other.square
+    one.square = row.vx_a_post * row.vx_a_post + row.vy_a_post * row.vy_a_post
+    other.square = row.vx_b_post * row.vx_b_post + row.vy_b_post * row.vy_b_post
+    found = mass_a * one.square + mass_b * other.square
+    surplus = (found - twice) / found if found > 0.0 else 1.0
+    if row.loss == 0.0 and abs(surplus) <= SMALL_SURPLUS:
+        world.clock[0].energy_correction += 0.5 * abs(found - twice)
+        one.square -= surplus * one.square
+        other.square -= surplus * other.square
+        row.vx_a_post -= 0.5 * surplus * row.vx_a_post
+        row.vy_a_post -= 0.5 * surplus * row.vy_a_post
+        row.vx_b_post -= 0.5 * surplus * row.vx_b_post
+        row.vy_b_post -= 0.5 * surplus * row.vy_b_post
+    one.vx, one.vy = row.vx_a_post, row.vy_a_post
+    other.vx, other.vy = row.vx_b_post, row.vy_b_post
 
 
 @kernel
@@ -174,10 +191,12 @@ def bounce(world: World, ball: int) -> int:
     speed = math.sqrt(state.square)
     row.grazing = 1 if closing <= 64.0 * RESOLVED * speed else 0
     k = wall.restitution
-    taken = (1.0 - k) * (1.0 + k) * closing * closing
+    # The normal is of length 1 but for rounding, which would add up bounce after bounce.
+    share = closing / (to.normal_x * to.normal_x + to.normal_y * to.normal_y)
+    taken = (1.0 - k) * (1.0 + k) * closing * share
     row.loss = 0.5 * world.bodies[ball].rolling_mass * taken
-    vx = state.vx - (1.0 + k) * closing * to.normal_x
-    vy = state.vy - (1.0 + k) * closing * to.normal_y
+    vx = state.vx - (1.0 + k) * share * to.normal_x
+    vy = state.vy - (1.0 + k) * share * to.normal_y
     state.square = max(state.square - taken, 0.0)
     state.vx, state.vy = _kept(world, ball, vx, vy)
     row.vx_post, row.vy_post = state.vx, state.vy
@@ -196,7 +215,7 @@ def _kept(world: World, ball: int, vx: float, vy: float) -> tuple[float, float]:
     if found == 0.0 or state.square == 0.0:
         return vx, vy
     surplus = (found - state.square) / found
-    if abs(surplus) > 1.0e-12:
+    if abs(surplus) > SMALL_SURPLUS:
         return vx, vy  # the difference of large terms, k near 0: not to be told from the loss
     half_mass = 0.5 * world.bodies[ball].rolling_mass
     world.clock[0].energy_correction += half_mass * abs(found - state.square)

@@ -1,0 +1,97 @@
+"""Speed and drift of energy of the systems other than the trace, compiled, on one thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from vibro_cli.benchmark.measurement import Plan, Row, by_turns, warmed
+from vibro_cli.build import build_any
+from vibro_cli.scenario import any_scenario_of
+from vibro_cli.systems.driving import Driver
+from vibro_cli.systems.springs import run as springs
+from vibro_cli.systems.springs.prepare import make_world as springs_world
+from vibro_cli.systems.springs.system import SpringsSystem
+from vibro_cli.systems.table import run as table
+from vibro_cli.systems.table.prepare import make_world as table_world
+from vibro_cli.systems.table.system import TableSystem
+
+Document = dict[str, Any]
+PART = "systems"
+
+
+def _table(wall: Document, *balls: Document) -> Document:
+    return {
+        "system": "table", "wall": {"k": 1.0, **wall}, "balls": list(balls),
+        "collision": {"k": 1.0}, "stop": {"bounces": 1},
+    }  # fmt: skip
+
+
+def _ball(x: float, y: float, radius: float = 0.1) -> Document:
+    motion = {"x": x, "y": y, "velocity_x": 0.9 - x, "velocity_y": 0.7 + y}
+    body: Document = {"body": "particle"} if radius == 0.0 else {}
+    return {"radius": radius, "mass": 1.0, **motion, **body}
+
+
+def _disk(position: float, speed: float, mass: float, **spring: float) -> Document:
+    held = {"length": 5.0, **spring}
+    start = {"position": position, "speed": speed}
+    return {"body": "disk", "radius": 0.4, "mass": mass, **start, "spring": held}
+
+
+_ELLIPSE: Document = {"shape": "ellipse", "semi_axis_x": 2.0, "semi_axis_y": 1.2}
+_BOX: Document = {"shape": "rectangle", "width": 3.0, "depth": 2.0}
+SCENES: dict[str, Document] = {
+    "wall: ellipse, r = 0": _table(_ELLIPSE, _ball(0.3, 0.1, 0.0)),
+    "wall: ellipse, r = 0.1": _table(_ELLIPSE, _ball(0.3, 0.1)),
+    "wall: circle": _table({"shape": "circle", "radius": 1.5}, _ball(0.3, 0.1)),
+    "wall: rectangle": _table(_BOX, _ball(0.3, 0.1)),
+    "30 balls in a box": _table(
+        _BOX, *(_ball(0.4 * (n % 6) - 1.0, 0.35 * (n // 6) - 0.7) for n in range(30))
+    ),
+    "springs": {
+        "system": "springs", "collision": {"k": 1.0}, "stop": {"collisions": 1},
+        "balls": [
+            _disk(-4.0, 8.5, 1.0, stiffness=6.0, height=1.0, foot=0.0),
+            _disk(7.0, -2.0, 2.0, stiffness=9.0, height=1.5, foot=3.0),
+        ],
+    },
+}  # fmt: skip
+
+
+class _Task:
+    """Runs of one scene, so many impacts and bounces each."""
+
+    def __init__(self, document: Document, impacts: int) -> None:
+        system = build_any(any_scenario_of(document))
+        self._make: Callable[[], Driver]
+        if isinstance(system, TableSystem):
+            lone = len(system.bodies) == 1
+            stops = (None, None, impacts) if lone else (None, impacts, None)
+            self._make = lambda: Driver(table.LIBRARY, table_world(system, *stops), "numba")
+        else:
+            assert isinstance(system, SpringsSystem)
+            world = springs_world
+            self._make = lambda: Driver(springs.LIBRARY, world(system, None, impacts), "numba")
+
+    def ready(self) -> None:
+        """Make the records of a run."""
+        self._driver = self._make()
+
+    def go(self) -> None:
+        """Run."""
+        self._driver.run()
+
+
+def measure(plan: Plan) -> list[Row]:
+    """Measure every scene by turns; an impact is one of two bodies, of a lone ball a bounce."""
+    long = 5_000 if plan.form == "quick" else 200_000
+    rows, tasks = [], []
+    for name, document in SCENES.items():
+        impacts = long // 100 if document["system"] == "springs" else long
+        task = _Task(document, impacts)
+        rows.append(Row(PART, name, "vibro", impacts=impacts))
+        tasks.append((task.ready, task.go))
+    for row, times in zip(rows, by_turns(warmed(tasks), plan), strict=True):
+        row.take_times(times)
+    return rows
