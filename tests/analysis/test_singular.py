@@ -21,6 +21,7 @@ from tests.analysis.traces import (
 )
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.singular import CENTRE, DEGENERATE, SADDLE, singular_points
+from vibro_cli.mechanics.turning import Turning
 
 WEIGHT = BALL.mass * GRAVITY
 
@@ -101,6 +102,6 @@ def test_level_junction_is_what_its_sides_make_it(
 
 
 def test_turning_trace_is_refused() -> None:
-    turning = system(-90.0, valley(1.0, 90), turning=(0.0, 2.0))
+    turning = system(-90.0, valley(1.0, 90), turning=Turning(0.0, 2.0))
     with pytest.raises(ValueError, match="turning"):
         Landscape.of(turning, 1)

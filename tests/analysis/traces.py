@@ -8,6 +8,7 @@ from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
+from vibro_cli.mechanics.turning import Turning
 
 GRAVITY = 9.81
 DEGREE = math.pi / 180.0
@@ -32,7 +33,7 @@ def system(
     *shapes: ArcShape,
     closed: bool = False,
     body: Body = BALL,
-    turning: tuple[float, float] | None = None,
+    turning: Turning | None = None,
 ) -> System:
     trace = Trace.chain(start * DEGREE, shapes, closed)
     return System(

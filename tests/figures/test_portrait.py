@@ -27,6 +27,7 @@ from vibro_cli.analysis.singular import singular_points
 from vibro_cli.figures import strokes
 from vibro_cli.figures.portrait import MOST_NUMBERS, phase_portrait
 from vibro_cli.figures.trajectory import MOST_BRANCHES, trajectory
+from vibro_cli.mechanics.turning import Turning
 
 RUNS: dict[str, Callable[[], HandMade]] = {
     "circle": lambda: on_circle(5),
@@ -235,7 +236,7 @@ def test_flight_without_constant_energy_is_sampled_from_the_run() -> None:
 
 
 def test_turning_trace_is_sampled_and_has_no_separatrix() -> None:
-    run = HandMade(system(-90, valley(1.0, 90), turning=(0.0, 2.0)))
+    run = HandMade(system(-90, valley(1.0, 90), turning=Turning(0.0, 2.0)))
     run.fly(1, (-0.5, 0.0), (0.5, 0.0), cause_start="start", cause_end="end")
     figure = phase_portrait(run, 1)
     assert run.sampled == [0]

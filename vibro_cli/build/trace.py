@@ -11,6 +11,7 @@ from vibro_cli.mechanics import clearance, placement
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.system import InitialState, System, Wall
 from vibro_cli.mechanics.trace import ArcShape, Trace
+from vibro_cli.mechanics.turning import Turning
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
 from vibro_cli.scenario.problems import ScenarioError
@@ -19,6 +20,8 @@ _CLOSING_TOLERANCE = 1e-12
 
 _GRAVITIES = (1e-30, 1e30)
 _MOST_SLOPE = 1e3
+# Rates of turning (rad/s), of either sign.
+_RATES = (1e-10, 1e10)
 
 
 def build_trace(scenario: Scenario) -> System:
@@ -34,7 +37,7 @@ def build_trace(scenario: Scenario) -> System:
     bodies = bodies_of(scenario.balls, findings)
     findings.settle()
     trace_is_sound = _check_trace(trace, findings)
-    turning = _turning(scenario, findings)
+    turning = _turning(scenario, trace, findings)
     fits = _check_fit(trace, bodies, findings, trace_is_sound)
     initial = _initial(scenario, trace, bodies, findings)
     if trace_is_sound and fits:
@@ -100,11 +103,23 @@ def _check_sizes(scenario: Scenario, findings: Findings) -> None:
             findings.add(path, repr(speed), f"a number from {-high} to {high}")
 
 
-def _turning(scenario: Scenario, findings: Findings) -> tuple[float, float] | None:
-    """Refuse a turning trace: there is no flow on one yet, and this is the one place to say so."""
-    if scenario.trace.turning is not None:
-        findings.add("trace.turning", "a turning trace", "a trace at rest: no other is solved yet")
-    return None
+def _turning(scenario: Scenario, trace: Trace, findings: Findings) -> Turning | None:
+    """The axis and the rate of a trace that turns; None at rest, which a rate of 0 is."""
+    table = scenario.trace.turning
+    if table is None or table.rate == 0.0:
+        return None
+    if scenario.trace.surface == "one-sided":
+        expected = "two-sided: where a turning trace would have to pull is only marked"
+        findings.add("trace.surface", "one-sided", expected)
+    if scenario.output.friction is not None:
+        expected = "none: a turning trace also pushes sideways, which its plane does not tell"
+        findings.add("output.friction", repr(scenario.output.friction), expected)
+    low, high = _RATES
+    if not low <= abs(table.rate) <= high:
+        findings.add("trace.turning.rate", repr(table.rate), f"0, or a rate from {low} to {high}")
+    if table.through_arc is None:
+        return Turning(table.x or 0.0, table.rate)
+    return Turning(trace.pieces[table.through_arc - 1].center[0], table.rate)
 
 
 def _check_trace(trace: Trace, findings: Findings) -> bool:

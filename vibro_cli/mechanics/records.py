@@ -10,8 +10,8 @@ piece.
 
 from __future__ import annotations
 
-from vibro_cli.numerics.elliptic import ThetaConstants
 from vibro_cli.numerics.engine import Series, record
+from vibro_cli.numerics.quartic import QuarticConstants
 
 PARTING = 1  # after an impact, with a speed
 RELEASED = 2  # after lasting contact, with neither speed nor acceleration
@@ -47,7 +47,7 @@ class TrackData:
     bottom: float  # height of the centre at f = 0 above the body's lowest place, m; line: left end
     top: float  # at f = pi; line: unused
     twice_radius: float  # 2 rho: height = bottom + twice_radius m; line: unused
-    gravity_rate: float  # g/kappa, m/s^2
+    gravity_rate: float  # g/kappa, m/s^2; on a turning trace the most that pulls there
     line_acceleration: float  # -(g/kappa) sin(alpha), m/s^2
     line_rise: float  # sin(alpha) of a line
     left_s: float  # the ends, as (S, C) or distance
@@ -58,6 +58,21 @@ class TrackData:
     highest_s2: float
     line_x: float  # centre of the body at the left end of a line, m
     line_y: float
+    tilt: float  # of a turning trace, see mechanics.turning: sign Omega^2 (O_x - x0)/g
+    spread: float  # Omega^2 rho/g
+    line_growth: float  # Omega cos(alpha)/sqrt(kappa) of a line, 1/s
+    lowest_potential: float  # least value of V on an arc
+    most_angular: float  # bounds on an arc: |f''| (rad/s^2), its first two derivatives with f
+    most_stiffness: float
+    most_bending: float
+    crests: int  # maxima of V inside an arc, as (S, C)
+    crest_s: float
+    crest_c: float
+    other_crest_s: float
+    other_crest_c: float
+    highest_potential: float  # greatest value of V on the full circle
+    extremes: Series  # (S, C) of the places inside an arc where its force on a body is extreme
+    extreme_count: int
 
 
 @record
@@ -72,7 +87,7 @@ class BodyData:
 
 
 @record
-class Flight(ThetaConstants):
+class Flight(QuarticConstants):
     """The motion of one body between two of its events, and its place at the start of it."""
 
     piece: int
@@ -117,6 +132,12 @@ class Flight(ThetaConstants):
     series: Series  # acceleration along the path on it, in powers of t/segment (m/s^2)
     nodal: Series  # scratch: acceleration at the nodes
     normal: Series  # normal force on it (N), where the trace is one-sided
+    tilt: float  # on a turning trace those of its track, and bounds on the speed of the centre
+    spread: float  # (m/s) and on the fourth derivative of f (rad/s^4)
+    line_growth: float
+    crests: int
+    most_speed: float
+    snap_bound: float
 
 
 @record
@@ -190,6 +211,8 @@ class Settings:
     substitute: int  # 1: an inadmissible impact is replaced by the normal-impulse law
     left_wall: float  # restitution, or -1 for a stop
     right_wall: float
+    axis_x: float  # where the trace turns, m, and the square of its rate, 1/s^2 (0: it does not)
+    turning_square: float
     stop_t: float
     stop_collisions: int
     room: int  # rows of the logs that may be used; they hold twice as many

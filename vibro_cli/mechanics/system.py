@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.trace import Trace
+from vibro_cli.mechanics.turning import Turning
 
 
 @dataclass(frozen=True)
@@ -49,5 +50,5 @@ class System:
     """Wall at the left end of an open trace; None stops the run there."""
     right_end: Wall | None
     """Wall at the right end of an open trace; None stops the run there."""
-    turning: tuple[float, float] | None
-    """(x₀, Ω): the trace turns about the vertical at x₀ (m) with rate Ω (rad/s); None at rest."""
+    turning: Turning | None
+    """The vertical axis about which the trace turns, and its rate; None at rest."""

@@ -11,9 +11,9 @@ same bits.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -25,6 +25,7 @@ Series = list[float]
 
 _kernels: dict[str, list[Callable[..., Any]]] = {}
 _apart: set[Callable[..., Any]] = set()
+_copies: set[str] = set()  # names of the modules that are copies
 
 
 def kernel(function: Function) -> Function:
@@ -127,6 +128,72 @@ def compiled_rows(rows: Sequence[Any], cls: type) -> Any:
     for position, row in enumerate(rows):
         array[position] = tuple(getattr(row, name) for name in names)
     return array
+
+
+class Variant:
+    """Kernels of which some are replaced: the same program for another mechanics.
+
+    What is not asked for costs nothing: the kernels themselves know nothing of replacements.
+
+    Parameters
+    ----------
+    name
+        Part of the names of its copies of modules.
+    replaced
+        The replacement, with the same arguments and result, of each kernel that has one.
+    """
+
+    def __init__(
+        self, name: str, replaced: Mapping[Callable[..., Any], Callable[..., Any]]
+    ) -> None:
+        self.name = name
+        self._replaced = replaced
+        self._copies: dict[Callable[..., Any], Callable[..., Any]] = {}
+        self._copied: set[str] = set()
+
+    def of(self, function: Function) -> Function:
+        """Return a kernel as it is in the variant: a kernel like any other, of a module copied."""
+        if function not in self._copies:
+            self._copy_modules()
+        return self._copies[function]  # type: ignore[return-value]
+
+    def _copy_modules(self) -> None:
+        """Copy all modules with kernels; there a kernel's name means what stands for it."""
+        modules = [name for name in _kernels if name not in self._copied | _copies]
+        copies = {name: self._empty_copy(name) for name in modules}
+        for name, module in copies.items():
+            vars(module).update(vars(sys.modules[name]) | {"__name__": module.__name__})
+            for function in _kernels[name]:
+                self._copies[function] = copy = kernel(_copy_of(function, module))
+                if is_apart(function):
+                    apart(copy)
+        for function, replacement in self._replaced.items():
+            self._copies[function] = self._copies[replacement]
+        for module in copies.values():
+            for key, value in list(vars(module).items()):
+                if isinstance(value, FunctionType) and value in self._copies:
+                    setattr(module, key, self._copies[value])
+
+    def _empty_copy(self, name: str) -> ModuleType:
+        self._copied.add(name)
+        module = ModuleType(f"{name}_{self.name}")
+        _copies.add(module.__name__)
+        sys.modules[module.__name__] = module
+        return module
+
+
+def _copy_of(function: Callable[..., Any], module: ModuleType) -> FunctionType:
+    """A function whose names are looked up in another module."""
+    copy = FunctionType(function.__code__, vars(module), function.__name__, function.__defaults__)
+    copy.__module__ = module.__name__
+    copy.__annotations__ = function.__annotations__
+    copy.__doc__ = function.__doc__
+    return copy
+
+
+def interpreted(function: Function, variant: Variant | None) -> Function:
+    """Return a kernel as it is in a variant; itself without one."""
+    return function if variant is None else variant.of(function)
 
 
 def kernels_of(module: str) -> Sequence[Callable[..., Any]]:

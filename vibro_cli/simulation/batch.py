@@ -14,6 +14,7 @@ from vibro_cli.simulation.entry import empty_results, enter_points, zeros
 from vibro_cli.simulation.impacts import ImpactTable, runs_of
 from vibro_cli.simulation.points import PointData, Points, RestitutionData, Results, StartData
 from vibro_cli.simulation.prepare import make_world, smallest_system
+from vibro_cli.simulation.turning import variant_of
 from vibro_cli.simulation.world import World
 
 
@@ -37,6 +38,7 @@ class Batch:
     """
 
     def __init__(self, system: System, beside: Batch | None = None) -> None:
+        self._variant = variant_of(system)
         logs_of = None if beside is None else beside.world
         self.world: World = compiled_world(make_world(system, None, None), logs_of)
         """The records of the system; bodies, pairs, flights and clock are those of the last run."""
@@ -70,7 +72,7 @@ class Batch:
         return Progress(
             *enter_points(
                 self.world, self._fresh, self._scratch, points, results,
-                done.point, last, done.rows,
+                done.point, last, done.rows, self._variant,
             )
         )  # fmt: skip
 

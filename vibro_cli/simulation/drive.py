@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from vibro_cli.numerics import engine
+from vibro_cli.numerics.engine import Variant
 from vibro_cli.simulation.entry import enter_advance
 from vibro_cli.simulation.loop import advance, start
 from vibro_cli.simulation.record import Log
@@ -49,14 +50,21 @@ class Earlier(NamedTuple):
 class Driver:
     """One run in progress."""
 
-    def __init__(self, world: World, engine_name: str, earlier: Earlier | None = None) -> None:
+    def __init__(
+        self,
+        world: World,
+        engine_name: str,
+        earlier: Earlier | None = None,
+        variant: Variant | None = None,
+    ) -> None:
+        self._variant = variant
         self.logs = {name: Log(RECORDS[name]) for name in LOGS}
         self.engine = "python"
         self._may_compile = engine_name == "auto"
         self.world = _interpreted_logs(world)
         if earlier is None:
             # Interpreted by either engine: for one call it is not worth compiling.
-            start(self.world)
+            engine.interpreted(start, variant)(self.world)
             self._collect()
         else:
             restore(self.world, earlier.state)
@@ -92,7 +100,9 @@ class Driver:
                 self._compile()
 
     def _advance(self) -> int:
-        return enter_advance(self.world) if self.engine == "numba" else advance(self.world)
+        if self.engine == "numba":
+            return enter_advance(self.world, self._variant)
+        return engine.interpreted(advance, self._variant)(self.world)
 
     def _collect(self) -> None:
         flights = 0

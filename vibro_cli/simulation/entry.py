@@ -11,6 +11,7 @@ from typing import Any
 
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics import engine
+from vibro_cli.numerics.engine import Variant, interpreted
 from vibro_cli.numerics.machine_code import compiled, prepare_together
 from vibro_cli.simulation.contact_changes import launch_chain
 from vibro_cli.simulation.loop import proceed
@@ -19,14 +20,17 @@ from vibro_cli.simulation.tally import FinalState, Outcome, tally
 from vibro_cli.simulation.world import ImpactRow, World
 
 
-def prepare_event_loop(world: World) -> None:
+def prepare_event_loop(world: World, variant: Variant | None = None) -> None:
     """Make or load the machine code of the event loop and of the tally.
 
-    What is missing is made by two processes, which takes two thirds of the time.
+    What is missing is made by two processes, which takes two thirds of the time; that of a variant
+    by one.
     """
-    if not compiled(proceed).is_loaded:
-        calls = [(proceed, (world, False)), *_beside(world)]
-        prepare_together(calls, beside=f"{__name__}:{make_beside.__name__}")
+    loop = interpreted(proceed, variant)
+    if not compiled(loop).is_loaded:
+        calls = [(loop, (world, False)), *_beside(world, variant)]
+        beside = "" if variant else f"{__name__}:{make_beside.__name__}"
+        prepare_together(calls, beside)
 
 
 def make_beside() -> None:
@@ -34,26 +38,34 @@ def make_beside() -> None:
     from vibro_cli.simulation.drive import compiled_world
     from vibro_cli.simulation.prepare import make_world, smallest_system
 
-    for kernel, arguments in _beside(compiled_world(make_world(smallest_system(), None, None))):
+    for kernel, arguments in _beside(
+        compiled_world(make_world(smallest_system(), None, None)), None
+    ):
         compiled(kernel).code(arguments)
 
 
-def _beside(world: World) -> list[tuple[Callable[..., Any], Any]]:
+def _beside(world: World, variant: Variant | None) -> list[tuple[Callable[..., Any], Any]]:
     results = empty_results(1, 1, 0)
     of_tally = (world, 0, 0.0, 0.0, results.outcomes, 0, results.finals, zeros(1, Flight))
-    return [(launch_chain, (world, 0, 0, 0)), (tally, of_tally)]
+    return [
+        (interpreted(launch_chain, variant), (world, 0, 0, 0)),
+        (interpreted(tally, variant), of_tally),
+    ]
 
 
-def enter_advance(world: World) -> int:
+def enter_advance(world: World, variant: Variant | None) -> int:
     """Run on a compiled world (see ``simulation.loop.advance``)."""
-    prepare_event_loop(world)
-    return int(compiled(proceed)(world, False))
+    prepare_event_loop(world, variant)
+    return int(compiled(interpreted(proceed, variant))(world, False))
 
 
-def enter_tally(world: World, cause: int, end: tuple[float, float]) -> Results:
+def enter_tally(
+    world: World, cause: int, end: tuple[float, float], variant: Variant | None
+) -> Results:
     """Tally a run on a compiled world (see ``simulation.tally``)."""
     results = empty_results(1, len(world.flights), 0)
-    compiled(tally)(world, cause, *end, results.outcomes, 0, results.finals, zeros(1, Flight))
+    count = compiled(interpreted(tally, variant))
+    count(world, cause, *end, results.outcomes, 0, results.finals, zeros(1, Flight))
     return results
 
 
@@ -66,10 +78,12 @@ def enter_points(
     first: int,
     last: int,
     filled: int,
+    variant: Variant | None,
 ) -> tuple[int, int]:
     """Run some points (see ``simulation.points``)."""
-    prepare_event_loop(world)
-    point, rows = compiled(run_points)(world, fresh, scratch, points, results, first, last, filled)
+    prepare_event_loop(world, variant)
+    run = compiled(interpreted(run_points, variant))
+    point, rows = run(world, fresh, scratch, points, results, first, last, filled)
     return int(point), int(rows)
 
 

@@ -11,6 +11,7 @@ from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.simulation.grip import lift_offs, slips
 from vibro_cli.simulation.paths import Paths
+from vibro_cli.simulation.turning_forces import turning_lift_offs, turning_times
 from vibro_cli.simulation.world import (
     CROSSING,
     END_LIFT_OFF,
@@ -46,7 +47,8 @@ def event_table(
 ) -> dict[str, Any]:
     """Return the columns of ``events.parquet``, in order of time."""
     events = [*_boundaries(paths), *_contacts(paths, touches)]
-    events += [_at(paths, row, after, "lift_off", force) for row, after, force in lift_offs(paths)]
+    found = lift_offs(paths) if paths.tracks is None else turning_lift_offs(paths)
+    events += [_at(paths, row, after, "lift_off", force) for row, after, force in found]
     if turning_points:
         events += _turnings(paths)
     if friction is not None:
@@ -134,7 +136,7 @@ def _contacts(paths: Paths, touches: Any) -> list[Event]:
 
 def _at(paths: Paths, index: int, after: float, name: str, value: float | None) -> Event:
     """An event during a flight, ``after`` seconds from its start."""
-    state = flow(paths.flight(index), after)
+    state = paths.state(paths.flight(index), after)
     piece, body = int(paths.piece[index]), int(paths.body[index])
     column = [np.array([number]) for number in state]
     position = paths.places.position(np.array([piece]), column[0], column[1])
@@ -157,7 +159,7 @@ def _turnings(paths: Paths) -> list[Event]:
     for index in range(len(paths.log)):
         for after in _turning_times(paths, index):
             event = _at(paths, index, after, "turning", None)
-            state = flow(paths.flight(index), after)
+            state = paths.state(paths.flight(index), after)
             piece = np.array([paths.piece[index]])
             place = paths.places.position(piece, np.array([state[0]]), np.array([state[1]]))
             events.append(event._replace(value=float(place[0]), speed=0.0))
@@ -169,6 +171,8 @@ def _turning_times(paths: Paths, index: int) -> list[float]:
     duration = float(paths.duration[index])
     if flight.form == POLYNOMIAL:
         return _turning_on_segment(flight, duration)
+    if paths.tracks is not None:
+        return turning_times(paths, index)
     if flight.form == LINE:
         a = flight.line_acceleration
         after = -flight.p / a if a != 0.0 else -1.0

@@ -11,8 +11,12 @@ from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow, time_to
 from vibro_cli.mechanics.heights import heights
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.mechanics.trace import sine_cosine
+from vibro_cli.mechanics.turning_flight import potential_head, set_track
 from vibro_cli.numerics.elliptic import quarter_period, set_theta_constants
+from vibro_cli.numerics.quartic import period_of
 from vibro_cli.simulation.geometry import Floats, Places
+from vibro_cli.simulation.prepare import turning_tracks
+from vibro_cli.simulation.turning import kernel_of
 from vibro_cli.simulation.world import CAUSE_NAMES
 
 _GROUP_FIELDS = (
@@ -40,6 +44,9 @@ class Paths:
         self, places: Places, log: Any, segments: Any, end_t: float, end_t_low: float
     ) -> None:
         self.places = places
+        self._flow = kernel_of(places.system, flow)
+        self._time_to = kernel_of(places.system, time_to)
+        self.tracks = turning_tracks(places.system)
         order = np.lexsort((np.arange(len(log)), log["body"]))
         self.log = log[order]
         self._number = order
@@ -58,8 +65,12 @@ class Paths:
         self.end_p = np.where(last, 0.0, nxt["before_p"])
         self.end_cause = np.where(last, -1, nxt["cause"])
         for index in np.flatnonzero(last):
-            state = flow(self.flight(int(index)), float(self.duration[index]))
+            state = self.state(self.flight(int(index)), float(self.duration[index]))
             self.end_s[index], self.end_c[index], self.end_p[index] = state
+
+    def state(self, flight: Flight, t: float) -> tuple[float, float, float]:
+        """Return ``(S, C, P)`` a time (s) after the start of a flight."""
+        return self._flow(flight, t)
 
     def flight(self, index: int) -> Flight:
         """Return one flight as the record that the kernels take."""
@@ -75,6 +86,9 @@ class Paths:
         flight.at_rest = int(row["at_rest"])
         if row["grouped"]:
             self._complete_group(flight, row, index)
+        elif self.tracks is not None:
+            set_track(flight, self.tracks[row["body"]][row["piece"]])
+            return flight
         if piece.is_line and flight.form != POLYNOMIAL:
             flight.form = LINE
             if not flight.grouped:
@@ -123,11 +137,20 @@ class Paths:
 
     def half_period(self, index: int) -> float:
         """Half the period (s) of a flight's full orbit on its arc (infinite on a separatrix)."""
+        if self.tracks is not None:
+            flight = self.flight(index)
+            return 0.5 * period_of(flight) / flight.frequency
         row = self.log[index]
         argument = 2.0 * quarter_period(float(row["parameter"]), float(row["root_complement"]))
         grouped = bool(row["grouped"])
         own = self.places.frequencies[row["body"], row["piece"]]
         return argument / float(row["frequency"] if grouped else own)
+
+    def rotates(self, flight: Flight) -> bool:
+        """Tell whether the full orbit of a flight on an arc goes over its highest place."""
+        if self.tracks is not None:
+            return flight.turns_over == 1
+        return flight.root_complement < 0.0
 
     def passages(self, index: int, s: float, c: float, p: float) -> list[float]:
         """Times (s from the flight's start) at which it passes a state of its orbit on an arc.
@@ -138,8 +161,8 @@ class Paths:
         duration = float(self.duration[index])
         if flight.at_rest or flight.root_complement == 0.0 or flight.form == POLYNOMIAL:
             return []
-        first = time_to(flight, s, c, p)
-        if flight.root_complement < 0.0:
+        first = self._time_to(flight, s, c, p)
+        if self.rotates(flight):
             # A rotation passes a place once on its piece, ahead only.
             ahead = math.atan2(s, c) - math.atan2(flight.flow_s, flight.flow_c)
             ahead *= flight.flow_p
@@ -157,7 +180,7 @@ class Paths:
         flight = self.flight(index)
         start = float(self.log["t"][index])
         after = np.linspace(0.0, float(self.duration[index]), count)
-        states = np.array([flow(flight, float(t)) for t in after])
+        states = np.array([self.state(flight, float(t)) for t in after])
         piece = np.full(count, self.piece[index])
         position = self.places.position(piece, states[:, 0], states[:, 1])
         frequency = flight.own_frequency
@@ -185,7 +208,7 @@ class Paths:
         for number, index in enumerate(chosen.tolist()):
             if index not in flights:
                 flights[index] = self.flight(index)
-            states[number] = flow(flights[index], max(float(ages[number]), 0.0))
+            states[number] = self.state(flights[index], max(float(ages[number]), 0.0))
         body, piece = self.body[chosen], self.piece[chosen]
         s, c, p = states.T
         position = self.places.position(piece, s, c)
@@ -215,6 +238,17 @@ class Paths:
         rho = self.places.path_radius[body, piece]
         speed = self.places.speed_factor(body, piece) * p
         height = level[body, piece] + np.where(rho > 0.0, 2.0 * rho * s * s, rise[piece] * s)
+        if self.tracks is not None:
+            height = self._turning_height(body, piece, s, c)
         own = height + 0.5 * self.places.kappa[body] * speed * speed / self.places.gravity
         energy: Floats = self.places.weight[body] * np.where(grouped, own, head)
         return energy
+
+    def _turning_height(self, body: Any, piece: Any, s: Floats, c: Floats) -> Floats:
+        """Height (m) whose potential energy is that of gravity and of a turning trace."""
+        assert self.tracks is not None
+        kappa, gravity = self.places.kappa, self.places.gravity
+        rows = zip(body.tolist(), piece.tolist(), s.tolist(), c.tolist(), strict=True)
+        return np.array(
+            [potential_head(self.tracks[b][q], gravity, kappa[b], x, y) for b, q, x, y in rows]
+        )

@@ -22,6 +22,7 @@ from vibro_cli.mechanics.records import (
 )
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace, sine_cosine
+from vibro_cli.simulation.turning_tracks import set_turning
 from vibro_cli.simulation.world import ContactRow, FlightRow, ImpactRow, SegmentRow, World
 
 NO_WALL = -1.0
@@ -77,7 +78,7 @@ def make_world(system: System, stop_time: float | None, stop_collisions: int | N
     if not pairs:
         far.append([0])
         contacts.append(PairTrack())
-    return World(
+    world = World(
         settings=[_settings(system, len(pairs), stop_time, stop_collisions)],
         clock=[_clock()],
         bodies=[_body_data(body, system.gravity) for body in system.bodies],
@@ -97,6 +98,17 @@ def make_world(system: System, stop_time: float | None, stop_collisions: int | N
         touches=[ContactRow()],
         segments=[SegmentRow()],
     )
+    if system.turning is not None:
+        set_turning(world, system, system.turning)
+    return world
+
+
+def turning_tracks(system: System) -> list[list[TrackData]] | None:
+    """Return the records of each body on each piece of a trace that turns; None at rest."""
+    if system.turning is None:
+        return None
+    tracks, pieces = make_world(system, None, None).tracks, len(system.trace.pieces)
+    return [list(tracks[n : n + pieces]) for n in range(0, len(tracks), pieces)]
 
 
 def _clock() -> Clock:

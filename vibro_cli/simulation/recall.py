@@ -31,7 +31,7 @@ def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> 
     flight.flow_c = row.c
     flight.flow_p = row.p
     if row.grouped == 1:
-        _recall_group(world, row, number, flight)
+        recall_group(world, row, number, flight)
         if flight.form == POLYNOMIAL:
             flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
             return
@@ -44,7 +44,7 @@ def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> 
 
 
 @kernel
-def _recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> None:
+def recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> None:
     """Fill in what a flight in lasting contact has beyond its own state."""
     flight.flow_s = row.flow_s
     flight.flow_c = row.flow_c

@@ -10,6 +10,7 @@ import numpy as np
 
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.mechanics.system import System
+from vibro_cli.numerics.engine import Variant
 from vibro_cli.simulation.drive import Driver, Earlier
 from vibro_cli.simulation.geometry import Floats, Places
 from vibro_cli.simulation.happenings import event_table
@@ -17,11 +18,12 @@ from vibro_cli.simulation.impacts import collision_table
 from vibro_cli.simulation.paths import Paths
 from vibro_cli.simulation.prepare import make_world
 from vibro_cli.simulation.summary import summary_columns, summary_record, tally_run
+from vibro_cli.simulation.turning import variant_of
 from vibro_cli.simulation.world import END_NAMES, END_TIME, LOGS, World
 
 Table = dict[str, Any]
 
-CHECKPOINT_FORMAT = 1
+CHECKPOINT_FORMAT = 2
 # Ends after which nothing can follow, whatever the stop.
 FINAL = ("inadmissible", "end_of_trace", "lift_off")
 
@@ -65,6 +67,10 @@ class Run:
     @cached_property
     def _places(self) -> Places:
         return Places(self.system)
+
+    @property
+    def _variant(self) -> Variant | None:
+        return variant_of(self.system)
 
     @cached_property
     def world(self) -> World:
@@ -110,7 +116,13 @@ class Run:
         """Columns of ``summary.parquet``, one row."""
         end = self._clock["t"], self._clock["t_low"]
         outcome, finals = tally_run(
-            self.world, self.engine, self._logs, self._state, self._cause, end
+            self.world,
+            self.engine,
+            self._logs,
+            self._state,
+            self._cause,
+            end,
+            self._variant,
         )
         restitution = np.array([self.system.restitution])
         return summary_columns(self._places, restitution, outcome, finals)
@@ -222,7 +234,9 @@ def simulate_system(
     earlier = (
         None if checkpoint is None else _earlier(checkpoint, history, stop_time, stop_collisions)
     )
-    driver = Driver(make_world(system, stop_time, stop_collisions), engine, earlier)
+    driver = Driver(
+        make_world(system, stop_time, stop_collisions), engine, earlier, variant_of(system)
+    )
     cause = driver.run()
     clock = {name: driver.clock_value(name) for name in _CLOCK_FIELDS}
     if cause == END_TIME and stop_time is not None:

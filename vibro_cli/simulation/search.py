@@ -100,7 +100,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     if a.piece == b.piece and piece.sign != 0.0:
         contact = world.contacts[j * settings.pieces + a.piece]
         orientation = 1.0 if laps == 0 else -1.0
-        if laps != 0 and _never_over_the_top(a, b, contact):
+        if kept_apart(a, b, contact, laps):
             clock.skipped_apart += 1
             pair.apart = 1
             return
@@ -132,7 +132,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
 
 
 @kernel
-def _never_over_the_top(a: Flight, b: Flight, contact: PairTrack) -> bool:
+def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
     """Tell whether two librations in a circle keep two bodies apart across its top.
 
     The flights stay within ``|f| <= 2 asin sqrt m``; they meet over the top only if both half
@@ -140,7 +140,7 @@ def _never_over_the_top(a: Flight, b: Flight, contact: PairTrack) -> bool:
     """
     root_a = a.root_complement
     root_b = b.root_complement
-    if a.grouped != 0 or b.grouped != 0 or root_a <= 0.0 or root_b <= 0.0:
+    if laps == 0 or a.grouped + b.grouped != 0 or root_a <= 0.0 or root_b <= 0.0:
         return False
     if a.c <= 0.0 or b.c <= 0.0:
         return False

@@ -23,6 +23,7 @@ def tally_run(
     state: dict[str, Any],
     cause: int,
     end: tuple[float, float],
+    variant: engine.Variant | None,
 ) -> tuple[Any, Any]:
     """Return outcome and final states of a run (see ``simulation.tally``), one row and one a body.
 
@@ -36,17 +37,20 @@ def tally_run(
         The rows of the whole run and the state at its end.
     cause, end
         Why and when (two doubles, s) it ended.
+    variant
+        Of the kernels, for the system.
     """
     restore(world, state)
     for name, used in ROWS_USED.items():
         setattr(world.clock[0], used, len(logs[name]))
     if engine_name == "numba":
-        results = enter_tally(compiled_world(world)._replace(**logs), cause, end)
+        results = enter_tally(compiled_world(world)._replace(**logs), cause, end, variant)
         return results.outcomes, results.finals
     rows = {name: engine.interpreted_copies(logs[name], RECORDS[name]) for name in LOGS}
     own = engine.interpreted_rows(Outcome, 1)
     states = engine.interpreted_rows(FinalState, len(world.bodies))
-    tally(world._replace(**rows), cause, *end, own, 0, states, [Flight()])
+    count = engine.interpreted(tally, variant)
+    count(world._replace(**rows), cause, *end, own, 0, states, [Flight()])
     return engine.compiled_rows(own, Outcome), engine.compiled_rows(states, FinalState)
 
 
@@ -108,7 +112,9 @@ def summary_columns(
         "energy_drift": drift,
         "energy_correction": outcomes["correction"].copy(),
         "max_gap": np.where(some, outcomes["max_gap"], np.nan),
-        "min_normal_force": outcomes["least_force"].copy(),
+        "min_normal_force": np.where(
+            outcomes["least_force"] < NEVER, outcomes["least_force"], np.nan
+        ),
         "max_friction_demand": np.where(np.isfinite(demand), demand, np.nan),
     }
     columns.update(_final_states(places, finals))

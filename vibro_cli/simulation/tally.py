@@ -168,7 +168,7 @@ def _tally_flights(
         if row.cause == WALL:
             outcome.walls += 1
         if final.latest < 0:
-            final.start_energy = _energy(world, row, row.s, row.p)
+            final.start_energy = _energy(world, row, row.s, row.c, row.p)
         else:
             before = world.log[final.latest]
             duration = (row.t - before.t) + (row.t_low - before.t_low)
@@ -188,13 +188,13 @@ def _finish(world: World, ball: int, outcome: Outcome, final: FinalState, scratc
     final.s = s
     final.c = c
     final.p = p
-    final.end_energy = _energy(world, row, s, p)
+    final.end_energy = _energy(world, row, s, c, p)
     last = world.clock[0].flight_rows
     _tally_forces(world, final.latest, last, duration, (s, c, p), outcome, scratch)
 
 
 @kernel
-def _energy(world: World, row: FlightRow, s: float, p: float) -> float:
+def _energy(world: World, row: FlightRow, s: float, c: float, p: float) -> float:
     """Energy (J) of a body; carried on a free flight, from the state in lasting contact."""
     body = world.bodies[row.body]
     if row.grouped == 0:

@@ -60,6 +60,8 @@ class Scene:
     starts: tuple[tuple[int, Real, Real], ...]  # piece from 0, place, speed of the centre
     restitution: tuple[Real, ...]
     walls: tuple[Real | None, Real | None]
+    axis: Real = mp.zero  # about which the trace turns
+    turning_square: Real = mp.zero  # of its rate, 1/s^2
 
 
 def chain(start_slope: Real, shapes: Sequence[tuple[str, Real, Real | None]]) -> tuple[Piece, ...]:
@@ -116,6 +118,8 @@ def scene_of_system(system: System) -> Scene:
         ),
         restitution=tuple(mp.mpf(k) for k in system.restitution),
         walls=(walls[0], walls[1]),
+        axis=mp.mpf(system.turning.x) if system.turning else mp.zero,
+        turning_square=mp.mpf(system.turning.rate) ** 2 if system.turning else mp.zero,
     )
 
 

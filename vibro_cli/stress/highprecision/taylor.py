@@ -2,8 +2,9 @@
 
 On an arc the angle f from the lowest point of the full circle obeys ``f'' = -w^2 sin f``. In
 ``S = sin(f/2)``, ``C = cos(f/2)``, ``P = f'/(2w)`` that is ``S' = wPC, C' = -wPS, P' = -wSC``;
-their Taylor coefficients follow from one another by products of series. Nothing is known here of
-elliptic functions, of periods or of the energy.
+their Taylor coefficients follow from one another by products of series. On a trace that turns
+``P' = w(-SC + tilt (C^2 - S^2)/2 + spread SC(C^2 - S^2))``. Nothing is known here of elliptic
+functions, of periods or of the energy.
 """
 
 from __future__ import annotations
@@ -38,6 +39,27 @@ def series(state: State) -> tuple[list[Real], list[Real], list[Real]]:
     return s, c, p
 
 
+def turning_series(
+    state: State, tilt: Real, spread: Real
+) -> tuple[list[Real], list[Real], list[Real]]:
+    """Taylor coefficients of S, C, P in ``w t`` from the state at 0, on a trace that turns."""
+    s, c, p = ([value] for value in state)
+    sines: list[Real] = []  # of S C and of C^2 - S^2
+    cosines: list[Real] = []
+    for k in range(1, TERMS + 1):
+        sines.append(mp.fdot(zip(s, reversed(c), strict=True)))
+        cosines.append(
+            mp.fdot(zip(c, reversed(c), strict=True)) - mp.fdot(zip(s, reversed(s), strict=True))
+        )
+        both = mp.fdot(zip(sines, reversed(cosines), strict=True))
+        turned = mp.fdot(zip(p, reversed(c), strict=True))
+        back = mp.fdot(zip(p, reversed(s), strict=True))
+        s.append(turned / k)
+        c.append(-back / k)
+        p.append((-sines[-1] + tilt * cosines[-1] / 2 + spread * both) / k)
+    return s, c, p
+
+
 class ArcMotion:
     """The half-angle variables of a body on an arc as functions of time; the series are kept.
 
@@ -47,19 +69,28 @@ class ArcMotion:
         ``w = sqrt(g/(kappa rho))``, 1/s.
     state
         ``(S, C, P)`` at time 0.
+    pull
+        ``(tilt, spread)`` of a trace that turns.
     """
 
-    def __init__(self, frequency: Real, state: State) -> None:
+    def __init__(
+        self, frequency: Real, state: State, pull: tuple[Real, Real] | None = None
+    ) -> None:
         self.frequency = frequency
-        self._step = STEP / mp.sqrt(max(state[0] ** 2 + state[2] ** 2, 1))
-        self._series = [series(state)]
+        size = state[0] ** 2 + state[2] ** 2
+        if pull is not None:
+            # The singularities come nearer with the square root of the strongest pull.
+            size += 2 * (abs(pull[0]) + abs(pull[1]))
+        self._step = STEP / mp.sqrt(max(size, 1))
+        self._next = series if pull is None else lambda start: turning_series(start, *pull)
+        self._series = [self._next(state)]
 
     def at(self, t: Real) -> State:
         """``(S, C, P)`` a time t (s) after the start; slightly negative times are allowed."""
         u = self.frequency * t
         number = max(int(mp.floor(u / self._step)), 0)
         while len(self._series) <= number:
-            self._series.append(series(self._sum(-1, self._step)))
+            self._series.append(self._next(self._sum(-1, self._step)))
         return self._sum(number, u - number * self._step)
 
     def _sum(self, number: int, u: Real) -> State:

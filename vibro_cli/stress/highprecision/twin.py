@@ -87,13 +87,34 @@ class Twin:
     def _motion(self, ball: int, piece: int, place: Real, speed: Real) -> Any:
         shape = self.scene.pieces[piece]
         if shape.sign == 0:
-            pull = -self.scene.gravity / self.scene.bodies[ball].kappa * mp.sin(shape.slopes[0])
-            return lambda h: (place + h * (speed + h * pull / 2), speed + h * pull)
+            return self._line_motion(ball, piece, place, speed)
         w = self._frequency(ball, piece)
         sine, cosine = mp.sin(place / 2), mp.cos(place / 2)
         # f = phi in a valley; f = psi + pi on a hump, where C = -sin(psi/2) is small at the crest.
         s, c = (sine, cosine) if shape.sign > 0 else (cosine, -sine)
-        return ArcMotion(w, (s, c, speed / (2 * w * self.path_radius(ball, piece))))
+        rho = self.path_radius(ball, piece)
+        strength = self.scene.turning_square / self.scene.gravity
+        pull = (shape.sign * strength * (shape.origin[0] - self.scene.axis), strength * rho)
+        return ArcMotion(w, (s, c, speed / (2 * w * rho)), pull if strength else None)
+
+    def _line_motion(self, ball: int, piece: int, place: Real, speed: Real) -> Any:
+        """A parabola; on a trace that turns ``s'' = pull + growth^2 (s - place)``."""
+        body, shape = self.scene.bodies[ball], self.scene.pieces[piece]
+        slope = shape.slopes[0]
+        pull = -self.scene.gravity / body.kappa * mp.sin(slope)
+        square = self.scene.turning_square / body.kappa * mp.cos(slope)
+        if square == 0:
+            return lambda h: (place + h * (speed + h * pull / 2), speed + h * pull)
+        x = shape.origin[0] + place * mp.cos(slope) - body.radius * mp.sin(slope)
+        pull += square * (x - self.scene.axis)
+        growth = mp.sqrt(square * mp.cos(slope))
+
+        def motion(h: Real) -> tuple[Real, Real]:
+            cosh, sinh = mp.cosh(growth * h), mp.sinh(growth * h) / growth
+            way = speed * sinh + pull * (cosh - 1) / growth**2
+            return place + way, speed * cosh + pull * sinh
+
+        return motion
 
     def at(self, ball: int, t: Real) -> Place:
         """State of a body at an instant of its present flight."""

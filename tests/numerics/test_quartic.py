@@ -1,0 +1,82 @@
+"""Motion under a quartic against Taylor series of many digits that know nothing of it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from vibro_cli.numerics.quartic import (
+    QuarticConstants,
+    period_of,
+    quartic_motion,
+    set_quartic_constants,
+    squared_rate,
+    time_to_place,
+)
+from vibro_cli.stress.highprecision.taylor import ArcMotion, mp
+
+# tilt, spread, angle, P, whether the body turns over, and how near rounding may bring it.
+ORBITS = [
+    pytest.param(0.0, 0.3, -1.0, 0.2, 0, 1e-14, id="one well"),
+    pytest.param(0.0, 2.5, 0.9, 0.1, 0, 1e-14, id="one of two wells"),
+    pytest.param(0.0, 2.5, 0.9, 0.6, 0, 1e-14, id="over the middle"),
+    pytest.param(-0.7, 1.4, 2.0, -0.3, 0, 3e-14, id="off the axis"),
+    pytest.param(0.4, 0.8, 1.1, 1.9, 1, 1e-14, id="rotation"),
+    pytest.param(-0.6, 0.2, -2.7, -2.3, 1, 1e-14, id="rotation to the left"),
+    pytest.param(0.0, 2.0, 1e-9, 0.0, 0, 1e-12, id="next to a saddle"),
+    pytest.param(0.0, 0.5, 1e-9, 1e-9, 0, 1e-13, id="next to a centre"),
+    pytest.param(0.0, 1.0, 0.3, 0.0, 0, 1e-13, id="at the pitchfork"),
+    pytest.param(1.3, 0.0, 0.5, 0.0, 0, 1e-14, id="without spread"),
+]
+
+
+def motion(tilt: float, spread: float, angle: float, p: float, over: int) -> QuarticConstants:
+    """The motion as the module says: the quartic of ``P^2`` about the start."""
+    sine, cosine = math.sin(angle), math.cos(angle)
+    along, across = cosine + tilt * sine, tilt * cosine - sine
+    double_sine, double_cosine = spread * sine * cosine, spread * math.cos(2.0 * angle)
+    found = QuarticConstants()
+    a0, a2 = p * p - along, (2.0 * p * p - along + double_cosine) / 6.0
+    a1, a3 = 0.25 * (across - double_sine), 0.25 * (across + double_sine)
+    set_quartic_constants(found, a0, a1, a2, a3, p, over)
+    return found
+
+
+@pytest.mark.parametrize(("tilt", "spread", "angle", "p", "over", "near"), ORBITS)
+@pytest.mark.parametrize("t", [0.01, 0.7, 2.9, 6.1])
+def test_states_are_those_of_the_equation_of_motion(
+    tilt: float, spread: float, angle: float, p: float, over: int, near: float, t: float
+) -> None:
+    quartic = motion(tilt, spread, angle, p, over)
+    half = mp.mpf(angle) / 2
+    start = (mp.sin(half), mp.cos(half), mp.mpf(p))
+    s, c, rate = ArcMotion(mp.one, start, (mp.mpf(tilt), mp.mpf(spread))).at(mp.mpf(t))
+    sine, cosine = s * start[1] - c * start[0], c * start[1] + s * start[0]
+    found = quartic_motion(quartic, t)
+    sizes = (abs(sine) + abs(p), 1, abs(rate) + abs(sine))
+    for value, exact, size in zip(found, (sine, cosine, rate), sizes, strict=True):
+        assert abs(value - exact) <= 4.0 * near * max(size, 1e-3 * near)
+
+
+@pytest.mark.parametrize(("tilt", "spread", "angle", "p", "over", "near"), ORBITS)
+@pytest.mark.parametrize("share", [0.05, 0.31, 0.62, 0.93])
+def test_time_of_a_place_is_the_inverse(
+    tilt: float, spread: float, angle: float, p: float, over: int, near: float, share: float
+) -> None:
+    quartic = motion(tilt, spread, angle, p, over)
+    period = period_of(quartic)
+    sine, cosine, rate = quartic_motion(quartic, share * period)
+    found = time_to_place(quartic, sine, cosine, rate)
+    assert found == pytest.approx(share * period, rel=1e3 * near)
+    assert squared_rate(quartic, sine, cosine) == pytest.approx(rate * rate, rel=2e-14, abs=2e-14)
+
+
+def test_a_place_is_passed_again_after_a_period() -> None:
+    quartic = motion(-0.7, 1.4, 2.0, -0.3, 0)
+    first = quartic_motion(quartic, 0.4)
+    again = quartic_motion(quartic, 0.4 + 3.0 * period_of(quartic))
+    assert again == pytest.approx(first, abs=1e-13)
+    # Back at the start the other way round.
+    back = time_to_place(quartic, 0.0, 1.0, 0.3)
+    assert quartic_motion(quartic, back) == pytest.approx((0.0, 1.0, 0.3), abs=1e-14)

@@ -1,0 +1,288 @@
+"""Motion under a quartic: ``u'^2 = a0 u^4 + 4 a1 u^3 + 6 a2 u^2 + 4 a3 u + a4`` from ``u = 0``.
+
+By Weierstrass's formula ``u`` is rational in his function and its derivative, whatever the roots of
+the quartic: oscillation between two of them, in either of two wells, or rotation through infinity.
+His function is used as ``z = wp - a2/2``, which solves ``z'^2 = 4 z^3 + 6 a2 z^2 + b z + c``; where
+a motion is slow, next to a saddle or a centre, the small roots of that cubic keep their relative
+accuracy. ``u = X/Y = tan h``: the pair (X, Y) has no pole. Formulas: Whittaker and Watson 20.6;
+DLMF 23.6 (Weierstrass by Jacobi), 19.25 (Carlson).
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.numerics.elliptic import (
+    ThetaConstants,
+    carlson_rf,
+    quarter_period,
+    set_theta_constants,
+    theta_functions,
+)
+from vibro_cli.numerics.engine import kernel, record
+
+RECTANGULAR = 0  # three real roots e1 > e2 > e3 of the cubic
+RHOMBIC = 1  # one real root, two conjugate ones
+# Below this share of the other factors a root's distance is taken from the derivative.
+NEAR_ROOT = 0.25
+POLISHING_STEPS = 3
+
+
+@record
+class QuarticConstants(ThetaConstants):
+    """What the motion under one quartic needs (fields of a flight)."""
+
+    quartic_0: float  # a0
+    quartic_1: float  # a1
+    quartic_2: float  # a2
+    quartic_3: float  # a3
+    start_rate: float  # u' at the start: its square is a4
+    lattice: int  # RECTANGULAR or RHOMBIC
+    turns_over: int  # 1: u passes infinity
+    root: float  # z of the greatest real root (rectangular), of the real one (rhombic)
+    second: float  # e1 - e2; rhombic: real part of e1 - e2
+    third: float  # e1 - e3; rhombic: imaginary part of e1 - e2
+    rate_scale: float  # argument of the theta functions for one unit of time
+
+
+@kernel
+def set_quartic_constants(
+    motion: QuarticConstants, a0: float, a1: float, a2: float, a3: float, rate: float, over: int
+) -> None:
+    """Fill in the constants of the motion that starts at ``u = 0`` with ``u' = rate``."""
+    motion.quartic_0 = a0
+    motion.quartic_1 = a1
+    motion.quartic_2 = a2
+    motion.quartic_3 = a3
+    motion.start_rate = rate
+    motion.turns_over = over
+    a4 = rate * rate
+    p2 = 1.5 * a2
+    p1 = a1 * a3 - 0.25 * a0 * a4
+    p0 = 0.25 * (a0 * (a3 * a3 - 1.5 * a2 * a4) + a1 * a1 * a4)
+    r = _isolated_root(p2, p1, p0)
+    if abs(r) * (r * r) >= abs(p0) and r != 0.0:
+        product = -p0 / r
+        total = (product - p1) / r
+    else:
+        total = p2 + r
+        product = p1 + r * total
+    discriminant = total * total - 4.0 * product
+    if discriminant >= 0.0:
+        _set_rectangular(motion, r, total, product, math.sqrt(discriminant))
+    else:
+        _set_rhombic(motion, r, -0.5 * total, 0.5 * math.sqrt(-discriminant))
+
+
+@kernel
+def _isolated_root(p2: float, p1: float, p0: float) -> float:
+    """The real root of ``z^3 + p2 z^2 + p1 z + p0`` that lies furthest from the other two."""
+    shift = p2 / 3.0
+    g = shift * shift - p1 / 3.0
+    h = 0.5 * (shift * (p1 - 2.0 * shift * shift) - p0)
+    if g > 0.0:
+        size = math.sqrt(g)
+        ratio = abs(h) / (g * size)
+        if ratio <= 1.0:
+            y = 2.0 * math.cos(math.acos(ratio) / 3.0)
+        else:
+            v = (ratio + math.sqrt((ratio - 1.0) * (ratio + 1.0))) ** (1.0 / 3.0)
+            y = v + 1.0 / v
+        e = size * y
+    elif g < 0.0:
+        size = math.sqrt(-g)
+        ratio = abs(h) / (-g * size)
+        v = (ratio + math.sqrt(ratio * ratio + 1.0)) ** (1.0 / 3.0)
+        e = size * (v - 1.0 / v)
+    else:
+        e = (2.0 * abs(h)) ** (1.0 / 3.0)
+    z = (e if h >= 0.0 else -e) - shift
+    # Polished in z itself, so that a small root is known to full relative accuracy.
+    for _ in range(POLISHING_STEPS):
+        slope = p1 + z * (2.0 * p2 + 3.0 * z)
+        if slope == 0.0:
+            break
+        change = (p0 + z * (p1 + z * (p2 + z))) / slope
+        z -= change
+        if abs(change) <= 2.0e-16 * abs(z):
+            break
+    return z
+
+
+@kernel
+def _set_rectangular(
+    motion: QuarticConstants, r: float, total: float, product: float, width: float
+) -> None:
+    """Three real roots: ``r`` and those of ``z^2 + total z + product``, ``width`` apart."""
+    motion.lattice = RECTANGULAR
+    outer = -0.5 * (total + width) if total >= 0.0 else 0.5 * (width - total)
+    inner = product / outer if outer != 0.0 else 0.0
+    high = max(outer, inner)
+    low = min(outer, inner)
+    if r >= high:
+        motion.root = r
+        motion.second = r - high
+        motion.third = r - low
+        m = width / motion.third if motion.third > 0.0 else 0.0
+        complement = motion.second / motion.third if motion.third > 0.0 else 1.0
+    else:
+        motion.root = high
+        motion.second = width
+        motion.third = high - r
+        m = (low - r) / motion.third
+        complement = width / motion.third
+    motion.rate_scale = math.sqrt(motion.third)
+    set_theta_constants(motion, m, math.sqrt(complement))
+
+
+@kernel
+def _set_rhombic(motion: QuarticConstants, r: float, real: float, imaginary: float) -> None:
+    """One real root ``r`` and two conjugate ones."""
+    motion.lattice = RHOMBIC
+    motion.root = r
+    motion.second = r - real
+    motion.third = imaginary
+    away = motion.second
+    size = math.sqrt(away * away + imaginary * imaginary)
+    near = 0.5 * imaginary * imaginary / (size * (size + abs(away)))
+    far = 0.5 * (size + abs(away)) / size
+    motion.rate_scale = math.sqrt(size)
+    if away >= 0.0:
+        set_theta_constants(motion, near, math.sqrt(far))
+    else:
+        set_theta_constants(motion, far, math.sqrt(near))
+
+
+@kernel
+def quartic_motion(motion: QuarticConstants, t: float) -> tuple[float, float, float]:
+    """Return ``sin h``, ``cos h`` and ``h'`` (``u = tan h``) a time ``t`` after the start."""
+    s, c, d, n = theta_functions(motion, motion.rate_scale * t)
+    scale = motion.rate_scale
+    square = scale * scale
+    # z = root + level/sigma^2, z' = -2 slope/sigma^3, all over a common denominator.
+    if motion.lattice == RECTANGULAR:
+        sigma = s
+        level = square * (c * c)
+        slope = square * scale * (c * d * n)
+    else:
+        sigma = s * d
+        level = square * (c * c) * (n * n)
+        sc = s * c
+        slope = square * scale * (c * n) * (d * d * (n * n) - motion.parameter * (sc * sc))
+    return _by_weierstrass(motion, sigma, level, slope)
+
+
+@kernel
+def _by_weierstrass(
+    motion: QuarticConstants, sigma: float, level: float, slope: float
+) -> tuple[float, float, float]:
+    a0 = motion.quartic_0
+    a1 = motion.quartic_1
+    a2 = motion.quartic_2
+    a3 = motion.quartic_3
+    rate = motion.start_rate
+    a4 = rate * rate
+    square = sigma * sigma
+    z = motion.root * square + level
+    b = 2.0 * a1 * a3 - 0.5 * a0 * a4
+    second = 6.0 * z * (z + a2 * square) + b * (square * square)  # z'' sigma^4
+    along = 2.0 * a3 * z + a1 * a4 * square
+    turned = rate * second + 4.0 * a3 * slope * sigma
+    if motion.turns_over == 0:
+        x_part = 2.0 * rate * slope + sigma * along
+        x = sigma * x_part
+        y = 2.0 * z * z - 0.5 * a0 * a4 * (square * square)
+        moved = 8.0 * x_part * z * slope - turned * y
+    else:
+        # Its factor that vanishes where the other form becomes 0/0 is divided out.
+        x_part = 2.0 * a4 * z - (2.0 * a3 * a3 - 3.0 * a2 * a4) * square
+        x = sigma * x_part
+        y = 2.0 * rate * slope - sigma * along
+        moved = x_part * (rate * second - 4.0 * a3 * slope * sigma) - 4.0 * a4 * slope * y
+        if rate < 0.0:
+            x = -x
+            y = -y
+    size = 1.0 / (x * x + y * y)
+    root = math.sqrt(size)
+    return x * root, y * root, moved * size
+
+
+@kernel
+def squared_rate(motion: QuarticConstants, sine: float, cosine: float) -> float:
+    """``h'^2`` where the motion passes ``h``."""
+    s2 = sine * sine
+    c2 = cosine * cosine
+    sc = sine * cosine
+    even = motion.quartic_0 * s2 * s2 + 6.0 * motion.quartic_2 * s2 * c2
+    odd = 4.0 * sc * (motion.quartic_1 * s2 + motion.quartic_3 * c2)
+    return even + odd + motion.start_rate * motion.start_rate * (c2 * c2)
+
+
+@kernel
+def period_of(motion: QuarticConstants) -> float:
+    """Time after which the motion repeats."""
+    return 2.0 * quarter_period(motion.parameter, motion.root_complement) / motion.rate_scale
+
+
+@kernel
+def time_to_place(motion: QuarticConstants, sine: float, cosine: float, rate: float) -> float:
+    """Return the first time at which the motion is at ``h`` with ``h' = rate``.
+
+    The place must lie on the motion; ``sine`` and ``cosine`` may both have the other sign.
+    """
+    z, derivative = _place_on_curve(motion, sine, cosine, rate)
+    distance = z - motion.root
+    if motion.lattice == RECTANGULAR:
+        e2 = distance + motion.second
+        e3 = distance + motion.third
+        others = e2 * e3
+        if distance < NEAR_ROOT * e2:
+            distance = derivative * derivative / others
+        t = carlson_rf(max(distance, 0.0), e2, e3)
+        return t if derivative >= 0.0 else period_of(motion) - t
+    e2 = distance + motion.second
+    others = e2 * e2 + motion.third * motion.third
+    size = motion.rate_scale * motion.rate_scale
+    if distance < NEAR_ROOT * size:
+        distance = derivative * derivative / others
+    distance = max(distance, 0.0)
+    # 2 sqrt(size) t = F(phi), cos phi = (distance - size)/(distance + size).
+    inverse = 1.0 / (distance + size)
+    c = (distance - size) * inverse
+    s = 2.0 * math.sqrt(distance * size) * inverse
+    m1 = motion.root_complement * motion.root_complement
+    t = 0.5 * s * carlson_rf(c * c, c * c + m1 * s * s, 1.0) / motion.rate_scale
+    if c < 0.0:
+        half = 0.5 * period_of(motion)
+        return half - t if derivative >= 0.0 else half + t
+    return t if derivative >= 0.0 else period_of(motion) - t
+
+
+@kernel
+def _place_on_curve(
+    motion: QuarticConstants, s: float, c: float, rate: float
+) -> tuple[float, float]:
+    """``z`` and ``-z'/2`` at the time of a place: Weierstrass's and Biermann's formulas."""
+    a0 = motion.quartic_0
+    a1 = motion.quartic_1
+    a2 = motion.quartic_2
+    a3 = motion.quartic_3
+    start = motion.start_rate
+    a4 = start * start
+    product = start * rate
+    straight = a4 * c * c + 2.0 * a3 * s * c
+    back = product * straight < 0.0
+    if back:
+        top = (6.0 * a2 * a4 - 4.0 * a3 * a3) * (c * c) + 4.0 * a1 * a4 * (s * c)
+        z = 0.5 * (top + a0 * a4 * (s * s)) / (product - straight)
+    elif s == 0.0:
+        return math.inf, math.inf
+    else:
+        z = 0.5 * (product + straight) / (s * s)
+    if back and product < 0.0 and abs(s) < abs(c):
+        derivative = (s / c) * (2.0 * z * z - 0.5 * a0 * a4) - 2.0 * a3 * z - a1 * a4
+        return z, 0.5 * derivative / start
+    cubed = s * s * s
+    derivative = rate * (a4 * c + a3 * s)
+    bent = a4 * (c * c * c) + 3.0 * s * c * (a3 * c + a2 * s) + a1 * cubed
+    return z, 0.5 * (derivative + start * bent) / cubed
