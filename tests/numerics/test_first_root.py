@@ -12,10 +12,14 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from vibro_cli.numerics.first_root import (
+    first_return,
     first_root_of_parabola,
+    is_clear_before,
+    safe_return,
     safe_step_second_order,
     safe_step_third_order,
 )
+from vibro_cli.stress.highprecision.taylor import mp
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=400)
 coefficient = st.floats(-4.0, 4.0).map(lambda x: round(x, 6))
@@ -152,3 +156,37 @@ def test_parabola_in_contact() -> None:
     assert first_root_of_parabola(0.0, 2.0, -1.0) == 4.0
     assert first_root_of_parabola(0.0, 1.0, 1.0) == -1.0
     assert first_root_of_parabola(0.0, 0.0, 0.0) == -1.0
+
+
+rising = st.floats(0.0, 5.0).map(lambda x: round(x, 6))
+level = st.floats(0.02, 3.0)
+frequency = st.floats(0.5, 20.0)
+
+
+def oscillation(g: float, rate: float, level: float, w: float) -> float:
+    """The time after which ``(g + Y) cos wt + (g'/w) sin wt`` is down to ``Y``."""
+    top, turn = mp.mpf(g) + mp.mpf(level), mp.mpf(rate) / mp.mpf(w)
+    return float((mp.atan2(turn, top) + mp.acos(mp.mpf(level) / mp.hypot(top, turn))) / w)
+
+
+@SETTINGS
+@given(rising, coefficient, level, frequency)
+def test_a_return_is_no_earlier_than_its_bound(
+    g: float, rate: float, level: float, frequency: float
+) -> None:
+    assume(g > 0.0 or rate > 0.0)
+    exact = oscillation(g, rate, level, frequency)
+    assume(exact > 1e-3 / frequency)
+    assert 0.9 * exact < safe_return(g, rate, level, frequency) <= exact * (1.0 + 1e-12)
+    assert first_return(g, rate, level, frequency) == pytest.approx(exact, rel=6e-3)
+
+
+@SETTINGS
+@given(rising, level, frequency)
+def test_the_way_back_from_a_zero_is_clear_for_less_than_an_oscillation(
+    slope: float, level: float, frequency: float
+) -> None:
+    exact = oscillation(0.0, slope, level, frequency)
+    assert not is_clear_before(exact, slope, level, frequency)
+    if slope > 1e-3:
+        assert is_clear_before(0.85 * exact, slope, level, frequency)

@@ -12,6 +12,7 @@ from vibro_cli.stress.highprecision.taylor import mp
 # Rows in which the rounding of the decimal inputs to doubles already moves a quantity by more than
 # its mark (cross_pieces, late and chaotic). There the solver is held against the twin, which starts
 # from the same doubles: within 64 eps times the measured amplification of a change of the inputs.
+# So it is where one unit in the last place of an input would move the quantity so much.
 MOVED = {(item.file, item.row, item.quantity) for item in input_rounding.committed()}
 EPSILON = 2.0**-52
 
@@ -28,13 +29,26 @@ def test_times_places_and_speeds(name: str, engine: str) -> None:
     for number, row in enumerate(rows):
         for quantity, (key, value) in QUANTITIES.items():
             found = solved(run, quantity, number)
-            if (name, number + 1, quantity) in MOVED:
-                twin = value(references.twin_of_doubles(name)[number])
-                allowed = 64 * EPSILON * references.amplified(name)[quantity][number]
-                assert abs(found - twin) <= allowed, (number + 1, quantity)
+            mark, twin = references.mark(quantity, number), exact[number]
+            unit = EPSILON * references.amplified(name)[quantity][number]
+            sensitive = references.deviation(quantity, value(twin) + unit, value(twin), twin) > mark
+            if sensitive or (name, number + 1, quantity) in MOVED:
+                own = value(references.twin_of_doubles(name)[number])
+                assert abs(found - own) <= 64 * unit, (number + 1, quantity)
                 continue
-            off = references.deviation(quantity, found, mp.mpf(row[key]), exact[number])
-            assert off <= references.mark(quantity, number), (number + 1, quantity)
+            off = references.deviation(quantity, found, mp.mpf(row[key]), twin)
+            assert off <= mark, (number + 1, quantity)
+
+
+def test_only_the_late_rows_of_one_file_are_so_sensitive() -> None:
+    for name in references.NAMES:
+        for number, impact in enumerate(references.twin_of_decimals(name)):
+            for quantity, (_, value) in QUANTITIES.items():
+                unit = EPSILON * references.amplified(name)[quantity][number]
+                moved = references.deviation(quantity, value(impact) + unit, value(impact), impact)
+                if moved > references.mark(quantity, number):
+                    assert name == "cross_pieces"
+                    assert number >= 6
 
 
 @pytest.mark.parametrize("name", references.NAMES)

@@ -1,4 +1,4 @@
-"""The certified search for the first contact of two neighbours.
+"""The certified search for the first contact of two neighbours, on a line and on two pieces.
 
 Each step is one that provably ends before the first contact, from bounds on the derivatives of the
 gap over both flights; when a simple root ahead is certified to be the first one, it is refined on
@@ -13,13 +13,11 @@ from vibro_cli.mechanics.flow import (
     LINE,
     POLYNOMIAL,
     acceleration_at,
-    angular_acceleration,
-    angular_jerk,
-    flow,
+    flow_of_two,
     nudge,
     tangential_acceleration,
 )
-from vibro_cli.mechanics.gap import distance_gap, half_gap_sine
+from vibro_cli.mechanics.gap import distance_gap
 from vibro_cli.mechanics.records import (
     PARTING,
     RELEASED,
@@ -37,10 +35,8 @@ from vibro_cli.numerics.first_root import (
 )
 
 NONE_BEFORE_LIMIT = -1.0
-# A last correction below this size, relative to the time scales, is made to second order.
+# A correction by Halley's formula below this size, relative to the time scales, is the last one.
 FINAL_CORRECTION = 1.0e-5
-# Safety of the certificate of a single root against rounding: g'^2 > 2 A g.
-SINGLE_ROOT = 2.01
 # Share of the size of the places by which a gap cannot be told from contact.
 UNRESOLVED = 4.0 * 2.220446049250313e-16
 # A bound on a third derivative that is zero, so that divisions by it have a result.
@@ -48,99 +44,10 @@ LEAST_BOUND = 1.0e-200
 
 
 @kernel
-def contact_on_arc(
-    a: Flight,
-    b: Flight,
-    age_a: float,
-    age_b: float,
-    touching: int,
-    horizon: float,
-    limit: float,
-    contact: PairTrack,
-    orientation: float,
-    pair: PairData,
-    clock: Clock,
-) -> float:
-    """First contact of two bodies on one arc.
-
-    Parameters
-    ----------
-    a, b
-        The flights; ``age_a, age_b`` the times since their starts, s.
-    touching
-        ``PARTING`` or ``RELEASED`` if they are in contact now and going apart, else 0.
-    horizon, limit
-        The search may stop at ``horizon`` (s from now); a contact found counts until ``limit``.
-    contact, orientation
-        Constants of contact on the arc; -1 if b is one lap ahead.
-
-    Returns
-    -------
-    Time of the first contact from now (s), the states then being left in ``pair``;
-    ``NONE_BEFORE_LIMIT`` if there is none before the horizon.
-    """
-    wa = a.own_frequency
-    wb = b.own_frequency
-    bound_2 = a.angular_bound + b.angular_bound
-    bound_3 = a.jerk_bound + b.jerk_bound
-    t = 0.0
-    while True:
-        a_s, a_c, a_p = flow(a, age_a + t)
-        b_s, b_c, b_p = flow(b, age_b + t)
-        clock.evaluations += 1
-        x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
-        gap = contact.far_gap
-        if cosine > 0.0:
-            gap = 2.0 * x if x > 0.0 else 0.0
-        rate = 2.0 * (wb * b_p - wa * a_p)
-        second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
-        if a.form == POLYNOMIAL or b.form == POLYNOMIAL:
-            second = -bound_2
-        if touching != 0 and t == 0.0:
-            if touching == RELEASED:
-                t = _released_step(a, b, a_s, a_c, a_p, b_s, b_c, b_p, rate, horizon)
-                if t < 0.0:
-                    return NONE_BEFORE_LIMIT
-                continue
-            gap = 0.0
-            rate = max(rate, 0.0)
-            if rate == 0.0 and second <= 0.0:
-                # Marked as parting, but at rest against one another and pressed together.
-                _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
-                return 0.0
-        single = rate * rate > SINGLE_ROOT * bound_2 * gap * (1.0 + 0.5 * x * x)
-        if rate < 0.0 and single and cosine > 0.0 and x < 0.5:
-            x2 = x * x
-            gap = 2.0 * x * (1.0 + x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0 + x2 * (15.0 / 336.0))))
-            if (
-                t + 2.0 * gap / (math.sqrt(rate * rate + 2.0 * bound_2 * max(gap, 0.0)) - rate)
-                > limit
-            ):
-                return NONE_BEFORE_LIMIT
-            third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
-            h = _cubic_guess(gap, rate, second, third)
-            h = _refine_on_arc(a, b, age_a + t, age_b + t, h, contact, orientation, pair, clock)
-            if h > NONE_BEFORE_LIMIT:
-                t += h
-                if t < 0.0:
-                    # In contact already, by rounding: now, in the states of now.
-                    _keep_present(a, b, age_a, age_b, pair)
-                    return 0.0
-                return t if t <= limit else NONE_BEFORE_LIMIT
-        step = safe_step_third_order(max(gap, 0.0), rate, second, bound_2, bound_3)
-        if t + step >= horizon:
-            return NONE_BEFORE_LIMIT
-        if t + step == t and (t > 0.0 or touching == 0):
-            # The gap closes below the resolution of time: contact, tangential within rounding.
-            _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
-            return t
-        t += step
-
-
-@kernel
-def _keep_states(
+def keep_states(
     pair: PairData, a_s: float, a_c: float, a_p: float, b_s: float, b_c: float, b_p: float
 ) -> None:
+    """Keep states of both bodies as those of contact."""
     pair.a_s = a_s
     pair.a_c = a_c
     pair.a_p = a_p
@@ -150,58 +57,10 @@ def _keep_states(
 
 
 @kernel
-def _keep_present(a: Flight, b: Flight, age_a: float, age_b: float, pair: PairData) -> None:
+def keep_present(a: Flight, b: Flight, age_a: float, age_b: float, pair: PairData) -> None:
     """Keep the states of now as those of contact."""
-    a_s, a_c, a_p = flow(a, age_a)
-    b_s, b_c, b_p = flow(b, age_b)
-    _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
-
-
-@kernel
-def _cubic_guess(gap: float, rate: float, second: float, third: float) -> float:
-    """Root of the quadratic, improved by one step on the cubic."""
-    h = 2.0 * gap / (math.sqrt(max(rate * rate - 2.0 * second * gap, 0.0)) - rate)
-    slope = rate + h * (second + 0.5 * h * third)
-    if slope < 0.0:
-        h -= (gap + h * (rate + h * (0.5 * second + h * third * (1.0 / 6.0)))) / slope
-    return h
-
-
-@kernel
-def _refine_on_arc(
-    a: Flight,
-    b: Flight,
-    age_a: float,
-    age_b: float,
-    h: float,
-    contact: PairTrack,
-    orientation: float,
-    pair: PairData,
-    clock: Clock,
-) -> float:
-    """Halley's iteration on the sine of half the gap, with full flows; states into ``pair``."""
-    wa = a.own_frequency
-    wb = b.own_frequency
-    fastest = max(wa, wb)
-    for _ in range(12):
-        a_s, a_c, a_p = flow(a, age_a + h)
-        b_s, b_c, b_p = flow(b, age_b + h)
-        clock.evaluations += 1
-        x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
-        rate = 2.0 * (wb * b_p - wa * a_p)
-        second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
-        x1 = 0.5 * rate * cosine
-        x2 = 0.5 * second * cosine - 0.25 * rate * rate * x
-        if x1 >= 0.0:
-            return NONE_BEFORE_LIMIT
-        change = -x * x1 / (x1 * x1 - 0.5 * x * x2)
-        h += change
-        if abs(change) * (abs(x2) - fastest * x1) < -FINAL_CORRECTION * x1:
-            a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
-            b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
-            _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
-            return h
-    return NONE_BEFORE_LIMIT
+    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
+    keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
 
 
 @kernel
@@ -217,8 +76,7 @@ def contact_on_line(
     clock: Clock,
 ) -> float:
     """First contact of two bodies on one line, where the gap is a parabola in time."""
-    a_s, a_c, a_p = flow(a, age_a)
-    b_s, b_c, b_p = flow(b, age_b)
+    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
     clock.evaluations += 1
     gap = (b_s - a_s) - contact.sine
     if touching != 0 or gap < 0.0:
@@ -227,9 +85,8 @@ def contact_on_line(
     h = first_root_of_parabola(gap, b_p - a_p, second)
     if h < 0.0 or h > limit:
         return NONE_BEFORE_LIMIT
-    a_s, a_c, a_p = flow(a, age_a + h)
-    b_s, b_c, b_p = flow(b, age_b + h)
-    _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
+    keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
     return h
 
 
@@ -251,7 +108,7 @@ def contact_by_distance(
 ) -> float:
     """First contact of two bodies on different pieces, from ``d'' >= -(|A_a| + |A_b|)``.
 
-    Parameters and result as for :func:`contact_on_arc`.
+    Parameters and result as for :func:`mechanics.arc_contact.contact_on_arc`.
     """
     bound = a.acceleration_bound + b.acceleration_bound
     span = min(horizon, limit)
@@ -259,8 +116,7 @@ def contact_by_distance(
     fastest = max(a.frequency, b.frequency)
     t = 0.0
     while True:
-        a_s, a_c, a_p = flow(a, age_a + t)
-        b_s, b_c, b_p = flow(b, age_b + t)
+        a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + t, age_b + t)
         clock.evaluations += 1
         gap, rate, second = distance_gap(
             piece_a, track_a, a_s, a_c, a_p,
@@ -276,7 +132,7 @@ def contact_by_distance(
             gap = 0.0
             rate = max(rate, 0.0)
             if rate == 0.0 and second < 0.0 and touching == PARTING:
-                _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+                keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
                 return 0.0
             if touching == RELEASED:
                 second = max(second, 0.0)
@@ -296,13 +152,13 @@ def contact_by_distance(
                     t += h
                     if t < 0.0:
                         # In contact already, by rounding: now, in the states of now.
-                        _keep_present(a, b, age_a, age_b, pair)
+                        keep_present(a, b, age_a, age_b, pair)
                         return 0.0
                     return t if t <= limit else NONE_BEFORE_LIMIT
         if t + step >= horizon:
             return NONE_BEFORE_LIMIT
         if t + step == t:
-            _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
             return t
         t += step
 
@@ -380,8 +236,7 @@ def _refine_by_distance(
     guess = h
     fastest = max(a.frequency, b.frequency)
     for _ in range(12):
-        a_s, a_c, a_p = flow(a, age_a + h)
-        b_s, b_c, b_p = flow(b, age_b + h)
+        a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
         clock.evaluations += 1
         gap, rate, second = distance_gap(
             piece_a, track_a, a_s, a_c, a_p,
@@ -401,35 +256,6 @@ def _refine_by_distance(
                 return NONE_BEFORE_LIMIT
             a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
             b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
-            _keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
             return h
     return NONE_BEFORE_LIMIT
-
-
-@kernel
-def _released_step(
-    a: Flight,
-    b: Flight,
-    a_s: float,
-    a_c: float,
-    a_p: float,
-    b_s: float,
-    b_c: float,
-    b_p: float,
-    rate: float,
-    horizon: float,
-) -> float:
-    """Step up to which a pair whose contact force has just vanished stays apart, or -1.
-
-    There the gap starts as ``j h^3/6``, bounded below by ``j h^3/6 - B h^4/24`` with j its jerk and
-    ``B`` the sum of ``w^2 (f'^2 + w^2)``.
-    """
-    wa = a.frequency
-    wb = b.frequency
-    third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
-    bound_a = wa * wa * (4.0 * wa * wa * (1.0 + a.parameter))
-    bound_b = wb * wb * (4.0 * wb * wb * (1.0 + b.parameter))
-    if third <= 0.0 or rate < -1.0e-9 * (abs(wa * a_p) + abs(wb * b_p)):
-        return 1.0e-9 / (wa + wb)
-    step = 3.0 * third / (bound_a + bound_b)
-    return step if step < horizon else NONE_BEFORE_LIMIT

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.flow import LINE, time_to
+from vibro_cli.mechanics.flow import LINE
+from vibro_cli.mechanics.passage import time_to
 from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData, TrackData
 from vibro_cli.numerics.double import add_to_time
 from vibro_cli.numerics.elliptic import set_theta_constants
@@ -14,6 +15,8 @@ BOUNDARY = 0
 LIFT_OFF = 1
 # Within C^2 + P^2 below this of a crest the energy is taken from the state, relative to the crest.
 CREST_NEIGHBOURHOOD = 0.05
+# A swing about the bottom that ends below both ends of its piece by this share reaches neither.
+END_ROUNDING = 1.0e-9
 
 
 @kernel
@@ -156,8 +159,10 @@ def _launch_on_arc(flight: Flight, track: TrackData, piece: PieceData) -> None:
     flight.line_acceleration = 0.0
     if flight.p == 0.0 and (flight.s == 0.0 or flight.c == 0.0):
         flight.at_rest = 1
-    choose_exit(flight, track.left_s, track.left_c, track.right_s, track.right_c)
     m = flight.parameter
+    nearer_end = min(track.left_s * track.left_s, track.right_s * track.right_s)
+    if track.lowest_s2 > 0.0 or m >= nearer_end * (1.0 - END_ROUNDING):
+        choose_exit(flight, track.left_s, track.left_c, track.right_s, track.right_c)
     low = track.lowest_s2
     high = min(m, track.highest_s2)
     x_low = 4.0 * low * (1.0 - low)
@@ -232,17 +237,16 @@ def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) ->
 
 
 @kernel
-def set_arc_energy_from_state(flight: Flight) -> None:
-    """Set the constants of the flow on an arc from the body's state alone."""
-    m = flight.s * flight.s + flight.p * flight.p
-    set_theta_constants(flight, m, root_of_state(flight.c, flight.p))
+def energy_of_state(s: float, c: float, p: float) -> tuple[float, float]:
+    """Parameter ``m`` and root of its complement of a pendulum in a state."""
+    return s * s + p * p, root_of_state(c, p)
 
 
 @kernel
 def set_flow_energy(flight: Flight) -> None:
     """Set the constants of a group's flow from the state of its pendulum."""
-    m = flight.flow_s * flight.flow_s + flight.flow_p * flight.flow_p
-    set_theta_constants(flight, m, root_of_state(flight.flow_c, flight.flow_p))
+    m, root = energy_of_state(flight.flow_s, flight.flow_c, flight.flow_p)
+    set_theta_constants(flight, m, root)
 
 
 @kernel

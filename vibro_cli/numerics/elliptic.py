@@ -85,13 +85,44 @@ def set_theta_constants(theta: ThetaConstants, m: float, root_complement: float)
 
 
 @kernel
+def set_two_theta_constants(
+    a: ThetaConstants,
+    a_m: float,
+    a_root_complement: float,
+    b: ThetaConstants,
+    b_m: float,
+    b_root_complement: float,
+) -> None:
+    """Do what :func:`set_theta_constants` does twice; for two librations the steps take turns."""
+    least = min(a_root_complement, b_root_complement)
+    if least < 0.0 or max(a_m, b_m) > PARAMETER_SPLIT:
+        set_theta_constants(a, a_m, a_root_complement)
+        set_theta_constants(b, b_m, b_root_complement)
+        return
+    a_nome = _direct_nome(a_m, a_root_complement)
+    b_nome = _direct_nome(b_m, b_root_complement)
+    a.parameter = a_m
+    a.root_complement = a_root_complement
+    a.reciprocal = 0
+    a.form = TRIGONOMETRIC
+    b.parameter = b_m
+    b.root_complement = b_root_complement
+    b.reciprocal = 0
+    b.form = TRIGONOMETRIC
+    _set_series(a, a_nome, 1.0, 0.0)
+    _set_series(b, b_nome, 1.0, 0.0)
+
+
+@kernel
 def _direct_nome(m: float, root_complement: float) -> float:
     """Nome of parameter ``m`` (DLMF 19.5.5 with ``lambda = (1 - sqrt k')/(2 (1 + sqrt k'))``)."""
     b = 1.0 + math.sqrt(root_complement)
     small = 0.5 * m / ((1.0 + root_complement) * b * b)
     x = small * small
     x = x * x
-    return small * (1.0 + x * (2.0 + x * (15.0 + x * (150.0 + x * (1707.0 + x * 20910.0)))))
+    x2 = x * x
+    high = (15.0 + x * 150.0) + x2 * (1707.0 + x * 20910.0)
+    return small * ((1.0 + x * 2.0) + x2 * high)
 
 
 @kernel
@@ -126,7 +157,7 @@ def _set_series(theta: ThetaConstants, nome: float, rate: float, excess: float) 
     q9 = q8 * q
     q10 = q8 * q2
     q12 = q6 * q6
-    theta_3_less_1 = 2.0 * (q + q4 + q9)
+    theta_3_less_1 = 2.0 * ((q + q4) + q9)
     theta_3 = 1.0 + theta_3_less_1
     theta_4 = 1.0 - 2.0 * (q - q4 + q9)
     theta_2 = 1.0 + q2 + q6 + q12  # of theta_2, without the factor 2 q^(1/4)
@@ -159,29 +190,31 @@ def _set_series(theta: ThetaConstants, nome: float, rate: float, excess: float) 
 def theta_functions(theta: ThetaConstants, u: float) -> tuple[float, float, float, float]:
     """Return ``(s D, c D, d D, D)``: the three functions at ``u`` over a common denominator."""
     if theta.form == TRIGONOMETRIC:
-        s, c, d, common = _trigonometric(theta, u)
-    else:
-        s, c, d, common = _hyperbolic(theta, u)
+        s, c = sine_cosine(u * theta.argument_scale)
+        return trigonometric_form(theta, s, c)
+    s, c, d, common = _hyperbolic(theta, u)
     if theta.reciprocal == 1:
         return s, d, c, common
     return s, c, d, common
 
 
 @kernel
-def _trigonometric(theta: ThetaConstants, u: float) -> tuple[float, float, float, float]:
-    s, c = sine_cosine(u * theta.argument_scale)
-    x = theta.two_nome * (1.0 - 2.0 * s * s)
+def trigonometric_form(
+    theta: ThetaConstants, s: float, c: float
+) -> tuple[float, float, float, float]:
+    """As :func:`theta_functions`, of sine and cosine of ``u argument_scale``."""
+    x = theta.two_nome - 2.0 * theta.two_nome * (s * s)
     x2 = x * x
-    even = theta.even_0 + x2 * (theta.even_2 + x2 * theta.even_4)
-    odd = x * (theta.odd_1 + x2 * theta.odd_3)
     total = theta.sum_0 + x2 * theta.sum_2
     difference = x * (theta.difference_1 + x2 * theta.difference_3)
-    return (
-        theta.sine_scale * s * (total - difference),
-        theta.cosine_scale * c * (total + difference),
-        theta.delta_scale * (even + odd),
-        even - odd,
-    )
+    even = theta.even_0 + x2 * (theta.even_2 + x2 * theta.even_4)
+    odd = x * (theta.odd_1 + x2 * theta.odd_3)
+    sine = (theta.sine_scale * s) * (total - difference)
+    cosine = (theta.cosine_scale * c) * (total + difference)
+    delta = theta.delta_scale * (even + odd)
+    if theta.reciprocal == 1:
+        return sine, delta, cosine, even - odd
+    return sine, cosine, delta, even - odd
 
 
 @kernel

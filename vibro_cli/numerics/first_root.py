@@ -56,6 +56,78 @@ def safe_step_third_order(
 
 
 @kernel
+def safe_return(g: float, rate: float, level: float, frequency: float) -> float:
+    """Return a step up to which ``g`` is positive, given ``g'' >= -w^2 (g + Y)``, ``Y > 0``.
+
+    By Sturm's comparison ``g + Y`` stays above the oscillation of frequency ``w`` that starts like
+    it; ``atan x >= 3 x/(1 + 2 sqrt(1 + x^2))`` (Shafer) bounds the time at which that is at ``Y``.
+
+    Parameters
+    ----------
+    g
+        The function now, not negative.
+    rate
+        Its derivative now.
+    level, frequency
+        ``Y`` and ``w``.
+    """
+    over = _rise(g, rate, level, frequency)
+    under = frequency * (2.0 * level + g)
+    return 6.0 * over / (frequency * (under + 2.0 * math.sqrt(under * under + over * over)))
+
+
+@kernel
+def is_clear_before(time: float, slope: float, level: float, frequency: float) -> bool:
+    """Tell whether ``g`` is positive for a time before a zero at which it falls.
+
+    Seen backwards from the zero, where it rises, the bound of :func:`safe_return` holds; here it is
+    compared without its root and quotient, and with 1 % in hand for the rounding of the zero.
+
+    Parameters
+    ----------
+    time
+        The time before the zero.
+    slope
+        ``-g'`` at the zero.
+    level, frequency
+        ``Y`` and ``w``, ``g'' >= -w^2 (g + Y)``.
+    """
+    if slope <= 0.0:
+        return False
+    over = 2.0 * slope
+    under = frequency * (2.0 * level)
+    # sqrt(u^2 + v^2) <= u + (sqrt 2 - 1) v for v <= u
+    hypotenuse = max(over, under) + 0.4142135623730951 * min(over, under)
+    return 0.99 * (6.0 * over) > time * (frequency * (under + 2.0 * hypotenuse))
+
+
+@kernel
+def first_return(g: float, rate: float, level: float, frequency: float) -> float:
+    """Estimate the time after which ``g`` is zero, given ``g'' = -w^2 (g + Y)``.
+
+    Parameters as for :func:`safe_return`; within 0.6 %, by a quotient in place of the arc tangent.
+    """
+    over = _rise(g, rate, level, frequency)
+    under = frequency * (2.0 * level + g)
+    square = over * over
+    both = over * under
+    bottom = (square + 1.38404246 * both) + 1.40701764 * (under * under)
+    return 2.0 * (1.56171565 * square + 1.39869396 * both) / (frequency * bottom)
+
+
+@kernel
+def _rise(g: float, rate: float, level: float, frequency: float) -> float:
+    """Tangent of half the phase until the return, times ``w (2 Y + g)``."""
+    if g == 0.0:
+        return 2.0 * rate if rate > 0.0 else 0.0
+    pull = frequency * frequency * (g * (g + 2.0 * level))
+    root = math.sqrt(rate * rate + pull)
+    if rate < 0.0:
+        return pull / (root - rate)
+    return rate + root
+
+
+@kernel
 def first_root_of_parabola(g: float, rate: float, second: float) -> float:
     """Return the first ``h >= 0`` at which ``g + g' h + g'' h^2/2`` falls through zero, or -1.
 

@@ -23,6 +23,8 @@ COS_8 = 2.48015872894767294178e-05
 COS_10 = -2.75573143513906633035e-07
 COS_12 = 2.08757232129817482790e-09
 COS_14 = -1.13596475577881948265e-11
+# Added to a double of less than 2^51 in size and subtracted again, it leaves the nearest integer.
+TO_WHOLE = 6755399441055744.0  # 1.5 * 2^52
 # Beyond this the two-part reduction loses digits and the library's own reduction is used.
 REDUCTION_LIMIT = 1.0e5
 
@@ -32,20 +34,18 @@ def sine_cosine(x: float) -> tuple[float, float]:
     """Return ``(sin x, cos x)`` for any finite ``x`` in radians."""
     if abs(x) > REDUCTION_LIMIT:
         return math.sin(x), math.cos(x)
-    quadrant = math.floor(x * TWO_OVER_PI + 0.5)
+    # To the nearest quadrant, without a way through an integer: its place is used at once.
+    quadrant = (x * TWO_OVER_PI + TO_WHOLE) - TO_WHOLE
     r = (x - quadrant * HALF_PI_HIGH) - quadrant * HALF_PI_LOW
     z = r * r
-    s = r + r * z * (SIN_3 + z * (SIN_5 + z * (SIN_7 + z * (SIN_9 + z * (SIN_11 + z * SIN_13)))))
-    c = (
-        1.0
-        - 0.5 * z
-        + z * z * (COS_4 + z * (COS_6 + z * (COS_8 + z * (COS_10 + z * (COS_12 + z * COS_14)))))
-    )
+    w = z * z
+    # Terms in pairs: a processor works on them at the same time.
+    odd = (SIN_3 + z * SIN_5) + w * ((SIN_7 + z * SIN_9) + w * (SIN_11 + z * SIN_13))
+    even = (COS_4 + z * COS_6) + w * ((COS_8 + z * COS_10) + w * (COS_12 + z * COS_14))
+    s = r + (r * z) * odd
+    c = (1.0 - 0.5 * z) + w * even
     turn = int(quadrant) & 3
-    if turn == 0:
-        return s, c
-    if turn == 1:
-        return c, -s
-    if turn == 2:
-        return -s, -c
-    return -c, s
+    # Two choices of two values each, which need no jump: quadrants come in no order.
+    sine = c if turn & 1 else s
+    cosine = s if turn & 1 else c
+    return -sine if turn & 2 else sine, -cosine if (turn + 1) & 2 else cosine

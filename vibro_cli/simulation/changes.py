@@ -11,7 +11,13 @@ from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.across import SEGMENT_END
 from vibro_cli.simulation.chain import chain_of_contacts, held_run
 from vibro_cli.simulation.contact_changes import close_accumulated, open_contacts, relaunch_run
-from vibro_cli.simulation.flights import begin_flight, bring_to, place_at, project
+from vibro_cli.simulation.flights import (
+    begin_flight,
+    begin_two_flights,
+    bring_to,
+    place_at,
+    project,
+)
 from vibro_cli.simulation.joint import collide_jointly, complete_inadmissible, energy_of_chain
 from vibro_cli.simulation.rows import log_impact, parts
 from vibro_cli.simulation.touching import lifted_body, set_normals
@@ -144,24 +150,19 @@ def _share_energy(world: World, pair: PairData, loss: float) -> None:
     excess = total - (energy_a + energy_b)
     world.clock[0].energy_correction += abs(excess)
     if energy_a > energy_b:
-        begin_flight(world, pair.b, COLLISION, 1)
         a.head = (total - energy_b) / body_a.weight
-        _carry_energy(world, pair.a, track_a)
+        anchor_at_crest(a, track_a)
+        begin_two_flights(world, pair.b, pair.a, COLLISION, 1, 0)
     elif energy_b > energy_a:
-        begin_flight(world, pair.a, COLLISION, 1)
         b.head = (total - energy_a) / body_b.weight
-        _carry_energy(world, pair.b, track_b)
+        anchor_at_crest(b, track_b)
+        begin_two_flights(world, pair.a, pair.b, COLLISION, 1, 0)
     else:
         a.head = (energy_a + 0.5 * excess) / body_a.weight
         b.head = (energy_b + 0.5 * excess) / body_b.weight
-        _carry_energy(world, pair.a, track_a)
-        _carry_energy(world, pair.b, track_b)
-
-
-@kernel
-def _carry_energy(world: World, ball: int, track: TrackData) -> None:
-    anchor_at_crest(world.flights[ball], track)
-    begin_flight(world, ball, COLLISION, 0)
+        anchor_at_crest(a, track_a)
+        anchor_at_crest(b, track_b)
+        begin_two_flights(world, pair.a, pair.b, COLLISION, 0, 0)
 
 
 @kernel

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from vibro_cli.mechanics.flight import (
+    energy_of_state,
+    energy_on_piece,
     launch,
     measure_energy,
-    set_arc_energy,
-    set_arc_energy_from_state,
 )
 from vibro_cli.mechanics.flow import flow
 from vibro_cli.mechanics.records import NEVER, Flight
 from vibro_cli.numerics.double import time_between
+from vibro_cli.numerics.elliptic import set_theta_constants, set_two_theta_constants
 from vibro_cli.numerics.engine import SERIES_LENGTH, kernel
 from vibro_cli.simulation.world import World
 
@@ -18,20 +19,61 @@ from vibro_cli.simulation.world import World
 @kernel
 def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
     """Launch and log the flight whose state is set; its energy from the state or as carried."""
+    flight = world.flights[ball]
+    if world.pieces[flight.piece].sign != 0.0:
+        m, root = _arc_energy(world, ball, from_state)
+        set_theta_constants(flight, m, root)
+    elif from_state == 1:
+        _measure_energy(world, ball)
+    _launch(world, ball, cause)
+
+
+@kernel
+def begin_two_flights(
+    world: World, ball: int, other: int, cause: int, from_state: int, other_from_state: int
+) -> None:
+    """Do what :func:`begin_flight` does for two bodies, one after the other."""
+    flight = world.flights[ball]
+    other_flight = world.flights[other]
+    if world.pieces[flight.piece].sign == 0.0 or world.pieces[other_flight.piece].sign == 0.0:
+        begin_flight(world, ball, cause, from_state)
+        begin_flight(world, other, cause, other_from_state)
+        return
+    m, root = _arc_energy(world, ball, from_state)
+    other_m, other_root = _arc_energy(world, other, other_from_state)
+    set_two_theta_constants(flight, m, root, other_flight, other_m, other_root)
+    _launch(world, ball, cause)
+    _launch(world, other, cause)
+
+
+@kernel
+def _measure_energy(world: World, ball: int) -> None:
     settings = world.settings[0]
     flight = world.flights[ball]
-    body = world.bodies[ball]
-    piece = world.pieces[flight.piece]
     track = world.tracks[ball * settings.pieces + flight.piece]
+    measure_energy(flight, world.bodies[ball], track, settings.gravity)
+
+
+@kernel
+def _arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]:
+    """Parameter and root of its complement of the flight that begins on an arc."""
+    flight = world.flights[ball]
     if from_state == 1:
-        measure_energy(flight, body, track, settings.gravity)
-    if piece.sign != 0.0:
-        if from_state == 1:
-            set_arc_energy_from_state(flight)
-        else:
-            anchor = flight.anchor if flight.anchor >= 0 else flight.piece
-            set_arc_energy(flight, track, world.tracks[ball * settings.pieces + anchor])
-    launch(flight, body, piece, track, settings.one_sided)
+        _measure_energy(world, ball)
+        return energy_of_state(flight.s, flight.c, flight.p)
+    pieces = world.settings[0].pieces
+    anchor = flight.anchor if flight.anchor >= 0 else flight.piece
+    track = world.tracks[ball * pieces + flight.piece]
+    return energy_on_piece(flight, track, world.tracks[ball * pieces + anchor])
+
+
+@kernel
+def _launch(world: World, ball: int, cause: int) -> None:
+    settings = world.settings[0]
+    flight = world.flights[ball]
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    piece = world.pieces[flight.piece]
+    launch(flight, world.bodies[ball], piece, track, settings.one_sided)
     log_flight(world, ball, cause)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.flight import LIFT_OFF, squared_rate_at
-from vibro_cli.mechanics.flow import time_to
+from vibro_cli.mechanics.passage import time_to
 from vibro_cli.mechanics.records import NEVER, Flight, PairData
 from vibro_cli.numerics.double import add_to_time
 from vibro_cli.numerics.engine import kernel

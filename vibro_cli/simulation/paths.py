@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow, time_to
+from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
 from vibro_cli.mechanics.heights import heights
+from vibro_cli.mechanics.passage import time_to
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.mechanics.trace import sine_cosine
 from vibro_cli.mechanics.turning_flight import potential_head, set_track

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from vibro_cli.mechanics.arc_contact import contact_on_arc
 from vibro_cli.mechanics.bounce import sharpened_by_distance, sharpened_on_arc
-from vibro_cli.mechanics.contact import contact_by_distance, contact_on_arc, contact_on_line
+from vibro_cli.mechanics.contact import contact_by_distance, contact_on_line
 from vibro_cli.mechanics.flow import LINE
 from vibro_cli.mechanics.records import (
     CLOSING,

@@ -1,0 +1,63 @@
+"""The contact of two bodies on one arc near a guess: the zero of the sine of half their gap."""
+
+from __future__ import annotations
+
+from vibro_cli.mechanics.contact import NONE_BEFORE_LIMIT, keep_states
+from vibro_cli.mechanics.flow import angular_acceleration, angular_jerk, flow_of_two, nudge
+from vibro_cli.mechanics.gap import half_gap_sine
+from vibro_cli.mechanics.records import Clock, Flight, PairData, PairTrack
+from vibro_cli.numerics.engine import kernel
+
+# A correction below this size, relative to the time scales, is the last one: it is of third order.
+FINAL_CORRECTION = 3.0e-5
+
+
+@kernel
+def refine_on_arc(
+    a: Flight,
+    b: Flight,
+    age_a: float,
+    age_b: float,
+    h: float,
+    contact: PairTrack,
+    orientation: float,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """Zero of the sine of half the gap, by its third-order expansion, with full flows.
+
+    The states there are kept in ``pair``.
+    """
+    wa = a.own_frequency
+    wb = b.own_frequency
+    fastest = max(wa, wb)
+    for _ in range(12):
+        a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
+        clock.evaluations += 1
+        x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
+        rate = 2.0 * (wb * b_p - wa * a_p)
+        second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
+        third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
+        x1 = 0.5 * rate * cosine
+        if x1 >= 0.0:
+            return NONE_BEFORE_LIMIT
+        x2 = 0.5 * second * cosine - 0.25 * rate * rate * x
+        x3 = 0.5 * third * cosine - 0.75 * rate * second * x - 0.25 * rate * rate * x1
+        change = _inverted(x, x1, x2, x3)
+        h += change
+        if abs(change) * (abs(x2) - fastest * x1) < -FINAL_CORRECTION * x1:
+            a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
+            b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
+            keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            return h
+    return NONE_BEFORE_LIMIT
+
+
+@kernel
+def _inverted(x: float, x1: float, x2: float, x3: float) -> float:
+    """Step to the zero of a function of given derivatives, by the inverse series to third order."""
+    inverse = 1.0 / x1
+    step = -x * inverse
+    c2 = 0.5 * (x2 * inverse)
+    c3 = (1.0 / 6.0) * (x3 * inverse)
+    return step * (1.0 - step * (c2 - step * (2.0 * (c2 * c2) - c3)))
