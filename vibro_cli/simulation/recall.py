@@ -72,9 +72,25 @@ def recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> N
 
 @kernel
 def half_period(row: FlightRow, frequency: float, duration: float) -> float:
-    """Half the period (s) of a flight's full orbit, or infinity where it is far from passing."""
-    # K >= pi/2, and K/sqrt(m) for a rotation; half of it matters too.
+    """Half the period (s) of a flight's full orbit, or a time that stands for it.
+
+    It is asked for to be compared, as a whole and by half, with the duration: where bounds decide
+    that, one of them or infinity is returned.
+    """
+    # K >= pi/2, and K/sqrt(m) for a rotation.
+    argument = frequency * duration
     least = 0.5 * math.pi * (1.0 - CAUTION) / math.sqrt(max(row.parameter, 1.0))
-    if frequency * duration < least:
+    if argument < least:
         return NEVER
+    if row.root_complement > 0.0:
+        # K = pi/2 over the mean of 1 and k' that is between their arithmetic and geometric ones;
+        # here those of (1 + k')/2 and sqrt k'.
+        root = math.sqrt(row.root_complement)
+        least = (2.0 * math.pi) * (1.0 - CAUTION) / ((1.0 + root) * (1.0 + root))
+        if argument < least:
+            return NEVER
+        if argument < 2.0 * least:
+            mean = math.sqrt(2.0 * (1.0 + row.root_complement) * root)
+            if argument > math.pi * (1.0 + CAUTION) / mean:
+                return 2.0 * least / frequency
     return 2.0 * quarter_period(row.parameter, row.root_complement) / frequency

@@ -19,6 +19,9 @@ from vibro_cli.simulation.recall import half_period, recall_flight
 from vibro_cli.simulation.tally_contact import friction_demand, group_extremes
 from vibro_cli.simulation.world import END_INADMISSIBLE, WALL, FlightRow, ImpactRow, World
 
+# A square below another one by this factor is so whatever the rounding of both.
+BELOW = 1.0 - 1.0e-12
+
 
 @record
 class Outcome:
@@ -110,8 +113,17 @@ def _tally_impacts(world: World, cause: int, outcome: Outcome) -> None:
     outcome.first_t = world.impacts[0].t if count > 0 else NEVER
     outcome.last_t = world.impacts[count - 1].t if count > 0 else NEVER
     largest = 0.0
+    pair = -1
+    piece = -1
+    sine = 0.0
+    cosine = 0.0
     for number in range(count):
-        gap = abs(residual_gap(world, world.impacts[number]))
+        row = world.impacts[number]
+        if row.piece_a != row.piece_b or row.pair != pair or row.piece_a != piece:
+            pair = row.pair
+            piece = row.piece_a
+            sine, cosine = _half_angle_of_contact(world, row)
+        gap = abs(_gap(world, row, sine, cosine))
         if gap > largest:
             largest = gap
     outcome.max_gap = largest
@@ -120,6 +132,27 @@ def _tally_impacts(world: World, cause: int, outcome: Outcome) -> None:
 @kernel
 def residual_gap(world: World, row: ImpactRow) -> float:
     """Distance of the surfaces (m) left in the states of an impact, without cancellation."""
+    sine, cosine = _half_angle_of_contact(world, row)
+    return _gap(world, row, sine, cosine)
+
+
+@kernel
+def _half_angle_of_contact(world: World, row: ImpactRow) -> tuple[float, float]:
+    """Sine and cosine of half the angle of contact on an arc, where both bodies are on it."""
+    pieces = world.settings[0].pieces
+    rho_a = world.tracks[row.a * pieces + row.piece_a].path_radius
+    rho_b = world.tracks[row.b * pieces + row.piece_b].path_radius
+    if row.piece_a != row.piece_b or rho_a == 0.0:
+        return 0.0, 1.0
+    product = rho_a * rho_b
+    sine = math.sqrt(world.bodies[row.a].radius * world.bodies[row.b].radius / product)
+    short = min(sine, 1.0)
+    return sine, math.sqrt(1.0 - short * short)
+
+
+@kernel
+def _gap(world: World, row: ImpactRow, half_sine: float, half_cosine: float) -> float:
+    """As :func:`residual_gap`, with half the angle of contact on the arc."""
     pieces = world.settings[0].pieces
     track_a = world.tracks[row.a * pieces + row.piece_a]
     track_b = world.tracks[row.b * pieces + row.piece_b]
@@ -138,9 +171,6 @@ def residual_gap(world: World, row: ImpactRow) -> float:
         return (along - distance) * (along + distance) / (2.0 * reach)
     # d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((delta - beta)/2) sin((delta + beta)/2)
     product = track_a.path_radius * track_b.path_radius
-    half_sine = math.sqrt(radius_a * radius_b / product)
-    short = min(half_sine, 1.0)
-    half_cosine = math.sqrt(1.0 - short * short)
     delta = abs(row.b_s * row.a_c - row.b_c * row.a_s)
     cosine = abs(row.b_c * row.a_c + row.b_s * row.a_s)
     less = delta * half_cosine - cosine * half_sine
@@ -243,15 +273,17 @@ def _tally_forces(
     m = row.parameter
     least = min(arc_force(body, piece, m, low), arc_force(body, piece, m, high))
     outcome.least_force = min(outcome.least_force, least)
-    demand = max(_arc_demand(body, piece, m, low), _arc_demand(body, piece, m, high))
+    most = outcome.most_demand
+    most = max(most, _arc_demand(body, piece, m, low, most))
+    most = max(most, _arc_demand(body, piece, m, high, most))
     # N/(m g) = sign (A + B cos f) with S^2 = (1 - cos f)/2.
     b = 1.0 + 2.0 / body.kappa
     a = 4.0 * m / body.kappa - 2.0 / body.kappa
     if abs(a) > b:
         stationary = 0.5 * (1.0 + b / a)
         if low <= stationary <= high:
-            demand = max(demand, _arc_demand(body, piece, m, stationary))
-    outcome.most_demand = max(outcome.most_demand, demand)
+            most = max(most, _arc_demand(body, piece, m, stationary, most))
+    outcome.most_demand = most
 
 
 @kernel
@@ -289,7 +321,18 @@ def arc_force(body: BodyData, piece: PieceData, m: float, s2: float) -> float:
 
 
 @kernel
-def _arc_demand(body: BodyData, piece: PieceData, m: float, s2: float) -> float:
-    sine = 2.0 * math.sqrt(max(s2 * (1.0 - s2), 0.0))
-    force = body.weight * sine * (1.0 - 1.0 / body.kappa)
-    return friction_demand(force, arc_force(body, piece, m, s2))
+def _arc_demand(body: BodyData, piece: PieceData, m: float, s2: float, most: float) -> float:
+    """Demand of friction of a free flight where it passes ``S^2``, or 0 if that is below ``most``.
+
+    Squares tell that without a root and a quotient.
+    """
+    normal = arc_force(body, piece, m, s2)
+    square = max(s2 * (1.0 - s2), 0.0)
+    share = 1.0 - 1.0 / body.kappa
+    if normal > 0.0:
+        pull = 2.0 * body.weight * share
+        held = most * normal
+        if pull * pull * square <= BELOW * (held * held):
+            return 0.0
+    sine = 2.0 * math.sqrt(square)
+    return friction_demand(body.weight * sine * share, normal)
