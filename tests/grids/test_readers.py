@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -19,12 +20,17 @@ def folder(small: Write, tmp_path: Path) -> Path:
 
 def test_pandas(folder: Path) -> None:
     import pandas as pd
+    import pyarrow.parquet as pq
 
     summary = pd.read_parquet(folder / "summary")
     assert summary["scenario"].tolist() == list(range(1, 13))
     assert summary["balls[1].angle"].nunique() == 4
     assert (summary["status"] == "invalid").sum() == 4
     assert summary.loc[summary["status"] == "invalid", "end_time"].isna().all()
+    metadata = pq.read_schema(folder / "summary" / "part-000000.parquet").metadata
+    units = json.loads(metadata[b"vibro:units"])
+    assert list(units) == list(summary.columns)
+    assert units["end_time"] == "s"
     collisions = pd.read_parquet(folder / "collisions")
     counts = collisions.groupby("scenario").size()
     expected = summary.set_index("scenario")["collisions"].loc[counts.index]
@@ -37,8 +43,9 @@ def test_polars(folder: Path) -> None:
     summary = pl.read_parquet(str(folder / "summary" / "*.parquet"))
     assert summary["scenario"].to_list() == list(range(1, 13))
     assert summary.filter(pl.col("status") == "ok")["end_time"].null_count() == 0
-    schema = pl.read_parquet_metadata(folder / "summary" / "part-000000.parquet")
-    assert "vibro:grid" in schema
+    metadata = pl.read_parquet_metadata(folder / "summary" / "part-000000.parquet")
+    assert "vibro:grid" in metadata
+    assert json.loads(metadata["vibro:units"])["balls[1].angle"] == "rad"
 
 
 def test_duckdb(folder: Path) -> None:
@@ -50,6 +57,12 @@ def test_duckdb(folder: Path) -> None:
             f"from '{folder}/summary/*.parquet' s left join '{folder}/collisions/*.parquet' c "
             "using (scenario) where s.status = 'ok' group by all order by all"
         ).fetchall()
+        part = folder / "collisions" / "part-000000.parquet"
+        ((units,),) = base.sql(
+            f"select decode(value) from parquet_kv_metadata('{part}') "
+            "where decode(key) = 'vibro:units'"
+        ).fetchall()
+    assert json.loads(units)["impulse_moment"] == "N m s"
     assert len(rows) == 8
     assert all(told == counted for _, told, counted, _ in rows)
 

@@ -68,6 +68,7 @@ def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
         "vibro:schema": table.schema_id,
         "vibro:version": origin.version,
         "vibro:scenario": scenario,
+        "vibro:units": json.dumps({column.name: column.unit for column in table.columns}),
         **origin.more,
     }
     return pa.schema(fields, metadata=metadata)
