@@ -72,12 +72,6 @@ def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) ->
 
 
 @kernel
-def set_arc_energy_from_state(flight: Flight) -> None:
-    """Nothing: the constants of a flight follow from its start."""
-    flight.anchor = -1
-
-
-@kernel
 def set_track(flight: Flight, track: TrackData) -> None:
     """Take from the track what the flow of a flight needs, which starts from the state in it."""
     flight.flow_s = flight.s
@@ -347,7 +341,7 @@ def released_step(
 ) -> float:
     """Step up to which a pair whose contact force has just vanished stays apart, or -1.
 
-    As ``mechanics.contact._released_step``, with the flights' own bounds on the fourth derivative.
+    As ``arc_contact._released_step``, with the flights' own bounds on the fourth derivative.
     """
     wa = a.own_frequency
     wb = b.own_frequency

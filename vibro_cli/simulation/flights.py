@@ -24,8 +24,8 @@ def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
         m, root = _arc_energy(world, ball, from_state)
         set_theta_constants(flight, m, root)
     elif from_state == 1:
-        _measure_energy(world, ball)
-    _launch(world, ball, cause)
+        take_energy(world, ball)
+    launch_and_log(world, ball, cause)
 
 
 @kernel
@@ -42,12 +42,13 @@ def begin_two_flights(
     m, root = _arc_energy(world, ball, from_state)
     other_m, other_root = _arc_energy(world, other, other_from_state)
     set_two_theta_constants(flight, m, root, other_flight, other_m, other_root)
-    _launch(world, ball, cause)
-    _launch(world, other, cause)
+    launch_and_log(world, ball, cause)
+    launch_and_log(world, other, cause)
 
 
 @kernel
-def _measure_energy(world: World, ball: int) -> None:
+def take_energy(world: World, ball: int) -> None:
+    """Measure the energy of a body in its state."""
     settings = world.settings[0]
     flight = world.flights[ball]
     track = world.tracks[ball * settings.pieces + flight.piece]
@@ -59,7 +60,7 @@ def _arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]
     """Parameter and root of its complement of the flight that begins on an arc."""
     flight = world.flights[ball]
     if from_state == 1:
-        _measure_energy(world, ball)
+        take_energy(world, ball)
         return energy_of_state(flight.s, flight.c, flight.p)
     pieces = world.settings[0].pieces
     anchor = flight.anchor if flight.anchor >= 0 else flight.piece
@@ -68,7 +69,8 @@ def _arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]
 
 
 @kernel
-def _launch(world: World, ball: int, cause: int) -> None:
+def launch_and_log(world: World, ball: int, cause: int) -> None:
+    """Launch the flight whose state and constants are set, and log it."""
     settings = world.settings[0]
     flight = world.flights[ball]
     track = world.tracks[ball * settings.pieces + flight.piece]

@@ -10,7 +10,14 @@ import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from vibro_cli.mechanics import bounce, contact, turning_flight, turning_flow
+from vibro_cli.mechanics import (
+    arc_contact,
+    bounce,
+    contact,
+    passage,
+    turning_flight,
+    turning_flow,
+)
 from vibro_cli.mechanics import flight as launching
 from vibro_cli.mechanics import flow as flowing
 from vibro_cli.mechanics.gap import centre_position
@@ -24,6 +31,7 @@ from vibro_cli.numerics.quartic import period_of, squared_rate
 from vibro_cli.numerics.trigonometry import sine_cosine
 from vibro_cli.simulation import changes, flights, groups, recall, search, tally, touching
 from vibro_cli.simulation.across import launch_across
+from vibro_cli.simulation.flights import launch_and_log, take_energy
 from vibro_cli.simulation.recall import recall_group
 from vibro_cli.simulation.search import CAUTION
 from vibro_cli.simulation.tally import Outcome
@@ -48,6 +56,30 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
     defect = 0.5 * (squared_rate(flight, sine, cosine) - p * p) / size
     turn = along * defect
     return s + c * turn, c - s * turn, p + p * defect
+
+
+@kernel
+def never_swings(flight: Flight) -> bool:
+    """Tell that a flight is no swing of a pendulum."""
+    return False
+
+
+@kernel
+def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
+    """Launch and log the flight whose state is set; its constants follow from its start."""
+    world.flights[ball].anchor = -1
+    if from_state == 1:
+        take_energy(world, ball)
+    launch_and_log(world, ball, cause)
+
+
+@kernel
+def begin_two_flights(
+    world: World, ball: int, other: int, cause: int, from_state: int, other_from_state: int
+) -> None:
+    """Do what :func:`begin_flight` does for two bodies, one after the other."""
+    begin_flight(world, ball, cause, from_state)
+    begin_flight(world, other, cause, other_from_state)
 
 
 @kernel
@@ -238,15 +270,17 @@ TURNING = Variant(
         flowing.angular_jerk: turning_flow.angular_jerk,
         flowing.tangential_acceleration: turning_flow.tangential_acceleration,
         flowing.nudge: turning_flow.nudge,
-        flowing.time_to: turning_flight.time_to,
+        flowing.swings: never_swings,
+        passage.time_to: turning_flight.time_to,
         bounce.displacement: turning_flow.displacement,
         launching.launch: turning_flight.launch,
         launching.head_from_state: turning_flight.head_from_state,
         launching.anchor_at_crest: turning_flight.anchor_at_crest,
         launching.set_arc_energy: turning_flight.set_arc_energy,
-        launching.set_arc_energy_from_state: turning_flight.set_arc_energy_from_state,
         contact._speed_and_jerk: turning_flight.speed_and_jerk,
-        contact._released_step: turning_flight.released_step,
+        arc_contact._released_step: turning_flight.released_step,
+        flights.begin_flight: begin_flight,
+        flights.begin_two_flights: begin_two_flights,
         flights.project: project,
         changes._rate_by_energy: rate_by_energy,
         touching.free_acceleration: free_acceleration,
