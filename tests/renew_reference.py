@@ -1,11 +1,12 @@
-"""Put the program's own reference into README.md: ``python -m tests.renew_reference``."""
+"""Put the program's own reference into README.md and docs/: ``python -m tests.renew_reference``."""
 
 import re
 import subprocess
 import sys
 from pathlib import Path
 
-README = Path(__file__).parents[1] / "README.md"
+ROOT = Path(__file__).parents[1]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 MARKED = re.compile(r"^<!-- reference: ([\w-]+) -->\n.*?^<!-- end -->", re.MULTILINE | re.DOTALL)
 
 
@@ -13,7 +14,7 @@ def reference(found: re.Match[str]) -> str:
     """The text between two markers, with the markers."""
     outcome = subprocess.run(
         [sys.executable, "-m", "vibro_cli", "help", found[1]],
-        cwd=README.parent,
+        cwd=ROOT,
         capture_output=True,
         text=True,
         check=True,
@@ -22,4 +23,6 @@ def reference(found: re.Match[str]) -> str:
 
 
 if __name__ == "__main__":
-    README.write_text(MARKED.sub(reference, README.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        page.write_text(MARKED.sub(reference, text), encoding="utf-8")

@@ -16,6 +16,7 @@ from vibro_cli.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = README + "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md"))
 
 
 def blocks(language: str) -> list[str]:
@@ -28,7 +29,7 @@ def test_the_reference_is_what_the_program_says(
 ) -> None:
     """To renew it: python -m tests.renew_reference."""
     (found,) = re.findall(
-        rf"^<!-- reference: {topic} -->\n\n(.*?)\n<!-- end -->", README, re.MULTILINE | re.DOTALL
+        rf"^<!-- reference: {topic} -->\n\n(.*?)\n<!-- end -->", PAGES, re.MULTILINE | re.DOTALL
     )
     assert run_command_line(["help", topic]) == 0
     assert found == capsys.readouterr().out

@@ -5,6 +5,7 @@
 
 import re
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from vibro_cli.commands.boundary import EXIT_CODES
@@ -75,11 +76,11 @@ def _cell(text: str | None) -> str:
     return re.sub(r"[\w/]*<\w+>", lambda found: f"`{found[0]}`", line)
 
 
-def scenario() -> str:
-    """Every key of a scenario, from its JSON Schema."""
+def scenario(system: str = "trace") -> str:
+    """Every key of a system's scenarios, from their JSON Schema."""
     from vibro_cli.scenario.json_schema import json_schema
 
-    schema = json_schema()
+    schema = json_schema(system)
     lines = ["| key | default | meaning |", "|---|---|---|"]
     for path, node, required in _keys(schema, schema, ""):
         default = "required" if required else _default(node)
@@ -123,6 +124,14 @@ def tables() -> str:
     return as_markdown()
 
 
+def of_system(system: str) -> str:
+    """Every key of a system's scenarios, and every column of its tables."""
+    from vibro_cli.storage.schema import markdown_of
+    from vibro_cli.storage.system_schema import system_reference
+
+    return f"{scenario(system)}\n{markdown_of(system_reference(system))}"
+
+
 def exit_codes() -> str:
     """What the exit codes mean."""
     rows = [f"| {code} | {text} |" for code, text in EXIT_CODES.items()]
@@ -139,6 +148,8 @@ TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
     "commands": ("every command and its options", None),
     "scenario": ("the keys of a scenario", scenario),
     "tables": ("the columns of the tables", tables),
+    "table": ('keys and tables of `system = "table"`', partial(of_system, "table")),
+    "springs": ('keys and tables of `system = "springs"`', partial(of_system, "springs")),
     "exit-codes": ("what the exit codes mean", exit_codes),
     "environment": ("the variables of the environment that are read", environment),
 }

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.rules import ALTERNATIVES
+from vibro_cli.scenario.systems import model_named
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -26,33 +26,48 @@ def _shape(words: list[str], needed: list[str], unfit: list[str]) -> dict[str, A
 
 _MASS, _START, _MOTION, _KIND, _AXIS, _SAMPLES = ALTERNATIVES
 
+_BODY = [
+    _exactly_one(*_MASS),
+    _at_most_one(*_KIND),
+    _at_most_one("inertia_ratio", "density"),
+]
 _RULES: dict[str, list[dict[str, Any]]] = {
     "Arc": [
         _shape(["line"], ["length"], ["radius", "end_slope"]),
         _shape(["valley", "hump"], ["radius", "end_slope"], ["length"]),
     ],
     "Ball": [
-        _exactly_one(*_MASS),
+        *_BODY,
         _exactly_one(*_START),
         _at_most_one(*_MOTION),
-        _at_most_one(*_KIND),
-        _at_most_one("inertia_ratio", "density"),
     ],
     "Turning": [_exactly_one(*_AXIS)],
     "Stop": [{"anyOf": [{"required": ["time"]}, {"required": ["collisions"]}]}],
     "Output": [_at_most_one(*_SAMPLES)],
+    "Sampling": [_at_most_one(*_SAMPLES)],
+    "TableBall": _BODY,
+    "TableStop": [
+        {"anyOf": [{"required": [key]} for key in ("time", "collisions", "bounces")]},
+    ],
+    "SpringBall": [
+        *_BODY,
+        _exactly_one("position", "touching"),
+        _at_most_one("speed", "omega"),
+    ],
 }
 """The rules between the keys of one table, as far as JSON Schema can say them."""
 
 
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a scenario as plain data."""
-    schema: dict[str, Any] = _cleaned(Scenario.model_json_schema())
+def json_schema(system: str = "trace") -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a system's scenarios as plain data."""
+    schema: dict[str, Any] = _cleaned(model_named(system).model_json_schema())
     for table, rules in _RULES.items():
-        schema["$defs"][table]["allOf"] = rules
+        if table in schema["$defs"]:
+            schema["$defs"][table]["allOf"] = rules
     for table, key in (("", "name"), ("", "collision"), ("Collision", "k")):
-        part = schema["$defs"][table] if table else schema
-        del part["properties"][key]["default"]  # these depend on the file and on its bodies
+        part = schema["$defs"].get(table) if table else schema
+        if part is not None:
+            del part["properties"][key]["default"]  # these depend on the file and on its bodies
     return {"$schema": DIALECT, **schema, "title": "vibro scenario"}
 
 
