@@ -72,6 +72,20 @@ def test_the_models_of_the_peers_are_the_model(module: str, name: str) -> None:
     assert worst(method, scene, Setting("1e-10", 1e-10), scene.compared) < 1e-8
 
 
+def test_a_batch_of_heyoka_has_the_impacts_of_the_scene_in_every_lane() -> None:
+    if find_spec("heyoka") is None:
+        pytest.skip("heyoka is not installed")
+    (method,) = methods("with_heyoka_batch")
+    assert [scene.name for scene in SCENES if method.suits(scene)] == ["circle"]
+    scene = BY_NAME["circle"]
+    runner = method.prepare(scene, Setting("1e-10", 1e-10))
+    runner.ready(1000)
+    runner.go()
+    course = runner.course()
+    assert abs(course.impacts - 1000) <= 80
+    assert max(references.errors(course.times[: scene.compared], references.read(scene))) < 1e-8
+
+
 def test_a_run_is_counted_and_keeps_its_energy() -> None:
     scene = BY_NAME["three_arcs"]
     method = next(one for one in methods("with_vibro") if one.name == "vibro, interpreted")

@@ -21,7 +21,7 @@ def conclude(rows: Sequence[Row]) -> list[str]:
     """Return the conclusions, a sentence or a few each."""
     return [
         *_of_scenes(rows), *_against_heyoka(rows), *_of_lost(rows), *_of_series(rows),
-        *_of_growth(rows), *_of_memory(rows), *_of_skips(rows),
+        *_of_growth(rows), *_of_grid(rows), *_of_memory(rows), *_of_skips(rows),
     ]  # fmt: skip
 
 
@@ -145,6 +145,23 @@ def _of_growth(rows: Sequence[Row]) -> Iterator[str]:
     for row in cores[1:]:
         gain = (cores[0].seconds or 0.0) / (row.seconds or 1.0)
         yield f"{row.size} threads solve a batch {gain:.2f} times as fast as one."
+
+
+def _of_grid(rows: Sequence[Row]) -> Iterator[str]:
+    """One grid on all cores, by our batches and by others."""
+    own = [row for row in rows if row.part == "grid" and row.per_impact]
+    ours = next((row for row in own if row.method == BATCH), None)
+    if ours is None or not ours.per_impact:
+        return
+    text = (
+        f"{ours.size:,} scenarios on all cores, summaries only: {_time(ours.per_impact)} for an "
+        "impact"
+    )
+    for row in own:
+        if row is not ours:
+            ratio = (row.per_impact or 0.0) / ours.per_impact
+            text += f"; {row.method} ({row.setting}) takes {ratio:.1f} times as long"
+    yield f"{text}."
 
 
 def _of_memory(rows: Sequence[Row]) -> Iterator[str]:

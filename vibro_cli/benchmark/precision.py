@@ -12,8 +12,14 @@ from vibro_cli.benchmark.measurement import Plan, Row, by_turns
 from vibro_cli.benchmark.runner import Lost, Method, Runner, Setting
 from vibro_cli.benchmark.scenes import SCENES, Scene
 
-PEERS = {"with_heyoka": "heyoka", "with_diffrax": "diffrax", "with_cyrk": "CyRK"}
-_MODULES = ("with_vibro", "with_series", "with_heyoka", "with_diffrax", "with_cyrk", "with_scipy")
+PEERS = {
+    "with_heyoka": "heyoka", "with_heyoka_batch": "heyoka",
+    "with_diffrax": "diffrax", "with_cyrk": "CyRK",
+}  # fmt: skip
+_MODULES = (
+    "with_vibro", "with_series", "with_heyoka", "with_heyoka_batch", "with_diffrax", "with_cyrk",
+    "with_scipy",
+)  # fmt: skip
 _QUICK = ("with_vibro", "with_series", "with_heyoka", "with_scipy")
 _QUICK_SCENES = ("circle",)
 _ASTRAY = 1e-2
@@ -23,7 +29,7 @@ _SERIES = "with_series"
 
 def installed_peers() -> tuple[str, ...]:
     """Return the names of the peers that are installed."""
-    return tuple(name for name in PEERS.values() if find_spec(name) is not None)
+    return tuple(name for name in dict.fromkeys(PEERS.values()) if find_spec(name) is not None)
 
 
 def methods(plan: Plan) -> list[tuple[str, Method]]:

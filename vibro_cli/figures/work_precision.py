@@ -30,6 +30,7 @@ _LOOKS: dict[str, dict[str, Any]] = {
     "vibro, interpreted": {"color": "#56B4E9", "marker": "*", "markersize": 6.5},
     "heyoka": {"color": style.VERMILLION, "marker": "s"},
     "heyoka, defaults": {"color": style.VERMILLION, "marker": "s", "markerfacecolor": "white"},
+    "heyoka, batch": {"color": style.VERMILLION, "marker": "P"},
     "diffrax Tsit5": {"color": style.GREEN, "marker": "^"},
     "CyRK DOP853": {"color": "#E69F00", "marker": "D"},
     "SciPy RK45": {"color": _GREY, "marker": "v"},
