@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from vibro_cli.mechanics.contact import NONE_BEFORE_LIMIT, keep_states
+from vibro_cli.mechanics.contact import FINAL_CORRECTION, NONE_BEFORE_LIMIT, keep_states
 from vibro_cli.mechanics.flow import angular_acceleration, angular_jerk, flow_of_two, nudge
 from vibro_cli.mechanics.gap import half_gap_sine
 from vibro_cli.mechanics.records import Clock, Flight, PairData, PairTrack
 from vibro_cli.numerics.engine import kernel
-
-# A correction below this size, relative to the time scales, is the last one: it is of third order.
-FINAL_CORRECTION = 3.0e-5
 
 
 @kernel

@@ -35,7 +35,7 @@ from vibro_cli.numerics.first_root import (
 )
 
 NONE_BEFORE_LIMIT = -1.0
-# A correction by Halley's formula below this size, relative to the time scales, is the last one.
+# A correction below this size, relative to the time scales, is the last one.
 FINAL_CORRECTION = 1.0e-5
 # Share of the size of the places by which a gap cannot be told from contact.
 UNRESOLVED = 4.0 * 2.220446049250313e-16
