@@ -15,13 +15,10 @@ from tests.analysis.traces import (
     hump,
     landscape,
     line,
-    system,
     three_arcs,
     valley,
 )
-from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.singular import CENTRE, DEGENERATE, SADDLE, singular_points
-from vibro_cli.mechanics.turning import Turning
 
 WEIGHT = BALL.mass * GRAVITY
 
@@ -99,9 +96,3 @@ def test_level_junction_is_what_its_sides_make_it(
     (point,) = singular_points(landscape(start, *shapes))  # type: ignore[arg-type]
     assert point.kind == kind
     assert point.s == pytest.approx(60 * DEGREE, rel=1e-15)
-
-
-def test_turning_trace_is_refused() -> None:
-    turning = system(-90.0, valley(1.0, 90), turning=Turning(0.0, 2.0))
-    with pytest.raises(ValueError, match="turning"):
-        Landscape.of(turning, 1)

@@ -235,12 +235,12 @@ def test_flight_without_constant_energy_is_sampled_from_the_run() -> None:
     assert run.sampled == [1]
 
 
-def test_turning_trace_is_sampled_and_has_no_separatrix() -> None:
+def test_turning_trace_is_sampled_and_has_its_separatrix() -> None:
     run = HandMade(system(-90, valley(1.0, 90), turning=Turning(0.0, 2.0)))
     run.fly(1, (-0.5, 0.0), (0.5, 0.0), cause_start="start", cause_end="end")
     figure = phase_portrait(run, 1)
     assert run.sampled == [0]
-    assert lines(figure, 0, 1.2) == lines(figure, 0, 1.0) == []
+    assert lines(figure, 0, 1.0) != []
 
 
 def test_small_motion_is_shown_close_and_on_the_whole_arc() -> None:

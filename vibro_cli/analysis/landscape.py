@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece, Trace
+from vibro_cli.mechanics.turning import Pull, Turning, inside
 
 Array = NDArray[np.float64]
 
@@ -32,21 +34,46 @@ class Landscape:
     """g (m/s²)."""
     lowest: float
     """Height y (m) of the lowest place the body's centre can have; the potential is 0 there."""
+    turning: Turning | None = None
+    """On a trace that turns a height is y − Ω² (x − x₀)²/2g, whose weight is the potential."""
 
     @staticmethod
     def of(system: System, ball: int) -> Landscape:
-        """Return the potential of a body of a system, counted from 1.
-
-        Raises ValueError for a trace that turns about a vertical: its potential is another one.
-        """
-        if system.turning is not None:
-            raise ValueError("the potential of a turning trace is not the height alone")
+        """Return the potential of a body of a system, counted from 1."""
         body = system.bodies[ball - 1]
-        return Landscape(system.trace, body, system.gravity, _lowest_height(system.trace, body))
+        raw = Landscape(system.trace, body, system.gravity, 0.0, system.turning)
+        return replace(raw, lowest=_lowest_height(raw))
 
     def height(self, piece: Piece, position: float) -> float:
         """Return the height (m) of the body's centre above its lowest place."""
-        return piece.body_center(position, self.body.radius)[1] - self.lowest
+        x, y = piece.body_center(position, self.body.radius)
+        return y - self._sunk(x) - self.lowest
+
+    def _sunk(self, x: float) -> float:
+        """Height (m) by which turning lowers the potential at a place."""
+        if self.turning is None:
+            return 0.0
+        return 0.5 * self.turning.square / self.gravity * (x - self.turning.x) ** 2
+
+    def pull(self, piece: Piece) -> Pull:
+        """Return the pull on an arc of a trace that turns."""
+        assert self.turning is not None
+        return Pull.on_arc(piece, self.body.radius, self.turning, self.gravity)
+
+    def _turned(self, piece: Piece, place: Array) -> Array:
+        """Rise (m) of the height from position 0 on, on a trace that turns."""
+        assert self.turning is not None
+        strength = self.turning.square / self.gravity
+        x = piece.body_center(0.0, self.body.radius)[0] - self.turning.x
+        if piece.is_line:
+            along = math.cos(piece.start_slope) * place
+            rise = _sine(piece.start_slope) * place
+        else:
+            rho = self.path_scale(piece)
+            along = rho * np.sin(place)
+            rise = piece.sign * 2.0 * rho * np.sin(0.5 * place) ** 2
+        turned: Array = rise - strength * along * (x + 0.5 * along)
+        return turned
 
     def path_scale(self, piece: Piece) -> float:
         """Return speed divided by rate: ρ (m) on an arc, 1 on a line."""
@@ -67,6 +94,8 @@ class Landscape:
         place = np.asarray(position, dtype=np.float64)
         weight = self.body.mass * self.gravity
         datum = weight * self.height(piece, 0.0)
+        if self.turning is not None:
+            return datum + weight * self._turned(piece, place)
         if piece.is_line:
             return datum + weight * _sine(piece.start_slope) * place
         rise = 2.0 * self.path_scale(piece) * np.sin(0.5 * place) ** 2
@@ -88,7 +117,9 @@ class Landscape:
         weight = self.body.mass * self.gravity
         datum = weight * self.height(piece, 0.0)
         per_energy = 2.0 / (self.body.kappa * self.body.mass * self.path_scale(piece) ** 2)
-        if piece.is_line:
+        if self.turning is not None:
+            fall = per_energy * weight * self._turned(piece, place)
+        elif piece.is_line:
             fall = per_energy * weight * _sine(piece.start_slope) * place
         else:
             fall = piece.sign * (2.0 * self.natural_rate(piece) * np.sin(0.5 * place)) ** 2
@@ -133,9 +164,30 @@ def _sine(slope: float) -> float:
     return 0.0 if half_turn(slope) is not None else math.sin(slope)
 
 
-def _lowest_height(trace: Trace, body: Body) -> float:
+def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
+    """Return the positions strictly within a piece of a turning trace at which nothing pulls."""
+    assert landscape.turning is not None
+    if not piece.is_line:
+        offset = 0.0 if piece.sign > 0.0 else math.pi
+        low, high = piece.angle_start + offset, piece.angle_end + offset
+        return [f - offset for f in inside(landscape.pull(piece).equilibria(), low, high)]
+    x = piece.body_center(0.0, landscape.body.radius)[0] - landscape.turning.x
+    cosine = math.cos(piece.start_slope)
+    strength = landscape.turning.square / landscape.gravity * cosine
+    if half_turn(piece.start_slope - 0.5 * math.pi) is not None:
+        return []
+    place = (_sine(piece.start_slope) / strength - x) / cosine
+    return [place] if 0.0 < place < piece.length else []
+
+
+def _lowest_height(landscape: Landscape) -> float:
+    def places(piece: Piece) -> Iterable[float]:
+        if landscape.turning is None:
+            return stationary_positions(piece)
+        return (piece.angle_start, *equilibria(landscape, piece), piece.angle_end)
+
     return min(
-        piece.body_center(position, body.radius)[1]
-        for piece in trace.pieces
-        for position in stationary_positions(piece)
+        landscape.height(piece, place)
+        for piece in landscape.trace.pieces
+        for place in places(piece)
     )

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from vibro_cli.analysis.landscape import Array, Landscape, half_turn
 from vibro_cli.mechanics.trace import Piece
+from vibro_cli.mechanics.turning import inside, zeros
 
 _ROUNDING = 64.0 * np.finfo(np.float64).eps
 _JOINED = 1e-9
@@ -60,6 +62,8 @@ def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, .
     the bottom of a valley, ψ − π from the underside of a hump) and q its energy from there in units
     of 2 m g ρ; a saddle's own energy reaches through the saddle.
     """
+    if landscape.turning is not None:
+        return _turning_reaches(landscape, piece, energy)
     if piece.is_line:
         return _line_reaches(landscape, piece, energy)
     weight = landscape.body.mass * landscape.gravity
@@ -73,6 +77,46 @@ def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, .
         return ()
     swing = 2.0 * math.atan2(math.sqrt(max(above_centre, 0.0)), math.sqrt(below_saddle))
     return _swings(piece, swing)
+
+
+def _turning_reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
+    """On a trace that turns: between the zeros of E − V, a trigonometric polynomial of degree 2."""
+    low, high = piece.angle_start, piece.angle_end
+    weight = landscape.body.mass * landscape.gravity
+    cuts = [low, *_turning_zeros(landscape, piece, energy), high]
+    tolerance = _ROUNDING * (abs(energy) + weight * abs(landscape.height(piece, 0.0)))
+    scale = weight * (landscape.path_scale(piece) if not piece.is_line else piece.length)
+    tolerance += _ROUNDING * scale
+    parts: list[Reach] = []
+    for left, right in pairwise(cuts):
+        middle = float(landscape.potential(piece, 0.5 * (left + right)))
+        if middle > energy + tolerance or left == right:
+            continue
+        if parts and parts[-1].high == left:  # through a saddle of just this energy
+            parts[-1] = Reach(piece, parts[-1].low, right, parts[-1].turns_low, right < high)
+        else:
+            parts.append(Reach(piece, left, right, left > low, right < high))
+    return tuple(parts)
+
+
+def _turning_zeros(landscape: Landscape, piece: Piece, energy: float) -> list[float]:
+    """Positions within a piece at which a body of an energy (J) has no speed."""
+    weight = landscape.body.mass * landscape.gravity
+    above = energy / weight - landscape.height(piece, 0.0)
+    if piece.is_line:
+        one, two = (float(landscape.potential(piece, x)) / weight for x in (1.0, -1.0))
+        datum = landscape.height(piece, 0.0)
+        square, slope = 0.5 * (one + two) - datum, 0.5 * (one - two)
+        found = np.roots(np.trim_zeros(np.array([square, slope, -above]), trim="f"))
+        return sorted(float(x.real) for x in found if x.imag == 0.0 and 0.0 < x.real < piece.length)
+    offset = 0.0 if piece.sign > 0.0 else math.pi
+    pull, rho = landscape.pull(piece), landscape.path_scale(piece)
+    # In units of 2 rho: E less V from f = 0, whose V is 0; position 0 of a hump is f = pi.
+    level = 0.5 * above / rho + pull.potential(offset)
+    constant = level - 0.5 + 0.125 * pull.spread
+    angles = zeros(constant, 0.25 * complex(1.0, -pull.tilt), -0.0625 * pull.spread + 0j)
+    low, high = piece.angle_start + offset, piece.angle_end + offset
+    return [f - offset for f in inside(angles, low, high)]
 
 
 def _swings(piece: Piece, swing: float) -> tuple[Reach, ...]:
@@ -125,9 +169,10 @@ def arc_separatrix(landscape: Landscape, piece: Piece, count: int = 121) -> Leve
     """Return the separatrix of an arc's own equation of motion, within the arc; None on a line.
 
     In a valley φ̇ = 2w cos(φ/2), through φ = ±π; on a hump ψ̇ = 2w sin(ψ/2), through the crest;
-    w² = g/κρ. It belongs to the saddle of the full circle, whether the arc reaches it or not.
+    w² = g/κρ. It belongs to the saddle of the full circle, whether the arc reaches it or not. None
+    on a trace that turns.
     """
-    if piece.is_line:
+    if piece.is_line or landscape.turning is not None:
         return None
     position = np.linspace(piece.angle_start, piece.angle_end, count)
     if piece.angle_start < 0.0 < piece.angle_end:

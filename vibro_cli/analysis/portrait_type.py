@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,9 +103,22 @@ def _point(portrait: Portrait, name: str, point: SingularPoint) -> dict[str, Any
         "slope": point.slope,
         "energy": point.energy,
         "height": portrait.height(point.energy),
-        # w = √(g/κρ): frequency about a centre, exponent of a saddle; at a junction it has two
-        "natural_rate": portrait.landscape.natural_rate(piece) if inner else None,
+        # frequency about a centre, exponent of a saddle; at a junction it has two
+        "natural_rate": rate_near(portrait.landscape, point) if inner else None,
     }
+
+
+def rate_near(landscape: Landscape, point: SingularPoint) -> float:
+    """Return the frequency about a centre of an arc, or the exponent of a saddle (1/s).
+
+    w = √(g/κρ); on a trace that turns w √|V″| in units of the potential V of the arc.
+    """
+    piece = landscape.trace.pieces[point.piece]
+    w = landscape.natural_rate(piece)
+    if landscape.turning is None:
+        return w
+    offset = 0.0 if piece.sign > 0.0 else math.pi
+    return w * math.sqrt(abs(landscape.pull(piece).stiffness(point.position + offset)))
 
 
 def _trigger(portrait: Portrait, trigger: Trigger) -> dict[str, Any]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from vibro_cli.analysis.landscape import Landscape, half_turn, level_positions
+from vibro_cli.analysis.landscape import Landscape, equilibria, half_turn, level_positions
 from vibro_cli.mechanics.trace import HUMP, VALLEY, Piece
 
 CENTRE = "centre"
@@ -38,8 +39,11 @@ def singular_points(landscape: Landscape) -> tuple[SingularPoint, ...]:
 
     Bottoms of valleys and undersides of humps are centres; crests and tops of loops (φ = ±π) are
     saddles; a level line is degenerate as a whole. A level junction, or a level end of the trace,
-    is what its sides make it. On a closed trace the seam belongs to the left end.
+    is what its sides make it. On a closed trace the seam belongs to the left end. On a trace that
+    turns they are where gravity and turning balance, centres where the potential is least.
     """
+    if landscape.turning is not None:
+        return _of_turning(landscape)
     found: list[SingularPoint] = []
     pieces = landscape.trace.pieces
     for piece in pieces:
@@ -48,6 +52,20 @@ def singular_points(landscape: Landscape) -> tuple[SingularPoint, ...]:
         found += _within(landscape, piece)
     if not landscape.trace.closed:
         found += _at_right_end(landscape, pieces[-1])
+    return tuple(found)
+
+
+def _of_turning(landscape: Landscape) -> tuple[SingularPoint, ...]:
+    """Singular points within the pieces of a trace that turns."""
+    found = []
+    for piece in landscape.trace.pieces:
+        for place in equilibria(landscape, piece):
+            kind = SADDLE  # on a line turning drives a body away from where it balances
+            if not piece.is_line:
+                offset = 0.0 if piece.sign > 0.0 else math.pi
+                stiff = landscape.pull(piece).stiffness(place + offset)
+                kind = SADDLE if stiff > 0.0 else CENTRE if stiff < 0.0 else DEGENERATE
+            found.append(_point(landscape, kind, piece, place))
     return tuple(found)
 
 

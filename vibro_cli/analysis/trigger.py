@@ -124,8 +124,10 @@ def _margins(
 def _turnings(landscape: Landscape, saddle: SingularPoint) -> tuple[float | None, float | None]:
     """Return where the separatrix through a saddle turns (s, m), going left and going right."""
     runs = connected_reaches(landscape, saddle.energy)
-    at = next(n for n, run in enumerate(runs) if left_s(run[0]) <= saddle.s <= right_s(run[-1]))
-    run = runs[at]
+    # The run through the saddle; where rounding leaves the saddle itself out, the one beside it.
+    run = min(
+        runs, key=lambda run: max(left_s(run[0]) - saddle.s, saddle.s - right_s(run[-1]), 0.0)
+    )
     leftmost, rightmost = run[0], run[-1]
     if not landscape.trace.closed:
         return _turning(leftmost, rightmost)

@@ -100,10 +100,6 @@ def _portray(wishes: _Wishes) -> int:
     from vibro_cli.storage.provenance import FolderRefused
 
     scenario, system = load(wishes.source, wishes.overrides)
-    if system.turning is not None:
-        raise CommandError(
-            f"{scenario.name}: the portrait of a trace that turns about a vertical is not available"
-        )
     if (wishes.vary or wishes.compare) and wishes.source == "-":
         raise CommandError(
             "vibro: --vary and --compare read the scenario several times; expected a file, not -"

@@ -49,9 +49,7 @@ def _few(path: Trajectory) -> bool:
 
 
 def _behind(run: Recorded, ball: int, path: Trajectory) -> Background:
-    """Return the background; nothing of it is known for a trace that turns about a vertical."""
-    if run.system.turning is not None:
-        return Background((), (), (), ())
+    """Return the background: level curves, separatrices and singular points."""
     landscape = Landscape.of(run.system, ball)
     highest = max(
         float(np.max(landscape.energy(piece, branches.position[:, 0], branches.rate[:, 0])))

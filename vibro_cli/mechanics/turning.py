@@ -72,7 +72,13 @@ class Pull:
         return sine - self.tilt * math.cos(angle)
 
     def equilibria(self) -> list[float]:
-        """Return the angles f in [-pi, pi) at which nothing pulls."""
+        """Return the angles f in [-pi, pi) at which nothing pulls.
+
+        On its axis an arc has them in closed form, so that the pitchfork at spread = 1 is exact.
+        """
+        if self.tilt == 0.0:
+            aside = math.acos(1.0 / self.spread) if self.spread > 1.0 else 0.0
+            return [-math.pi, *([-aside, 0.0, aside] if aside > 0.0 else [0.0])]
         return roots(1.0, self.tilt, self.spread, 0)
 
     def greatest(self, order: int, low: float, high: float) -> float:

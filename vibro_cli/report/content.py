@@ -164,8 +164,6 @@ def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
 
 def _sides(run: StoredRun) -> list[list[str]]:
     """The first impacts at which a body jumps from one side of its figure eight to another."""
-    if run.system.turning is not None:
-        return []
     portraits = [
         portrait_of(Landscape.of(run.system, n + 1)) for n in range(len(run.system.bodies))
     ]
