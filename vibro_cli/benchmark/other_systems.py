@@ -1,4 +1,4 @@
-"""Speed and drift of energy of the systems other than the trace, compiled, on one thread."""
+"""Speed and drift of energy of systems other than a trace at rest, compiled, on one thread."""
 
 from __future__ import annotations
 
@@ -7,7 +7,11 @@ from typing import Any
 
 from vibro_cli.benchmark.measurement import Plan, Row, by_turns, warmed
 from vibro_cli.build import build_any
+from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import any_scenario_of
+from vibro_cli.simulation.drive import Driver as TraceDriver
+from vibro_cli.simulation.prepare import make_world as trace_world
+from vibro_cli.simulation.turning import variant_of
 from vibro_cli.systems.driving import Driver
 from vibro_cli.systems.springs import run as springs
 from vibro_cli.systems.springs.prepare import make_world as springs_world
@@ -39,6 +43,16 @@ def _disk(position: float, speed: float, mass: float, **spring: float) -> Docume
     return {"body": "disk", "radius": 0.4, "mass": mass, **start, "spring": held}
 
 
+def _circle(**trace: Any) -> Document:
+    arc = {"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}
+    ball = {"radius": 0.1, "density": 7800.0, "arc": 1}
+    return {
+        "gravity": 9.81, "trace": {"start_slope": "-90 deg", "arcs": [arc], **trace},
+        "balls": [{**ball, "angle": "-60 deg"}, {**ball, "angle": "50 deg"}],
+        "collision": {"k": 1.0}, "stop": {"collisions": 1},
+    }  # fmt: skip
+
+
 _ELLIPSE: Document = {"shape": "ellipse", "semi_axis_x": 2.0, "semi_axis_y": 1.2}
 _BOX: Document = {"shape": "rectangle", "width": 3.0, "depth": 2.0}
 SCENES: dict[str, Document] = {
@@ -49,6 +63,8 @@ SCENES: dict[str, Document] = {
     "30 balls in a box": _table(
         _BOX, *(_ball(0.4 * (n % 6) - 1.0, 0.35 * (n // 6) - 0.7) for n in range(30))
     ),
+    "circle at rest": _circle(),
+    "circle turning about its axis": _circle(turning={"through_arc": 1, "rate": 2.5}),
     "springs": {
         "system": "springs", "collision": {"k": 1.0}, "stop": {"collisions": 1},
         "balls": [
@@ -64,8 +80,10 @@ class _Task:
 
     def __init__(self, document: Document, impacts: int) -> None:
         system = build_any(any_scenario_of(document))
-        self._make: Callable[[], Driver]
-        if isinstance(system, TableSystem):
+        self._make: Callable[[], Driver | TraceDriver]
+        if isinstance(system, System):
+            self._make = lambda: _on_trace(system, impacts)
+        elif isinstance(system, TableSystem):
             lone = len(system.bodies) == 1
             stops = (None, None, impacts) if lone else (None, impacts, None)
             self._make = lambda: Driver(table.LIBRARY, table_world(system, *stops), "numba")
@@ -83,12 +101,18 @@ class _Task:
         self._driver.run()
 
 
+def _on_trace(system: System, impacts: int) -> TraceDriver:
+    world = trace_world(system, None, impacts)
+    world.settings[0].keep = 0
+    return TraceDriver(world, "numba", None, variant_of(system))
+
+
 def measure(plan: Plan) -> list[Row]:
     """Measure every scene by turns; an impact is one of two bodies, of a lone ball a bounce."""
     long = 5_000 if plan.form == "quick" else 200_000
     rows, tasks = [], []
     for name, document in SCENES.items():
-        impacts = long // 100 if document["system"] == "springs" else long
+        impacts = long // 100 if document.get("system") == "springs" else long
         task = _Task(document, impacts)
         rows.append(Row(PART, name, "vibro", impacts=impacts))
         tasks.append((task.ready, task.go))

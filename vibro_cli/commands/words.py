@@ -111,6 +111,9 @@ def _validity(record: Mapping[str, Any]) -> str:
             f"the trace has to hold the bodies back: normal force down to {quantity(force, 'N')}; "
             "a one-sided trace would lose them"
         )
+    if friction is None and force > 0:
+        needed = "the friction that rolling needs is not computed"
+        return f"normal force at least {quantity(force, 'N')}; {needed}"
     if friction is None:
         return f"normal force at least {quantity(force, 'N')}; rolling is not possible everywhere"
     return (

@@ -186,11 +186,13 @@ def tally_forces(
     """Count in the normal forces of one flight; the demand of friction is not known.
 
     On an arc they are least at an end, where the body turns, or at a place of the arc that does
-    not depend on the energy. In lasting contact they are not known either, and stay out.
+    not depend on the energy. With lasting contact they are not known either.
     """
     outcome.most_demand = math.inf
     row = world.log[number]
     if row.grouped != 0:
+        # Nothing is less than this, nor compares with it: the least force stays unknown.
+        outcome.least_force = math.nan
         return
     body = world.bodies[row.body]
     piece = world.pieces[row.piece]
@@ -199,7 +201,8 @@ def tally_forces(
     end_s, _, _ = end
     if track.path_radius == 0.0:
         force = min(line_force(world, row, row.s), line_force(world, row, end_s))
-        outcome.least_force = min(outcome.least_force, force)
+        if force < outcome.least_force:
+            outcome.least_force = force
         return
     low, high = _half_range(scratch, end, duration)
     sign = body.weight * piece.sign
@@ -214,7 +217,8 @@ def tally_forces(
             rate = squared_rate(scratch, s, c)
             s, c = row.s * c + row.c * s, row.c * c - row.s * s
             force = sign * arc_share(track, body.kappa, s, c, rate)
-            outcome.least_force = min(outcome.least_force, force)
+            if force < outcome.least_force:
+                outcome.least_force = force
 
 
 @kernel

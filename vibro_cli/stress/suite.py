@@ -23,6 +23,7 @@ NAMES = (
     "energy",
     "table",
     "springs",
+    "turning",
     "contacts",
 )
 
