@@ -72,7 +72,7 @@ def validity(summary: Mapping[str, Any], refused: int, warnings: tuple[str, ...]
         said.append(f"The normal force is at least {number(force, 'N')}: no body lifts off.")
     if friction is not None:
         said.append(f"Rolling needs a coefficient of friction of {number(friction, digits=4)}.")
-    elif force is not None:
+    elif force is not None and force <= 0.0:
         said.append("Where the normal force vanishes no friction is enough for rolling.")
     if refused:
         said.append(f"Inadmissible impacts: {refused}.")
