@@ -36,7 +36,12 @@ def test_every_end_cause_has_its_words(cause: str) -> None:
         ({"quiet_from": 12.5}, 1, "; none possible after t = 12.5 s"),
         ({"max_gap": None}, 3, "no impact to measure a gap at"),
         ({"min_normal_force": -2.0}, 4, "normal force down to -2 N"),
-        ({"max_friction_demand": None}, 4, "rolling is not possible everywhere"),
+        (
+            {"max_friction_demand": None, "min_normal_force": 0.0},
+            4,
+            "rolling is not possible everywhere",
+        ),
+        ({"max_friction_demand": None}, 4, "friction that rolling needs is not computed"),
         ({"min_normal_force": None}, 4, "normal forces were not computed"),
         ({"crossings": 2, "contacts": 1}, 1, "2 crossings, 1 lasting contact"),
     ],
