@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -54,11 +55,17 @@ GRIDS: dict[str, tuple[str, dict[str, list[float]]]] = {
         "closed_three_balls.toml",
         {"balls[1].angle": [-0.5, 0.5], "collision.k": [0.6, 1.0]},
     ),
+    "turning": (
+        "one_circle.toml",
+        {"balls[1].angle": [-1.2, -0.3], "collision.k": [0.6, 1.0], "balls[2].rate": [-1.0, 1.0]},
+    ),
     "lines": (
         "line_between_valleys.toml",
         {"balls[1].angle": [-1.2, 0.5], "collision.k": [0.5, 1.0], "balls[1].mass": [1.0, 3.0]},
     ),
 }
+
+MORE = {"turning": ["trace.turning={through_arc = 1, rate = 1.5}", "stop.time=6"]}
 
 # What there must be among the points of each, so that the test shows something.
 SEEN = {
@@ -68,11 +75,12 @@ SEEN = {
     "radii and gravity": {"invalid", "time"},
     "several balls": {"invalid", "collisions"},
     "closed": {"collisions"},
+    "turning": {"contact", "free"},
     "lines": {"free", "inadmissible"},
 }
 
 
-def grid_of(tmp_path: Path, base: str, axes: dict[str, Any]) -> Grid:
+def grid_of(tmp_path: Path, base: str, axes: dict[str, Any], overrides: Sequence[str] = ()) -> Grid:
     """A design of random points over the given intervals."""
     lines = [
         f'base = "{SCENARIOS / base}"',
@@ -85,7 +93,7 @@ def grid_of(tmp_path: Path, base: str, axes: dict[str, Any]) -> Grid:
     lines += ["[keep]", "collisions = true"]
     file = tmp_path / "grid.toml"
     file.write_text("\n".join(lines))
-    return load_grid(file, ["stop.collisions=40"])
+    return load_grid(file, ["stop.collisions=40", *overrides])
 
 
 def plain(values: Any, row: int) -> Any:
@@ -99,7 +107,7 @@ def plain(values: Any, row: int) -> Any:
 
 @pytest.mark.parametrize("name", GRIDS)
 def test_points_are_runs(name: str, tmp_path: Path) -> None:
-    grid = grid_of(tmp_path, *GRIDS[name])
+    grid = grid_of(tmp_path, *GRIDS[name], MORE.get(name, ()))
     indices = np.arange(POINTS)
     solved = Solver(grid, "numba").solve(indices)
     values = grid.design.columns(indices)
