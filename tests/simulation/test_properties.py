@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from typing import Any
@@ -9,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given, reject, settings
+from hypothesis import strategies as st
 
+from tests.simulation.test_continuing import assert_same
 from tests.strategies import SETTINGS, mirrored, possible, scenarios
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.simulation.run import Run, simulate_system
@@ -238,3 +241,18 @@ def test_time_reversal(document: dict[str, Any]) -> None:
         assert abs(found["s"][ball] - home) <= 64 * EPSILON * size
         size = max(grown["speed"][ball], 10.0)
         assert abs(found["speed"][ball] + state.speed) <= 64 * EPSILON * size
+
+
+@SETTINGS
+@given(document=scenarios(), share=st.floats(0.01, 0.99))
+def test_split_run(document: dict[str, Any], share: float) -> None:
+    """Stopped at any time and taken up again from its checkpoint, a run has the same bits."""
+    whole = run_of(document)
+    part = share * float(whole.summary_record()["end_time"])
+    begun = simulate_system(whole.system, part, document["stop"]["collisions"], "python")
+    assert begun.end_cause == "time"
+    rest = simulate_system(
+        whole.system, document["stop"]["time"], document["stop"]["collisions"], "python",
+        checkpoint=json.loads(json.dumps(begun.checkpoint())), history=begun.history(),
+    )  # fmt: skip
+    assert_same(whole, rest)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.arc_root import refine_on_arc
-from vibro_cli.mechanics.contact import NONE_BEFORE_LIMIT, keep_present, keep_states
+from vibro_cli.mechanics.contact import LEAST_BOUND, NONE_BEFORE_LIMIT, keep_present, keep_states
 from vibro_cli.mechanics.flow import (
     POLYNOMIAL,
     angular_acceleration,
@@ -46,32 +46,37 @@ def contact_on_arc(
     Parameters
     ----------
     a, b
-        The flights; ``age_a, age_b`` the times since their starts, s.
+        The flights; ``age_a, age_b`` the times since their starts at the begin of the search, s.
     touching
-        ``PARTING`` or ``RELEASED`` if they are in contact now and going apart, else 0.
+        ``PARTING`` or ``RELEASED`` if they are in contact there and going apart, else 0.
     horizon, limit
-        The search may stop at ``horizon`` (s from now); a contact found counts until ``limit``.
+        The search may stop at ``horizon`` (s from its begin), which decides on no step of it; the
+        first of the flights ends at ``limit``.
     contact, orientation
         Constants of contact on the arc; -1 if b is one lap ahead.
+    pair
+        ``searched``: how far the search has come (s from its begin), where it goes on.
 
     Returns
     -------
-    Time of the first contact from now (s), the states then being left in ``pair``;
+    Time of the first contact from the begin (s), the states then being left in ``pair``;
     ``NONE_BEFORE_LIMIT`` if there is none before the horizon.
     """
     wa = a.own_frequency
     wb = b.own_frequency
-    t = 0.0
-    if touching != RELEASED and swings(a) and swings(b):
+    t = pair.searched
+    if t == 0.0 and touching != RELEASED and swings(a) and swings(b):
         h, t = contact_of_swings(
             a, b, age_a, age_b, touching, limit, contact, orientation, pair, clock
         )
         if h >= 0.0:
+            pair.searched = limit
             return h if h <= limit else NONE_BEFORE_LIMIT
         if t >= horizon:
+            pair.searched = t
             return NONE_BEFORE_LIMIT
-    bound_2 = a.angular_bound + b.angular_bound
-    bound_3 = a.jerk_bound + b.jerk_bound
+    bound_2 = max(a.angular_bound + b.angular_bound, LEAST_BOUND)
+    bound_3 = max(a.jerk_bound + b.jerk_bound, LEAST_BOUND)
     while True:
         a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + t, age_b + t)
         clock.evaluations += 1
@@ -85,8 +90,9 @@ def contact_on_arc(
             second = -bound_2
         if touching != 0 and t == 0.0:
             if touching == RELEASED:
-                t = _released_step(a, b, a_s, a_c, a_p, b_s, b_c, b_p, rate, horizon)
-                if t < 0.0:
+                t = _released_step(a, b, a_s, a_c, a_p, b_s, b_c, b_p, rate)
+                if t >= horizon:
+                    pair.searched = t
                     return NONE_BEFORE_LIMIT
                 continue
             gap = 0.0
@@ -103,19 +109,21 @@ def contact_on_arc(
                 t + 2.0 * gap / (math.sqrt(rate * rate + 2.0 * bound_2 * max(gap, 0.0)) - rate)
                 > limit
             ):
+                pair.searched = limit
                 return NONE_BEFORE_LIMIT
             third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
             h = _cubic_guess(gap, rate, second, third)
             h = refine_on_arc(a, b, age_a + t, age_b + t, h, contact, orientation, pair, clock)
             if h > NONE_BEFORE_LIMIT:
-                t += h
-                if t < 0.0:
+                if t + h < 0.0:
                     # In contact already, by rounding: now, in the states of now.
                     keep_present(a, b, age_a, age_b, pair)
                     return 0.0
-                return t if t <= limit else NONE_BEFORE_LIMIT
+                pair.searched = limit
+                return t + h if t + h <= limit else NONE_BEFORE_LIMIT
         step = safe_step_third_order(max(gap, 0.0), rate, second, bound_2, bound_3)
         if t + step >= horizon:
+            pair.searched = t + step
             return NONE_BEFORE_LIMIT
         if t + step == t and (t > 0.0 or touching == 0):
             # The gap closes below the resolution of time: contact, tangential within rounding.
@@ -145,9 +153,8 @@ def _released_step(
     b_c: float,
     b_p: float,
     rate: float,
-    horizon: float,
 ) -> float:
-    """Step up to which a pair whose contact force has just vanished stays apart, or -1.
+    """Step up to which a pair whose contact force has just vanished stays apart.
 
     There the gap starts as ``j h^3/6``, bounded below by ``j h^3/6 - B h^4/24`` with j its jerk and
     ``B`` the sum of ``w^2 (f'^2 + w^2)``.
@@ -159,5 +166,4 @@ def _released_step(
     bound_b = wb * wb * (4.0 * wb * wb * (1.0 + b.parameter))
     if third <= 0.0 or rate < -1.0e-9 * (abs(wa * a_p) + abs(wb * b_p)):
         return 1.0e-9 / (wa + wb)
-    step = 3.0 * third / (bound_a + bound_b)
-    return step if step < horizon else NONE_BEFORE_LIMIT
+    return 3.0 * third / (bound_a + bound_b)

@@ -39,7 +39,7 @@ NONE_BEFORE_LIMIT = -1.0
 FINAL_CORRECTION = 1.0e-5
 # Share of the size of the places by which a gap cannot be told from contact.
 UNRESOLVED = 4.0 * 2.220446049250313e-16
-# A bound on a third derivative that is zero, so that divisions by it have a result.
+# In place of a bound that is zero, so that divisions by it have a result.
 LEAST_BOUND = 1.0e-200
 
 
@@ -84,6 +84,7 @@ def contact_on_line(
     second = tangential_acceleration(b, 0.0, b_s, b_c) - tangential_acceleration(a, 0.0, a_s, a_c)
     h = first_root_of_parabola(gap, b_p - a_p, second)
     if h < 0.0 or h > limit:
+        pair.searched = limit
         return NONE_BEFORE_LIMIT
     a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
     keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
@@ -111,10 +112,10 @@ def contact_by_distance(
     Parameters and result as for :func:`mechanics.arc_contact.contact_on_arc`.
     """
     bound = a.acceleration_bound + b.acceleration_bound
-    span = min(horizon, limit)
+    span = min(a.exit_after - age_a, b.exit_after - age_b)
     bound_3 = third_derivative_bound(a, b, track_a, track_b, age_a, age_b, pair.distance, span)
     fastest = max(a.frequency, b.frequency)
-    t = 0.0
+    t = pair.searched
     while True:
         a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + t, age_b + t)
         clock.evaluations += 1
@@ -149,13 +150,14 @@ def contact_by_distance(
                     piece_a, track_a, piece_b, track_b, pair, clock,
                 )  # fmt: skip
                 if h > NONE_BEFORE_LIMIT:
-                    t += h
-                    if t < 0.0:
+                    if t + h < 0.0:
                         # In contact already, by rounding: now, in the states of now.
                         keep_present(a, b, age_a, age_b, pair)
                         return 0.0
-                    return t if t <= limit else NONE_BEFORE_LIMIT
+                    pair.searched = limit
+                    return t + h if t + h <= limit else NONE_BEFORE_LIMIT
         if t + step >= horizon:
+            pair.searched = t + step
             return NONE_BEFORE_LIMIT
         if t + step == t:
             keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)

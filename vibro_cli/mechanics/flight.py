@@ -17,6 +17,8 @@ LIFT_OFF = 1
 CREST_NEIGHBOURHOOD = 0.05
 # A swing about the bottom that ends below both ends of its piece by this share reaches neither.
 END_ROUNDING = 1.0e-9
+# A body brought to an end of its piece may be beyond it by the rounding of a flight (S, C).
+BEYOND_END = 1.0e-12
 
 
 @kernel
@@ -198,6 +200,14 @@ def _reaches(flight: Flight, s: float, c: float) -> bool:
 
 
 @kernel
+def _at_end(flight: Flight, s: float, c: float, side: float) -> bool:
+    """Tell whether a flow starts at an end of its path, or beyond it by rounding."""
+    if abs(flight.flow_s - s) > BEYOND_END or abs(flight.flow_c - c) > BEYOND_END:
+        return False
+    return (flight.flow_s * c - flight.flow_c * s) * side >= 0.0
+
+
+@kernel
 def choose_exit(
     flight: Flight, left_s: float, left_c: float, right_s: float, right_c: float
 ) -> None:
@@ -208,7 +218,7 @@ def choose_exit(
     right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and pull > 0.0)
     end_s = right_s if right else left_s
     end_c = right_c if right else left_c
-    if flight.flow_s == end_s and flight.flow_c == end_c:
+    if _at_end(flight, end_s, end_c, 1.0 if right else -1.0):
         flight.exit_side = 1 if right else -1
         flight.exit_p = flight.flow_p
         flight.exit_after = 0.0

@@ -152,10 +152,10 @@ class PairData:
     seam: int  # 1: b is one lap ahead
     restitution: float
     distance: float  # r_a + r_b, m
-    clear_t: float  # no contact before this instant (two doubles)
-    clear_t_low: float
+    begin_t: float  # when the later of the two flights began (two doubles)
+    begin_t_low: float
     touching: int  # in contact at that instant: PARTING, RELEASED or CLOSING, else 0
-    bouncing: int  # 1: both flights began together, in contact and parting
+    searched: float  # no contact for so long from then: the end of a step of the search, s
     held: int  # 1: in lasting contact
     logged: int  # what of it has been logged: 1 closed, 0 open
     change_t: float  # when ``held`` last changed (two doubles)

@@ -7,6 +7,7 @@ smaller than the rounding of the gap makes the time of the next bounce uncertain
 
 from __future__ import annotations
 
+from vibro_cli.mechanics.contact import LEAST_BOUND
 from vibro_cli.mechanics.flow import angular_jerk, tangential_acceleration
 from vibro_cli.mechanics.gap import distance_gap
 from vibro_cli.mechanics.laws import weight_and_response
@@ -141,5 +142,5 @@ def _earliest_contact(world: World, j: int) -> float:
         tangential_acceleration(b, track_b.path_radius, b_s, b_c),
         pair.distance,
     )  # fmt: skip
-    bound = a.acceleration_bound + b.acceleration_bound
+    bound = max(a.acceleration_bound + b.acceleration_bound, LEAST_BOUND)
     return safe_step_second_order(max(gap, 0.0), rate, bound)

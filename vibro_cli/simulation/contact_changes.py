@@ -293,6 +293,10 @@ def close_accumulated(world: World, first: int, count: int, law: int) -> bool:
     """
     pairs = world.settings[0].pairs
     closed = False
+    if count > 1:
+        # A launch across pieces has left the normals of its last node.
+        for step in range(count):
+            set_normals(world, (first + step) % pairs)
     for step in range(count):
         pair = world.pairs[(first + step) % pairs]
         pair.closing = pair.touching

@@ -1,7 +1,7 @@
 """Normal force and friction demand of flights in lasting contact.
 
-The contact forces of a group follow from its motion, body by body from the left: ``f_i c_a =
-f_{i-1} c_b - m g sin(alpha) - M v'``; the trace then carries ``m g cos(alpha) +- m v^2/rho`` less
+The contact forces of a group follow from its motion, body by body from the left (from the right
+if it leans on a wall there, at rest): ``f_i c_a = f_{i-1} c_b - m g sin(alpha) - M v'``; the trace then carries ``m g cos(alpha) +- m v^2/rho`` less
 the contact forces along its normal, and friction is ``(kappa - 1) m |v'|``. On one arc the normal
 force is ``a + b cos f + c sin f`` in the angle of the group's pendulum, so its extremes are exact;
 on a short segment across pieces the ends are taken, on a line it is constant.
@@ -43,8 +43,8 @@ class Harmonic(NamedTuple):
 
 
 def is_pendulum(flight: Flight) -> bool:
-    """Tell whether a flight in contact is on one arc, its forces harmonic in its angle."""
-    return flight.form != POLYNOMIAL and flight.frequency != 0.0
+    """Tell whether a flight in contact swings on one arc, its forces harmonic in its angle."""
+    return flight.form != POLYNOMIAL and flight.frequency != 0.0 and flight.at_rest == 0
 
 
 def groups_of(paths: Paths) -> Iterator[list[int]]:
@@ -66,9 +66,9 @@ def _key(paths: Paths, index: Any, body: int) -> tuple[int, float, float]:
 
 
 def _forces(places: Places, motions: list[_Motion]) -> list[tuple[float, float]]:
-    """Normal force (N) and friction (N) of each body of a group."""
+    """Normal force (N) and friction (N) of each body of a group, from one end of it on."""
     gravity = places.gravity
-    before = 0.0  # force of the contact on the left
+    before = 0.0  # force of the contact with the body before
     result = []
     for i, motion in enumerate(motions):
         mass, kappa = float(places.mass[motion.body]), float(places.kappa[motion.body])
@@ -96,18 +96,22 @@ def forces_at(
     paths: Paths, members: list[int], flights: list[Flight], t: float
 ) -> list[tuple[float, float]]:
     """Normal force (N) and friction (N) of each body of a group a time (s) after its launch."""
-    return _forces(paths.places, _states(paths, members, flights, t))
+    motions = _states(paths, members, flights, t)
+    if flights[0].at_rest == 1 and motions[0].slope[0] > 0.0:
+        # It leans on a wall to the left, whose force is not known: from the free end on.
+        return _forces(paths.places, motions[::-1])[::-1]
+    return _forces(paths.places, motions)
 
 
 def _states(paths: Paths, members: list[int], flights: list[Flight], t: float) -> list[_Motion]:
     motions = []
     for member, flight in zip(members, flights, strict=True):
         s, c, p = flow(flight, t)
-        acceleration = flight.line_acceleration
+        acceleration = flight.line_acceleration if flight.at_rest == 0 else 0.0
         if flight.form == POLYNOMIAL:
             x = t / flight.segment
             acceleration = math.fsum(value * x**k for k, value in enumerate(flight.series))
-        elif is_pendulum(flight) and not flight.at_rest:
+        elif is_pendulum(flight):
             sine, cosine = group_of_body(flight, s, c)
             rho = float(paths.places.path_radius[paths.body[member], paths.piece[member]])
             acceleration = -rho * flight.frequency**2 * (2.0 * sine * cosine)

@@ -143,11 +143,12 @@ def _log_group(world: World, flight: Flight) -> None:
 def _forget(world: World, j: int, flight: Flight) -> None:
     pair = world.pairs[j]
     pair.contact_t = NEVER
+    pair.contact_t_low = 0.0
     pair.apart = 0
     pair.touching = 0
-    pair.bouncing = 0
-    pair.clear_t = flight.t
-    pair.clear_t_low = flight.t_low
+    pair.searched = 0.0
+    pair.begin_t = flight.t
+    pair.begin_t_low = flight.t_low
 
 
 @kernel
@@ -174,7 +175,7 @@ def state_at(world: World, ball: int, t: float, t_low: float) -> tuple[float, fl
     """State ``(S, C, P)`` of a body at an instant of its present flight."""
     flight = world.flights[ball]
     age = time_between(t, t_low, flight.t, flight.t_low)
-    if age == 0.0:
+    if age == 0.0 or flight.at_rest == 1:
         return flight.s, flight.c, flight.p
     s, c, p = flow(flight, age)
     if flight.own_frequency > 0.0 and flight.grouped == 0:

@@ -31,45 +31,35 @@ CAUTION = 1.0e-12
 def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
     """Search all pairs up to an instant; return the pair that meets first, or -1.
 
-    A search cut short by the stop of the run leaves no trace in the pair, so that a run continued
-    from there makes the same steps as one that was never stopped.
+    The steps of a search follow from its two flights alone. It goes on where it was cut short, at
+    the end of a step, so that it finds the same whatever cut it short: another event, or the stop
+    of a run that is continued.
     """
     first = -1
     settings = world.settings[0]
-    # Every pair is searched up to the same instant: the steps depend on no order of the pairs.
     for j in range(settings.pairs):
         pair = world.pairs[j]
         if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
             first = j
             horizon_t = pair.contact_t
             horizon_low = pair.contact_t_low
-    stopping = horizon_t == settings.stop_t
-    # The pair across the seam is its own mirror image: it may be searched last, and less far.
-    for seam in range(settings.closed + 1):
-        for j in range(settings.pairs):
-            pair = world.pairs[j]
-            if pair.seam != seam or pair.contact_t < NEVER or pair.apart == 1 or pair.held == 1:
-                continue
-            ahead = time_between(horizon_t, horizon_low, pair.clear_t, pair.clear_t_low)
-            if ahead > 0.0 or pair.touching == CLOSING:
-                _search_pair(world, j, pair, ahead)
-                if not stopping or pair.contact_t < NEVER:
-                    pair.clear_t = horizon_t
-                    pair.clear_t_low = horizon_low
-                    pair.touching = 0
-        for j in range(settings.pairs):
-            pair = world.pairs[j]
+    for j in range(settings.pairs):
+        pair = world.pairs[j]
+        if pair.contact_t < NEVER or pair.apart == 1 or pair.held == 1:
+            continue
+        ahead = time_between(horizon_t, horizon_low, pair.begin_t, pair.begin_t_low)
+        if ahead > pair.searched or pair.touching == CLOSING:
+            _search_pair(world, j, pair, ahead)
             if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
                 first = j
                 horizon_t = pair.contact_t
                 horizon_low = pair.contact_t_low
-        stopping = stopping and first < 0
     return first
 
 
 @kernel
 def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
-    """Search one pair from its clear instant on; a contact found is kept in the pair."""
+    """Go on with the search of one pair; a contact found is kept in the pair."""
     settings = world.settings[0]
     clock = world.clock[0]
     clock.searches += 1
@@ -84,16 +74,16 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         pair.apart = 1
         return
     if pair.touching == CLOSING:
-        pair.contact_t = pair.clear_t
-        pair.contact_t_low = pair.clear_t_low
-        pair.a_s, pair.a_c, pair.a_p = state_at(world, pair.a, pair.clear_t, pair.clear_t_low)
-        pair.b_s, pair.b_c, pair.b_p = state_at(world, pair.b, pair.clear_t, pair.clear_t_low)
+        pair.contact_t = pair.begin_t
+        pair.contact_t_low = pair.begin_t_low
+        pair.a_s, pair.a_c, pair.a_p = state_at(world, pair.a, pair.begin_t, pair.begin_t_low)
+        pair.b_s, pair.b_c, pair.b_p = state_at(world, pair.b, pair.begin_t, pair.begin_t_low)
         return
-    if pair.touching == PARTING:
-        pair.bouncing = 1
-    limit = _time_to_limit(a, b, pair, settings.stop_t)
-    age_a = time_between(pair.clear_t, pair.clear_t_low, a.t, a.t_low)
-    age_b = time_between(pair.clear_t, pair.clear_t_low, b.t, b.t_low)
+    to_a = time_between(a.exit_t, a.exit_t_low, pair.begin_t, pair.begin_t_low)
+    to_b = time_between(b.exit_t, b.exit_t_low, pair.begin_t, pair.begin_t_low)
+    limit = min(to_a, to_b)
+    age_a = time_between(pair.begin_t, pair.begin_t_low, a.t, a.t_low)
+    age_b = time_between(pair.begin_t, pair.begin_t_low, b.t, b.t_low)
     piece = world.pieces[a.piece]
     track_a = world.tracks[pair.a * settings.pieces + a.piece]
     track_b = world.tracks[pair.b * settings.pieces + b.piece]
@@ -108,7 +98,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         h = contact_on_arc(
             a, b, age_a, age_b, pair.touching, ahead, limit, contact, orientation, pair, clock
         )
-        if h > 0.0 and pair.bouncing == 1:
+        if h > 0.0 and pair.touching == PARTING:
             h = max(sharpened_on_arc(a, b, age_a + h, pair, clock) - age_a, 0.0)
     elif a.piece == b.piece and laps == 0 and a.form == LINE and b.form == LINE:
         contact = world.contacts[j * settings.pieces + a.piece]
@@ -123,13 +113,13 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
             a, b, age_a, age_b, pair.touching, ahead, limit,
             piece, track_a, piece_b, track_b, pair, clock,
         )  # fmt: skip
-        if h > 0.0 and pair.bouncing == 1:
+        if h > 0.0 and pair.touching == PARTING:
             t = sharpened_by_distance(
                 a, b, age_a + h, piece, track_a, piece_b, track_b, pair, clock
             )
             h = max(t - age_a, 0.0)
     if h >= 0.0:
-        pair.contact_t, pair.contact_t_low = add_to_time(pair.clear_t, pair.clear_t_low, h)
+        pair.contact_t, pair.contact_t_low = add_to_time(pair.begin_t, pair.begin_t_low, h)
 
 
 @kernel
@@ -147,15 +137,6 @@ def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
         return False
     reach = root_a * root_b - math.sqrt(a.parameter * b.parameter)
     return reach > CAUTION - contact.cosine
-
-
-@kernel
-def _time_to_limit(a: Flight, b: Flight, pair: PairData, stop_t: float) -> float:
-    """Time from the clear instant to the end of the shorter flight or of the run."""
-    to_a = time_between(a.exit_t, a.exit_t_low, pair.clear_t, pair.clear_t_low)
-    to_b = time_between(b.exit_t, b.exit_t_low, pair.clear_t, pair.clear_t_low)
-    to_stop = time_between(stop_t, 0.0, pair.clear_t, pair.clear_t_low)
-    return min(min(to_a, to_b), to_stop)
 
 
 @kernel

@@ -63,7 +63,7 @@ def group_extremes(
     """
     row = world.log[number]
     recall_flight(world, row, number, scratch)
-    pendulum = scratch.form != POLYNOMIAL and scratch.frequency != 0.0
+    pendulum = scratch.form != POLYNOMIAL and scratch.frequency != 0.0 and row.at_rest == 0
     low = 0.0
     high = 0.0
     if pendulum:
@@ -105,34 +105,51 @@ def _member_force(
     At one of the fitted angles of its pendulum, or (``AT_TIME``) a time (s) after its launch.
     """
     gravity = world.settings[0].gravity
-    count = world.log[number].group_count
-    from_left = 0.0
+    row = world.log[number]
+    before = 0.0
     normal = 0.0
     friction = 0.0
-    left_x = 0.0
-    left_y = 0.0
-    x, y, sine, cosine, bend, acceleration = _motion(world, number, last, 0, angle, t, scratch)
-    for i in range(member + 1):
-        ball = (world.log[number].group_first + i) % world.settings[0].bodies
+    before_x = 0.0
+    before_y = 0.0
+    # At rest on a wall to the left, whose force is not known: from the free end on.
+    place, step = _free_end(world, number, last, scratch)
+    x, y, sine, cosine, bend, acceleration = _motion(world, number, last, place, angle, t, scratch)
+    for i in range(row.group_count):
+        ball = (row.group_first + place) % world.settings[0].bodies
         mass = world.bodies[ball].mass
         kappa = world.bodies[ball].kappa
         normal = mass * (gravity * cosine + bend)
         along = -mass * (gravity * sine + kappa * acceleration)
         friction = (kappa - 1.0) * mass * abs(acceleration)
         if i > 0:
-            nx, ny = _direction(left_x, left_y, x, y)
-            along += from_left * (nx * cosine + ny * sine)
-            normal -= from_left * (ny * cosine - nx * sine)
-        if i == count - 1:
+            nx, ny = _direction(before_x, before_y, x, y)
+            along += before * (nx * cosine + ny * sine)
+            normal -= before * (ny * cosine - nx * sine)
+        following = place + step
+        if following < 0 or following >= row.group_count:
             break
-        right = _motion(world, number, last, i + 1, angle, t, scratch)
-        nx, ny = _direction(x, y, right[0], right[1])
-        from_left = along / (nx * cosine + ny * sine)
-        normal += from_left * (ny * cosine - nx * sine)
-        left_x = x
-        left_y = y
-        x, y, sine, cosine, bend, acceleration = right
+        other = _motion(world, number, last, following, angle, t, scratch)
+        nx, ny = _direction(x, y, other[0], other[1])
+        before = along / (nx * cosine + ny * sine)
+        normal += before * (ny * cosine - nx * sine)
+        if place == member:
+            break
+        before_x = x
+        before_y = y
+        place = following
+        x, y, sine, cosine, bend, acceleration = other
     return normal, friction
+
+
+@kernel
+def _free_end(world: World, number: int, last: int, scratch: Flight) -> tuple[int, int]:
+    """The body of a group from which its forces follow one after another, and the way on."""
+    row = world.log[number]
+    if row.at_rest == 1:
+        sine = _motion(world, number, last, 0, AT_TIME, 0.0, scratch)[2]
+        if sine > 0.0:
+            return row.group_count - 1, -1
+    return 0, 1
 
 
 @kernel
@@ -156,7 +173,7 @@ def _motion(
     rho = track.path_radius
     if angle == AT_TIME:
         s, c, p = flow(scratch, t)
-        acceleration = scratch.line_acceleration
+        acceleration = scratch.line_acceleration if scratch.at_rest == 0 else 0.0
         if scratch.form == POLYNOMIAL:
             acceleration = 0.0
             for k in range(SERIES_LENGTH - 1, -1, -1):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -10,23 +11,29 @@ from vibro_cli.scenario import ScenarioError
 from vibro_cli.stress.finding import Document
 from vibro_cli.stress.scenes import solve
 
-# Seconds of waiting; far more than any of the runs takes, on a busy machine too.
+# Seconds of the processor, however many they are on a busy machine; far more than any run takes.
 PATIENCE = 20.0
 
 
 def _serve(connection: Connection) -> None:
-    """Run documents as they come; answer each with a fault, or nothing; to be refused is none."""
+    """Run documents as they come; answer each with a fault, or nothing; to be refused is none.
+
+    A run that takes too long ends the process by a signal: it may be in machine code.
+    """
     while True:
-        document = connection.recv()
+        document, seconds = connection.recv()
+        signal.setitimer(signal.ITIMER_PROF, seconds)
         try:
             run = solve(document)
             run.sample([run.checkpoint()["end_time"]])
         except ScenarioError:
-            connection.send("")
+            answer = ""
         except Exception as fault:
-            connection.send(repr(fault))
+            answer = repr(fault)
         else:
-            connection.send("")
+            answer = ""
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        connection.send(answer)
 
 
 class _Worker:
@@ -48,16 +55,13 @@ class _Worker:
         if self._process is None:
             self._begin()
         try:
-            self._connection.send(document)
-            if self._connection.poll(seconds):
-                return str(self._connection.recv())
-            answer = f"no end within {seconds:g} s"
+            self._connection.send((document, seconds))
+            return str(self._connection.recv())
         except (EOFError, OSError):
-            answer = "the process ended"
-        self._process.kill()
-        self._process.join()
+            self._process.join()
+        timed_out = self._process.exitcode == -signal.SIGPROF
         self._process = None
-        return answer
+        return f"no end within {seconds:g} s" if timed_out else "the process ended"
 
 
 _worker = _Worker()
