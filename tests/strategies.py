@@ -77,10 +77,16 @@ def scenarios(
     if count > 1:
         document["collision"] = {
             "law": law or draw(st.sampled_from(["normal-impulse", "hedrih", "translational"])),
-            "k": draw(st.floats(0.3, 1.0).map(_short)) if k is None else k,
+            "k": draw(coefficients()) if k is None else k,
             "inadmissible": "normal-impulse",
         }
     return document
+
+
+def coefficients() -> st.SearchStrategy[float]:
+    """Coefficients of restitution: ordinary ones, and those at the ends and hard by them."""
+    ends = st.sampled_from([0.0, 1e-300, 0.05, 1.0 - 2.0**-53, 1.0])
+    return st.one_of(st.floats(0.3, 1.0).map(_short), ends)
 
 
 def _ball(draw: st.DrawFn, trace: dict[str, Any], share: float) -> dict[str, Any]:

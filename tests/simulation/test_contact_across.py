@@ -86,6 +86,8 @@ class Constrained:
 @pytest.mark.parametrize("engine", ["python", "numba"])
 def test_time_over_the_junction_is_that_of_the_quadrature(engine: str) -> None:
     run = simulate(load_scenario(SCENARIO, ["stop.time=60"]), engine)
+    assert run.end_cause == "time"
+    assert run.summary_record()["end_time"] == 60.0
     events = run.events
     closed = float(events["t"][list(events["event"]).index("contact_closed")])
     crossing = (events["event"] == "crossing") & (events["t"] > closed)

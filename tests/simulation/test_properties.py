@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
-from tests.simulation.test_continuing import assert_same
+from tests.simulation.test_continuing import assert_same_results
 from tests.strategies import SETTINGS, mirrored, possible, scenarios
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.simulation.run import Run, simulate_system
@@ -80,12 +80,14 @@ def test_impacts_approach_and_part(document: dict[str, Any]) -> None:
 
 @SETTINGS
 @given(document=scenarios())
-def test_no_gap_is_left_at_an_impact(document: dict[str, Any]) -> None:
+def test_bodies_touch_at_an_impact(document: dict[str, Any]) -> None:
+    """They never go into one another; hit together with neighbours they touch up to rounding."""
     run = run_of(document)
     table = run.collisions
     for row in range(len(table["n"])):
         places = [float(abs(table[f"{axis}_{end}"][row])) for axis in "xy" for end in "ab"]
-        assert abs(table["gap"][row]) <= 8 * math.ulp(max(*places, 1.0))
+        unit = math.ulp(max(*places, 1.0))
+        assert -8 * unit <= table["gap"][row] <= 64 * unit
 
 
 @SETTINGS
@@ -255,4 +257,4 @@ def test_split_run(document: dict[str, Any], share: float) -> None:
         whole.system, document["stop"]["time"], document["stop"]["collisions"], "python",
         checkpoint=json.loads(json.dumps(begun.checkpoint())), history=begun.history(),
     )  # fmt: skip
-    assert_same(whole, rest)
+    assert_same_results(whole, rest)

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from vibro_cli.mechanics.contact import FINAL_CORRECTION, NONE_BEFORE_LIMIT, keep_states
-from vibro_cli.mechanics.flow import angular_acceleration, angular_jerk, flow_of_two, nudge
+from vibro_cli.mechanics.flow import (
+    POLYNOMIAL,
+    angular_acceleration,
+    angular_jerk,
+    flow_of_two,
+    nudge,
+)
 from vibro_cli.mechanics.gap import half_gap_sine
 from vibro_cli.mechanics.records import Clock, Flight, PairData, PairTrack
 from vibro_cli.numerics.engine import kernel
@@ -28,6 +34,10 @@ def refine_on_arc(
     wa = a.own_frequency
     wb = b.own_frequency
     fastest = max(wa, wb)
+    settled = FINAL_CORRECTION
+    if a.form == POLYNOMIAL or b.form == POLYNOMIAL:
+        # Without the acceleration the iteration is of second order only.
+        settled *= FINAL_CORRECTION
     for _ in range(12):
         a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
         clock.evaluations += 1
@@ -42,7 +52,7 @@ def refine_on_arc(
         x3 = 0.5 * third * cosine - 0.75 * rate * second * x - 0.25 * rate * rate * x1
         change = _inverted(x, x1, x2, x3)
         h += change
-        if abs(change) * (abs(x2) - fastest * x1) < -FINAL_CORRECTION * x1:
+        if abs(change) * (abs(x2) - fastest * x1) < -settled * x1:
             a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
             b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
             keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)

@@ -1,10 +1,11 @@
 """Normal force and friction demand of flights in lasting contact.
 
 The contact forces of a group follow from its motion, body by body from the left (from the right
-if it leans on a wall there, at rest): ``f_i c_a = f_{i-1} c_b - m g sin(alpha) - M v'``; the trace then carries ``m g cos(alpha) +- m v^2/rho`` less
-the contact forces along its normal, and friction is ``(kappa - 1) m |v'|``. On one arc the normal
-force is ``a + b cos f + c sin f`` in the angle of the group's pendulum, so its extremes are exact;
-on a short segment across pieces the ends are taken, on a line it is constant.
+if it leans on a wall there, at rest): ``f_i c_a = f_{i-1} c_b - m g sin(alpha) - M v'``; the trace
+then carries ``m g cos(alpha) +- m v^2/rho`` less the contact forces along its normal, and friction
+is ``(kappa - 1) m |v'|``. On one arc the normal force is ``a + b cos f + c sin f`` in the angle of
+the group's pendulum, so its extremes are exact; on a short segment across pieces the ends are
+taken, on a line it is constant.
 """
 
 from __future__ import annotations

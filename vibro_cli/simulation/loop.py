@@ -151,7 +151,8 @@ def _finish(world: World) -> int:
         quiet = quiet and world.flights[ball].exit_t == NEVER
         resting = resting and world.flights[ball].at_rest == 1
     for j in range(settings.pairs):
-        quiet = quiet and (world.pairs[j].apart == 1 or world.pairs[j].held == 1)
+        pair = world.pairs[j]
+        quiet = quiet and (pair.apart == 1 or (pair.held == 1 and pair.release_t == NEVER))
     if quiet:
         clock.quiet_t = clock.t
     if settings.stop_t < NEVER:
