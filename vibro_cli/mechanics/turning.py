@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from vibro_cli.mechanics.trace import Piece
 
 # Roots this close to the unit circle are angles, double ones too.
@@ -103,6 +101,8 @@ def roots(weight: float, tilt: float, spread: float, order: int) -> list[float]:
 
 def zeros(constant: float, first: complex, second: complex) -> list[float]:
     """Angles f in [-pi, pi) at which ``constant + 2 Re(first e^(i f) + second e^(2 i f))`` is 0."""
+    import numpy as np
+
     found = []
     coefficients = [second, first, constant, first.conjugate(), second.conjugate()]
     for z in np.roots(np.trim_zeros(coefficients, trim="f")):
