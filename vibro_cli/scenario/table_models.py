@@ -172,7 +172,7 @@ def _prepared_ball(ball: Any) -> Any:
 def _wall_faults(data: Data) -> Iterator[Fault]:
     wall = section(data, "wall")
     shape = wall.get("shape")
-    if shape not in SHAPE_KEYS:
+    if not isinstance(shape, str) or shape not in SHAPE_KEYS:
         return
     for key in SHAPE_KEYS[shape]:
         if key not in wall:
