@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.body import INERTIA_RATIO, Body
+from vibro_cli.mechanics.body_record import body_record
 from vibro_cli.mechanics.clearance import contact_angle, reach
 from vibro_cli.mechanics.heights import Heights, contains_turn, heights
 from vibro_cli.mechanics.laws import LAW_NAMES
 from vibro_cli.mechanics.placement import wall_position
 from vibro_cli.mechanics.records import (
     NEVER,
-    BodyData,
     Clock,
     Flight,
     PairData,
@@ -81,7 +81,7 @@ def make_world(system: System, stop_time: float | None, stop_collisions: int | N
     world = World(
         settings=[_settings(system, len(pairs), stop_time, stop_collisions)],
         clock=[_clock()],
-        bodies=[_body_data(body, system.gravity) for body in system.bodies],
+        bodies=[body_record(body, system.gravity) for body in system.bodies],
         pieces=[_piece_data(piece) for piece in system.trace.pieces],
         tracks=[
             _track_data(system, piece, body, levels[number][piece.index])
@@ -136,16 +136,6 @@ def _settings(
     settings.stop_t = NEVER if stop_time is None else stop_time
     settings.stop_collisions = 2**62 if stop_collisions is None else stop_collisions
     return settings
-
-
-def _body_data(body: Body, gravity: float) -> BodyData:
-    data = BodyData()
-    data.radius = body.radius
-    data.kappa = body.kappa
-    data.mass = body.mass
-    data.rolling_mass = body.kappa * body.mass
-    data.weight = body.mass * gravity
-    return data
 
 
 def _piece_data(piece: Piece) -> PieceData:

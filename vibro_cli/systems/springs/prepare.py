@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from vibro_cli.mechanics.body_record import body_record
 from vibro_cli.mechanics.laws import LAW_NAMES
-from vibro_cli.systems.bodies import body_record
 from vibro_cli.systems.springs.system import SpringsSystem, touching_distance
 from vibro_cli.systems.springs.world import (
     BODY_ROWS,

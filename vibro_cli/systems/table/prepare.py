@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from vibro_cli.mechanics.body_record import body_record
 from vibro_cli.mechanics.laws import LAW_NAMES
 from vibro_cli.mechanics.records import BodyData
-from vibro_cli.systems.bodies import body_record
 from vibro_cli.systems.table.system import POLYGON as POLYGON_SHAPE
 from vibro_cli.systems.table.system import TableSystem, Wall
 from vibro_cli.systems.table.world import (
