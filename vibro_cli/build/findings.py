@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from vibro_cli.scenario.base import ScenarioTable
 from vibro_cli.scenario.problems import Problem, ScenarioError
 
@@ -9,6 +11,9 @@ from vibro_cli.scenario.problems import Problem, ScenarioError
 SIZES = (1e-30, 1e30)
 # Beyond it the sum of two times, or a time in units of a period, leaves that range.
 LONGEST = 1e300
+
+Given = tuple[str, float | None]
+"""A key of the scenario and its number, None where none is given."""
 
 
 class Findings:
@@ -22,6 +27,25 @@ class Findings:
         """Add what was found at a key, and what was expected there."""
         place = self._scenario.place(path)
         self.problems.append(Problem.at(place, path, found, expected))
+
+    def add_wrong_lengths(self, given: Iterable[Given]) -> None:
+        """Add the lengths (m) that doubles cannot compute with."""
+        low, high = SIZES
+        for path, length in given:
+            if length is not None and not low <= length <= high:
+                self.add(path, repr(length), f"a length from {low} to {high} m")
+
+    def add_wrong_numbers(self, given: Iterable[Given]) -> None:
+        """Add the places, speeds and rates that doubles cannot compute with."""
+        high = SIZES[1]
+        for path, value in given:
+            if value is not None and abs(value) > high:
+                self.add(path, repr(value), f"a number from {-high} to {high}")
+
+    def add_wrong_time(self, stop_time: float | None) -> None:
+        """Add the end of the run (s) if doubles cannot compute with it."""
+        if stop_time is not None and stop_time > LONGEST:
+            self.add("stop.time", repr(stop_time), f"a time up to {LONGEST} s")
 
     def settle(self) -> None:
         """Raise everything found so far, in the order of the file."""

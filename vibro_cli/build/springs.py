@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibro_cli.build.bodies import bodies_of
-from vibro_cli.build.findings import LONGEST, SIZES, Findings
+from vibro_cli.build.findings import Findings, Given
 from vibro_cli.mechanics.body import Body
 from vibro_cli.scenario.springs_models import SpringsScenario
 from vibro_cli.systems.springs.system import (
@@ -42,9 +42,8 @@ def build_springs(scenario: SpringsScenario) -> SpringsSystem:
 
 
 def _check_sizes(scenario: SpringsScenario, findings: Findings) -> None:
-    low, high = SIZES
-    lengths: list[tuple[str, float | None]] = []
-    numbers: list[tuple[str, float | None]] = []
+    lengths: list[Given] = []
+    numbers: list[Given] = []
     for number, ball in enumerate(scenario.balls, 1):
         path = f"balls[{number}]"
         lengths += [(f"{path}.radius", ball.radius or None), (f"{path}.thickness", ball.thickness)]
@@ -55,14 +54,9 @@ def _check_sizes(scenario: SpringsScenario, findings: Findings) -> None:
         if not _STIFFNESSES[0] <= stiffness <= _STIFFNESSES[1]:
             expected = f"a stiffness from {_STIFFNESSES[0]} to {_STIFFNESSES[1]} N/m"
             findings.add(f"{path}.spring.stiffness", repr(stiffness), expected)
-    for path, length in lengths:
-        if length is not None and not low <= length <= high:
-            findings.add(path, repr(length), f"a length from {low} to {high} m")
-    for path, value in numbers:
-        if value is not None and abs(value) > high:
-            findings.add(path, repr(value), f"a number from {-high} to {high}")
-    if scenario.stop.time is not None and scenario.stop.time > LONGEST:
-        findings.add("stop.time", repr(scenario.stop.time), f"a time up to {LONGEST} s")
+    findings.add_wrong_lengths(lengths)
+    findings.add_wrong_numbers(numbers)
+    findings.add_wrong_time(scenario.stop.time)
 
 
 _LENGTHS = ("length", "height")

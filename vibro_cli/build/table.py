@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.build.bodies import bodies_of
-from vibro_cli.build.findings import LONGEST, SIZES, Findings
+from vibro_cli.build.findings import Findings, Given
 from vibro_cli.mechanics.body import Body
 from vibro_cli.scenario.table_models import TableBall, TableScenario
 from vibro_cli.scenario.table_models import Wall as WallTable
@@ -48,9 +48,8 @@ def velocity_of(ball: TableBall) -> Point:
 
 
 def _check_sizes(scenario: TableScenario, findings: Findings) -> None:
-    low, high = SIZES
-    lengths: list[tuple[str, float | None]] = []
-    numbers: list[tuple[str, float | None]] = []
+    lengths: list[Given] = []
+    numbers: list[Given] = []
     if scenario.wall is not None:
         keys = ("semi_axis_x", "semi_axis_y", "radius", "width", "depth")
         lengths += [(f"wall.{key}", getattr(scenario.wall, key)) for key in keys]
@@ -62,14 +61,9 @@ def _check_sizes(scenario: TableScenario, findings: Findings) -> None:
         lengths += [(f"{path}.radius", ball.radius or None), (f"{path}.thickness", ball.thickness)]
         keys = ("x", "y", "speed", "velocity_x", "velocity_y")
         numbers += [(f"{path}.{key}", getattr(ball, key)) for key in keys]
-    for path, length in lengths:
-        if length is not None and not low <= length <= high:
-            findings.add(path, repr(length), f"a length from {low} to {high} m")
-    for path, value in numbers:
-        if value is not None and abs(value) > high:
-            findings.add(path, repr(value), f"a number from {-high} to {high}")
-    if scenario.stop.time is not None and scenario.stop.time > LONGEST:
-        findings.add("stop.time", repr(scenario.stop.time), f"a time up to {LONGEST} s")
+    findings.add_wrong_lengths(lengths)
+    findings.add_wrong_numbers(numbers)
+    findings.add_wrong_time(scenario.stop.time)
 
 
 def _wall(table: WallTable | None, findings: Findings) -> Wall | None:

@@ -6,7 +6,7 @@ import math
 from itertools import combinations
 
 from vibro_cli.build.bodies import bodies_of
-from vibro_cli.build.findings import LONGEST, SIZES, Findings
+from vibro_cli.build.findings import Findings, Given
 from vibro_cli.mechanics import clearance, placement
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.system import InitialState, System, Wall
@@ -74,9 +74,9 @@ def _trace(scenario: Scenario, findings: Findings) -> Trace:
 
 def _check_sizes(scenario: Scenario, findings: Findings) -> None:
     """Check that sizes, slopes, speeds and times are such that doubles can compute with them."""
-    sizes: list[tuple[str, float | None]] = []
-    slopes: list[tuple[str, float | None]] = [("trace.start_slope", scenario.trace.start_slope)]
-    speeds: list[tuple[str, float | None]] = []
+    sizes: list[Given] = []
+    slopes: list[Given] = [("trace.start_slope", scenario.trace.start_slope)]
+    speeds: list[Given] = []
     for number, arc in enumerate(scenario.trace.arcs, 1):
         path = f"trace.arcs[{number}]"
         sizes += [(f"{path}.radius", arc.radius), (f"{path}.length", arc.length)]
@@ -89,18 +89,12 @@ def _check_sizes(scenario: Scenario, findings: Findings) -> None:
     if not low <= scenario.gravity <= high:
         expected = f"an acceleration from {low} to {high} m/s^2"
         findings.add("gravity", repr(scenario.gravity), expected)
-    if scenario.stop.time is not None and scenario.stop.time > LONGEST:
-        findings.add("stop.time", repr(scenario.stop.time), f"a time up to {LONGEST} s")
-    low, high = SIZES
-    for path, size in sizes:
-        if size is not None and not low <= size <= high:
-            findings.add(path, repr(size), f"a length from {low} to {high} m")
+    findings.add_wrong_time(scenario.stop.time)
+    findings.add_wrong_lengths(sizes)
     for path, slope in slopes:
         if slope is not None and abs(slope) > _MOST_SLOPE:
             findings.add(path, repr(slope), f"a slope from {-_MOST_SLOPE} to {_MOST_SLOPE} rad")
-    for path, speed in speeds:
-        if speed is not None and abs(speed) > high:
-            findings.add(path, repr(speed), f"a number from {-high} to {high}")
+    findings.add_wrong_numbers(speeds)
 
 
 def _turning(scenario: Scenario, trace: Trace, findings: Findings) -> Turning | None:
