@@ -68,6 +68,11 @@ class Driver:
         clock: Any = self.world.clock[0]
         return float(clock[name] if self.engine == "numba" else getattr(clock, name))
 
+    def clock(self) -> dict[str, float]:
+        """Return all fields of the run's clock."""
+        names = self._library.records["clock"].fields  # type: ignore[attr-defined]
+        return {name: self.value(name) for name in names}
+
     def state(self, name: str, fields: tuple[str, ...]) -> list[tuple[float, ...]]:
         """Return fields of all records of one kind, as they are now."""
         rows = getattr(self.world, name)

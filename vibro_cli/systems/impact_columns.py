@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
+Table = dict[str, Any]
+"""Columns by their names."""
 
-def when_columns(rows: Any) -> dict[str, Any]:
+
+def when_columns(rows: Any) -> Table:
     """Return number and time of each row, and the time since the row before."""
     count = len(rows)
     between = np.full(count, np.nan)
@@ -21,13 +24,13 @@ def when_columns(rows: Any) -> dict[str, Any]:
     }
 
 
-def impact_flags(rows: Any) -> dict[str, Any]:
+def impact_flags(rows: Any) -> Table:
     """Return the truth values that the rows hold as numbers."""
     flags = ("admissible", "substituted", "simultaneous", "grazing")
     return {flag: rows[flag] == 1 for flag in flags}
 
 
-def summary_columns(totals: list[tuple[str, Any]]) -> dict[str, Any]:
+def summary_columns(totals: list[tuple[str, Any]]) -> Table:
     """Return a summary as columns of one row."""
     return {
         name: np.array([value], dtype=object if value is None or isinstance(value, str) else None)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
-
-import numpy as np
 
 from vibro_cli.simulation.drive import TooQuiet
-from vibro_cli.systems import impact_columns as columns
 from vibro_cli.systems.driving import Driver, Library
+from vibro_cli.systems.impact_columns import Table
+from vibro_cli.systems.run import SystemRun
 from vibro_cli.systems.springs.loop import MOST_STEPS, advance
 from vibro_cli.systems.springs.motion import Motion
 from vibro_cli.systems.springs.prepare import make_world
 from vibro_cli.systems.springs.system import SpringsSystem
-from vibro_cli.systems.springs.tables import Table, collision_table, event_table
+from vibro_cli.systems.springs.tables import collision_table, event_table
 from vibro_cli.systems.springs.world import END_NAMES, END_QUIET, LOG_FULL, LOGS, RECORDS
 from vibro_cli.systems.wanted import Wanted
 
@@ -23,23 +21,21 @@ LIBRARY = Library(advance, RECORDS, LOGS, LOG_FULL)
 
 
 @dataclass(frozen=True)
-class SpringsRun:
-    """The result of :func:`simulate_springs`; every table is computed when first asked for."""
+class SpringsRun(SystemRun[SpringsSystem]):
+    """The result of :func:`simulate_springs`."""
 
-    system: SpringsSystem
-    engine: str
-    end_cause: str
-    end_time: float
-    wanted: Wanted
-    skipped: tuple[str, ...]
-    contacts: int
-    energy_correction: float
-    _logs: dict[str, Any] = field(repr=False)
+    IMPACT_LOG = "impacts"
+    FINAL_COLUMNS = ("x", "displacement", "speed")
+
+    @property
+    def contacts(self) -> int:
+        """How many lasting contacts began."""
+        return int(self._clock["contacts"])
 
     @cached_property
     def collisions(self) -> Table:
         """Columns of ``collisions.parquet``, a row for each impact."""
-        return collision_table(self.system, self._logs["impacts"])
+        return collision_table(self.system, self._logs[self.IMPACT_LOG])
 
     @cached_property
     def events(self) -> Table:
@@ -51,49 +47,14 @@ class SpringsRun:
         """The motion between the events."""
         return Motion(self.system, self._logs["states"])
 
-    @cached_property
-    def motion(self) -> Table | None:
-        """Columns of ``motion.parquet``, or None if no sampled motion is asked for."""
-        instants = self.wanted.instants(self.end_time)
-        return None if instants is None else self.sample(instants)
+    @property
+    def _counts(self) -> list[tuple[str, int]]:
+        return [("contacts", self.contacts)]
 
-    def sample(self, times: Any, side: str = "after") -> Table:
-        """Return the motion at given times (s); `side` of an event at such an instant."""
-        return self.paths.sample(times, side)
-
-    @cached_property
-    def _totals(self) -> list[tuple[str, Any]]:
-        impacts = self._logs["impacts"]
-        final = self.sample([self.end_time])
-        start = float(np.sum(self.sample([0.0], "before")["energy"]))
-        kept = all(k == 1.0 for k in self.system.restitution) and self.contacts == 0
-        if self.system.law == "translational":
-            kept = kept and len({body.kappa for body in self.system.bodies}) == 1
-        end = float(np.sum(final["energy"]))
-        totals: list[tuple[str, Any]] = [
-            ("status", "ok"),
-            ("reason", None),
-            ("end_cause", self.end_cause),
-            ("end_time", self.end_time),
-            ("collisions", len(impacts)),
-            ("contacts", self.contacts),
-            *columns.impact_totals(impacts),
-            *columns.energy_totals(start, end, kept, self.energy_correction),
-            ("max_gap", columns.largest_gap(impacts)),
-        ]
-        for row in range(len(self.system.bodies)):
-            for name in ("x", "displacement", "speed"):
-                totals.append((f"{name}_{row + 1}", float(final[name][row])))
-        return totals
-
-    @cached_property
-    def summary(self) -> Table:
-        """Columns of ``summary.parquet``, one row."""
-        return columns.summary_columns(self._totals)
-
-    def summary_record(self) -> dict[str, Any]:
-        """Return the summary as plain values, None for null."""
-        return columns.summary_values(self._totals)
+    @property
+    def _keeps_energy(self) -> bool:
+        elastic = all(k == 1.0 for k in self.system.restitution)
+        return elastic and self.contacts == 0 and self.system.law_keeps_energy
 
 
 def simulate_springs(
@@ -131,15 +92,4 @@ def simulate_springs(
             f"no impact in the last {MOST_STEPS:,} steps, until t = {end:.6g} s; expected a "
             "stop.time not far beyond the last impact"
         )
-    wanted = wanted or Wanted()
-    return SpringsRun(
-        system=system,
-        engine=driver.engine,
-        end_cause=END_NAMES[cause],
-        end_time=end,
-        wanted=wanted,
-        skipped=wanted.skipped(),
-        contacts=int(driver.value("contacts")),
-        energy_correction=driver.value("energy_correction"),
-        _logs={name: log.table() for name, log in driver.logs.items()},
-    )
+    return SpringsRun.of(system, driver, END_NAMES[cause], end, wanted)

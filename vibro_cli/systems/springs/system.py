@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from vibro_cli.mechanics.body import Body
+from vibro_cli.systems.system import ImpactSystem
 
 
 @dataclass(frozen=True)
@@ -35,18 +36,13 @@ class InitialState:
 
 
 @dataclass(frozen=True)
-class SpringsSystem:
+class SpringsSystem(ImpactSystem):
     """Bodies from left to right and everything their motion depends on."""
 
-    bodies: tuple[Body, ...]
     springs: tuple[Spring, ...]
     initial: tuple[InitialState, ...]
     restitution: tuple[float, ...]
     """k of each pair of neighbours."""
-    law: str
-    """`hedrih`, `normal-impulse` or `translational`."""
-    inadmissible: str
-    """What follows an inadmissible impact: `stop` or `normal-impulse`."""
 
     def frequency(self, index: int) -> float:
         """Return ω₀ = √(c r²/J_P) = √(c/(κ m)) of a body (from 0), 1/s (C (4))."""

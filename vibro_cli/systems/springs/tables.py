@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.mechanics.laws import LAW_NAMES
-from vibro_cli.systems.impact_columns import impact_flags, when_columns
+from vibro_cli.systems.impact_columns import Table, impact_flags, when_columns
 from vibro_cli.systems.springs.system import SpringsSystem
 from vibro_cli.systems.springs.world import CONTACT_CLOSED, CONTACT_OPENED
-
-Table = dict[str, Any]
 
 
 def collision_table(system: SpringsSystem, rows: Any) -> Table:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vibro_cli.mechanics.body import Body
+from vibro_cli.systems.system import ImpactSystem
 
 ELLIPSE = "ellipse"
 CIRCLE = "circle"
@@ -40,15 +40,10 @@ class InitialState:
 
 
 @dataclass(frozen=True)
-class TableSystem:
+class TableSystem(ImpactSystem):
     """Balls on a plane and everything their motion depends on."""
 
-    bodies: tuple[Body, ...]
     initial: tuple[InitialState, ...]
     wall: Wall | None
     restitution: float
     """k of every pair."""
-    law: str
-    """`hedrih`, `normal-impulse` or `translational`."""
-    inadmissible: str
-    """What follows an inadmissible impact: `stop` or `normal-impulse`."""

@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.mechanics.laws import LAW_NAMES
-from vibro_cli.systems.impact_columns import impact_flags, when_columns
+from vibro_cli.systems.impact_columns import Table, impact_flags, when_columns
 from vibro_cli.systems.table.system import POLYGON, TableSystem
-
-Table = dict[str, Any]
 
 
 def collision_table(system: TableSystem, rows: Any) -> Table:

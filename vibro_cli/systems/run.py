@@ -1,0 +1,129 @@
+"""What a finished run of every system besides the trace offers, each table when first asked for."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
+
+import numpy as np
+
+from vibro_cli.systems import impact_columns as columns
+from vibro_cli.systems.driving import Driver
+from vibro_cli.systems.impact_columns import Table
+from vibro_cli.systems.system import ImpactSystem
+from vibro_cli.systems.wanted import Wanted
+
+SomeSystem = TypeVar("SomeSystem", bound=ImpactSystem)
+
+
+class Paths(Protocol):
+    """The motion of all bodies between their events."""
+
+    def sample(self, times: Any, side: str = "after") -> Table:
+        """Return the columns of the motion table: for each time (s) a row for each body."""
+
+
+@dataclass(frozen=True)
+class SystemRun(ABC, Generic[SomeSystem]):
+    """The result of a run; every table is computed when first asked for."""
+
+    IMPACT_LOG: ClassVar[str]
+    """The log of the impacts of two bodies."""
+    FINAL_COLUMNS: ClassVar[tuple[str, ...]]
+    """Columns of the motion table of which the summary has the last value of each body."""
+
+    system: SomeSystem
+    engine: str
+    end_cause: str
+    end_time: float
+    wanted: Wanted
+    _clock: dict[str, float] = field(repr=False)
+    _logs: dict[str, Any] = field(repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        system: SomeSystem,
+        driver: Driver,
+        end_cause: str,
+        end_time: float,
+        wanted: Wanted | None,
+    ) -> Self:
+        """Return the run that a driver has brought to its end, at a time in s."""
+        return cls(
+            system=system,
+            engine=driver.engine,
+            end_cause=end_cause,
+            end_time=end_time,
+            wanted=wanted or Wanted(),
+            _clock=driver.clock(),
+            _logs={name: log.table() for name, log in driver.logs.items()},
+        )
+
+    @property
+    def skipped(self) -> tuple[str, ...]:
+        """What is not computed, and why."""
+        return self.wanted.skipped()
+
+    @property
+    def energy_correction(self) -> float:
+        """Sum of the corrections that keep the energy, absolute, J."""
+        return self._clock["energy_correction"]
+
+    @property
+    @abstractmethod
+    def paths(self) -> Paths:
+        """The motion between the events."""
+
+    @property
+    @abstractmethod
+    def _counts(self) -> list[tuple[str, int]]:
+        """What the summary counts beside the impacts of two bodies."""
+
+    @property
+    @abstractmethod
+    def _keeps_energy(self) -> bool:
+        """Whether nothing in the run takes energy."""
+
+    @cached_property
+    def motion(self) -> Table | None:
+        """Columns of ``motion.parquet``, or None if no sampled motion is asked for."""
+        instants = self.wanted.instants(self.end_time)
+        return None if instants is None else self.sample(instants)
+
+    def sample(self, times: Any, side: str = "after") -> Table:
+        """Return the motion at given times (s); `side` of an event at such an instant."""
+        return self.paths.sample(times, side)
+
+    @cached_property
+    def summary(self) -> Table:
+        """Columns of ``summary.parquet``, one row."""
+        return columns.summary_columns(self._totals)
+
+    def summary_record(self) -> dict[str, Any]:
+        """Return the summary as plain values, None for null."""
+        return columns.summary_values(self._totals)
+
+    @cached_property
+    def _totals(self) -> list[tuple[str, Any]]:
+        impacts = self._logs[self.IMPACT_LOG]
+        first, last = self.sample([0.0], "before"), self.sample([self.end_time])
+        start, end = (float(np.sum(motion["energy"])) for motion in (first, last))
+        return [
+            ("status", "ok"),
+            ("reason", None),
+            ("end_cause", self.end_cause),
+            ("end_time", self.end_time),
+            ("collisions", len(impacts)),
+            *self._counts,
+            *columns.impact_totals(impacts),
+            *columns.energy_totals(start, end, self._keeps_energy, self.energy_correction),
+            ("max_gap", columns.largest_gap(impacts)),
+            *(
+                (f"{name}_{row + 1}", float(last[name][row]))
+                for row in range(len(self.system.bodies))
+                for name in self.FINAL_COLUMNS
+            ),
+        ]

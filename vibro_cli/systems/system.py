@@ -1,0 +1,23 @@
+"""What is solved in every system besides the trace: bodies, and how they collide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vibro_cli.mechanics.body import Body
+
+
+@dataclass(frozen=True)
+class ImpactSystem:
+    """Bodies and the law of their impacts."""
+
+    bodies: tuple[Body, ...]
+    law: str
+    """`hedrih`, `normal-impulse` or `translational`."""
+    inadmissible: str
+    """What follows an inadmissible impact: `stop` or `normal-impulse`."""
+
+    @property
+    def law_keeps_energy(self) -> bool:
+        """Whether impacts with k = 1 take no energy: the translational law needs equal κ."""
+        return self.law != "translational" or len({body.kappa for body in self.bodies}) == 1
