@@ -1,8 +1,9 @@
 """Signals as a terminal leaves them, whoever started the tests (nohup, a shell's background)."""
 
 import signal
+from typing import Any
 
-_ACTIONS = {
+_ACTIONS: dict[signal.Signals, Any] = {
     signal.SIGINT: signal.default_int_handler,
     signal.SIGHUP: signal.SIG_DFL,
     signal.SIGQUIT: signal.SIG_DFL,
