@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
     BaseModel,
@@ -43,6 +43,9 @@ class ScenarioTable(Table):
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Keys of one table of which at most one may be given."""
 
+    name: Annotated[str, kinds.NAME] = "scenario"
+    """Name of the scenario and of its folder of results; the file's stem if not given."""
+
     _source: Source = PrivateAttr(default_factory=Source)
 
     @model_validator(mode="wrap")
@@ -52,12 +55,13 @@ class ScenarioTable(Table):
         if isinstance(data, cls):
             return handler(data)
         data = plain(data)
-        faults = cls.between_fields(data)
+        rules_apply = isinstance(data, dict)
+        faults = cls.between_fields(data) if rules_apply else []
         own: list[InitErrorDetails] = [
             {"type": kinds.fault(f.found, f.expected), "loc": f.loc, "input": None} for f in faults
         ]
         try:
-            model = handler(cls.prepared(data))
+            model = handler(cls.prepared(data) if rules_apply else data)
         except ValidationError as error:
             raise ValidationError.from_exception_data(
                 cls.__name__, [*_details(error), *own]
@@ -78,12 +82,12 @@ class ScenarioTable(Table):
         return self._source.place(key_path)
 
     @classmethod
-    def between_fields(cls, data: Any) -> list[Fault]:
+    def between_fields(cls, data: dict[str, Any]) -> list[Fault]:
         """Return every broken rule between fields."""
         raise NotImplementedError
 
     @classmethod
-    def prepared(cls, data: Any) -> Any:
+    def prepared(cls, data: dict[str, Any]) -> dict[str, Any]:
         """Return the data with the defaults that depend on other fields filled in."""
         raise NotImplementedError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibro_cli.scenario.rules import ALTERNATIVES
+from vibro_cli.scenario.rules import AXIS, KIND, MASS, MOTION, SAMPLES, START
 from vibro_cli.scenario.systems import model_named
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -24,11 +24,9 @@ def _shape(words: list[str], needed: list[str], unfit: list[str]) -> dict[str, A
     return {"if": {"properties": {"shape": {"enum": words}}}, "then": then}
 
 
-_MASS, _START, _MOTION, _KIND, _AXIS, _SAMPLES = ALTERNATIVES
-
 _BODY = [
-    _exactly_one(*_MASS),
-    _at_most_one(*_KIND),
+    _exactly_one(*MASS),
+    _at_most_one(*KIND),
     _at_most_one("inertia_ratio", "density"),
 ]
 _RULES: dict[str, list[dict[str, Any]]] = {
@@ -38,13 +36,13 @@ _RULES: dict[str, list[dict[str, Any]]] = {
     ],
     "Ball": [
         *_BODY,
-        _exactly_one(*_START),
-        _at_most_one(*_MOTION),
+        _exactly_one(*START),
+        _at_most_one(*MOTION),
     ],
-    "Turning": [_exactly_one(*_AXIS)],
+    "Turning": [_exactly_one(*AXIS)],
     "Stop": [{"anyOf": [{"required": ["time"]}, {"required": ["collisions"]}]}],
-    "Output": [_at_most_one(*_SAMPLES)],
-    "Sampling": [_at_most_one(*_SAMPLES)],
+    "Output": [_at_most_one(*SAMPLES)],
+    "Sampling": [_at_most_one(*SAMPLES)],
     "TableBall": _BODY,
     "TableStop": [
         {"anyOf": [{"required": [key]} for key in ("time", "collisions", "bounces")]},

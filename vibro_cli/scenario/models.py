@@ -173,8 +173,6 @@ class Scenario(ScenarioTable):
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ALTERNATIVES
 
-    name: Annotated[str, kinds.NAME] = "scenario"
-    """Name of the scenario and of its folder of results; the file's stem if not given."""
     system: Annotated[Literal["trace"], kinds.Word(SYSTEMS)] = Field("trace", exclude=True)
     """What is solved: bodies on a trace, or another system, whose scenarios have other keys."""
     gravity: Annotated[float, kinds.GRAVITY]
@@ -193,11 +191,11 @@ class Scenario(ScenarioTable):
     """Sampled motion and further events, if wanted."""
 
     @classmethod
-    def between_fields(cls, data: Any) -> list[Fault]:
+    def between_fields(cls, data: dict[str, Any]) -> list[Fault]:
         """Return every broken rule between fields."""
         return all_faults(data)
 
     @classmethod
-    def prepared(cls, data: Any) -> Any:
+    def prepared(cls, data: dict[str, Any]) -> dict[str, Any]:
         """Return the data with the defaults that depend on other fields filled in."""
         return prepared(data)

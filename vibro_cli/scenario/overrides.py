@@ -115,7 +115,7 @@ def apply(
 def _spread_restitution(data: dict[str, Any], root: type[ScenarioTable]) -> None:
     """Write one k for all pairs as a list, so that the k of one pair can be changed."""
     spread = root.prepared(data)
-    if isinstance(spread, dict) and "collision" in spread:
+    if "collision" in spread:
         data["collision"] = spread["collision"]
 
 

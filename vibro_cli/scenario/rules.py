@@ -8,7 +8,7 @@ field reports it. Paths count from 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,15 +18,15 @@ from vibro_cli.scenario.problems import Fault, listing, shown
 Data = Mapping[str, Any]
 _NEEDS_THICKNESS = ("disk", "hollow_ball", "hoop")
 
-ALTERNATIVES: tuple[tuple[str, ...], ...] = (
-    ("density", "mass"),
-    ("angle", "position", "touching"),
-    ("rate", "omega", "speed"),
-    ("body", "inertia_ratio"),
-    ("through_arc", "x"),
-    ("step", "times"),
-)
-"""Keys of one table of which at most one may be given."""
+# Keys of one table of which at most one may be given.
+MASS = ("density", "mass")
+KIND = ("body", "inertia_ratio")
+START = ("angle", "position", "touching")
+MOTION = ("rate", "omega", "speed")
+AXIS = ("through_arc", "x")
+SAMPLES = ("step", "times")
+ALTERNATIVES: tuple[tuple[str, ...], ...] = (MASS, START, MOTION, KIND, AXIS, SAMPLES)
+"""All of these that the scenario of a trace has."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,8 @@ class Piece:
         return self.start_slope, self.end_slope
 
 
-def all_faults(data: object) -> list[Fault]:
+def all_faults(data: Data) -> list[Fault]:
     """Return every broken rule between fields."""
-    if not isinstance(data, Mapping):
-        return []
     return [
         *_trace_faults(data),
         *_turning_faults(data),
@@ -62,16 +60,32 @@ def all_faults(data: object) -> list[Fault]:
     ]
 
 
-def prepared(data: object) -> object:
+def prepared(data: Data) -> dict[str, Any]:
     """Return the data with the defaults that depend on other fields filled in."""
-    if not isinstance(data, Mapping):
-        return data
-    filled = spread_restitution(data)
+    pieces = _pieces(data)
+
+    def default_motion(ball: Data) -> dict[str, float]:
+        if set(MOTION) & set(ball):
+            return {}
+        piece = _piece_of(ball, pieces)
+        return {"speed" if piece is not None and piece.shape == "line" else "rate": 0.0}
+
+    return with_bodies(spread_restitution(data), default_motion)
+
+
+def with_bodies(data: Data, default_motion: Callable[[Data], dict[str, float]]) -> dict[str, Any]:
+    """Return the data with the kind and the motion of every body that has none given."""
     balls = data.get("balls")
-    if isinstance(balls, list):
-        pieces = _pieces(data)
-        filled["balls"] = [_prepared_ball(ball, pieces) for ball in balls]
-    return filled
+    if not isinstance(balls, list):
+        return dict(data)
+    return {**data, "balls": [_with_defaults(ball, default_motion) for ball in balls]}
+
+
+def _with_defaults(ball: object, default_motion: Callable[[Data], dict[str, float]]) -> object:
+    if not isinstance(ball, Mapping):
+        return ball
+    kind = {} if set(KIND) & set(ball) else {"body": "ball"}
+    return {**ball, **kind, **default_motion(ball)}
 
 
 def spread_restitution(data: Data) -> dict[str, Any]:
@@ -92,18 +106,6 @@ def pair_count(data: Data) -> int | None:
     if not isinstance(balls, list):
         return None
     return len(balls) if closed and len(balls) > 2 else max(len(balls) - 1, 0)
-
-
-def _prepared_ball(ball: object, pieces: list[Piece]) -> object:
-    if not isinstance(ball, Mapping):
-        return ball
-    filled = dict(ball)
-    if "inertia_ratio" not in ball:
-        filled.setdefault("body", "ball")
-    if not {"rate", "omega", "speed"} & set(ball):
-        piece = _piece_of(ball, pieces)
-        filled["speed" if piece is not None and piece.shape == "line" else "rate"] = 0.0
-    return filled
 
 
 def section(data: Data, key: str) -> Data:
@@ -200,7 +202,7 @@ def _turning_faults(data: Data) -> Iterator[Fault]:
     if not isinstance(turning, Mapping):
         return
     loc = ("trace", "turning")
-    yield from one_of(turning, ("through_arc", "x"), loc, needed=True)
+    yield from one_of(turning, AXIS, loc, needed=True)
     index, pieces = kinds.COUNT.read_or_none(turning.get("through_arc")), _pieces(data)
     if index is None or not pieces:
         return
@@ -214,9 +216,9 @@ def _ball_faults(data: Data) -> Iterator[Fault]:
     balls, pieces = rows(data, "balls"), _pieces(data)
     for index, ball in balls:
         loc = ("balls", index)
-        yield from one_of(ball, ("density", "mass"), loc, needed=True)
-        yield from one_of(ball, ("angle", "position", "touching"), loc, needed=True)
-        yield from one_of(ball, ("rate", "omega", "speed"), loc, needed=False)
+        yield from one_of(ball, MASS, loc, needed=True)
+        yield from one_of(ball, START, loc, needed=True)
+        yield from one_of(ball, MOTION, loc, needed=False)
         yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
         if index == 0 and "touching" in ball:
             yield Fault(
@@ -231,7 +233,7 @@ def _ball_faults(data: Data) -> Iterator[Fault]:
 def body_faults(ball: Data, loc: tuple[str | int, ...], lone: bool) -> Iterator[Fault]:
     """Check what a body is: its mass, its thickness where needed, and a radius of 0."""
     if "inertia_ratio" in ball:
-        yield from one_of(ball, ("body", "inertia_ratio"), loc, needed=False)
+        yield from one_of(ball, KIND, loc, needed=False)
         if "density" in ball and "mass" not in ball:
             expected = "mass: the inertia_ratio tells no volume"
             yield Fault((*loc, "density"), "density with inertia_ratio", expected, on_key=True)
@@ -332,7 +334,7 @@ def _end_faults(data: Data) -> Iterator[Fault]:
 def output_faults(data: Data) -> Iterator[Fault]:
     """Check that the sampled motion has a step or ascending times."""
     output = section(data, "output")
-    yield from one_of(output, ("step", "times"), ("output",), needed=False)
+    yield from one_of(output, SAMPLES, ("output",), needed=False)
     times = output.get("times")
     if not isinstance(times, list):
         return

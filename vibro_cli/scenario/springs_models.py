@@ -16,6 +16,9 @@ from vibro_cli.scenario.models import Collision, Stop
 from vibro_cli.scenario.parts import BodyTable, Sampling
 from vibro_cli.scenario.problems import Fault, shown
 from vibro_cli.scenario.rules import (
+    KIND,
+    MASS,
+    SAMPLES,
     Data,
     body_faults,
     collision_faults,
@@ -24,6 +27,7 @@ from vibro_cli.scenario.rules import (
     rows,
     spread_restitution,
     stop_faults,
+    with_bodies,
 )
 
 
@@ -61,15 +65,13 @@ class SpringsScenario(ScenarioTable):
     """Bodies rolling on a straight line, each held by a spring, that collide as neighbours."""
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (
-        ("density", "mass"),
-        ("body", "inertia_ratio"),
+        MASS,
+        KIND,
         ("position", "touching"),
         ("speed", "omega"),
-        ("step", "times"),
+        SAMPLES,
     )
 
-    name: Annotated[str, kinds.NAME] = "scenario"
-    """Name of the scenario and of its folder of results; the file's stem if not given."""
     system: Annotated[Literal["springs"], kinds.Word(("springs",))]
     """What is solved: bodies on a line, each with its spring."""
     balls: Annotated[tuple[SpringBall, ...], BeforeValidator(as_tuple), Field(min_length=1)]
@@ -82,10 +84,8 @@ class SpringsScenario(ScenarioTable):
     """Sampled motion, if wanted."""
 
     @classmethod
-    def between_fields(cls, data: Any) -> list[Fault]:
+    def between_fields(cls, data: dict[str, Any]) -> list[Fault]:
         """Return every broken rule between fields."""
-        if not isinstance(data, dict):
-            return []
         return [
             *_ball_faults(data),
             *collision_faults(data),
@@ -94,31 +94,19 @@ class SpringsScenario(ScenarioTable):
         ]
 
     @classmethod
-    def prepared(cls, data: Any) -> Any:
+    def prepared(cls, data: dict[str, Any]) -> dict[str, Any]:
         """Return the data with the defaults that depend on other fields filled in."""
-        if not isinstance(data, dict):
-            return data
-        filled = spread_restitution(data)
-        if isinstance(data.get("balls"), list):
-            filled["balls"] = [_prepared_ball(ball) for ball in data["balls"]]
-        return filled
+        return with_bodies(spread_restitution(data), _default_motion)
 
 
-def _prepared_ball(ball: Any) -> Any:
-    if not isinstance(ball, dict):
-        return ball
-    filled = dict(ball)
-    if "inertia_ratio" not in ball:
-        filled.setdefault("body", "ball")
-    if "omega" not in ball:
-        filled.setdefault("speed", 0.0)
-    return filled
+def _default_motion(ball: Data) -> dict[str, float]:
+    return {} if "omega" in ball or "speed" in ball else {"speed": 0.0}
 
 
 def _ball_faults(data: Data) -> Iterator[Fault]:
     for index, ball in rows(data, "balls"):
         loc = ("balls", index)
-        yield from one_of(ball, ("density", "mass"), loc, needed=True)
+        yield from one_of(ball, MASS, loc, needed=True)
         yield from one_of(ball, ("position", "touching"), loc, needed=True)
         yield from one_of(ball, ("speed", "omega"), loc, needed=False)
         yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)

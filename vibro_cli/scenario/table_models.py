@@ -16,12 +16,16 @@ from vibro_cli.scenario.models import Inadmissible, Law, Stop
 from vibro_cli.scenario.parts import BodyTable, Sampling
 from vibro_cli.scenario.problems import Fault, listing, shown
 from vibro_cli.scenario.rules import (
+    KIND,
+    MASS,
+    SAMPLES,
     Data,
     body_faults,
     one_of,
     output_faults,
     rows,
     section,
+    with_bodies,
 )
 
 WallShape = Literal["ellipse", "circle", "rectangle", "polygon"]
@@ -112,17 +116,15 @@ class TableScenario(ScenarioTable):
     """Balls that roll on a horizontal plane: they collide with one another and with a wall."""
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (
-        ("density", "mass"),
-        ("body", "inertia_ratio"),
+        MASS,
+        KIND,
         ("speed", "velocity_x"),
         ("speed", "velocity_y"),
         ("direction", "velocity_x"),
         ("direction", "velocity_y"),
-        ("step", "times"),
+        SAMPLES,
     )
 
-    name: Annotated[str, kinds.NAME] = "scenario"
-    """Name of the scenario and of its folder of results; the file's stem if not given."""
     system: Annotated[Literal["table"], kinds.Word(("table",))]
     """What is solved: balls on a horizontal plane."""
     wall: Wall | None = None
@@ -137,10 +139,8 @@ class TableScenario(ScenarioTable):
     """Sampled motion, if wanted."""
 
     @classmethod
-    def between_fields(cls, data: Any) -> list[Fault]:
+    def between_fields(cls, data: dict[str, Any]) -> list[Fault]:
         """Return every broken rule between fields."""
-        if not isinstance(data, dict):
-            return []
         return [
             *_wall_faults(data),
             *_ball_faults(data),
@@ -150,23 +150,14 @@ class TableScenario(ScenarioTable):
         ]
 
     @classmethod
-    def prepared(cls, data: Any) -> Any:
+    def prepared(cls, data: dict[str, Any]) -> dict[str, Any]:
         """Return the data with the defaults that depend on other fields filled in."""
-        if not isinstance(data, dict) or not isinstance(data.get("balls"), list):
-            return data
-        return {**data, "balls": [_prepared_ball(ball) for ball in data["balls"]]}
+        return with_bodies(data, _default_motion)
 
 
-def _prepared_ball(ball: Any) -> Any:
-    if not isinstance(ball, dict):
-        return ball
-    filled = dict(ball)
-    if "inertia_ratio" not in ball:
-        filled.setdefault("body", "ball")
-    if not set(_POLAR) & set(ball):
-        for key in _CARTESIAN:
-            filled.setdefault(key, 0.0)
-    return filled
+def _default_motion(ball: Data) -> dict[str, float]:
+    given = set(ball)
+    return {} if given & set(_POLAR) else {key: 0.0 for key in _CARTESIAN if key not in given}
 
 
 def _wall_faults(data: Data) -> Iterator[Fault]:
@@ -189,7 +180,7 @@ def _wall_faults(data: Data) -> Iterator[Fault]:
 def _ball_faults(data: Data) -> Iterator[Fault]:
     for index, ball in rows(data, "balls"):
         loc = ("balls", index)
-        yield from one_of(ball, ("density", "mass"), loc, needed=True)
+        yield from one_of(ball, MASS, loc, needed=True)
         yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
         polar, cartesian = ([k for k in keys if k in ball] for keys in (_POLAR, _CARTESIAN))
         if polar and cartesian:
