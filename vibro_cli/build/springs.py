@@ -6,12 +6,8 @@ from vibro_cli.build.bodies import bodies_of
 from vibro_cli.build.findings import Findings, Given
 from vibro_cli.mechanics.body import Body
 from vibro_cli.scenario.springs_models import SpringsScenario
-from vibro_cli.systems.springs.system import (
-    InitialState,
-    Spring,
-    SpringsSystem,
-    touching_distance,
-)
+from vibro_cli.systems.springs.system import InitialState, Spring, SpringsSystem
+from vibro_cli.systems.system import touching_distance
 
 # Within these bounds no step, energy or frequency leaves the range of doubles.
 _STIFFNESSES = (1e-30, 1e30)

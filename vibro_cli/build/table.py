@@ -9,6 +9,7 @@ from vibro_cli.build.findings import Findings, Given
 from vibro_cli.mechanics.body import Body
 from vibro_cli.scenario.table_models import TableBall, TableScenario
 from vibro_cli.scenario.table_models import Wall as WallTable
+from vibro_cli.systems.system import touching_distance
 from vibro_cli.systems.table import fitting
 from vibro_cli.systems.table.system import InitialState, Point, TableSystem, Wall
 
@@ -110,7 +111,7 @@ def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], findings:
     balls = scenario.balls
     for b, other in enumerate(balls):
         for a, one in enumerate(balls[:b]):
-            touch = 2.0 * math.sqrt(bodies[a].radius * bodies[b].radius)
+            touch = touching_distance(bodies[a], bodies[b])
             apart = math.hypot(other.x - one.x, other.y - one.y)
             if apart < touch * (1.0 - 1e-14) - 1e-15 * (abs(one.x) + abs(one.y)):
                 found = f"balls {a + 1} and {b + 1} overlapping by {touch - apart:.6g} m"

@@ -73,13 +73,6 @@ class Driver:
         names = self._library.records["clock"].fields  # type: ignore[attr-defined]
         return {name: self.value(name) for name in names}
 
-    def state(self, name: str, fields: tuple[str, ...]) -> list[tuple[float, ...]]:
-        """Return fields of all records of one kind, as they are now."""
-        rows = getattr(self.world, name)
-        if self.engine == "numba":
-            return [tuple(float(row[field]) for field in fields) for row in rows]
-        return [tuple(float(getattr(row, field)) for field in fields) for row in rows]
-
     def _collect(self) -> None:
         clock: Any = self.world.clock[0]
         for name, used in self._library.logs.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from vibro_cli.mechanics.body import Body
@@ -21,3 +22,10 @@ class ImpactSystem:
     def law_keeps_energy(self) -> bool:
         """Whether impacts with k = 1 take no energy: the translational law needs equal κ."""
         return self.law != "translational" or len({body.kappa for body in self.bodies}) == 1
+
+
+def touching_distance(one: Body, other: Body) -> float:
+    """Return 2 √(r_a r_b), the horizontal distance (m) of two touching bodies' centres."""
+    if one.radius == other.radius:
+        return 2.0 * one.radius
+    return 2.0 * math.sqrt(one.radius * other.radius)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vibro_cli.mechanics.body_record import body_record
 from vibro_cli.mechanics.laws import LAW_NAMES
-from vibro_cli.systems.springs.system import SpringsSystem, touching_distance
+from vibro_cli.systems.springs.system import SpringsSystem
 from vibro_cli.systems.springs.world import (
     BODY_ROWS,
     NEVER,
@@ -15,6 +15,7 @@ from vibro_cli.systems.springs.world import (
     SpringPair,
     World,
 )
+from vibro_cli.systems.system import touching_distance
 
 UNLIMITED = 2**62
 

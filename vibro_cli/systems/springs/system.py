@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from vibro_cli.mechanics.body import Body
 from vibro_cli.systems.system import ImpactSystem
 
 
@@ -48,13 +47,6 @@ class SpringsSystem(ImpactSystem):
         """Return ω₀ = √(c r²/J_P) = √(c/(κ m)) of a body (from 0), 1/s (C (4))."""
         body = self.bodies[index]
         return math.sqrt(self.springs[index].stiffness / (body.kappa * body.mass))
-
-
-def touching_distance(one: Body, other: Body) -> float:
-    """Return 2 √(r_a r_b), the distance (m) along the line of two touching bodies' centres."""
-    if one.radius == other.radius:
-        return 2.0 * one.radius
-    return 2.0 * math.sqrt(one.radius * other.radius)
 
 
 def singular_points(spring: Spring) -> tuple[tuple[float, str], ...]:
