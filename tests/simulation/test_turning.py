@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -16,8 +18,10 @@ from tests.simulation.turning_scenes import (
     system,
 )
 from vibro_cli.api import simulate
+from vibro_cli.numerics.engine import symbol_of
 from vibro_cli.scenario import parse_scenario
 from vibro_cli.simulation.run import Run, simulate_system
+from vibro_cli.simulation.turning import TURNING
 from vibro_cli.stress.highprecision.quantities import QUANTITIES, SPEEDS, solved
 from vibro_cli.stress.highprecision.scene import scene_of_system
 from vibro_cli.stress.highprecision.twin import Twin, happenings_of
@@ -160,3 +164,14 @@ def test_a_run_continued_is_the_run_without_a_break() -> None:
     )
     for column, values in whole.collisions.items():
         assert np.array_equal(values, rest.collisions[column], equal_nan=values.dtype == float)
+
+
+@pytest.mark.parametrize(
+    "replaced", [pytest.param(function, id=symbol_of(function)) for function in TURNING.replaced]
+)
+def test_a_kernel_is_replaced_by_one_that_is_called_alike(replaced: Callable[..., Any]) -> None:
+    here, there = (signature(function) for function in (replaced, TURNING.replaced[replaced]))
+    assert [one.annotation for one in here.parameters.values()] == [
+        one.annotation for one in there.parameters.values()
+    ]
+    assert here.return_annotation == there.return_annotation

@@ -337,9 +337,8 @@ def released_step(
     b_c: float,
     b_p: float,
     rate: float,
-    horizon: float,
 ) -> float:
-    """Step up to which a pair whose contact force has just vanished stays apart, or -1.
+    """Step up to which a pair whose contact force has just vanished stays apart.
 
     As ``arc_contact._released_step``, with the flights' own bounds on the fourth derivative.
     """
@@ -350,5 +349,4 @@ def released_step(
         third = 0.0
     if third <= 0.0 or rate < -1.0e-9 * (abs(wa * a_p) + abs(wb * b_p)):
         return 1.0e-9 / (wa + wb)
-    step = 3.0 * third / (a.snap_bound + b.snap_bound)
-    return step if step < horizon else -1.0
+    return 3.0 * third / (a.snap_bound + b.snap_bound)

@@ -147,7 +147,7 @@ class Variant:
         self, name: str, replaced: Mapping[Callable[..., Any], Callable[..., Any]]
     ) -> None:
         self.name = name
-        self._replaced = replaced
+        self.replaced = replaced
         self._copies: dict[Callable[..., Any], Callable[..., Any]] = {}
         self._copied: set[str] = set()
 
@@ -167,7 +167,7 @@ class Variant:
                 self._copies[function] = copy = kernel(_copy_of(function, module))
                 if is_apart(function):
                     apart(copy)
-        for function, replacement in self._replaced.items():
+        for function, replacement in self.replaced.items():
             self._copies[function] = self._copies[replacement]
         for module in copies.values():
             for key, value in list(vars(module).items()):
