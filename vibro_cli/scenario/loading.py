@@ -226,9 +226,10 @@ def _decoded(content: bytes, file: str) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        before = content[: error.start].decode("utf-8")
+        text = error.object  # the content, without a byte order mark
+        before = text[: error.start].decode("utf-8")
         place = Place(file, *line_and_column(before, len(before)))
-        found = f"the byte 0x{content[error.start]:02x}"
+        found = f"the byte 0x{text[error.start]:02x}"
         raise _error(file, found, "a text in UTF-8", place) from None
 
 
