@@ -40,7 +40,8 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (study / "scenarios").mkdir()
     for name in FEW:
         shutil.copy(ROOT / f"scenarios/{name}.toml", study / "scenarios")
-    shutil.copytree(ROOT / "scenarios/grids", study / "scenarios/grids")
+    for folder in ("grids", "springs", "table"):
+        shutil.copytree(ROOT / f"scenarios/{folder}", study / f"scenarios/{folder}")
     return home
 
 
