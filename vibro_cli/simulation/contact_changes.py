@@ -179,8 +179,6 @@ def _equalise(world: World, first: int, count: int) -> None:
             parting = parting_speed(world, (first + step) % pairs)
             if parting < -rounding:
                 pair.closing = CLOSING
-            elif parting <= 0.0 and pair.closing == PARTING:
-                pair.closing = 0
 
 
 @apart
