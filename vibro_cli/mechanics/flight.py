@@ -38,18 +38,26 @@ def launch(
     flight.flow_c = flight.c
     flight.flow_p = flight.p
     flight.own_frequency = track.frequency
-    if piece.sign == 0.0:
-        flight.line_acceleration = track.line_acceleration
-        launch_on_line(flight, track.left_s, track.right_s)
-    else:
-        _launch_on_arc(flight, track, piece)
-    if one_sided == 1 and piece.sign != 0.0:
-        _limit_by_lift_off(flight, body, piece, track)
+    launch_on_piece(flight, body, piece, track, one_sided)
     if flight.exit_after < NEVER:
         flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
     else:
         flight.exit_t = NEVER
         flight.exit_t_low = 0.0
+
+
+@kernel
+def launch_on_piece(
+    flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
+) -> None:
+    """Set the form of a flight on its piece, its bounds, and how and after what time it ends."""
+    if piece.sign == 0.0:
+        flight.line_acceleration = track.line_acceleration
+        launch_on_line(flight, track.left_s, track.right_s)
+        return
+    _launch_on_arc(flight, track, piece)
+    if one_sided == 1:
+        _limit_by_lift_off(flight, body, piece, track)
 
 
 @kernel

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.flight import BOUNDARY
 from vibro_cli.mechanics.flow import POLYNOMIAL
 from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData, TrackData
 from vibro_cli.mechanics.turning_flow import TURNING_LINE, angular_jerk, pull, set_motion
-from vibro_cli.numerics.double import add_to_time
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.numerics.first_root import safe_step_second_order
 from vibro_cli.numerics.quartic import squared_rate, time_to_place
@@ -74,10 +72,6 @@ def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) ->
 @kernel
 def set_track(flight: Flight, track: TrackData) -> None:
     """Take from the track what the flow of a flight needs, which starts from the state in it."""
-    flight.flow_s = flight.s
-    flight.flow_c = flight.c
-    flight.flow_p = flight.p
-    flight.own_frequency = track.frequency
     flight.frequency = track.frequency
     if track.path_radius == 0.0:
         b = track.line_growth
@@ -95,28 +89,15 @@ def set_track(flight: Flight, track: TrackData) -> None:
 
 
 @kernel
-def launch(
+def launch_on_piece(
     flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
 ) -> None:
-    """Set up the flight that starts from the state and piece held in ``flight``."""
-    flight.at_rest = 0
-    flight.exit_kind = BOUNDARY
-    flight.exit_side = 0
-    flight.exit_after = NEVER
-    flight.exit_p = 0.0
-    flight.grouped = 0
-    flight.wall_side = 0
-    flight.segment = 0.0
+    """Set the form of a flight on its piece, its bounds, and how and after what time it ends."""
     set_track(flight, track)
     if piece.sign == 0.0:
         _launch_on_line(flight, track)
     else:
         _launch_on_arc(flight, track)
-    if flight.exit_after < NEVER:
-        flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
-    else:
-        flight.exit_t = NEVER
-        flight.exit_t_low = 0.0
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.flow import LINE, POLYNOMIAL
-from vibro_cli.mechanics.records import NEVER, Flight
+from vibro_cli.mechanics.records import NEVER, Flight, TrackData
 from vibro_cli.numerics.elliptic import quarter_period, set_theta_constants
 from vibro_cli.numerics.engine import SERIES_LENGTH, kernel
 from vibro_cli.simulation.world import FlightRow, World
@@ -35,6 +35,12 @@ def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> 
         if flight.form == POLYNOMIAL:
             flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
             return
+    recall_flow(track, row, flight)
+
+
+@kernel
+def recall_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
+    """Set the form and the constants of a flow in closed form."""
     if track.path_radius == 0.0:
         flight.form = LINE
         if row.grouped == 0:

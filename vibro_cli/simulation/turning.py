@@ -32,7 +32,7 @@ from vibro_cli.numerics.trigonometry import sine_cosine
 from vibro_cli.simulation import changes, flights, groups, recall, search, tally, touching
 from vibro_cli.simulation.across import launch_across
 from vibro_cli.simulation.flights import launch_and_log, take_energy
-from vibro_cli.simulation.recall import recall_group
+from vibro_cli.simulation.recall import recall_flight
 from vibro_cli.simulation.search import CAUTION
 from vibro_cli.simulation.tally import Outcome
 from vibro_cli.simulation.touching import supported
@@ -141,23 +141,9 @@ def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tup
 
 
 @kernel
-def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> None:
-    """Set up a flight from its row, the ``number``-th of the log, so that its flow can be asked."""
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
-    flight.piece = row.piece
-    flight.s = row.s
-    flight.c = row.c
-    flight.p = row.p
-    flight.at_rest = row.at_rest
-    flight.grouped = row.grouped
-    flight.form = 0
-    if row.grouped == 0:
-        set_track(flight, track)
-        return
-    flight.own_frequency = track.frequency
-    flight.frequency = track.frequency
-    recall_group(world, row, number, flight)
-    flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
+def recall_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
+    """Set the form and the constants of a flow, which follow from its start."""
+    set_track(flight, track)
 
 
 @kernel
@@ -277,7 +263,7 @@ TURNING = Variant(
         flowing.swings: never_swings,
         passage.time_to: turning_flight.time_to,
         bounce.displacement: turning_flow.displacement,
-        launching.launch: turning_flight.launch,
+        launching.launch_on_piece: turning_flight.launch_on_piece,
         launching.head_from_state: turning_flight.head_from_state,
         launching.anchor_at_crest: turning_flight.anchor_at_crest,
         launching.set_arc_energy: turning_flight.set_arc_energy,
@@ -291,7 +277,7 @@ TURNING = Variant(
         groups.launch_group: launch_across,
         search.kept_apart: kept_apart,
         search._horizontal_extent: horizontal_extent,
-        recall.recall_flight: recall_flight,
+        recall.recall_flow: recall_flow,
         tally._energy: energy_of_row,
         tally._tally_forces: tally_forces,
     },
