@@ -39,15 +39,14 @@ def check(plan: Plan) -> list[Finding]:
             ended.take(float(run.end_cause != "time"), document)
     tried = "two balls in a valley, k = 0, 1e-300 ... 0.99" if plan.full else "k = 0 ... 0.8"
     return [
-        Finding(
-            CHECK, "relative error of the time of accumulation", f"{tried}, against 50 digits",
-            off.cases, off.value, 1e-10, off.scenario,
+        off.finding(
+            CHECK,
+            "relative error of the time of accumulation",
+            f"{tried}, against 50 digits",
+            1e-10,
         ),
-        Finding(
-            CHECK, "runs that do not go on to their stop", tried, ended.cases, ended.value, 0.0,
-            ended.scenario,
-        ),
-    ]  # fmt: skip
+        ended.finding(CHECK, "runs that do not go on to their stop", tried, 0.0),
+    ]
 
 
 class _Pendulum:

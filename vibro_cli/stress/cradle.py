@@ -56,19 +56,12 @@ def _cradles(plan: Plan) -> list[Finding]:
                 passed.take(_not_passed_on(run), document)
     tried = "a ball against a row at rest in contact, k = 1, 0.7, 0.05, 0"
     return [
-        Finding(
-            CHECK, "relative energy gained (k = 1: changed)", tried, kept.cases, kept.value, 1e-13,
-            kept.scenario,
+        kept.finding(CHECK, "relative energy gained (k = 1: changed)", tried, 1e-13),
+        passed.finding(
+            CHECK, "speed not passed on to the last ball at k = 1, relative", tried, 64.0 * EPSILON
         ),
-        Finding(
-            CHECK, "speed not passed on to the last ball at k = 1, relative", tried, passed.cases,
-            passed.value, 64.0 * EPSILON, passed.scenario,
-        ),
-        Finding(
-            CHECK, "runs that hang or fail", tried, ended.cases, ended.value,
-            0.0, ended.scenario,
-        ),
-    ]  # fmt: skip
+        ended.finding(CHECK, "runs that hang or fail", tried, 0.0),
+    ]
 
 
 def _not_passed_on(run: Run) -> float:
@@ -110,12 +103,6 @@ def _symmetric(plan: Plan) -> list[Finding]:
         worst.take(bad if math.isfinite(bad) else math.inf, document)
     tried = "masses m : 2 : m struck from both sides at one instant, k = 1 ... 0"
     return [
-        Finding(
-            CHECK, "distance from the mirror image (rad)", tried, worst.cases, worst.value, 0.0,
-            worst.scenario,
-        ),
-        Finding(
-            CHECK, "runs that hang or fail", tried, ended.cases,
-            ended.value, 0.0, ended.scenario,
-        ),
-    ]  # fmt: skip
+        worst.finding(CHECK, "distance from the mirror image (rad)", tried, 0.0),
+        ended.finding(CHECK, "runs that hang or fail", tried, 0.0),
+    ]

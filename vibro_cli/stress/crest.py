@@ -77,12 +77,9 @@ def _times(offsets: list[float]) -> list[Finding]:
         impact.take(float(abs(met - exact[1]) / exact[1]), document)
     tried = "at rest 1e-3 ... 1e-300 rad off a crest, against 50 digits"
     return [
-        Finding(
-            CHECK, f"relative error of the time of {name}", tried, worst.cases, worst.value, 1e-12,
-            worst.scenario,
-        )
+        worst.finding(CHECK, f"relative error of the time of {name}", tried, 1e-12)
         for name, worst in (("departure", departure), ("the first impact", impact))
-    ]  # fmt: skip
+    ]
 
 
 def _decisions(offsets: list[float]) -> Finding:
@@ -104,6 +101,4 @@ def _decisions(offsets: list[float]) -> Finding:
     tried = (
         f"alone on three arcs for {RETURNS} crossings or more, at rest beside or moving on a crest"
     )
-    return Finding(
-        CHECK, "wrong decisions to return", tried, worst.cases, worst.value, 0.0, worst.scenario
-    )
+    return worst.finding(CHECK, "wrong decisions to return", tried, 0.0)

@@ -55,15 +55,9 @@ def _drift(plan: Plan) -> list[Finding]:
         corrections.take(summary["energy_correction"] / scale, document)
     tried = f"k = 1, {impacts} impacts each: {', '.join(_long_scenes())}"
     return [
-        Finding(
-            CHECK, "relative drift of energy", tried, drift.cases, drift.value, 1e-12,
-            drift.scenario,
-        ),
-        Finding(
-            CHECK, "sum of |corrections| / energy", tried, drift.cases, corrections.value, None,
-            corrections.scenario,
-        ),
-    ]  # fmt: skip
+        drift.finding(CHECK, "relative drift of energy", tried, 1e-12),
+        corrections.finding(CHECK, "sum of |corrections| / energy", tried, None),
+    ]
 
 
 def _growth(plan: Plan) -> Finding:

@@ -79,10 +79,7 @@ def _scaled(rng: np.random.Generator, count: int) -> Finding:
                 off = np.abs(times - base) / base if same else np.array([math.inf])
                 worst.take(float(np.max(off, initial=0.0)), changed)
     tried = f"two balls on three arcs, sizes and gravity times 2^-20 ... 2^20, {ROWS} impacts"
-    return Finding(
-        CHECK, "relative change of the times of impacts", tried, worst.cases, worst.value, 1e-12,
-        worst.scenario,
-    )  # fmt: skip
+    return worst.finding(CHECK, "relative change of the times of impacts", tried, 1e-12)
 
 
 def _ratios(plan: Plan) -> list[Finding]:
@@ -98,14 +95,9 @@ def _ratios(plan: Plan) -> list[Finding]:
                 gained.take(_gain(solve(document)), document)
     tried = "two balls, mass ratios to 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
     return [
-        Finding(
-            CHECK, "runs that hang or fail", tried, ended.cases, ended.value, 0.0, ended.scenario
-        ),
-        Finding(
-            CHECK, "relative energy gained", tried, gained.cases, gained.value, 1e-12,
-            gained.scenario,
-        ),
-    ]  # fmt: skip
+        ended.finding(CHECK, "runs that hang or fail", tried, 0.0),
+        gained.finding(CHECK, "relative energy gained", tried, 1e-12),
+    ]
 
 
 def _gain(run: Run) -> float:
@@ -125,10 +117,7 @@ def _penetration(rng: np.random.Generator, plan: Plan) -> Finding:
         for row in range(len(run.collisions["n"])):
             worst.take(_overlap(twin, run, row), document)
     tried = "two balls on three arcs, k = 0.9, up to 50 impacts each, distances to 50 digits"
-    return Finding(
-        CHECK, "penetration (ulp of the positions)", tried, worst.cases, worst.value, 8.0,
-        worst.scenario,
-    )  # fmt: skip
+    return worst.finding(CHECK, "penetration (ulp of the positions)", tried, 8.0)
 
 
 def _overlap(twin: Twin, run: Run, row: int) -> float:

@@ -59,3 +59,7 @@ class Worst:
         value = float("inf") if value != value else float(value)
         if value > self.value or self.scenario is None:
             self.value, self.scenario = max(value, self.value), scenario
+
+    def finding(self, check: str, quantity: str, tried: str, mark: float | None) -> Finding:
+        """Report the worst of all cases; the texts and the mark are those of :class:`Finding`."""
+        return Finding(check, quantity, tried, self.cases, self.value, mark, self.scenario)

@@ -60,26 +60,24 @@ def check(plan: Plan) -> list[Finding]:
     tried = "2 and 3 bodies on a circle, a valley, three arcs, a line between valleys; 50 digits"
     again = "taken up from reference states"
     findings = [
-        Finding(
-            CHECK, f"error of the first {FIRST} impacts / (eps x amplification)",
-            f"{tried}; times and places", whole.cases, whole.value, 64.0, whole.scenario,
+        whole.finding(
+            CHECK,
+            f"error of the first {FIRST} impacts / (eps x amplification)",
+            f"{tried}; times and places",
+            64.0,
         ),
-        Finding(
-            CHECK, "error of the end of a single flight / its length", f"{tried}; {again}",
-            single.cases, single.value, 1e-13, single.scenario,
+        single.finding(
+            CHECK, "error of the end of a single flight / its length", f"{tried}; {again}", 1e-13
         ),
-    ]  # fmt: skip
+    ]
     if unresolved.cases:
         findings.append(
-            Finding(
+            unresolved.finding(
                 CHECK,
                 "error of the end of a single flight / (eps x amplification)",
                 f"{again}; flights so short that a unit in the last place of these moves their end"
                 f" by more than {RESOLVED:g} of their length",
-                unresolved.cases,
-                unresolved.value,
                 64.0,
-                unresolved.scenario,
             )
         )
     return findings

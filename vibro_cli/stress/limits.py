@@ -66,10 +66,7 @@ def turns(rng: np.random.Generator, plan: Plan) -> Finding:
         document = scene(CIRCLE, [ball(0.0, rate=rate)], time=t)
         worst.take(_phase_error(mp, document, t), document)
     tried = f"one ball on a circle, {plan.amount(1, 100) / 100 * TURNS:g} turns, against 50 digits"
-    return Finding(
-        CHECK, "error of the angle / (eps x amplification)", tried, worst.cases, worst.value, 64.0,
-        worst.scenario,
-    )  # fmt: skip
+    return worst.finding(CHECK, "error of the angle / (eps x amplification)", tried, 64.0)
 
 
 def swings(rng: np.random.Generator, plan: Plan) -> Finding:
@@ -81,10 +78,7 @@ def swings(rng: np.random.Generator, plan: Plan) -> Finding:
         document = scene(VALLEY, [ball(0.0, rate=rate)], time=t)
         worst.take(_phase_error(mp, document, t), document)
     tried = f"one ball in a valley, about {PERIODS:g} periods without an event, against 50 digits"
-    return Finding(
-        CHECK, "error of the angle / (eps x amplification)", tried, worst.cases, worst.value, 64.0,
-        worst.scenario,
-    )  # fmt: skip
+    return worst.finding(CHECK, "error of the angle / (eps x amplification)", tried, 64.0)
 
 
 def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
@@ -122,19 +116,13 @@ def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
         first.take(float(abs(found - exact) / exact), document)
     tried = "two balls, radii to 1 : 1e4, masses to 1 : 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
     return [
-        Finding(
-            CHECK, "relative error of the first impact", f"{tried}, against 50 digits", first.cases,
-            first.value, 1e-13, first.scenario,
+        first.finding(
+            CHECK, "relative error of the first impact", f"{tried}, against 50 digits", 1e-13
         ),
-        Finding(
-            CHECK, "relative energy gained", tried, gained.cases, gained.value, 1e-12,
-            gained.scenario,
-        ),
-        Finding(
-            CHECK, "runs that hang or fail", tried, faults.cases, faults.value, 0.0, faults.scenario
-        ),
+        gained.finding(CHECK, "relative energy gained", tried, 1e-12),
+        faults.finding(CHECK, "runs that hang or fail", tried, 0.0),
         Finding(CHECK, "refused with the reason", tried, faults.cases + refused, refused, None),
-    ]  # fmt: skip
+    ]
 
 
 def ends_of_range(plan: Plan) -> Finding:
@@ -151,6 +139,4 @@ def ends_of_range(plan: Plan) -> Finding:
             document["gravity"] = gravity
             worst.take(float(bool(fault_of(document))), document)
     tried = "stop.time to 1.7e308 s, gravity from 1e-320 to 1.7e308 m/s^2: right or refused"
-    return Finding(
-        CHECK, "runs that hang or fail", tried, worst.cases, worst.value, 0.0, worst.scenario
-    )
+    return worst.finding(CHECK, "runs that hang or fail", tried, 0.0)

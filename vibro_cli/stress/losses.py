@@ -38,9 +38,7 @@ def single_losses(plan: Plan) -> Finding:
                 if not run.collisions["substituted"][row] and not run.collisions["contact"][row]:
                     worst.take(_error(run, [row], [k]), document)
     tried = "three laws, k = 0, 1e-300 ... 1 - 2^-53, against 50 digits"
-    return Finding(
-        CHECK, QUANTITY.format("an impact's"), tried, worst.cases, worst.value, 4.0, worst.scenario
-    )
+    return worst.finding(CHECK, QUANTITY.format("an impact's"), tried, 4.0)
 
 
 def joint_losses(plan: Plan) -> Finding:
@@ -54,10 +52,7 @@ def joint_losses(plan: Plan) -> Finding:
             continue
         worst.take(_error(run, range(pairs), document["collision"]["k"]), document)
     tried = "3 to 6 bodies in a row that all close at one instant, three laws, against 50 digits"
-    return Finding(
-        CHECK, QUANTITY.format("a joint impact's"), tried, worst.cases, worst.value, 4.0,
-        worst.scenario,
-    )  # fmt: skip
+    return worst.finding(CHECK, QUANTITY.format("a joint impact's"), tried, 4.0)
 
 
 def _closing_row(rng: np.random.Generator) -> Document:

@@ -63,15 +63,9 @@ def _energy(plan: Plan) -> list[Finding]:
         gap.take(summary["max_gap"] / math.ulp(8.0), document)
     tried = f"k = 1, {impacts} impacts each: {', '.join(_scenes())}"
     return [
-        Finding(
-            CHECK, "relative drift of energy", tried, drift.cases, drift.value, 1e-12,
-            drift.scenario,
-        ),
-        Finding(
-            CHECK, "distance left at an impact (ulp of 8 m)", tried, gap.cases, gap.value, 8.0,
-            gap.scenario,
-        ),
-    ]  # fmt: skip
+        drift.finding(CHECK, "relative drift of energy", tried, 1e-12),
+        gap.finding(CHECK, "distance left at an impact (ulp of 8 m)", tried, 8.0),
+    ]
 
 
 def _reversal(plan: Plan) -> Finding:
@@ -90,9 +84,7 @@ def _reversal(plan: Plan) -> Finding:
                 worst.take(abs(float(final["x"][n]) - ball["position"]), document)
                 worst.take(abs(float(final["speed"][n]) + ball["speed"]), document)
     tried = "up to 10 s and back, through the impacts"
-    return Finding(
-        CHECK, "error of return (m, m/s)", tried, worst.cases, worst.value, 1e-12, worst.scenario
-    )
+    return worst.finding(CHECK, "error of return (m, m/s)", tried, 1e-12)
 
 
 def _at_rest(plan: Plan) -> Finding:
@@ -107,10 +99,9 @@ def _at_rest(plan: Plan) -> Finding:
                 document = _document([_body(place, 0.0, shape, 0.0)], 1.0, time=20.0)
                 final = solve(document, "python").sample([20.0])
                 worst.take(abs(float(final["x"][0]) - place), document)
-    return Finding(
-        CHECK, "distance from the centre after 20 s at rest in it (m)", "random springs",
-        worst.cases, worst.value, 1e-14, worst.scenario,
-    )  # fmt: skip
+    return worst.finding(
+        CHECK, "distance from the centre after 20 s at rest in it (m)", "random springs", 1e-14
+    )
 
 
 def _balance(plan: Plan) -> Finding:
@@ -128,7 +119,9 @@ def _balance(plan: Plan) -> Finding:
         lost = summary["energy_start"] - summary["energy_end"]
         found = float(np.sum(run.collisions["energy_loss"]))
         worst.take(abs(lost - found) / summary["energy_start"], document)
-    return Finding(
-        CHECK, "energy lost without a row, relative", "bodies pressed together, k = 0 ... 0.99",
-        worst.cases, worst.value, 1e-12, worst.scenario,
-    )  # fmt: skip
+    return worst.finding(
+        CHECK,
+        "energy lost without a row, relative",
+        "bodies pressed together, k = 0 ... 0.99",
+        1e-12,
+    )

@@ -59,17 +59,19 @@ def _foci(plan: Plan) -> list[Finding]:
         document = {"system": "table", "wall": wall, "balls": [ball], "stop": {"bounces": far}}
         escape.take(_beyond(solve(document), wall, radius), document)
     return [
-        Finding(
-            CHECK, "product of angular momenta about the foci, relative change",
-            f"r = 0, k = 1, {bounces} bounces each", product.cases, product.value, 1e-10,
-            product.scenario,
+        product.finding(
+            CHECK,
+            "product of angular momenta about the foci, relative change",
+            f"r = 0, k = 1, {bounces} bounces each",
+            1e-10,
         ),
-        Finding(
-            CHECK, "place of contact off the elliptic wall, (x/a)^2 + (y/b)^2 - 1",
-            f"r = 0, 0.05, 0.2, {far} bounces each", escape.cases, escape.value, 1e-14,
-            escape.scenario,
+        escape.finding(
+            CHECK,
+            "place of contact off the elliptic wall, (x/a)^2 + (y/b)^2 - 1",
+            f"r = 0, 0.05, 0.2, {far} bounces each",
+            1e-14,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _product_drift(run: TableRun, wall: Document) -> float:
@@ -109,11 +111,12 @@ def _contact(plan: Plan) -> Finding:
         document = {"system": "table", "wall": wall, "balls": [ball], "stop": {"bounces": 1}}
         rows = solve(document, "python").bounces
         worst.take(_time_error(mp, rows, wall, ball, side), document)
-    return Finding(
-        CHECK, "time of contact with an elliptic wall, error over 3 m",
-        "inside and outside, r up to 0.25, against 50 digits", worst.cases, worst.value, 1e-14,
-        worst.scenario,
-    )  # fmt: skip
+    return worst.finding(
+        CHECK,
+        "time of contact with an elliptic wall, error over 3 m",
+        "inside and outside, r up to 0.25, against 50 digits",
+        1e-14,
+    )
 
 
 def _time_error(mp: Any, rows: Any, wall: Document, ball: Document, side: str) -> float:
@@ -169,15 +172,14 @@ def _skew(plan: Plan) -> list[Finding]:
             angle.take(abs(sum(product)), document)
     tried = "random skew impacts at speeds up to 1 m/s"
     return [
-        Finding(
-            CHECK, "change of a tangential component (m/s)", tried, stays.cases, stays.value, 1e-15,
-            stays.scenario,
+        stays.finding(CHECK, "change of a tangential component (m/s)", tried, 1e-15),
+        angle.finding(
+            CHECK,
+            "scalar product of the velocities after, equal balls, one at rest, k = 1",
+            tried,
+            1e-15,
         ),
-        Finding(
-            CHECK, "scalar product of the velocities after, equal balls, one at rest, k = 1", tried,
-            angle.cases, angle.value, 1e-15, angle.scenario,
-        ),
-    ]  # fmt: skip
+    ]
 
 
 def _gas(plan: Plan) -> list[Finding]:
@@ -201,12 +203,6 @@ def _gas(plan: Plan) -> list[Finding]:
         gap.take(summary["max_gap"] / math.ulp(1.0), document)
     tried = f"2, 7, 30 balls in a box, k = 1, {impacts} impacts"
     return [
-        Finding(
-            CHECK, "relative drift of energy", tried, drift.cases, drift.value, 1e-12,
-            drift.scenario,
-        ),
-        Finding(
-            CHECK, "distance left at an impact (ulp of 1 m)", tried, gap.cases, gap.value, 8.0,
-            gap.scenario,
-        ),
-    ]  # fmt: skip
+        drift.finding(CHECK, "relative drift of energy", tried, 1e-12),
+        gap.finding(CHECK, "distance left at an impact (ulp of 1 m)", tried, 8.0),
+    ]

@@ -56,10 +56,12 @@ def _first_impacts() -> Finding:
         impacts = Twin(scene_of_system(run.system)).follow(happenings_of(run))
         for row, impact in enumerate(impacts):
             worst.take(float(abs(solved(run, "t", row) / impact.t - 1)), document)
-    return Finding(
-        CHECK, "relative error of the time of an impact", "first 10 impacts, circle and three arcs",
-        worst.cases, worst.value, 1e-12, worst.scenario,
-    )  # fmt: skip
+    return worst.finding(
+        CHECK,
+        "relative error of the time of an impact",
+        "first 10 impacts, circle and three arcs",
+        1e-12,
+    )
 
 
 def _energy(plan: Plan) -> Finding:
@@ -67,10 +69,9 @@ def _energy(plan: Plan) -> Finding:
     worst = Worst()
     document = _document(True, 2.5, 1.0, "hedrih", collisions=impacts)
     worst.take(abs(solve(document).summary_record()["energy_drift"]), document)
-    return Finding(
-        CHECK, "relative drift of energy", f"k = 1, circle, {impacts} impacts",
-        worst.cases, worst.value, 1e-12, worst.scenario,
-    )  # fmt: skip
+    return worst.finding(
+        CHECK, "relative drift of energy", f"k = 1, circle, {impacts} impacts", 1e-12
+    )
 
 
 def _balance() -> Finding:
@@ -81,7 +82,6 @@ def _balance() -> Finding:
         record = run.summary_record()
         lost = record["energy_start"] - float(run.collisions["energy_loss"].sum())
         worst.take(abs(record["energy_end"] - lost) / record["energy_start"], document)
-    return Finding(
-        CHECK, "energy missing in the balance (relative)", "k = 0.4, into lasting contact",
-        worst.cases, worst.value, 1e-11, worst.scenario,
-    )  # fmt: skip
+    return worst.finding(
+        CHECK, "energy missing in the balance (relative)", "k = 0.4, into lasting contact", 1e-11
+    )
