@@ -9,27 +9,12 @@ from typing import Any
 from vibro_cli.build import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.scenes import CIRCLE, three_arcs, valley
 
 Document = dict[str, Any]
 
 _STEEL, _ALUMINIUM, _LIGHT_STEEL, _GLASS = 7800.0, 2700.0, 6000.0, 2500.0
-VALLEY: Document = {
-    "start_slope": "-160 deg",
-    "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": "160 deg"}],
-}
-CIRCLE: Document = {
-    "start_slope": "-180 deg",
-    "closed": True,
-    "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": "180 deg"}],
-}
-THREE_ARCS: Document = {
-    "start_slope": "-150 deg",
-    "arcs": [
-        {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
-        {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
-        {"shape": "valley", "radius": 1.0, "end_slope": "150 deg"},
-    ],
-}
+VALLEY, THREE_ARCS = valley(160), three_arcs(150)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from vibro_cli.commands.boundary import DONE, MISUSED, CommandError, say
+from vibro_cli.commands.checking_systems import body_line, described, lines_of, understood_of
 from vibro_cli.commands.options import FailFast, Overrides, Quiet, Scenarios, Task
 from vibro_cli.commands.streams import json_text
 
@@ -66,8 +67,6 @@ def _understood(
 ) -> tuple[dict[str, Any], Iterable[str]]:
     """What a scenario means, as plain values and as lines of text."""
     if scenario.system != "trace":
-        from vibro_cli.commands.checking_systems import lines_of, understood_of
-
         found = understood_of(scenario, system)
         return found, lines_of(found)
     found = understood(scenario, cast("System", system))
@@ -113,12 +112,7 @@ def _bodies(system: "System") -> Iterator[dict[str, Any]]:
     for ball, (body, state) in enumerate(zip(system.bodies, system.initial, strict=True), 1):
         on_line = system.trace.pieces[state.piece].shape == "line"
         yield {
-            "ball": ball,
-            "body": body.kind,
-            "radius": body.radius,
-            "mass": body.mass,
-            "kappa": body.kappa,
-            "rolling_inertia": body.rolling_inertia,
+            **described(ball, body),
             "arc": state.piece + 1,
             "position" if on_line else "angle": state.position,
             "speed": state.speed,
@@ -142,7 +136,7 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
         f"length {trace['length']:.6g} m"
     )
     yield from map(_piece_line, trace["pieces"])
-    yield from map(_body_line, found["bodies"])
+    yield from map(_moving_line, found["bodies"])
     for pair in found["pairs"]:
         yield f"  pair {pair['ball_a']}-{pair['ball_b']}  k = {pair['k']:g}"
     yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
@@ -163,17 +157,12 @@ def _piece_line(piece: dict[str, Any]) -> str:
     )
 
 
-def _body_line(body: dict[str, Any]) -> str:
+def _moving_line(body: dict[str, Any]) -> str:
     if "angle" in body:
         place = f"angle {math.degrees(body['angle']):.6g}°"
     else:
         place = f"position {body['position']:.6g} m"
-    return (
-        f"  ball {body['ball']}  {body['body']}, r = {body['radius']:g} m, "
-        f"m = {body['mass']:.6g} kg, κ = {body['kappa']:.6g}, "
-        f"J_P = {body['rolling_inertia']:.6g} kg m²; arc {body['arc']}, {place}, "
-        f"speed {body['speed']:.6g} m/s"
-    )
+    return f"{body_line(body)}; arc {body['arc']}, {place}, speed {body['speed']:.6g} m/s"
 
 
 def _settings(settings: dict[str, Any]) -> str:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vibro_cli.build import AnySystem
+    from vibro_cli.mechanics.body import Body
     from vibro_cli.scenario.systems import AnyScenario
 
 
@@ -16,21 +17,32 @@ def understood_of(scenario: "AnyScenario", system: "AnySystem") -> dict[str, Any
         "name": scenario.name,
         "valid": True,
         "scenario": scenario.resolved(),
-        "bodies": [
-            {
-                "ball": ball,
-                "body": body.kind,
-                "radius": body.radius,
-                "mass": body.mass,
-                "kappa": body.kappa,
-                "rolling_inertia": body.rolling_inertia,
-            }
-            for ball, body in enumerate(system.bodies, 1)
-        ],
+        "bodies": [described(ball, body) for ball, body in enumerate(system.bodies, 1)],
         "law": system.law,
         "inadmissible": system.inadmissible,
         "warnings": list(warnings_of(scenario, system)),
     }
+
+
+def described(ball: int, body: "Body") -> dict[str, Any]:
+    """What a body is, whatever it rolls on."""
+    return {
+        "ball": ball,
+        "body": body.kind,
+        "radius": body.radius,
+        "mass": body.mass,
+        "kappa": body.kappa,
+        "rolling_inertia": body.rolling_inertia,
+    }
+
+
+def body_line(body: dict[str, Any]) -> str:
+    """What a body is, as text."""
+    return (
+        f"  ball {body['ball']}  {body['body']}, r = {body['radius']:g} m, "
+        f"m = {body['mass']:.6g} kg, κ = {body['kappa']:.6g}, "
+        f"J_P = {body['rolling_inertia']:.6g} kg m²"
+    )
 
 
 def lines_of(found: dict[str, Any]) -> Iterator[str]:
@@ -42,11 +54,7 @@ def lines_of(found: dict[str, Any]) -> Iterator[str]:
         yield f"  wall {_settings(scenario['wall'])}"
     for body, given in zip(found["bodies"], scenario["balls"], strict=True):
         start = {key: value for key, value in given.items() if key not in _OF_THE_BODY}
-        yield (
-            f"  ball {body['ball']}  {body['body']}, r = {body['radius']:g} m, "
-            f"m = {body['mass']:.6g} kg, κ = {body['kappa']:.6g}, "
-            f"J_P = {body['rolling_inertia']:.6g} kg m²; {_settings(start)}"
-        )
+        yield f"{body_line(body)}; {_settings(start)}"
     yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
     if "k" in scenario["collision"]:
         yield f"  k = {scenario['collision']['k']}"

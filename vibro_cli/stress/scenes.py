@@ -12,23 +12,34 @@ from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.stress.finding import Document
 
 GRAVITY = 9.81
-THREE_ARCS: Document = {
-    "start_slope": "-120 deg",
-    "arcs": [
-        {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
-        {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
-        {"shape": "valley", "radius": 1.0, "end_slope": "120 deg"},
-    ],
-}
 CIRCLE: Document = {
     "start_slope": "-180 deg",
     "closed": True,
     "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": "180 deg"}],
 }
-VALLEY: Document = {
-    "start_slope": "-170 deg",
-    "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": "170 deg"}],
-}
+
+
+def valley(slope: int) -> Document:
+    """One valley of radius 1 m between two slopes (deg) of that size."""
+    return {
+        "start_slope": f"-{slope} deg",
+        "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": f"{slope} deg"}],
+    }
+
+
+def three_arcs(slope: int) -> Document:
+    """Two valleys of radius 1 m and a hump of half of it, between slopes (deg) of that size."""
+    return {
+        "start_slope": f"-{slope} deg",
+        "arcs": [
+            {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
+            {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
+            {"shape": "valley", "radius": 1.0, "end_slope": f"{slope} deg"},
+        ],
+    }
+
+
+VALLEY, THREE_ARCS = valley(170), three_arcs(120)
 
 
 def ball(angle: float, arc: int = 1, **more: Any) -> Document:
