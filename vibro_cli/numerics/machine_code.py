@@ -265,7 +265,8 @@ def digest(kernel: Callable[..., Any]) -> str:
     modules = engine.modules_of(kernel)
     paths = [Path(str(module.__file__)) for module in modules]
     constants = repr([engine.constants_of(module) for module in modules])
-    return digest_of([*paths, Path(__file__).with_name("compiling.py")], constants)
+    own = sorted((Path(__file__).parent / "compiling").glob("*.py"))
+    return digest_of([*paths, *own], constants)
 
 
 def digest_of(sources: Sequence[Path], constants: str = "") -> str:
