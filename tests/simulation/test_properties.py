@@ -258,3 +258,12 @@ def test_split_run(document: dict[str, Any], share: float) -> None:
         checkpoint=json.loads(json.dumps(begun.checkpoint())), history=begun.history(),
     )  # fmt: skip
     assert_same_results(whole, rest)
+
+
+@SETTINGS
+@given(document=scenarios())
+def test_the_summary_tells_the_largest_gap_of_the_rows(document: dict[str, Any]) -> None:
+    run = run_of(document)
+    gaps = np.abs(run.collisions["gap"])
+    rows = gaps[: len(gaps) - (run.end_cause == "inadmissible")]
+    assert run.summary_record()["max_gap"] == (rows.max() if len(rows) else None)

@@ -121,7 +121,8 @@ def _tally_impacts(world: World, cause: int, outcome: Outcome) -> None:
         row = world.impacts[number]
         if row.piece_a != row.piece_b or row.pair != pair or row.piece_a != piece:
             pair = row.pair
-            piece = row.piece_a
+            # Of bodies on two pieces the angle is of no use to the impact after.
+            piece = row.piece_a if row.piece_a == row.piece_b else -1
             sine, cosine = _half_angle_of_contact(world, row)
         gap = abs(_gap(world, row, sine, cosine))
         if gap > largest:
