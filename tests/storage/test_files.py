@@ -7,7 +7,9 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from vibro_cli.storage import files
@@ -17,6 +19,7 @@ from vibro_cli.storage.provenance import FolderRefused
 WRITER = """
 import sys
 from pathlib import Path
+from typing import Any
 from vibro_cli.storage.files import new_folder
 
 target, round_ = Path(sys.argv[1]), 0
@@ -42,6 +45,19 @@ def test_a_file_is_written_whole_and_alone(tmp_path: Path) -> None:
     write_file(tmp_path / "a.txt", b"two")
     assert (tmp_path / "a.txt").read_bytes() == b"two"
     assert entries(tmp_path) == ["a.txt"]
+
+
+@pytest.mark.parametrize("shift", [0, 16])
+def test_large_contents_are_written_whole(tmp_path: Path, shift: int) -> None:
+    """Blocks go straight from memory to the disk, their rest and what no block begins with not."""
+    rng = np.random.default_rng(1)
+    room: Any = rng.integers(0, 256, 3 * files.BLOCK + (1 << 22), dtype=np.uint8)
+    begin = -room.ctypes.data % files.BLOCK + shift
+    for size in (1 << 22, (1 << 22) + 1, (1 << 22) + files.BLOCK - 1):
+        content = memoryview(room)[begin : begin + size]
+        write_file(tmp_path / "a", content)
+        assert (tmp_path / "a").read_bytes() == content
+    assert files._address(memoryview(room)) == room.ctypes.data
 
 
 def test_a_file_that_fails_leaves_the_old_one(

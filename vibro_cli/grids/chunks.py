@@ -6,7 +6,7 @@ the same from any number of workers, in any order.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,18 +15,21 @@ import numpy as np
 
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.impacts import impact_columns
+from vibro_cli.grids.impacts import Logged, counts_of, impact_columns
 from vibro_cli.grids.room import Room
 from vibro_cli.grids.solving import Solved, Table
 from vibro_cli.grids.tables import collision_table_of, part_file, summary_table
 from vibro_cli.storage.files import write_file
 from vibro_cli.storage.provenance import entry
 
-# Rows of a part: what readers of parquet like, and what a chunk may take of memory.
+# Rows of a part: what readers of parquet like (100,000 and more, also where points have fewer
+# impacts than elsewhere), and what a chunk may take of memory.
 _POINTS_OF_A_PART = 100_000
-_IMPACTS_OF_A_PART = 250_000
+_IMPACTS_OF_A_PART = 300_000
 # However they are spread, no more than this.
-_MOST_IMPACTS_OF_A_PART = 500_000
+_MOST_IMPACTS_OF_A_PART = 1_500_000
+# A part has as many groups of rows as can have so many each.
+_ROWS_OF_A_GROUP = 100_000
 # Impacts that are solved at one go: between two stretches a thread can be told to stop.
 _IMPACTS_OF_A_STRETCH = 40_000
 _LONGEST_STRETCH = 8192
@@ -161,16 +164,42 @@ def _contents(
     names = file_names(grid, chunk)
     contents: dict[str, memoryview] = {}
     if grid.keep.collisions:
-        table = collision_table_of(grid)
         logged = [logged for one in stretches for logged in one.logged]
-        impacts = impact_columns(table, logged, indices, room)
-        contents[names["collisions"]] = part_file(grid, table, impacts, chunk, room)
+        contents[names["collisions"]] = _impacts_file(grid, chunk, logged, indices, room)
     whole = _whole([one.summary for one in stretches])
     table = summary_table(grid)
     given = [indices + 1, *grid.design.columns(indices).values()]
     columns = dict(zip([column.name for column in table.columns], given, strict=False))
-    contents[names["summary"]] = part_file(grid, table, {**columns, **whole}, chunk, room)
+    groups = lambda: [{**columns, **whole}]  # noqa: E731
+    contents[names["summary"]] = part_file(grid, table, groups, len(indices), chunk, room)
     return contents, whole
+
+
+def _impacts_file(
+    grid: Grid, chunk: int, logged: list[Logged], indices: Column, room: Room
+) -> memoryview:
+    """The file of the impacts of a chunk; their logs are given back."""
+    table = collision_table_of(grid)
+    counts = counts_of(logged, indices)
+    starts = group_starts(counts)
+
+    def groups() -> Iterator[Table]:
+        for points in np.split(indices, starts):
+            yield impact_columns(table, logged, points, room)
+
+    content = part_file(grid, table, groups, int(counts.sum()), chunk, room)
+    for one in logged:
+        one.give_back()
+    return content
+
+
+def group_starts(counts: Column) -> Column:
+    """Return the points with which further groups of rows begin, each with about as many rows."""
+    until = np.cumsum(counts)
+    groups = max(1, int(until[-1]) // _ROWS_OF_A_GROUP)
+    shares = until[-1] * np.arange(1, groups) // groups
+    starts = np.unique(np.searchsorted(until, shares, side="right"))
+    return starts[starts > 0]
 
 
 def part_bytes(grid: Grid, solved: Solved, indices: Column) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -33,7 +33,7 @@ class Logged:
     engine: str
     """Of interpreted records."""
     points: Column
-    """Numbers of the points, from 0 in the grid."""
+    """Numbers of the points, from 0 in the grid, ascending."""
     counts: Column
     """How many impacts each has."""
     log: Any
@@ -42,6 +42,15 @@ class Logged:
     """[point, ball] (kg); those of the system for None."""
     give_back: Callable[[], None] = lambda: None
     """Called once the log is not needed any more."""
+
+    def of(self, first: int, last: int) -> Logged:
+        """Return the impacts of the points from one number to before another."""
+        begin, end = np.searchsorted(self.points, [first, last])
+        rows = int(self.counts[:begin].sum())
+        log = self.log[rows : rows + int(self.counts[begin:end].sum())]
+        masses = None if self.masses is None else self.masses[begin:end]
+        points, counts = self.points[begin:end], self.counts[begin:end]
+        return replace(self, points=points, counts=counts, log=log, masses=masses)
 
 
 @dataclass(eq=False)
@@ -103,6 +112,14 @@ class LogSpace:
                 self._spare.append(block)
 
 
+def counts_of(logged: Sequence[Logged], points: Column) -> Column:
+    """Return how many impacts each of some points has (numbers from 0, in order)."""
+    counts = np.zeros(len(points), dtype=np.int64)
+    for one in logged:
+        counts[np.searchsorted(points, one.points)] = one.counts
+    return counts
+
+
 def impact_columns(
     table: Table, logged: Sequence[Logged], points: Column, room: Room
 ) -> dict[str, Any]:
@@ -113,22 +130,20 @@ def impact_columns(
     table
         Which columns there are.
     logged
-        All impacts of these points.
+        All impacts of these points, perhaps with those of others.
     points
-        Numbers of points, from 0, in order.
+        Numbers of points, from 0, one after another.
     room
-        Where the columns are; the logs are given back.
+        Where the columns are.
     """
-    counts = np.zeros(len(points), dtype=np.int64)
-    places = [np.searchsorted(points, one.points) for one in logged]
-    for one, at in zip(logged, places, strict=True):
-        counts[at] = one.counts
+    own = [one.of(int(points[0]), int(points[-1]) + 1) for one in logged]
+    counts = counts_of(own, points)
     rows = np.cumsum(counts) - counts
     filled = ImpactTable(int(counts.sum()), [column.name for column in table.columns], room)
-    for one, at in zip(logged, places, strict=True):
-        runs = runs_of(one.system, one.points + 1, one.counts, rows[at], one.masses)
+    for one in own:
+        firsts = rows[np.searchsorted(points, one.points)]
+        runs = runs_of(one.system, one.points + 1, one.counts, firsts, one.masses)
         filled.fill(one.world, one.engine, one.log, runs, sidedness(one.system))
-        one.give_back()
     columns = filled.columns()
     if "law" in columns:
         columns["law"] = Words(columns["law"], LAW_NAMES)

@@ -7,6 +7,10 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.grids.axes import Column
+from vibro_cli.storage.files import BLOCK
+
+# How much more of a block is reserved than is asked for: chunks differ in their rows.
+_SPARE = 4
 
 
 class Room:
@@ -25,6 +29,8 @@ class Room:
         block = self._blocks.get(name)
         if block is None or block.nbytes < size:
             self._blocks.pop(name, None)
-            block = np.empty(size + size // 8, dtype=np.uint8)
+            # Pages that are not written to cost nothing.
+            block = np.empty(_SPARE * size + BLOCK, dtype=np.uint8)
+            block = block[-block.ctypes.data % BLOCK :]
             self._blocks[name] = block
         return block[:size].view(kind).reshape(shape)

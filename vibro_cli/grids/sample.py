@@ -18,8 +18,9 @@ _MOST_IMPACTS = 500
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 # A point that has more is taken to have this many times as many, if its stop allows.
 _MANY = 10.0
-# Impacts for which compiling is worth its time, and how many a point without any counts for.
-_WORTH_COMPILING = 100_000
+# Impacts for which compiling is worth its time, and how many a point without any counts for: two
+# seconds of the interpreter, in which machine code made before is loaded and done.
+_WORTH_COMPILING = 15_000
 _LEAST_WORK = 10.0
 # Least time (s) of a sample that is timed.
 _TIMED = 0.3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -63,16 +64,33 @@ def _nullable(column: Column) -> Column:
 
 
 def part_file(
-    grid: Grid, table: Table, columns: dict[str, Any], chunk: int, room: Room
+    grid: Grid,
+    table: Table,
+    groups: Callable[[], Iterable[dict[str, Any]]],
+    rows: int,
+    chunk: int,
+    room: Room,
 ) -> memoryview:
-    """Return the file of one part: the same bytes for the same rows of the same grid."""
+    """Return the file of one part: the same bytes for the same rows of the same grid.
+
+    Parameters
+    ----------
+    grid, table, chunk
+        What it is a part of.
+    groups, rows
+        Gives the columns of every group of rows; how many rows they have together.
+    room
+        Where the file is.
+    """
     resolved = grid.resolved()
     origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
-    arrow = to_arrow(table, columns, origin)
     names = [column.name for column in table.columns]
     skipped_by = [name for name in names if table.name == SUMMARY or name in _ORDERED]
     return parquet_in(
-        lambda size: room(f"file of {table.name}", (size,), np.uint8), arrow, skipped_by
+        lambda size: room(f"file of {table.name}", (size,), np.uint8),
+        lambda: (to_arrow(table, columns, origin) for columns in groups()),
+        rows,
+        skipped_by,
     )
 
 

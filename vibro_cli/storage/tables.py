@@ -5,8 +5,9 @@ bytes: nothing of the machine or of the time goes into a table.
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -27,6 +28,10 @@ _ENCODINGS = {pa.float64(): "BYTE_STREAM_SPLIT", pa.int64(): "DELTA_BINARY_PACKE
 _LEVEL = -1
 # What a file takes beside its columns, as far as it need not be guessed again.
 _OF_A_FILE = 1 << 20
+# Bytes of a page of a part, which is split, compressed and summed up before the next one.
+_PAGE = 1 << 17
+# Numbers by which it is judged whether a column has few different ones.
+_SAMPLE = 512
 _JSON_LINES_AT_ONCE = 4096
 
 
@@ -165,43 +170,80 @@ def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Tab
 def parquet_bytes(data: pa.Table) -> bytes:
     """An arrow table as a parquet file: zstd, floats split by bytes, integers by differences."""
     sink = pa.BufferOutputStream()
-    _write_parquet(data, sink)
+    pq.write_table(data, sink, use_dictionary=_words(data.schema), **_options(data.schema))
     content: bytes = sink.getvalue().to_pybytes()
     return content
 
 
-def parquet_in(room: Room, data: pa.Table, skipped_by: Sequence[str]) -> memoryview:
-    """An arrow table as in `parquet_bytes`, in memory that is there already, `room(bytes)`.
+def parquet_in(
+    room: Room, groups: Callable[[], Iterable[pa.Table]], rows: int, skipped_by: Sequence[str]
+) -> memoryview:
+    """Arrow tables as one parquet file in memory that is there already, `room(bytes)`.
 
-    The least and largest value of row groups, by which readers skip them, is there of the columns
-    `skipped_by` only.
+    Each of `groups()` becomes a group of rows, `rows` together; at least one, perhaps empty. It is
+    written as in `parquet_bytes`, but numbers of which there are only a few different ones go into
+    a dictionary, and pages stay in the processor's cache. The least and largest value of row
+    groups, by which readers skip them, is there of the columns `skipped_by` only.
     """
-    size = data.nbytes + data.nbytes // 8 + _OF_A_FILE
+    size = 0
     while True:
+        given = iter(groups())
+        first = next(given)
+        size = 2 * size or first.nbytes // max(first.num_rows, 1) * rows * 9 // 8 + _OF_A_FILE
         block = room(size)
         sink = pa.FixedSizeBufferWriter(pa.py_buffer(block))
         try:
-            _write_parquet(data, sink, list(skipped_by))
+            _write_groups(chain([first], given), first, sink, list(skipped_by))
             return memoryview(block)[: sink.tell()]
         except OSError:  # there is nothing else that could fail in memory
-            size *= 2
+            continue
 
 
-def _write_parquet(data: pa.Table, sink: Any, statistics: bool | list[str] = True) -> None:
-    encodings = {
-        field.name: _ENCODINGS[field.type] for field in data.schema if field.type in _ENCODINGS
-    }
-    words = [field.name for field in data.schema if pa.types.is_string(field.type)]
-    pq.write_table(
-        data,
+def _write_groups(
+    groups: Iterable[pa.Table], first: pa.Table, sink: Any, skipped_by: list[str]
+) -> None:
+    few = [name for name in _numbers(first.schema) if _has_few(first[name])]
+    options = _options(first.schema, few)
+    with pq.ParquetWriter(
         sink,
-        compression="zstd",
-        compression_level=_LEVEL,
-        use_dictionary=words,
-        column_encoding=encodings,
-        write_page_checksum=True,
-        write_statistics=statistics,
-    )
+        first.schema,
+        use_dictionary=[*_words(first.schema), *few],
+        write_statistics=skipped_by,
+        data_page_size=_PAGE,
+        **options,
+    ) as writer:
+        for group in groups:
+            writer.write_table(group, row_group_size=max(group.num_rows, 1))
+
+
+def _has_few(column: pa.ChunkedArray) -> bool:
+    """Whether a column seems to repeat a few numbers, judged by some of them."""
+    values = column.chunk(0).to_numpy(zero_copy_only=False)
+    step = max(1, len(values) // _SAMPLE)
+    return len(np.unique(values[::step])) <= len(values[::step]) // 8
+
+
+def _words(schema: pa.Schema) -> list[str]:
+    return [field.name for field in schema if pa.types.is_string(field.type)]
+
+
+def _numbers(schema: pa.Schema) -> list[str]:
+    return [field.name for field in schema if pa.types.is_floating(field.type)]
+
+
+def _options(schema: pa.Schema, without: Collection[str] = ()) -> dict[str, Any]:
+    """How columns are encoded, but for those `without` an encoding of their own."""
+    encodings = {
+        field.name: _ENCODINGS[field.type]
+        for field in schema
+        if field.type in _ENCODINGS and field.name not in without
+    }
+    return {
+        "compression": "zstd",
+        "compression_level": _LEVEL,
+        "column_encoding": encodings,
+        "write_page_checksum": True,
+    }
 
 
 def read_parquet(source: Path | BinaryIO) -> pa.Table:
