@@ -8,7 +8,8 @@ import pytest
 
 from tests.simulation.test_engines import FOLDER, NAMES, bits
 from vibro_cli.api import load_scenario, simulate
-from vibro_cli.simulation.run import FINAL, CannotContinue, Run
+from vibro_cli.simulation.continuing import FINAL, CannotContinue
+from vibro_cli.simulation.run import Run
 
 AT_MOST = "stop.collisions=200"
 

@@ -119,11 +119,11 @@ def _run_all(wishes: Wishes) -> int:
 def _continue(wishes: Wishes) -> int:
     """Go on with an earlier run."""
     from vibro_cli.commands.continuing import read_earlier
-    from vibro_cli.commands.loading import load
+    from vibro_cli.commands.loading import load_any
 
     assert wishes.earlier is not None
     found = read_earlier(wishes.earlier, wishes.overrides)
-    scenario, _ = load(str(found.scenario), wishes.overrides)
+    scenario, _ = load_any(str(found.scenario), wishes.overrides)
     _check_folders(wishes, [scenario])
     return solve(wishes, scenario, found)
 

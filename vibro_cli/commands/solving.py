@@ -79,7 +79,7 @@ def _simulate(wishes: Wishes, scenario: "AnyScenario", earlier: "EarlierRun | No
 
     tell_of_compiling()
     try:
-        if earlier is None or scenario.system != "trace":
+        if earlier is None:
             return simulate(scenario, engine=wishes.engine)
         return simulate(scenario, wishes.engine, earlier.checkpoint, earlier.history)
     except TooQuiet as error:

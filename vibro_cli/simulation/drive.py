@@ -8,7 +8,7 @@ from vibro_cli.numerics import engine
 from vibro_cli.numerics.engine import Variant
 from vibro_cli.simulation.entry import enter_advance
 from vibro_cli.simulation.loop import advance, start
-from vibro_cli.simulation.record import Log
+from vibro_cli.simulation.record import Log, plain_rows, set_rows
 from vibro_cli.simulation.world import LOG_FULL, LOGS, RECORDS, World
 
 # The field of the clock that counts the rows used of each log.
@@ -136,24 +136,10 @@ class Driver:
 
     def state(self) -> dict[str, Any]:
         """Return all that changes in a run, exactly, as plain values (see :func:`restore`)."""
-        values: dict[str, Any] = {}
-        for name in STATE:
-            rows: Any = getattr(self.world, name)
-            names = tuple(RECORDS[name].fields)
-            if self.engine == "numba":
-                plain = [row.tolist() for row in rows]
-                values[name] = [
-                    [v.tolist() if hasattr(v, "tolist") else v for v in row] for row in plain
-                ]
-            else:
-                values[name] = [[_plain(getattr(row, n)) for n in names] for row in rows]
+        values = {name: plain_rows(getattr(self.world, name), RECORDS[name]) for name in STATE}
         for name in WORK_DONE:
             values["clock"][0][tuple(RECORDS["clock"].fields).index(name)] = 0
         return values
-
-
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, list) else value
 
 
 def restore(world: World, state: dict[str, Any]) -> None:
@@ -165,13 +151,7 @@ def restore(world: World, state: dict[str, Any]) -> None:
         If the state does not fit the world.
     """
     for name in STATE:
-        rows, values = getattr(world, name), state[name]
-        names = tuple(RECORDS[name].fields)
-        if len(rows) != len(values) or any(len(value) != len(names) for value in values):
-            raise ValueError(f"the state of {name} does not belong to this scenario")
-        for row, value in zip(rows, values, strict=True):
-            for field, number in zip(names, value, strict=True):
-                setattr(row, field, _plain(number))
+        set_rows(getattr(world, name), RECORDS[name], state[name])
 
 
 def _interpreted_logs(world: World) -> World:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-from vibro_cli.numerics.engine import dtype
+from vibro_cli.numerics.engine import dtype, interpreted_rows
 
 
 class Log:
@@ -37,3 +37,40 @@ class Log:
         if len(self._chunks) > 1:
             self._chunks = [np.concatenate(self._chunks)]
         return self._chunks[0]
+
+
+def plain_rows(rows: Any, cls: type) -> list[list[Any]]:
+    """Return records of either engine as plain values, which `set_rows` takes back exactly."""
+    if isinstance(rows, np.ndarray):
+        return [[_plain(value) for value in row.tolist()] for row in rows]
+    names = tuple(cls.fields)  # type: ignore[attr-defined]
+    return [[_plain(getattr(row, name)) for name in names] for row in rows]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return list(value) if isinstance(value, list) else value
+
+
+def rows_of(cls: type, values: Sequence[Sequence[Any]]) -> list[Any]:
+    """Return interpreted records with the values that `plain_rows` has returned."""
+    rows = interpreted_rows(cls, len(values))
+    set_rows(rows, cls, values)
+    return rows
+
+
+def set_rows(rows: Sequence[Any], cls: type, values: Sequence[Sequence[Any]]) -> None:
+    """Give interpreted records the values that `plain_rows` has returned.
+
+    Raises
+    ------
+    ValueError
+        If there are others than these records have.
+    """
+    names = tuple(cls.fields)  # type: ignore[attr-defined]
+    if len(rows) != len(values) or any(len(value) != len(names) for value in values):
+        raise ValueError(f"the state of {cls.__name__} does not belong to this scenario")
+    for row, value in zip(rows, values, strict=True):
+        for field, number in zip(names, value, strict=True):
+            setattr(row, field, _plain(number))

@@ -11,7 +11,8 @@ import numpy as np
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.mechanics.system import System
 from vibro_cli.numerics.engine import Variant
-from vibro_cli.simulation.drive import Driver, Earlier
+from vibro_cli.simulation.continuing import checkpoint_of, earlier_part
+from vibro_cli.simulation.drive import Driver
 from vibro_cli.simulation.geometry import Floats, Places
 from vibro_cli.simulation.happenings import event_table
 from vibro_cli.simulation.impacts import collision_table
@@ -23,18 +24,10 @@ from vibro_cli.simulation.world import END_NAMES, END_TIME, LOGS, World
 
 Table = dict[str, Any]
 
-CHECKPOINT_FORMAT = 2
-# Ends after which nothing can follow, whatever the stop.
-FINAL = ("inadmissible", "end_of_trace", "lift_off")
-
 _CLOCK_FIELDS = (
     "t", "t_low", "collisions", "crossings", "contacts", "quiet_t", "energy_correction",
     "searches", "evaluations", "skipped_apart", "last_ball",
 )  # fmt: skip
-
-
-class CannotContinue(ValueError):
-    """An earlier run cannot go on; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -169,13 +162,8 @@ class Run:
 
         Plain values: floats are written by ``json`` so that they are read back exactly.
         """
-        return {
-            "format": CHECKPOINT_FORMAT,
-            "end_cause": self.end_cause,
-            "end_time": self._clock["t"],
-            "collisions": int(self._clock["collisions"]),
-            "state": self._state,
-        }
+        counts = {"collisions": int(self._clock["collisions"])}
+        return checkpoint_of(self.end_cause, self._clock["t"], counts, self._state)
 
     def history(self) -> dict[str, Any]:
         """Return the logs of the whole run, which its tables and figures are made from.
@@ -223,7 +211,7 @@ def simulate_system(
     ValueError
         For an unknown engine, without a stop, and for a checkpoint of another system.
     CannotContinue
-        If the earlier run had ended for good (see :data:`FINAL`), or is past the stop.
+        If the earlier run had ended for good (see ``continuing.FINAL``), or is past the stop.
     TooQuiet
         If millions of crossings follow one another without an impact.
     """
@@ -231,9 +219,9 @@ def simulate_system(
         raise ValueError(f"engine must be auto, python or numba, not {engine!r}")
     if stop_time is None and stop_collisions is None:
         raise ValueError("a run needs a stop: a time or a number of collisions")
-    earlier = (
-        None if checkpoint is None else _earlier(checkpoint, history, stop_time, stop_collisions)
-    )
+    earlier = None
+    if checkpoint is not None:
+        earlier = earlier_part(checkpoint, history, LOGS, stop_time, collisions=stop_collisions)
     driver = Driver(
         make_world(system, stop_time, stop_collisions), engine, earlier, variant_of(system)
     )
@@ -252,27 +240,6 @@ def simulate_system(
         _clock=clock,
         _state=driver.state(),
     )
-
-
-def _earlier(
-    checkpoint: dict[str, Any],
-    history: dict[str, Any] | None,
-    stop_time: float | None,
-    stop_collisions: int | None,
-) -> Earlier:
-    """The part of a run before its checkpoint, once it is known that it can go on."""
-    if checkpoint.get("format") != CHECKPOINT_FORMAT:
-        raise CannotContinue("the checkpoint was written by another version")
-    if checkpoint["end_cause"] in FINAL:
-        raise CannotContinue(f"the run had ended for good: {checkpoint['end_cause']}")
-    if history is None or set(history) != set(LOGS):
-        raise CannotContinue("a checkpoint needs the history of its run")
-    reached, count = checkpoint["end_time"], checkpoint["collisions"]
-    if stop_time is not None and stop_time <= reached:
-        raise CannotContinue(f"the run is at t = {reached!r} s; expected a later stop.time")
-    if stop_collisions is not None and stop_collisions <= count:
-        raise CannotContinue(f"the run has {count} impacts; expected a greater stop.collisions")
-    return Earlier(checkpoint["state"], history)
 
 
 def _skipped(clock: dict[str, float], wanted: Wanted) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ for reading: what it means is in the tables.
 
 import io
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vibro_cli.numerics.engine import dtype
-from vibro_cli.simulation.world import LOGS, RECORDS
 
 HISTORY_NAME = "history.parquet"
 _SCHEMA = b"history/1"
@@ -44,8 +44,15 @@ def _list_of_all(values: Any) -> pa.Array:
     return pa.Array.from_buffers(pa.large_list(kind), 1, [None, ends], children=[inner])
 
 
-def read_history(content: bytes) -> dict[str, Any]:
-    """The logs from the bytes of a file, as structured arrays by name.
+def records_of(system: str) -> Mapping[str, type]:
+    """The records of the logs of a system's runs, by the logs' names."""
+    home = "vibro_cli.simulation" if system == "trace" else f"vibro_cli.systems.{system}"
+    world = import_module(f"{home}.world")
+    return {log: world.RECORDS[log] for log in world.LOGS}
+
+
+def read_history(content: bytes, system: str = "trace") -> dict[str, Any]:
+    """The logs of a run of a system from the bytes of a file, as structured arrays by name.
 
     Raises `ValueError` for a file that is damaged or of another version.
     """
@@ -54,7 +61,7 @@ def read_history(content: bytes) -> dict[str, Any]:
             data = file.read()
     except (OSError, pa.ArrowException) as error:
         raise ValueError(f"{HISTORY_NAME} is damaged") from error
-    types = {log: dtype(RECORDS[log]) for log in LOGS}
+    types = {log: dtype(record) for log, record in records_of(system).items()}
     expected = [f"{log}.{field}" for log, kind in types.items() for field in kind.names]
     metadata = data.schema.metadata or {}
     if data.column_names != expected or metadata.get(b"vibro:schema") != _SCHEMA:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from vibro_cli import __version__
 from vibro_cli.storage.files import new_folder
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from vibro_cli.api import AnyRun
     from vibro_cli.scenario.systems import AnyScenario
-    from vibro_cli.simulation.run import Run
 
 SCENARIO_NAME = "scenario.json"
 CHECKPOINT_NAME = "checkpoint.json"
@@ -62,9 +61,6 @@ def run_files(run: "AnyRun", scenario: "AnyScenario") -> dict[str, bytes]:
             files[f"{name}.parquet"] = parquet_bytes(run_table(run, name, origin))
     files["summary.json"] = json_bytes(run.summary_record())
     files[SCENARIO_NAME] = json_bytes(origin.scenario)
-    if system != "trace":
-        return files  # such a run cannot be continued
-    run = cast("Run", run)
     files[CHECKPOINT_NAME] = json_bytes(run.checkpoint())
     files[HISTORY_NAME] = history_bytes(run.history())
     return files
@@ -113,15 +109,14 @@ def read_earlier_run(folder: Path) -> EarlierRun:
         raise NotContinuable(
             f"{folder} was written by vibro {version}; expected {__version__}, this program"
         )
-    if CHECKPOINT_NAME not in found["files"]:
-        raise NotContinuable(f"{folder} is of a system whose runs cannot be continued nor reported")
     content = {}
     for name in (SCENARIO_NAME, CHECKPOINT_NAME, HISTORY_NAME):
         content[name] = (folder / name).read_bytes()
         if hashlib.sha256(content[name]).hexdigest() != found["files"].get(name, {}).get("sha256"):
             raise NotContinuable(f"{folder / name} is not as it was written (SHA-256)")
+    system = json.loads(content[SCENARIO_NAME]).get("system", "trace")
     try:
-        history = read_history(content[HISTORY_NAME])
+        history = read_history(content[HISTORY_NAME], system)
     except ValueError as error:
         raise NotContinuable(f"{folder}: {error}") from error
     return EarlierRun(folder / SCENARIO_NAME, json.loads(content[CHECKPOINT_NAME]), history)

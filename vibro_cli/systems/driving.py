@@ -10,7 +10,8 @@ import numpy as np
 
 from vibro_cli.numerics import engine
 from vibro_cli.numerics.machine_code import compiled
-from vibro_cli.simulation.record import Log
+from vibro_cli.simulation.drive import Earlier
+from vibro_cli.simulation.record import Log, plain_rows, set_rows
 
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
@@ -29,12 +30,16 @@ class Library:
     logs: Mapping[str, str]
     """Logs, and the field of the clock that counts their rows."""
     log_full: int
+    state: tuple[str, ...]
+    """The records that change in a run, which are its state."""
 
 
 class Driver:
     """One run in progress; its ``world`` is a named tuple of interpreted records at first."""
 
-    def __init__(self, library: Library, world: Any, engine_name: str) -> None:
+    def __init__(
+        self, library: Library, world: Any, engine_name: str, earlier: Earlier | None = None
+    ) -> None:
         if engine_name not in ("auto", "python", "numba"):
             raise ValueError(f"engine must be auto, python or numba, not {engine_name!r}")
         self._library = library
@@ -43,9 +48,33 @@ class Driver:
         self._may_compile = engine_name == "auto"
         self._rounds = 0
         self.world = world
+        if earlier is not None:
+            self._take_up(earlier)
         self._make_room(INTERPRETED_ROWS)
         if engine_name == "numba":
             self._compile()
+
+    def _take_up(self, earlier: Earlier) -> None:
+        """Go on where an earlier run has stopped."""
+        for name in self._library.state:
+            rows = getattr(self.world, name)
+            set_rows(rows, self._library.records[name], earlier.state[name])
+        for name, rows in earlier.logs.items():
+            self.logs[name].take(rows, len(rows))
+
+    def state(self) -> dict[str, Any]:
+        """Return all that changes in a run, exactly, as plain values."""
+        records = self._library.records
+        return {n: plain_rows(getattr(self.world, n), records[n]) for n in self._library.state}
+
+    def finish(self) -> None:
+        """Have the loop go on from its last step to the stop, which `settings.finishing` asks."""
+        settings: Any = self.world.settings[0]
+        if self.engine == "numba":
+            settings["finishing"] = 1
+        else:
+            settings.finishing = 1
+        self._advance()
 
     def run(self) -> int:
         """Run to the end; return the cause."""

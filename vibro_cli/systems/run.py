@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
+from vibro_cli.simulation.continuing import checkpoint_of
 from vibro_cli.systems import impact_columns as columns
 from vibro_cli.systems.driving import Driver
 from vibro_cli.systems.impact_columns import Table
@@ -23,6 +25,21 @@ class Paths(Protocol):
 
     def sample(self, times: Any, side: str = "after") -> Table:
         """Return the columns of the motion table: for each time (s) a row for each body."""
+
+
+State = dict[str, list[list[Any]]]
+"""Values of the fields of records, by the name of the records."""
+
+
+class Ending(NamedTuple):
+    """How a run of a system ends."""
+
+    names: Mapping[int, str]
+    """Causes by their numbers."""
+    time: float | None
+    """The end in s; None for the instant of the last event."""
+    finish: bool = False
+    """Whether the loop is to go on from its last step to the stop."""
 
 
 @dataclass(frozen=True)
@@ -41,26 +58,40 @@ class SystemRun(ABC, Generic[SomeSystem]):
     wanted: Wanted
     _clock: dict[str, float] = field(repr=False)
     _logs: dict[str, Any] = field(repr=False)
+    _state: State = field(repr=False)
+    _end_state: State = field(repr=False)
 
     @classmethod
     def of(
-        cls,
-        system: SomeSystem,
-        driver: Driver,
-        end_cause: str,
-        end_time: float,
-        wanted: Wanted | None,
+        cls, system: SomeSystem, driver: Driver, cause: int, end: Ending, wanted: Wanted | None
     ) -> Self:
-        """Return the run that a driver has brought to its end, at a time in s."""
+        """Return the run that a driver has brought to its end."""
+        state = driver.state()
+        if end.finish:
+            driver.finish()
         return cls(
             system=system,
             engine=driver.engine,
-            end_cause=end_cause,
-            end_time=end_time,
+            end_cause=end.names[cause],
+            end_time=driver.value("t") if end.time is None else end.time,
             wanted=wanted or Wanted(),
             _clock=driver.clock(),
             _logs={name: log.table() for name, log in driver.logs.items()},
+            _state=state,
+            _end_state=driver.state() if end.finish else state,
         )
+
+    def checkpoint(self) -> dict[str, Any]:
+        """Return the state after the last event, exact; a run continued from it has the same bits.
+
+        Plain values: floats are written by ``json`` so that they are read back exactly.
+        """
+        counts = {"collisions": len(self._logs[self.IMPACT_LOG]), **dict(self._counts)}
+        return checkpoint_of(self.end_cause, self.end_time, counts, self._state)
+
+    def history(self) -> dict[str, Any]:
+        """Return the logs of the whole run, which a run continued from the checkpoint takes up."""
+        return dict(self._logs)
 
     @property
     def skipped(self) -> tuple[str, ...]:
@@ -76,6 +107,14 @@ class SystemRun(ABC, Generic[SomeSystem]):
     @abstractmethod
     def paths(self) -> Paths:
         """The motion between the events."""
+
+    @abstractmethod
+    def _initial_states(self) -> Table:
+        """Columns of the motion table at the start, a row for each body."""
+
+    @abstractmethod
+    def _final_states(self) -> Table:
+        """The same at the end."""
 
     @property
     @abstractmethod
@@ -109,8 +148,8 @@ class SystemRun(ABC, Generic[SomeSystem]):
     @cached_property
     def _totals(self) -> list[tuple[str, Any]]:
         impacts = self._logs[self.IMPACT_LOG]
-        first, last = self.sample([0.0], "before"), self.sample([self.end_time])
-        start, end = (float(np.sum(motion["energy"])) for motion in (first, last))
+        first, last = self._initial_states(), self._final_states()
+        start, end = (float(np.sum(states["energy"])) for states in (first, last))
         return [
             ("status", "ok"),
             ("reason", None),

@@ -35,14 +35,29 @@ MOST_STEPS = 20_000_000
 
 @kernel
 def advance(world: World) -> int:
-    """Run until the end, or until a log is full; return the cause."""
+    """Run until the end, or until a log is full; return the cause.
+
+    A run that ends by time stands at the beginning of its last step until it is finished.
+    """
     clock = world.clock[0]
     settings = world.settings[0]
+    if settings.finishing == 1:
+        return _finish(world)
     if clock.begun == 0:
         clock.begun = 1
         touches_at_start(world)
         renew_energies(world)
         log_states(world, START, 0, 0.0)
+    cause = _run(world)
+    clock.work = 0
+    return cause
+
+
+@kernel
+def _run(world: World) -> int:
+    """Go from step to step; return why it came back."""
+    clock = world.clock[0]
+    settings = world.settings[0]
     while True:
         if clock.collisions >= settings.stop_collisions:
             return END_COLLISIONS
@@ -50,7 +65,6 @@ def advance(world: World) -> int:
         if clock.impact_rows >= settings.room or clock.state_rows >= settings.room:
             return LOG_FULL
         if clock.work >= 2 * settings.room:  # to be compiled if it comes back often
-            clock.work = 0
             return LOG_FULL
         cause = settle_contacts(world)
         if cause != RUNNING:
@@ -75,27 +89,45 @@ def _step(world: World) -> int:
     if clock.steps > MOST_STEPS:
         return END_QUIET
     step = expand(world)
-    last = step >= left
-    step = min(step, left)
+    # Of the whole step, wherever the run stops: it goes on from here with the same bits.
     time, pair = first_event(world, step)
     if pair >= 0:
         step = time
-        last = False
-    move(world, step)
-    clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
-    if step > 0.0:
-        forget(world)
-        clock.at_once = 0
-    _keep_energies(world)
-    if last:
-        clock.t, clock.t_low = settings.stop_time, 0.0
+    if step > left or (step == left and pair < 0):
+        clock.steps -= 1
         return END_TIME
+    _go_on(world, step)
     if pair >= 0:
         if world.pairs[pair].held == 1:
             open_contact(world, pair)
         else:
             world.pairs[pair].known = PARTING
     return RUNNING
+
+
+@kernel
+def _go_on(world: World, step: float) -> None:
+    """Move all bodies on by a time (s) within the step of their series, energies kept."""
+    clock = world.clock[0]
+    move(world, step)
+    clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
+    if step > 0.0:
+        forget(world)
+        clock.at_once = 0
+    _keep_energies(world)
+
+
+@kernel
+def _finish(world: World) -> int:
+    """Move all bodies from the last whole step on to the end of the run."""
+    clock = world.clock[0]
+    end = world.settings[0].stop_time
+    left = end - clock.t - clock.t_low
+    if left > 0.0:
+        expand(world)
+        _go_on(world, left)
+    clock.t, clock.t_low = end, 0.0
+    return END_TIME
 
 
 @kernel

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.numerics.double import add_to_time
 from vibro_cli.systems.springs.prepare import make_world
 from vibro_cli.systems.springs.search import move
 from vibro_cli.systems.springs.series import energy_of, expand, group_size, keep_energy
 from vibro_cli.systems.springs.system import SpringsSystem
-from vibro_cli.systems.springs.world import World
+from vibro_cli.systems.springs.world import SpringBody, World
 
 Floats = NDArray[np.float64]
 
@@ -44,16 +46,7 @@ class Motion:
                 self._restore(world, at)
             self._go_on(world, float(instants[place]))
             found[place] = [(one.x, one.v, energy_of(one)) for one in world.springs]
-        feet = np.array([spring.foot for spring in self._system.springs])
-        masses = np.array([body.kappa * body.mass for body in self._system.bodies])
-        return {
-            "t": np.repeat(instants, number),
-            "ball": np.tile(np.arange(1, number + 1), len(instants)),
-            "x": (found[:, :, 0] + feet).ravel(),
-            "displacement": found[:, :, 0].ravel(),
-            "speed": found[:, :, 1].ravel(),
-            "energy": (found[:, :, 2] * masses).ravel(),
-        }
+        return _motion_columns(self._system, instants, found)
 
     def _restore(self, world: World, event: int) -> None:
         """Put a world into the state after an event."""
@@ -76,14 +69,40 @@ class Motion:
     def _go_on(self, world: World, until: float) -> None:
         """Move a world on to an instant before its next event."""
         clock = world.clock[0]
-        left = until - clock.t - clock.t_low
-        while left > 0.0:
+        while True:
+            left = until - clock.t - clock.t_low
+            if left <= 0.0:
+                return
             step = min(expand(world), left)
             move(world, step)
             for first, count in groups(world):
                 keep_energy(world, first, count)
-            left -= step
-        clock.t, clock.t_low = until, 0.0
+            clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
+
+
+def states_at(
+    system: SpringsSystem, springs: Sequence[SpringBody], time: float
+) -> dict[str, NDArray[Any]]:
+    """Return the columns of the motion table at one time (s), at which the bodies are."""
+    found = np.array([[(one.x, one.v, energy_of(one)) for one in springs]])
+    return _motion_columns(system, np.array([time]), found)
+
+
+def _motion_columns(
+    system: SpringsSystem, instants: Floats, found: Floats
+) -> dict[str, NDArray[Any]]:
+    """Columns from [time, body, (displacement, speed, energy over rolling mass)]."""
+    number = len(system.bodies)
+    feet = np.array([spring.foot for spring in system.springs])
+    masses = np.array([body.kappa * body.mass for body in system.bodies])
+    return {
+        "t": np.repeat(instants, number),
+        "ball": np.tile(np.arange(1, number + 1), len(instants)),
+        "x": (found[:, :, 0] + feet).ravel(),
+        "displacement": found[:, :, 0].ravel(),
+        "speed": found[:, :, 1].ravel(),
+        "energy": (found[:, :, 2] * masses).ravel(),
+    }
 
 
 def groups(world: World) -> list[tuple[int, int]]:

@@ -4,20 +4,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
+from vibro_cli.simulation.continuing import earlier_part
 from vibro_cli.simulation.drive import TooQuiet
+from vibro_cli.simulation.record import rows_of
 from vibro_cli.systems.driving import Driver, Library
 from vibro_cli.systems.impact_columns import Table
-from vibro_cli.systems.run import SystemRun
+from vibro_cli.systems.run import Ending, SystemRun
 from vibro_cli.systems.springs.loop import MOST_STEPS, advance
-from vibro_cli.systems.springs.motion import Motion
+from vibro_cli.systems.springs.motion import Motion, states_at
 from vibro_cli.systems.springs.prepare import make_world
 from vibro_cli.systems.springs.system import SpringsSystem
 from vibro_cli.systems.springs.tables import collision_table, event_table
-from vibro_cli.systems.springs.world import END_NAMES, END_QUIET, LOG_FULL, LOGS, RECORDS
+from vibro_cli.systems.springs.world import (
+    END_NAMES,
+    END_QUIET,
+    END_TIME,
+    LOG_FULL,
+    LOGS,
+    RECORDS,
+    STATE,
+    SpringBody,
+)
 from vibro_cli.systems.wanted import Wanted
 
-LIBRARY = Library(advance, RECORDS, LOGS, LOG_FULL)
+LIBRARY = Library(advance, RECORDS, LOGS, LOG_FULL, STATE)
 
 
 @dataclass(frozen=True)
@@ -47,6 +59,13 @@ class SpringsRun(SystemRun[SpringsSystem]):
         """The motion between the events."""
         return Motion(self.system, self._logs["states"])
 
+    def _initial_states(self) -> Table:
+        return states_at(self.system, make_world(self.system).springs, 0.0)
+
+    def _final_states(self) -> Table:
+        springs = rows_of(SpringBody, self._end_state["springs"])
+        return states_at(self.system, springs, self.end_time)
+
     @property
     def _counts(self) -> list[tuple[str, int]]:
         return [("contacts", self.contacts)]
@@ -63,6 +82,8 @@ def simulate_springs(
     stop_collisions: int | None,
     engine: str = "auto",
     wanted: Wanted | None = None,
+    checkpoint: dict[str, Any] | None = None,
+    history: dict[str, Any] | None = None,
 ) -> SpringsRun:
     """Run bodies on springs until the first of the stops.
 
@@ -76,20 +97,27 @@ def simulate_springs(
         ``"python"``, ``"numba"`` or ``"auto"``; all give the same bits.
     wanted
         What is to be computed beside the impacts.
+    checkpoint, history
+        Of an earlier run of this system, which goes on from there.
 
     Raises
     ------
     ValueError
         For an unknown engine.
+    CannotContinue
+        If the earlier run had ended for good, or is past a stop.
     TooQuiet
         If there is no impact for millions of steps.
     """
-    driver = Driver(LIBRARY, make_world(system, stop_time, stop_collisions), engine)
+    earlier = None
+    if checkpoint is not None:
+        earlier = earlier_part(checkpoint, history, LOGS, stop_time, collisions=stop_collisions)
+    driver = Driver(LIBRARY, make_world(system, stop_time, stop_collisions), engine, earlier)
     cause = driver.run()
-    end = driver.value("t")
     if cause == END_QUIET:
         raise TooQuiet(
-            f"no impact in the last {MOST_STEPS:,} steps, until t = {end:.6g} s; expected a "
-            "stop.time not far beyond the last impact"
+            f"no impact in the last {MOST_STEPS:,} steps, until t = {driver.value('t'):.6g} s; "
+            "expected a stop.time not far beyond the last impact"
         )
-    return SpringsRun.of(system, driver, END_NAMES[cause], end, wanted)
+    ending = Ending(END_NAMES, None, finish=cause == END_TIME)
+    return SpringsRun.of(system, driver, cause, ending, wanted)

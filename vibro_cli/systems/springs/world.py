@@ -96,6 +96,7 @@ class Settings:
     stop_collisions: int
     room: int
     bodies: int
+    finishing: int  # 1: only go on from the last step to the stop
 
 
 @record
@@ -161,5 +162,7 @@ RECORDS: dict[str, type] = {
     "impacts": ImpactRow,
     "states": StateRow,
 }
+STATE = ("clock", "springs", "pairs")
+"""The records that change in a run, which are its state."""
 LOGS = {"impacts": "impact_rows", "states": "state_rows"}
 """The logs, and the field of the clock that counts their rows."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from vibro_cli.numerics.double import time_between
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.systems.table.impacts import bounce, collide
-from vibro_cli.systems.table.queue import renew, search_all
+from vibro_cli.systems.table.queue import play_all, renew, search_all
 from vibro_cli.systems.table.world import (
     END_ACCUMULATION,
     END_BOUNCES,
@@ -32,6 +32,7 @@ def advance(world: World) -> int:
     if clock.begun == 0:
         search_all(world)
         clock.begun = 1
+    play_all(world)
     while True:
         if clock.collisions >= settings.stop_collisions:
             return END_COLLISIONS

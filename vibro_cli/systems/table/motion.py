@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.systems.table.system import TableSystem
+from vibro_cli.systems.table.world import Ball
 
 Floats = NDArray[np.float64]
 
@@ -44,18 +46,33 @@ class Motion:
         number = len(self.balls)
         each = [self.at(ball, instants, side) for ball in range(number)]
         column = {key: np.stack([one[key] for one in each], axis=1).ravel() for key in each[0]}
-        masses = np.array([body.kappa * body.mass for body in self._system.bodies])
-        square = column["vx"] ** 2 + column["vy"] ** 2
-        return {
-            "t": np.repeat(instants, number),
-            "ball": np.tile(np.arange(1, number + 1), len(instants)),
-            "x": column["x"],
-            "y": column["y"],
-            "velocity_x": column["vx"],
-            "velocity_y": column["vy"],
-            "speed": np.sqrt(square),
-            "energy": 0.5 * np.tile(masses, len(instants)) * square,
-        }
+        return _motion_columns(self._system, instants, column)
+
+
+def states_at(system: TableSystem, balls: Sequence[Ball], time: float) -> dict[str, NDArray[Any]]:
+    """Return the columns of the motion table at one time (s), from the balls' last events."""
+    past = np.array([time - ball.t - ball.t_low for ball in balls])
+    x, y, vx, vy = np.array([(ball.x, ball.y, ball.vx, ball.vy) for ball in balls]).T
+    column = {"x": x + past * vx, "y": y + past * vy, "vx": vx, "vy": vy}
+    return _motion_columns(system, np.array([time]), column)
+
+
+def _motion_columns(
+    system: TableSystem, instants: Floats, column: dict[str, Floats]
+) -> dict[str, NDArray[Any]]:
+    number = len(system.bodies)
+    masses = np.array([body.kappa * body.mass for body in system.bodies])
+    square = column["vx"] ** 2 + column["vy"] ** 2
+    return {
+        "t": np.repeat(instants, number),
+        "ball": np.tile(np.arange(1, number + 1), len(instants)),
+        "x": column["x"],
+        "y": column["y"],
+        "velocity_x": column["vx"],
+        "velocity_y": column["vy"],
+        "speed": np.sqrt(square),
+        "energy": 0.5 * np.tile(masses, len(instants)) * square,
+    }
 
 
 def _events(system: TableSystem, ball: int, pairs: Any, bounces: Any) -> dict[str, Floats]:

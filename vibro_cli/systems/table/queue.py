@@ -128,3 +128,10 @@ def search_all(world: World) -> None:
     """Find what every ball meets next."""
     for ball in range(len(world.balls)):
         search_row(world, ball)
+
+
+@kernel
+def play_all(world: World) -> None:
+    """Play all matches: what the tournament shows follows from the meetings alone."""
+    for ball in range(len(world.balls)):
+        _play(world, ball)

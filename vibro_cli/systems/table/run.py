@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
+from vibro_cli.simulation.continuing import earlier_part
+from vibro_cli.simulation.record import rows_of
 from vibro_cli.systems.driving import Driver, Library
 from vibro_cli.systems.impact_columns import Table
-from vibro_cli.systems.run import SystemRun
+from vibro_cli.systems.run import Ending, SystemRun
 from vibro_cli.systems.table.loop import advance
-from vibro_cli.systems.table.motion import Motion
+from vibro_cli.systems.table.motion import Motion, states_at
 from vibro_cli.systems.table.prepare import make_world
 from vibro_cli.systems.table.system import TableSystem
 from vibro_cli.systems.table.tables import bounce_table, collision_table
-from vibro_cli.systems.table.world import END_NAMES, END_TIME, LOG_FULL, LOGS, RECORDS
+from vibro_cli.systems.table.world import END_NAMES, END_TIME, LOG_FULL, LOGS, RECORDS, STATE, Ball
 from vibro_cli.systems.wanted import Wanted
 
-LIBRARY = Library(advance, RECORDS, LOGS, LOG_FULL)
+LIBRARY = Library(advance, RECORDS, LOGS, LOG_FULL, STATE)
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,12 @@ class TableRun(SystemRun[TableSystem]):
         """The motion of each ball between its events, straight and so exact at any time."""
         return Motion(self.system, self._logs[self.IMPACT_LOG], self._logs["bounce_log"])
 
+    def _initial_states(self) -> Table:
+        return states_at(self.system, make_world(self.system, None, None, None).balls, 0.0)
+
+    def _final_states(self) -> Table:
+        return states_at(self.system, rows_of(Ball, self._end_state["balls"]), self.end_time)
+
     @property
     def _counts(self) -> list[tuple[str, int]]:
         return [("bounces", len(self._logs["bounce_log"]))]
@@ -61,6 +70,8 @@ def simulate_table(
     stop_bounces: int | None,
     engine: str = "auto",
     wanted: Wanted | None = None,
+    checkpoint: dict[str, Any] | None = None,
+    history: dict[str, Any] | None = None,
 ) -> TableRun:
     """Run balls on a table until the first of the stops.
 
@@ -74,14 +85,22 @@ def simulate_table(
         ``"python"``, ``"numba"`` or ``"auto"``; all give the same bits.
     wanted
         What is to be computed beside the impacts.
+    checkpoint, history
+        Of an earlier run of this system, which goes on from there.
 
     Raises
     ------
     ValueError
         For an unknown engine.
+    CannotContinue
+        If the earlier run had ended for good, or is past a stop.
     """
+    earlier = None
+    if checkpoint is not None:
+        limits = {"collisions": stop_collisions, "bounces": stop_bounces}
+        earlier = earlier_part(checkpoint, history, LOGS, stop_time, **limits)
     world = make_world(system, stop_time, stop_collisions, stop_bounces)
-    driver = Driver(LIBRARY, world, engine)
+    driver = Driver(LIBRARY, world, engine, earlier)
     cause = driver.run()
-    end = stop_time if cause == END_TIME and stop_time is not None else driver.value("t")
-    return TableRun.of(system, driver, END_NAMES[cause], end, wanted)
+    ending = Ending(END_NAMES, stop_time if cause == END_TIME else None)
+    return TableRun.of(system, driver, cause, ending, wanted)

@@ -208,5 +208,7 @@ RECORDS: dict[str, type] = {
     "pair_log": PairRow,
     "bounce_log": BounceRow,
 }
+STATE = ("clock", "balls", "meetings")
+"""The records that change in a run, which are its state; the tournament follows from them."""
 LOGS = {"pair_log": "pair_rows", "bounce_log": "bounce_rows"}
 """The logs, and the field of the clock that counts their rows."""

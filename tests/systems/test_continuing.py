@@ -1,0 +1,75 @@
+"""A run in parts is the run in one, to the last bit, on a table and with springs."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.systems.springs_cases import FIGURE_FIVE, disk, spring, springs
+from tests.systems.table_cases import ball, box, ellipse, table
+from vibro_cli.api import CannotContinue, simulate
+from vibro_cli.scenario import any_scenario_of
+
+Document = dict[str, Any]
+GAS = [ball(0.3 * n - 0.9, 0.1 * (-1) ** n, 0.7 - 0.3 * n, 0.4 * n) for n in range(6)]
+PRESSED = springs(
+    [
+        disk(-1.0, 0.0, spring(stiffness=9.0, height=1.0, length=1.0, foot=0.4)),
+        disk(1.0, 0.0, spring(stiffness=9.0, height=1.0, length=1.0, foot=-0.4)),
+    ],
+    k=0.5,
+)
+CASES: dict[str, tuple[Document, list[Document]]] = {
+    "gas": (
+        table(GAS, box(3.0, 2.0), k=0.97),
+        [{"time": 0.31}, {"collisions": 9}, {"bounces": 30}, {"time": 12.5}],
+    ),
+    "ellipse": (table([ball(0.3, 0.1, 0.9, 0.7)], ellipse(2.0, 1.2)), [{"time": 3.0}, {"time": 9}]),
+    "figure 5": (
+        springs(FIGURE_FIVE),
+        [{"time": 1.1}, {"collisions": 4}, {"time": 12.3}, {"time": 12.4}, {"time": 20.0}],
+    ),
+    "lasting contact": (PRESSED, [{"time": 0.7}, {"collisions": 12}, {"time": 4.0}, {"time": 9.0}]),
+}
+
+
+def solved(document: Document, stop: Document, *earlier: Any) -> Any:
+    return simulate(any_scenario_of({**document, "stop": stop}), "python", *earlier)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_run_in_parts_has_the_bits_of_one(name: str) -> None:
+    document, stops = CASES[name]
+    whole, part = solved(document, stops[-1]), solved(document, stops[0])
+    for stop in stops[1:]:
+        checkpoint = json.loads(json.dumps(part.checkpoint()))
+        part = solved(document, stop, checkpoint, part.history())
+    assert part.summary_record() == whole.summary_record()
+    assert part.checkpoint() == whole.checkpoint()
+    for log, rows in whole.history().items():
+        assert len(rows) > (1 if log != "pair_log" or name == "gas" else -1)
+        np.testing.assert_array_equal(part.history()[log], rows)
+    for side in ("before", "after"):
+        times = np.linspace(0.0, whole.end_time, 97)
+        for column, values in whole.sample(times, side).items():
+            np.testing.assert_array_equal(part.sample(times, side)[column], values)
+    final = whole.sample([whole.end_time])
+    for body in range(1, len(document["balls"]) + 1):
+        assert whole.summary_record()[f"x_{body}"] == final["x"][body - 1]
+
+
+def test_what_cannot_go_on_is_refused() -> None:
+    document, _ = CASES["gas"]
+    run = solved(document, {"bounces": 3, "time": 4.0})
+    for stop, message in (
+        ({"time": 0.1}, "expected a later stop.time"),
+        ({"bounces": 3}, "has 3 bounces on the wall; expected a greater stop.bounces"),
+    ):
+        with pytest.raises(CannotContinue, match=message):
+            solved(document, stop, run.checkpoint(), run.history())
+    lost = solved(table([ball(0.0, 0.0, 1.0, 0.4)], ellipse(2.0, 1.2, 0.5)), {"time": 100.0})
+    with pytest.raises(CannotContinue, match="ended for good: wall_contact"):
+        solved(document, {"time": 200.0}, lost.checkpoint(), lost.history())
