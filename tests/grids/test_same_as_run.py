@@ -16,7 +16,7 @@ from vibro_cli.grids.impacts import impact_columns
 from vibro_cli.grids.points import scenario_at
 from vibro_cli.grids.room import Room
 from vibro_cli.grids.solving import Solver
-from vibro_cli.grids.tables import collision_table_of
+from vibro_cli.grids.tables import impact_table_of
 from vibro_cli.scenario import ScenarioError
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -111,7 +111,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
     indices = np.arange(POINTS)
     solved = Solver(grid, "numba").solve(indices)
     values = grid.design.columns(indices)
-    collisions = impact_columns(collision_table_of(grid), solved.logged, indices, Room())
+    collisions = impact_columns(impact_table_of(grid), solved.logged, indices, Room())
     collisions["law"] = np.array(collisions["law"].words)[collisions["law"].numbers]
     seen = set()
     for row in range(POINTS):

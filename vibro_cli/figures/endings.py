@@ -14,11 +14,14 @@ from vibro_cli.figures.lattice import Swept
 COLOURS = {
     "time": "#F0E442",
     "collisions": "#7CC7F0",
+    "bounces": "#9FD9B4",
     "no_more_collisions": "#00579A",
     "rest": "#f0f0f0",
     "end_of_trace": "#E69F00",
     "inadmissible": "#C04A00",
     "lift_off": "#CC79A7",
+    "wall_contact": "#3A1466",
+    "accumulation": "#00463A",
     "invalid": "#7a7a7a",
     "failed": "#000000",
 }

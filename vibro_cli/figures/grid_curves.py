@@ -18,7 +18,7 @@ from vibro_cli.figures.legend import LINE, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import WIDTHS
 
-_HIGH = {"single": (26.0, 26.0, 26.0), "double": (34.0, 34.0, 34.0)}
+_HIGH = {"single": (26.0,) * 4, "double": (34.0,) * 4}
 _DIAGRAM = {"single": 58.0, "double": 80.0}
 _WIDE_RANGE = 50.0
 PLACES = (
@@ -32,6 +32,8 @@ PLACES = (
 def curves(grid: Swept, width: str = "single") -> Figure | None:
     """Return impacts, energy left and time of the first impact over the axis with most values.
 
+    On a table the impacts on the wall too.
+
     Dots in the colours of the ending. None where no axis of numbers changes.
     """
     shown = lattice(grid, 1, numbers_first=True)
@@ -40,8 +42,13 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
     endings = Endings.of(grid, shown.rows)
     table = {name: np.asarray(grid.summary[name][shown.rows], dtype=np.float64) for name in _NEEDED}
     kept = table["energy_end"] / np.where(table["energy_start"] > 0.0, table["energy_start"], 1.0)
+    counts = [
+        (np.asarray(grid.summary[name][shown.rows], dtype=np.float64), symbol, "")
+        for name, symbol in (("collisions", "impacts"), ("bounces", "on the wall"))
+        if name in grid.summary
+    ]
     panels = [
-        (table["collisions"], "impacts", ""),
+        *(one for one in counts if one is counts[0] or np.nansum(one[0]) > 0.0),
         (kept, r"$E_\mathrm{end}/E_0$", ""),
         (table["first_collision_time"], "first impact", "s"),
     ]
@@ -63,7 +70,7 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
     return figure
 
 
-_NEEDED = ("collisions", "energy_start", "energy_end", "first_collision_time")
+_NEEDED = ("energy_start", "energy_end", "first_collision_time")
 
 
 def _dots(axes: Axes, shown: Lattice, values: Array, endings: Endings) -> None:

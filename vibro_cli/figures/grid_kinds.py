@@ -15,8 +15,11 @@ from vibro_cli.figures.kinds import Drawn, Kind
 from vibro_cli.figures.lattice import Swept, lattice
 
 
-def _impacts(grid: Swept, width: str) -> Figure | None:
-    values = np.asarray(grid.summary["collisions"], dtype=np.float64)
+def _impacts(grid: Swept, width: str, counted: str = "collisions") -> Figure | None:
+    """How many impacts of one kind there are, where there can be any."""
+    values = np.asarray(grid.summary.get(counted, 0.0), dtype=np.float64)
+    if not np.any(values > 0.0):
+        return None
     return quantity_map(grid, width, np.where(values > 0.0, values, np.nan), "impacts")
 
 
@@ -29,7 +32,7 @@ def _energy(grid: Swept, width: str) -> Figure | None:
 
 def _contact(grid: Swept, width: str) -> Figure | None:
     """When the last impact was, of the runs in which lasting contact began."""
-    begun = np.asarray(grid.summary["contacts"], dtype=np.float64) > 0.0
+    begun = np.asarray(grid.summary.get("contacts", 0.0), dtype=np.float64) > 0.0
     last = np.asarray(grid.summary["last_collision_time"], dtype=np.float64)
     return quantity_map(grid, width, np.where(begun, last, np.nan), "last impact [s]")
 
@@ -60,6 +63,11 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
         _impacts,
         "Number of impacts",
         f"{_OVER_TWO}: the impacts of each run, white where there was none.",
+    ),
+    "bounces": Kind(
+        partial(_impacts, counted="bounces"),
+        "Number of impacts on the wall",
+        f"{_OVER_TWO}: the impacts of each run on the wall, white where there was none.",
     ),
     "energy": Kind(
         _energy, "Energy left", f"{_OVER_TWO}: energy at the end as a share of that at the start."

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from vibro_cli.grids.paths import NotAnAxis, kind_of, read_number, type_of
+from vibro_cli.grids.paths import Model, NotAnAxis, kind_of, read_number, type_of
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, path_text, shown, suggestion
 from vibro_cli.scenario.source import parsed_path
@@ -64,7 +64,7 @@ class Axis:
         return self.at(np.minimum((share * len(self)).astype(np.int64), len(self) - 1))
 
 
-def read_axis(given: Any, loc: KeyPath, folder: Path, seed: int) -> Axis:
+def read_axis(given: Any, loc: KeyPath, folder: Path, seed: int, root: Model) -> Axis:
     """Return the axis that a table of a grid file describes.
 
     Parameters
@@ -77,6 +77,8 @@ def read_axis(given: Any, loc: KeyPath, folder: Path, seed: int) -> Axis:
         Folder of the grid file, which paths of tables start from.
     seed
         Seed of random values.
+    root
+        Model of the scenarios.
 
     Raises
     ------
@@ -95,9 +97,9 @@ def read_axis(given: Any, loc: KeyPath, folder: Path, seed: int) -> Axis:
         where = (*loc, generators[-1]) if generators else loc
         raise Wrong(where, found, f"one of {listing(GENERATORS)}", on_key=bool(generators))
     if generators[0] == "table":
-        return _from_table(given, loc, folder)
+        return _from_table(given, loc, folder, root)
     paths = _read_paths(given, loc)
-    found_kinds = tuple(_kind(path, where) for path, where in paths)
+    found_kinds = tuple(_kind(path, where, root) for path, where in paths)
     axis_paths = tuple(path for path, _ in paths)
     key = generators[0]
     return _READERS[key](axis_paths, found_kinds, given[key], (*loc, key), seed)
@@ -125,9 +127,9 @@ def _path(text: Any, loc: KeyPath) -> KeyPath:
         raise Wrong(loc, shown(text), expected) from None
 
 
-def _kind(path: KeyPath, loc: KeyPath) -> kinds.Kind:
+def _kind(path: KeyPath, loc: KeyPath, root: Model) -> kinds.Kind:
     try:
-        return kind_of(path)
+        return kind_of(path, root)
     except NotAnAxis as error:
         raise Wrong(loc, error.fault.found, error.fault.expected) from None
 
@@ -247,7 +249,7 @@ _READERS: dict[str, _Reader] = {
 }
 
 
-def _from_table(given: dict[str, Any], loc: KeyPath, folder: Path) -> Axis:
+def _from_table(given: dict[str, Any], loc: KeyPath, folder: Path, root: Model) -> Axis:
     """The columns of a parquet or CSV file, named by paths: a row is one value of the axis."""
     from vibro_cli.storage.columns import UnreadableTable, read_columns
 
@@ -265,7 +267,7 @@ def _from_table(given: dict[str, Any], loc: KeyPath, folder: Path) -> Axis:
             raise Wrong(where, f"columns {listing(table, 'and')}", f"a column {missing[0]}")
         table = {name: table[name] for name in named}
     paths = tuple(_path(name, where) for name in table)
-    of = tuple(_kind(path, where) for path in paths)
+    of = tuple(_kind(path, where, root) for path in paths)
     columns = [
         _table_column(kind, values, name, where)
         for (name, values), kind in zip(table.items(), of, strict=True)

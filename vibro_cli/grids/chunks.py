@@ -15,10 +15,10 @@ import numpy as np
 
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.impacts import Logged, counts_of, impact_columns
 from vibro_cli.grids.room import Room
 from vibro_cli.grids.solving import Solved, Table
-from vibro_cli.grids.tables import collision_table_of, part_file, summary_table
+from vibro_cli.grids.systems import system_of_grid
+from vibro_cli.grids.tables import impact_table_of, part_file, summary_table
 from vibro_cli.storage.files import write_file
 from vibro_cli.storage.provenance import entry
 
@@ -109,8 +109,7 @@ class Receipt:
 
 def file_names(grid: Grid, chunk: int) -> dict[str, str]:
     """Return the names of a chunk's files by the tables they hold."""
-    tables = ["summary", "collisions"] if grid.keep.collisions else ["summary"]
-    return {table: f"{table}/part-{chunk:06d}.parquet" for table in tables}
+    return {table: f"{table}/part-{chunk:06d}.parquet" for table in ("summary", *grid.kept_tables)}
 
 
 @dataclass(frozen=True)
@@ -163,9 +162,11 @@ def _contents(
     """The files of a chunk, the summary's last, and the columns of its summary."""
     names = file_names(grid, chunk)
     contents: dict[str, memoryview] = {}
-    if grid.keep.collisions:
-        logged = [logged for one in stretches for logged in one.logged]
-        contents[names["collisions"]] = _impacts_file(grid, chunk, logged, indices, room)
+    logged = [logged for one in stretches for logged in one.logged]
+    for name in grid.kept_tables:
+        contents[names[name]] = _impacts_file(grid, name, chunk, logged, indices, room)
+    for one in logged:
+        one.give_back()
     whole = _whole([one.summary for one in stretches])
     table = summary_table(grid)
     given = [indices + 1, *grid.design.columns(indices).values()]
@@ -176,21 +177,18 @@ def _contents(
 
 
 def _impacts_file(
-    grid: Grid, chunk: int, logged: list[Logged], indices: Column, room: Room
+    grid: Grid, name: str, chunk: int, logged: list[Any], indices: Column, room: Room
 ) -> memoryview:
-    """The file of the impacts of a chunk; their logs are given back."""
-    table = collision_table_of(grid)
-    counts = counts_of(logged, indices)
+    """The file of a table of the impacts of a chunk."""
+    table, system = impact_table_of(grid, name), system_of_grid(grid)
+    counts = system.impact_counts(table, logged, indices)
     starts = group_starts(counts)
 
     def groups() -> Iterator[Table]:
         for points in np.split(indices, starts):
-            yield impact_columns(table, logged, points, room)
+            yield system.impact_columns(table, logged, points, room)
 
-    content = part_file(grid, table, groups, int(counts.sum()), chunk, room)
-    for one in logged:
-        one.give_back()
-    return content
+    return part_file(grid, table, groups, int(counts.sum()), chunk, room)
 
 
 def group_starts(counts: Column) -> Column:

@@ -14,7 +14,7 @@ import numpy as np
 from vibro_cli.grids.chunks import Chunks, Receipt, encode_chunk
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.room import Room
-from vibro_cli.grids.solving import Solver
+from vibro_cli.grids.systems import Solver, system_of_grid
 from vibro_cli.grids.threads import Told
 
 # Chunks that wait at the scheduler for each thread that solves.
@@ -198,7 +198,8 @@ def solve_chunk(
     ``run`` tells chunks of one grid from those of another.
     """
     if getattr(_of_thread, "run", None) != run:
-        _of_thread.solver, _of_thread.room = Solver(grid, engine), Room()
+        _of_thread.solver = system_of_grid(grid).solver(grid, engine)
+        _of_thread.room = Room()
         _of_thread.run = run
     solver: Solver = _of_thread.solver
     solved = (solver.solve(np.arange(*stretch)) for stretch in chunks.stretches(chunk))

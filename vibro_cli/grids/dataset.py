@@ -36,7 +36,7 @@ from vibro_cli.storage.provenance import (
 GRID_NAME = "grid.json"
 _LOCK_NAME = ".lock"
 _SHARD = re.compile(r"shard-\d+-of-\d+")
-_FOLDERS = ("summary", "collisions")
+_FOLDERS = ("summary", "collisions", "bounces")
 # The manifest is written at most once in this time (s), and at the end.
 _EVERY = 5.0
 
@@ -139,7 +139,7 @@ def opened(
         If it cannot be written.
     """
     check_grid_folder(folder)
-    for name in _FOLDERS[: 1 + grid.keep.collisions]:
+    for name in ("summary", *grid.kept_tables):
         (folder / name).mkdir(parents=True, exist_ok=True)
     with locked(folder):
         if anew:
@@ -289,7 +289,9 @@ def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Recei
     summary = folder / file_names(grid, chunk)["summary"]
     try:
         table = pq.read_table(
-            summary, columns=["status", "end_cause", "collisions"], page_checksum_verification=True
+            summary,
+            columns=["status", "end_cause", *grid.counted],
+            page_checksum_verification=True,
         )
     except (OSError, pa.ArrowException):
         return None
@@ -300,7 +302,7 @@ def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Recei
         return None
     if table.num_rows != last - first:
         return None
-    impacts = int(np.nansum(table["collisions"].to_numpy().astype(float)))
+    impacts = sum(int(np.nansum(table[one].to_numpy().astype(float))) for one in grid.counted)
     status, cause = (
         np.array(table[name].to_pylist(), dtype=object) for name in ("status", "end_cause")
     )

@@ -11,8 +11,8 @@ from typing import Any
 from vibro_cli.grids.axes import Axis, Wrong, read_axis
 from vibro_cli.grids.design import MODES, Design
 from vibro_cli.scenario import loading
+from vibro_cli.scenario.base import ScenarioTable
 from vibro_cli.scenario.loading import Document, load_document, located
-from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.overrides import OverrideError, apply
 from vibro_cli.scenario.problems import (
     Fault,
@@ -25,8 +25,8 @@ from vibro_cli.scenario.problems import (
     suggestion,
 )
 from vibro_cli.scenario.source import Source
-from vibro_cli.scenario.systems import model_of
-from vibro_cli.storage.schema import collisions
+from vibro_cli.scenario.systems import model_of, system_of
+from vibro_cli.storage.schema import Column, table_named
 
 _KEYS = ("name", "base", "scenario", "mode", "n", "seed", "axes", "keep", "chunk_points")
 _KEEP = ("collisions", "columns")
@@ -38,7 +38,7 @@ class Keep:
 
     collisions: bool = False
     columns: tuple[str, ...] | None = None
-    """Columns of the collision table, all of them for None."""
+    """Columns of the tables of impacts, all of them for None."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,26 @@ class Grid:
     chunk_points: int | None = None
     """Points of a chunk, which is a part on the disk; chosen by the program for None."""
 
+    @property
+    def system(self) -> str:
+        """The system of all its scenarios."""
+        return system_of(self.base.data)
+
+    @property
+    def root(self) -> type[ScenarioTable]:
+        """The model of its scenarios."""
+        return model_of(self.base.data)
+
+    @property
+    def counted(self) -> tuple[str, ...]:
+        """The columns of the summary that count impacts, each with a stop of its name."""
+        return impact_tables(self.system)
+
+    @property
+    def kept_tables(self) -> tuple[str, ...]:
+        """Names of the tables of impacts that are kept."""
+        return impact_tables(self.system) if self.keep.collisions else ()
+
     def resolved(self) -> dict[str, Any]:
         """Return the grid as plain data: two grids with equal data give equal tables."""
         columns = None if self.keep.columns is None else list(self.keep.columns)
@@ -63,9 +83,9 @@ class Grid:
             "keep": {"collisions": self.keep.collisions, "columns": columns},
         }
 
-    def stopped_at(self, collisions: int) -> Grid:
-        """Return the same grid with a limit to the impacts of each point."""
-        stop = {**self.base.data.get("stop", {}), "collisions": collisions}
+    def stopped_at(self, most: int, counted: Sequence[str]) -> Grid:
+        """Return the same grid with a limit to what each point has of the counted impacts."""
+        stop = {**self.base.data.get("stop", {}), **dict.fromkeys(counted, most)}
         return replace(self, base=replace(self.base, data={**self.base.data, "stop": stop}))
 
     def without_collisions(self) -> Grid:
@@ -96,7 +116,7 @@ def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
     base = _base(document, folder, overrides, problems)
     keep = Keep()
     try:
-        keep = _keep(document.data.get("keep", {}), collect)
+        keep = _keep(document.data.get("keep", {}), base, collect)
     except Wrong as error:
         collect(error)
     try:
@@ -135,11 +155,6 @@ def _base(
         problems.extend(error.problems)
         return None
     changed, texts, wrong = loading.overridden(given.data, overrides)
-    if model_of(changed) is not Scenario:
-        expected = '"trace": grids of other systems are not there'
-        fault = Fault(("system",), shown(changed["system"]), expected)
-        problems.extend(located([fault], given.source))
-        return None
     problems.extend(wrong)
     return Document(changed, replace(given.source, overrides=tuple(texts)), given.name)
 
@@ -180,7 +195,18 @@ def _error(source: Source, fault: Fault) -> ScenarioError:
     return ScenarioError(located([fault], source))
 
 
-def _keep(given: Any, collect: Any) -> Keep:
+def impact_tables(system: str) -> tuple[str, ...]:
+    """Return the names of the tables of a system's impacts: on a table the wall has one too."""
+    return ("collisions", "bounces") if system == "table" else ("collisions",)
+
+
+def impact_columns_of(system: str) -> tuple[Column, ...]:
+    """Return all columns of the tables of a system's impacts, each once."""
+    tables = [table_named(name, ("side",), system) for name in impact_tables(system)]
+    return tuple({column.name: column for table in tables for column in table.columns}.values())
+
+
+def _keep(given: Any, base: Document | None, collect: Any) -> Keep:
     if not isinstance(given, dict):
         raise Wrong(("keep",), shown(given), "a table with collisions and columns")
     _check_keys(given, _KEEP, ("keep",), collect)
@@ -189,7 +215,8 @@ def _keep(given: Any, collect: Any) -> Keep:
         raise Wrong(("keep", "collisions"), shown(kept), "true or false")
     if columns is None:
         return Keep(kept)
-    known = [column.name for column in collisions(sided=True).columns]
+    system = system_of({} if base is None else base.data)
+    known = [column.name for column in impact_columns_of(system)]
     if not isinstance(columns, list) or not columns:
         raise Wrong(("keep", "columns"), shown(columns), "a list of columns")
     for i, name in enumerate(columns):
@@ -227,7 +254,8 @@ def _design(document: Document, folder: Path, base: Document | None, collect: An
     axes = []
     for i, table in enumerate(given):
         try:
-            axes.append(read_axis(table, ("axes", i), folder, seed))
+            root = model_of({} if base is None else base.data)
+            axes.append(read_axis(table, ("axes", i), folder, seed, root))
             _check_paths(axes, base)
         except Wrong as error:
             collect(error)

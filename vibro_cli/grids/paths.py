@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from vibro_cli.scenario import fields
+from vibro_cli.scenario import Scenario, fields
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import Fault, KeyPath, path_text
 from vibro_cli.scenario.translate import unknown_key
@@ -21,9 +22,12 @@ UNITS = {
     "speed": "m/s",
     "acceleration": "m/s^2",
     "density": "kg/m^3",
+    "stiffness": "N/m",
 }
 # What a grid's tables do not depend on.
 _WITHOUT_EFFECT = ("name", "output")
+
+Model = type[BaseModel]
 
 
 class NotAnAxis(Exception):
@@ -34,8 +38,8 @@ class NotAnAxis(Exception):
         self.fault = fault
 
 
-def kind_of(path: KeyPath) -> kinds.Kind:
-    """Return the kind of the scalar at a path.
+def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
+    """Return the kind of the scalar at a path of scenarios with the model `root`.
 
     Raises
     ------
@@ -45,22 +49,35 @@ def kind_of(path: KeyPath) -> kinds.Kind:
     if path[0] in _WITHOUT_EFFECT:
         expected = "a value that the tables of a grid depend on"
         raise NotAnAxis(Fault(path, path_text(path), expected))
+    if path == ("system",):
+        expected = "a value of the scenario: those of a grid are of one system"
+        raise NotAnAxis(Fault(path, path_text(path), expected))
     if path[:2] == ("collision", "k") and len(path) in (2, 3):
         return kinds.RESTITUTION
-    model, key = fields.model_at(path[:-1]), path[-1]
+    entries = next((n for n, part in enumerate(reversed(path)) if isinstance(part, str)), 0)
+    table, key = path[: len(path) - entries - 1], path[len(path) - entries - 1]
+    model = fields.model_at(table, root)
     if model is None or not isinstance(key, str) or key not in model.model_fields:
-        raise NotAnAxis(_unknown(path, model))
-    for part in model.model_fields[key].metadata:
+        raise NotAnAxis(_unknown(path, model, root))
+    field = model.model_fields[key]
+    for part in _kinds_within(field.annotation) if entries else field.metadata:
         if isinstance(part, kinds.Kind):
             return part
     expected = "one value: a number, a word, true or false"
     raise NotAnAxis(Fault(path, f"{path_text(path)} as a whole", expected))
 
 
-def _unknown(path: KeyPath, model: type[BaseModel] | None) -> Fault:
+def _kinds_within(annotation: Any) -> Iterator[Any]:
+    """What the annotations of a list's entries, and of theirs, say."""
+    for part in get_args(annotation):
+        yield from getattr(part, "__metadata__", ())
+        yield from _kinds_within(part)
+
+
+def _unknown(path: KeyPath, model: Model | None, root: Model) -> Fault:
     if model is None or isinstance(path[-1], int):
         return Fault(path, path_text(path), "a value of a scenario, such as balls[1].angle")
-    return unknown_key(path)
+    return unknown_key(path, root)
 
 
 def unit_of(kind: kinds.Kind) -> str:

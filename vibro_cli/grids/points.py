@@ -44,19 +44,24 @@ def is_number(path: KeyPath) -> bool:
 
 
 def scenario_at(base: Document, values: PointValues) -> Scenario:
-    """Return the scenario of one point, by the ordinary reader.
+    """Return the scenario of one point of a trace, by the ordinary reader.
 
     Raises
     ------
     ScenarioError
         With everything that is wrong with it.
     """
+    return scenario_of(document_at(base, values))
+
+
+def document_at(base: Document, values: PointValues) -> Document:
+    """Return the document of one point."""
     data = base.data
     given: list[KeyPath] = []
     for path, value in values.items():
         data = apply(data, path, _plain(value), given)
         given.append(path)
-    return scenario_of(Document(data, base.source, base.name))
+    return Document(data, base.source, base.name)
 
 
 def _plain(value: Any) -> Any:
@@ -102,7 +107,7 @@ class Reader:
             scenario = self._scenario(plain, refused)
             point = Point(scenario, build_system(scenario), None)
         except ScenarioError as error:
-            return Point(None, None, _reason(error))
+            return Point(None, None, reason_of(error))
         if self._known is None and all(map(is_number, plain)):
             self._known = point.scenario
         return point
@@ -114,11 +119,12 @@ class Reader:
             return scenario_at(self._base, values)
         except ScenarioError as error:
             if refused and len(self._reasons) < _MOST_REASONS:
-                self._reasons[refused] = _reason(error)
+                self._reasons[refused] = reason_of(error)
             raise
 
 
-def _reason(error: ScenarioError) -> str:
+def reason_of(error: ScenarioError) -> str:
+    """Return what is wrong with a point, on one line."""
     texts = [f"{one.path}: found {one.found}, expected {one.expected}" for one in error.problems]
     return "; ".join(texts)
 

@@ -10,7 +10,7 @@ import numpy as np
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.chunks import Expected, part_bytes
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.solving import Solver
+from vibro_cli.grids.systems import system_of_grid
 
 # The number of points that tell how the grid is divided; it must not depend on the machine.
 _POINTS = 32
@@ -38,20 +38,25 @@ def spread(grid: Grid, count: int) -> Column:
 
 def expected_impacts(grid: Grid) -> Expected:
     """Return how many impacts a point may be expected to have; the same on every machine."""
+    system = system_of_grid(grid)
     stop = grid.base.data.get("stop")
-    most = stop.get("collisions") if isinstance(stop, dict) else None
-    limit = float(most) if isinstance(most, int) and most > 0 else _MANY * _MOST_IMPACTS
-    limited = grid
-    if ("stop", "collisions") not in grid.design.paths:
-        limited = grid.stopped_at(min(int(limit), _MOST_IMPACTS))
-    solved = Solver(limited.without_collisions(), "python").solve(spread(grid, _POINTS))
-    counts = np.ma.filled(solved.summary["collisions"], 0).astype(np.float64)
+    given = [stop.get(name) if isinstance(stop, dict) else None for name in grid.counted]
+    limits = [float(most) for most in given if isinstance(most, int) and most > 0]
+    limit = sum(limits) if len(limits) == len(given) else _MANY * _MOST_IMPACTS
+    free = [name for name in grid.counted if ("stop", name) not in grid.design.paths]
+    limited = grid.stopped_at(min(int(limit), _MOST_IMPACTS), free)
+    solver = system.solver(limited.without_collisions(), system.sampled_by)
+    solved = solver.solve(spread(grid, _POINTS)).summary
+    each = [np.ma.filled(solved[name], 0).astype(np.float64) for name in grid.counted]
+    counts = np.sum(each, axis=0)
     counts[counts >= _MOST_IMPACTS] = limit
     return Expected(float(np.mean(counts)), float(np.max(counts)))
 
 
 def engine_for(grid: Grid, impacts: Expected) -> str:
     """Return the engine for a grid: small ones are done before the kernels would be compiled."""
+    if system_of_grid(grid).sampled_by == "numba":
+        return "numba"
     work = grid.design.points * (impacts.mean + _LEAST_WORK)
     return "numba" if work > _WORTH_COMPILING else "python"
 
@@ -71,7 +76,7 @@ class Estimate:
 
 def estimate(grid: Grid, engine: str) -> Estimate:
     """Time points spread over the grid for about half a second."""
-    solver = Solver(grid, engine)
+    solver = system_of_grid(grid).solver(grid, engine)
     if engine == "numba":
         solver.compile()
     count = 16

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +23,7 @@ from vibro_cli.simulation.points import Results
 from vibro_cli.simulation.run import simulate_system
 from vibro_cli.simulation.summary import summary_columns
 from vibro_cli.simulation.world import LOG_FULL, World
+from vibro_cli.storage.schema import summary
 
 Table = dict[str, Any]
 
@@ -35,8 +37,8 @@ class Solved:
     """A stretch of points, solved."""
 
     summary: Table
-    logged: list[Logged]
-    """Their impacts, if they are kept."""
+    logged: Sequence[Any]
+    """Their impacts, if they are kept, as the system's columns are made from them."""
     impacts: int
     """Number of impacts, kept or not."""
 
@@ -228,8 +230,6 @@ class Solver:
 
 def not_solved(status: str, reason: str | None, bodies: int) -> Table:
     """Return the summary of a point without a run."""
-    from vibro_cli.storage.schema import summary
-
     table: Table = {}
     for column in summary(bodies).columns:
         if column.type == "string":

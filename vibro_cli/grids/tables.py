@@ -10,11 +10,11 @@ import numpy as np
 
 from vibro_cli import __version__
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.paths import kind_of, type_of, unit_of
+from vibro_cli.grids.paths import Model, kind_of, type_of, unit_of
 from vibro_cli.grids.room import Room
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.problems import KeyPath, path_text
-from vibro_cli.storage.schema import Column, Table, collisions, summary
+from vibro_cli.storage.schema import Column, Table, summary, table_named
 from vibro_cli.storage.tables import Origin, parquet_in, to_arrow
 
 SUMMARY = "grid-summary"
@@ -23,27 +23,27 @@ _ORDERED = ("scenario", "n", "t")
 _NUMBER = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
 
 
-def axis_column(path: KeyPath) -> Column:
-    """Return the column of an axis' values."""
-    kind = kind_of(path)
-    text = fields.description(path) or "value of this key of the scenario"
+def axis_column(path: KeyPath, root: Model) -> Column:
+    """Return the column of an axis' values, of scenarios with the model `root`."""
+    kind = kind_of(path, root)
+    text = fields.description(path, root) or "value of this key of the scenario"
     return Column(path_text(path), type_of(kind), unit_of(kind), text[:1].lower() + text[1:])
 
 
 def summary_table(grid: Grid) -> Table:
     """Return the table of summaries of a grid's scenarios."""
-    axes = [axis_column(path) for path in grid.design.paths]
-    of_runs = summary(ball_count(grid)).columns
+    axes = [axis_column(path, grid.root) for path in grid.design.paths]
+    of_runs = summary(ball_count(grid), grid.system).columns
     return Table(SUMMARY, "one scenario", (_NUMBER, *axes, *of_runs))
 
 
-def collision_table_of(grid: Grid) -> Table:
-    """Return the table of the impacts that a grid keeps."""
-    table = collisions(sided=_may_be_sided(grid))
+def impact_table_of(grid: Grid, name: str = "collisions") -> Table:
+    """Return a table of the impacts that a grid keeps."""
+    table = table_named(name, ["side"] if _may_be_sided(grid) else [], grid.system)
     kept = grid.keep.columns
     columns = [column for column in table.columns if kept is None or column.name in kept]
     columns = [_nullable(c) if c.name == "side" else c for c in columns]
-    return Table("grid-collisions", table.row, (_NUMBER, *columns))
+    return Table(f"grid-{name}", table.row, (_NUMBER, *columns))
 
 
 def ball_count(grid: Grid) -> int:

@@ -13,7 +13,8 @@ import numpy as np
 from vibro_cli.grids.chunks import Chunks, Encoded, Receipt, encode_chunk
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.room import Room
-from vibro_cli.grids.solving import Solved, Solver
+from vibro_cli.grids.solving import Solved
+from vibro_cli.grids.systems import system_of_grid
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""
@@ -69,7 +70,7 @@ def solve_in_threads(
     stops, every thread drops its chunk after the stretch at hand.
     """
     if engine == "numba":
-        Solver(grid, engine).compile()  # here, where it can be interrupted
+        system_of_grid(grid).solver(grid, engine).compile()  # here, where it can be interrupted
     work = _Work(chunks, wanted)
     receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
@@ -79,7 +80,7 @@ def solve_in_threads(
 
     def serve(disk: ThreadPoolExecutor) -> None:
         try:
-            solver, room = Solver(grid, engine), Room()
+            solver, room = system_of_grid(grid).solver(grid, engine), Room()
             writing: Future[None] | None = None
             while not stop.is_set() and (taken := work.take()) is not None:
                 chunk, number, first, last = taken

@@ -19,13 +19,13 @@ FIRST_ROWS = 200
 """Rows of the table of points that stand in the report."""
 _MOST_REASONS = 20
 _QUANTITIES = (
-    "collisions", "contacts", "crossings", "end_time", "first_collision_time",
+    "collisions", "bounces", "contacts", "crossings", "end_time", "first_collision_time",
     "last_collision_time", "energy_start", "energy_end", "energy_drift", "max_gap",
     "min_normal_force", "max_friction_demand",
 )  # fmt: skip
 _OF_POINTS = (
-    "status", "end_cause", "collisions", "contacts", "end_time", "energy_start", "energy_end",
-    "min_normal_force",
+    "status", "end_cause", "collisions", "bounces", "contacts", "end_time", "energy_start",
+    "energy_end", "min_normal_force",
 )  # fmt: skip
 
 
@@ -46,7 +46,9 @@ def grid_page(
         "axes": [_axis(grid, path) for path in grid.axes],
         "common": _common(grid),
         "figures": list(figures_of_grid(grid, columns)),
-        "quantities": [row for name in _QUANTITIES for row in _quantity(grid, name)],
+        "quantities": [
+            row for name in _QUANTITIES if name in grid.summary for row in _quantity(grid, name)
+        ],
         "refused": _refused(grid),
         "points": _points(grid),
         "link": link(grid.folder / "summary", beside),
@@ -128,10 +130,10 @@ def _refused(grid: StoredGrid) -> list[list[str]]:
 
 def _points(grid: StoredGrid) -> dict[str, Any]:
     """The first rows of the summary, with what each column means."""
-    known = {column.name: column for column in summary(0).columns}
+    known = {column.name: column for column in summary(0, grid.system).columns}
     axes = [_axis_column(grid, path) for path in grid.axes]
     first = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
-    columns = [first, *axes, *(known[name] for name in _OF_POINTS)]
+    columns = [first, *axes, *(known[name] for name in _OF_POINTS if name in known)]
     rows = range(min(grid.points, FIRST_ROWS))
     return {
         "columns": columns,

@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vibro_cli.report.content import page
 from vibro_cli.report.grid_content import grid_page
-from vibro_cli.report.words import METHOD
+from vibro_cli.report.words import method_of
 from vibro_cli.storage.stored import StoredRun
 from vibro_cli.storage.stored_grid import StoredGrid
 
@@ -25,7 +25,8 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
 
     `beside` is the folder in which the file is to stand, for its links to the tables.
     """
-    values = page(runs, beside, version) | {"generator": GENERATOR, "method": METHOD}
+    values = page(runs, beside, version)
+    values |= {"generator": GENERATOR, "method": method_of("trace")}
     return rendered("report", values)
 
 
@@ -34,7 +35,8 @@ def grid_html(grid: StoredGrid, beside: Path, version: str, columns: Sequence[st
 
     `columns` are those of the summary whose maps are shown too.
     """
-    values = grid_page(grid, beside, version, columns) | {"generator": GENERATOR, "method": METHOD}
+    values = grid_page(grid, beside, version, columns)
+    values |= {"generator": GENERATOR, "method": method_of(grid.system)}
     return rendered("grid", values, assets="report")
 
 

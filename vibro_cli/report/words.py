@@ -15,6 +15,9 @@ END_CAUSES = {
     "end_of_trace": "A body came to an end of the trace.",
     "lift_off": "A body left the one-sided trace.",
     "rest": "All bodies are at rest.",
+    "bounces": "The number of impacts on the wall asked for was reached.",
+    "wall_contact": "A ball came to roll along the wall, which is not solved.",
+    "accumulation": "Impacts without end in finite time, which are not solved.",
 }
 STATES = {
     "invalid": "The scenario is not possible.",
@@ -27,9 +30,17 @@ LAWS = {
     "restitution on the speed of approach",
     "translational": "classical central impact of bodies in translation: B (1)–(12)",
 }
-METHOD = (
-    "Between impacts each body moves in closed form (Jacobi elliptic functions on arcs), impacts "
-    "are the certified first zeros of the distance of the surfaces, and there is no time step.",
+_METHODS = {
+    "trace": "Between impacts each body moves in closed form (Jacobi elliptic functions on arcs), "
+    "impacts are the certified first zeros of the distance of the surfaces, and there is no time "
+    "step.",
+    "table": "Between impacts each ball moves straight on; impacts on one another and on the wall "
+    "are certified first contacts in closed form, in the order of an event queue, and there is no "
+    "time step.",
+    "springs": "Between impacts the bodies move by Taylor series of order 24 within proved radii; "
+    "impacts are the certified first zeros of the distance within each step.",
+}
+_REFERENCES = (
     "K. R. (Stevanović) Hedrih: Vibro-impact dynamics of two rolling balls along curvilinear "
     "trace. Procedia Engineering 199 (2017) 663–668. doi:10.1016/j.proeng.2017.09.120 (A)",
     "K. R. (Stevanović) Hedrih: Central collision of two rolling balls: theory and examples. "
@@ -38,6 +49,19 @@ METHOD = (
     "along curvilinear trace of series of circle arcs: phase trajectory portraits, some analogies "
     "and vibro-impacts (D)",
 )
+
+
+_BILLIARDS = (
+    "K. R. (Stevanović) Hedrih: From geometry, kinematics and dynamics of billiards to the "
+    "extended theory of skew collision between two rolling bodies and methodology of "
+    "vibro-impact dynamics (C)"
+)
+
+
+def method_of(system: str) -> tuple[str, ...]:
+    """Return how a system is solved, and the references."""
+    given = _REFERENCES if system == "trace" else (*_REFERENCES[:2], _BILLIARDS)
+    return (_METHODS[system], *given)
 
 
 def number(value: float | None, unit: str = "", digits: int = 6) -> str:

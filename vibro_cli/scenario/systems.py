@@ -32,7 +32,12 @@ def model_named(system: str) -> type[ScenarioTable]:
     return model
 
 
+def system_of(data: Any) -> str:
+    """Return the system of the data of a scenario; without one that there is, `trace`."""
+    system = data.get("system") if isinstance(data, Mapping) else None
+    return system if isinstance(system, str) and system in SYSTEMS else "trace"
+
+
 def model_of(data: Any) -> type[ScenarioTable]:
     """Return the model for the data of a scenario; without a system it knows, that of a trace."""
-    system = data.get("system") if isinstance(data, Mapping) else None
-    return model_named(system) if isinstance(system, str) and system in SYSTEMS else Scenario
+    return model_named(system_of(data))

@@ -213,8 +213,12 @@ def final_state(ball: int | str) -> tuple[Column, ...]:
     )
 
 
-def summary(balls: int) -> Table:
-    """The table of summaries of runs of `balls` bodies."""
+def summary(balls: int, system: str = "trace") -> Table:
+    """The table of summaries of runs of a system with `balls` bodies."""
+    if system != "trace":
+        from vibro_cli.storage.system_schema import system_summary
+
+        return system_summary(system, balls)
     states = [column for ball in range(1, balls + 1) for column in final_state(ball)]
     return Table("summary", "one run", (*_SUMMARY_HEAD, *states))
 

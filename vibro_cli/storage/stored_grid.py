@@ -43,6 +43,11 @@ class StoredGrid:
         return str(self.definition["name"])
 
     @property
+    def system(self) -> str:
+        """The system of its scenarios."""
+        return str(self.definition["scenario"].get("system", "trace"))
+
+    @property
     def points(self) -> int:
         """Number of points that are there."""
         return len(self.summary["scenario"])

@@ -14,12 +14,16 @@ def system_table(system: str, name: str, column_names: Sequence[str]) -> Table:
     Raises `ValueError` for a name that is no table.
     """
     if name == "summary":
-        balls = sum(column.startswith("x_") for column in column_names)
-        return _SUMMARIES[system](*range(1, balls + 1))
+        return system_summary(system, sum(column.startswith("x_") for column in column_names))
     for table in system_reference(system):
         if table.file == name:
             return table
     raise ValueError(f"there is no table {name!r}")
+
+
+def system_summary(system: str, balls: int) -> Table:
+    """The table of summaries of runs of a system with `balls` bodies."""
+    return _SUMMARIES[system](*range(1, balls + 1))
 
 
 def system_reference(system: str) -> tuple[Table, ...]:

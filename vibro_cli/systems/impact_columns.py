@@ -2,26 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+
+from vibro_cli.mechanics.body import Body
+from vibro_cli.systems.system import ImpactSystem
 
 Table = dict[str, Any]
 """Columns by their names."""
 
 
-def when_columns(rows: Any) -> Table:
-    """Return number and time of each row, and the time since the row before."""
-    count = len(rows)
-    between = np.full(count, np.nan)
-    if count > 1:
-        between[1:] = np.diff(rows["t"]) + np.diff(rows["t_low"])
+def when_columns(rows: Any, run: Any) -> Table:
+    """Return number and time of each row in its run, and the time since the row before.
+
+    `run` is the number of the run of each row, not falling.
+    """
+    number = np.arange(1, len(rows) + 1) - np.searchsorted(run, run)
+    between = np.full(len(rows), np.nan)
+    between[1:] = np.diff(rows["t"]) + np.diff(rows["t_low"])
+    between[number == 1] = np.nan
     return {
-        "n": np.arange(1, count + 1),
+        "n": number,
         "t": rows["t"],
         "t_low": rows["t_low"],
         "dt": between,
     }
+
+
+def of_bodies(systems: Sequence[ImpactSystem], value: Callable[[Body], float]) -> Any:
+    """Return a value of every body of every system: [system, body]."""
+    return np.array([[value(body) for body in system.bodies] for system in systems])
+
+
+def inclinations(one: Any, other: Any) -> Any:
+    """Return the cosines between lines of centres and the plane, from the bodies' radii (m)."""
+    return np.where(one == other, 1.0, 2.0 * np.sqrt(one * other) / np.maximum(one + other, 1e-300))
 
 
 def impact_flags(rows: Any) -> Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
@@ -27,6 +27,15 @@ class Paths(Protocol):
         """Return the columns of the motion table: for each time (s) a row for each body."""
 
 
+@dataclass(frozen=True)
+class ImpactTable(Generic[SomeSystem]):
+    """A table of impacts of two bodies, or of a body and a wall."""
+
+    log: str
+    columns: Callable[[Sequence[SomeSystem], Any, Any], Table]
+    """From the systems of some runs, the rows of their logs and the number of each row's run."""
+
+
 State = dict[str, list[list[Any]]]
 """Values of the fields of records, by the name of the records."""
 
@@ -48,6 +57,8 @@ class SystemRun(ABC, Generic[SomeSystem]):
 
     IMPACT_LOG: ClassVar[str]
     """The log of the impacts of two bodies."""
+    IMPACT_TABLES: ClassVar[Mapping[str, ImpactTable[Any]]]
+    """The tables of impacts by their names."""
     FINAL_COLUMNS: ClassVar[tuple[str, ...]]
     """Columns of the motion table of which the summary has the last value of each body."""
 
@@ -126,6 +137,25 @@ class SystemRun(ABC, Generic[SomeSystem]):
     def _keeps_energy(self) -> bool:
         """Whether nothing in the run takes energy."""
 
+    @property
+    def collisions(self) -> Table:
+        """Columns of ``collisions.parquet``, a row for each impact of two bodies."""
+        return self.impact_table("collisions")
+
+    def impact_count(self, name: str) -> int:
+        """Return how many rows a table of impacts has."""
+        return len(self._logs[self.IMPACT_TABLES[name].log])
+
+    def impact_table(self, name: str) -> Table:
+        """Return the columns of a table of impacts."""
+        if name not in self._tables:
+            self._tables[name], _ = tables_of_runs([self], name)
+        return self._tables[name]
+
+    @cached_property
+    def _tables(self) -> dict[str, Table]:
+        return {}
+
     @cached_property
     def motion(self) -> Table | None:
         """Columns of ``motion.parquet``, or None if no sampled motion is asked for."""
@@ -166,3 +196,12 @@ class SystemRun(ABC, Generic[SomeSystem]):
                 for name in self.FINAL_COLUMNS
             ),
         ]
+
+
+def tables_of_runs(runs: Sequence[SystemRun[Any]], name: str) -> tuple[Table, Any]:
+    """Return the columns of a table of impacts of some runs, and the number of each row's run."""
+    table = type(runs[0]).IMPACT_TABLES[name]
+    logs = [run._logs[table.log] for run in runs]
+    number = np.repeat(np.arange(len(runs)), [len(log) for log in logs])
+    rows = logs[0] if len(logs) == 1 else np.concatenate(logs)
+    return table.columns([run.system for run in runs], rows, number), number

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 from vibro_cli.simulation.continuing import earlier_part
 from vibro_cli.simulation.drive import TooQuiet
 from vibro_cli.simulation.record import rows_of
 from vibro_cli.systems.driving import Driver, Library
 from vibro_cli.systems.impact_columns import Table
-from vibro_cli.systems.run import Ending, SystemRun
+from vibro_cli.systems.run import Ending, ImpactTable, SystemRun
 from vibro_cli.systems.springs.loop import MOST_STEPS, advance
 from vibro_cli.systems.springs.motion import Motion, states_at
 from vibro_cli.systems.springs.prepare import make_world
@@ -37,17 +38,15 @@ class SpringsRun(SystemRun[SpringsSystem]):
     """The result of :func:`simulate_springs`."""
 
     IMPACT_LOG = "impacts"
+    IMPACT_TABLES: ClassVar[Mapping[str, ImpactTable[SpringsSystem]]] = {
+        "collisions": ImpactTable("impacts", collision_table)
+    }
     FINAL_COLUMNS = ("x", "displacement", "speed")
 
     @property
     def contacts(self) -> int:
         """How many lasting contacts began."""
         return int(self._clock["contacts"])
-
-    @cached_property
-    def collisions(self) -> Table:
-        """Columns of ``collisions.parquet``, a row for each impact."""
-        return collision_table(self.system, self._logs[self.IMPACT_LOG])
 
     @cached_property
     def events(self) -> Table:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 from vibro_cli.simulation.continuing import earlier_part
 from vibro_cli.simulation.record import rows_of
 from vibro_cli.systems.driving import Driver, Library
 from vibro_cli.systems.impact_columns import Table
-from vibro_cli.systems.run import Ending, SystemRun
+from vibro_cli.systems.run import Ending, ImpactTable, SystemRun
 from vibro_cli.systems.table.loop import advance
 from vibro_cli.systems.table.motion import Motion, states_at
 from vibro_cli.systems.table.prepare import make_world
@@ -27,17 +28,16 @@ class TableRun(SystemRun[TableSystem]):
     """The result of :func:`simulate_table`."""
 
     IMPACT_LOG = "pair_log"
+    IMPACT_TABLES: ClassVar[Mapping[str, ImpactTable[TableSystem]]] = {
+        "collisions": ImpactTable("pair_log", collision_table),
+        "bounces": ImpactTable("bounce_log", bounce_table),
+    }
     FINAL_COLUMNS = ("x", "y", "velocity_x", "velocity_y")
 
-    @cached_property
-    def collisions(self) -> Table:
-        """Columns of ``collisions.parquet``, a row for each impact of two balls."""
-        return collision_table(self.system, self._logs[self.IMPACT_LOG])
-
-    @cached_property
+    @property
     def bounces(self) -> Table:
         """Columns of ``bounces.parquet``, a row for each impact of a ball on the wall."""
-        return bounce_table(self.system, self._logs["bounce_log"])
+        return self.impact_table("bounces")
 
     @cached_property
     def paths(self) -> Motion:
