@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from vibro_cli.build import build_system
 from vibro_cli.mechanics.system import System
-from vibro_cli.scenario import Scenario, load_scenario
+from vibro_cli.scenario import Scenario, load_any
 from vibro_cli.simulation.geometry import Places
 from vibro_cli.simulation.paths import Paths
 from vibro_cli.storage.provenance import read_manifest
-from vibro_cli.storage.runs import read_earlier_run
+from vibro_cli.storage.runs import NotContinuable, read_earlier_run
 from vibro_cli.storage.tables import read_parquet
 
 if TYPE_CHECKING:
@@ -63,7 +63,9 @@ def open_run(folder: Path) -> StoredRun:
     or has changed since, and `OSError` when a file is missing or cannot be read.
     """
     earlier = read_earlier_run(folder)
-    scenario = load_scenario(earlier.scenario)
+    scenario = load_any(earlier.scenario)
+    if scenario.system != "trace":
+        raise NotContinuable(f"{folder} is of the system {scenario.system}; expected a trace")
     system = build_system(scenario)
     logs = earlier.history
     end = earlier.checkpoint["end_time"]
