@@ -11,8 +11,7 @@ import math
 from vibro_cli.mechanics.arc_root import refine_on_arc
 from vibro_cli.mechanics.contact import LEAST_BOUND, NONE_BEFORE_LIMIT, keep_present, keep_states
 from vibro_cli.mechanics.flow import (
-    POLYNOMIAL,
-    angular_acceleration,
+    angular_acceleration_at,
     angular_jerk,
     flow_of_two,
     swings,
@@ -85,9 +84,8 @@ def contact_on_arc(
         if cosine > 0.0:
             gap = 2.0 * x if x > 0.0 else 0.0
         rate = 2.0 * (wb * b_p - wa * a_p)
-        second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
-        if a.form == POLYNOMIAL or b.form == POLYNOMIAL:
-            second = -bound_2
+        second = angular_acceleration_at(b, age_b + t, b_s, b_c)
+        second -= angular_acceleration_at(a, age_a + t, a_s, a_c)
         if touching != 0 and t == 0.0:
             if touching == RELEASED:
                 t = _released_step(a, b, a_s, a_c, a_p, b_s, b_c, b_p, rate)

@@ -78,11 +78,16 @@ def contact_on_line(
     """First contact of two bodies on one line, where the gap is a parabola in time."""
     a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
     clock.evaluations += 1
-    gap = (b_s - a_s) - contact.sine
-    if touching != 0 or gap < 0.0:
-        gap = 0.0
+    gap = max((b_s - a_s) - contact.sine, 0.0)
+    rate = b_p - a_p
     second = tangential_acceleration(b, 0.0, b_s, b_c) - tangential_acceleration(a, 0.0, a_s, a_c)
-    h = first_root_of_parabola(gap, b_p - a_p, second)
+    if touching != 0:
+        # They go apart, whatever the rounding of their speeds says.
+        gap = 0.0
+        rate = max(rate, 0.0)
+        if touching == RELEASED:
+            second = max(second, 0.0)
+    h = first_root_of_parabola(gap, rate, second)
     if h < 0.0 or h > limit:
         pair.searched = limit
         return NONE_BEFORE_LIMIT

@@ -190,6 +190,14 @@ def acceleration_at(flight: Flight, path_radius: float, age: float, s: float, c:
 
 
 @kernel
+def angular_acceleration_at(flight: Flight, age: float, s: float, c: float) -> float:
+    """As :func:`angular_acceleration`, on a segment across pieces too (at its ``age``, s)."""
+    if flight.form != POLYNOMIAL or flight.at_rest == 1:
+        return angular_acceleration(flight, s, c)
+    return 2.0 * flight.half_curvature * acceleration_at(flight, 0.0, age, s, c)
+
+
+@kernel
 def nudge(
     flight: Flight, age: float, dt: float, s: float, c: float, p: float
 ) -> tuple[float, float, float]:

@@ -21,7 +21,7 @@ from vibro_cli.simulation.flights import (
 from vibro_cli.simulation.joint import collide_jointly, complete_inadmissible, energy_of_chain
 from vibro_cli.simulation.rows import log_impact, parts
 from vibro_cli.simulation.touching import lifted_body, set_normals
-from vibro_cli.simulation.walls import group_rests, rest_at_wall, rest_group, rests_at_wall
+from vibro_cli.simulation.walls import group_stops, rest_at_wall, rests_at_wall, stop_group
 from vibro_cli.simulation.world import (
     COLLISION,
     CROSSING,
@@ -294,8 +294,8 @@ def _leave_in_group(world: World, ball: int) -> int:
     if restitution < 0.0:
         return END_OF_TRACE
     flight.p = -restitution * exit_p
-    if group_rests(world, first, count, ball, right):
-        rest_group(world, first, count, right)
+    if group_stops(world, first, count):
+        stop_group(world, first, count, ball, right)
         return RUNNING
     relaunch_run(world, first, count, WALL)
     return RUNNING

@@ -9,14 +9,21 @@ from __future__ import annotations
 from vibro_cli.mechanics.gap import centre_position
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.numerics.engine import kernel
+from vibro_cli.simulation.accumulation import EPSILON
 from vibro_cli.simulation.contact_changes import launch_chain, relaunch_run
 from vibro_cli.simulation.flights import begin_flight, bring_to, state_at
 from vibro_cli.simulation.rows import hold
-from vibro_cli.simulation.touching import free_acceleration, present_gap, set_normals, set_speed
+from vibro_cli.simulation.touching import (
+    free_acceleration,
+    present_acceleration,
+    present_gap,
+    set_normals,
+    set_speed,
+)
 from vibro_cli.simulation.world import WALL, World
 
 # Height of a bounce that is lost in rounding, as a share of the size of the places.
-BOUNCE_ROUNDING = 16.0 * 2.220446049250313e-16
+BOUNCE_ROUNDING = 16.0 * EPSILON
 # Speeds and gaps of a neighbour count as lost up to this many times as large.
 NEIGHBOUR = 16.0
 
@@ -97,28 +104,46 @@ def _neighbour_rests(
 
 
 @kernel
-def group_rests(world: World, first: int, count: int, ball: int, right: bool) -> bool:
-    """Tell whether a group is pressed to a wall and every motion of it is lost in rounding."""
+def group_stops(world: World, first: int, count: int) -> bool:
+    """Tell whether every motion of a group at a wall is lost in rounding."""
     settings = world.settings[0]
     fastest = 0.0
+    least_height = NEVER
+    force = 0.0
+    greatest = 0.0
     for step in range(count + 1):
         member = (first + step) % settings.bodies
         set_speed(world, member)
         fastest = max(fastest, abs(world.flights[member].speed))
-    pull = _pull(world, ball, right)
-    height = NEIGHBOUR * _lost_height(world, ball)
-    return pull > 0.0 and fastest * fastest <= 2.0 * pull * height
+        least_height = min(least_height, _lost_height(world, member))
+        pull = free_acceleration(world, member)
+        force += world.bodies[member].rolling_mass * pull
+        greatest = max(greatest, abs(pull))
+    mass = 0.0
+    for step in range(count + 1):
+        mass += world.bodies[(first + step) % settings.bodies].rolling_mass
+    # Where the bodies balance, what is left of their pull is rounding.
+    pull = max(abs(force) / mass, EPSILON * greatest)
+    return fastest * fastest <= 2.0 * pull * NEIGHBOUR * least_height
 
 
 @kernel
-def rest_group(world: World, first: int, count: int, right: bool) -> None:
-    """Let a whole group rest against a wall."""
+def stop_group(world: World, first: int, count: int, ball: int, right: bool) -> None:
+    """Stop a group whose body ``ball`` is at a wall; pressed to it, it comes to rest there."""
     bodies = world.settings[0].bodies
     for step in range(count + 1):
         world.flights[(first + step) % bodies].p = 0.0
     relaunch_run(world, first, count, WALL)
-    for step in range(count + 1):
-        _rest(world, (first + step) % bodies, right)
+    pull = present_acceleration(world, ball)
+    if (pull if right else -pull) <= 0.0:
+        return
+    flight = world.flights[ball]
+    if flight.grouped == 0:
+        _rest(world, ball, right)
+        return
+    start = flight.group_first
+    for step in range(flight.group_count):
+        _rest(world, (start + step) % bodies, right)
 
 
 @kernel
