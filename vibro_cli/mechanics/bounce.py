@@ -23,6 +23,8 @@ LONG = 1.0
 # Corrections of an instant below this share of it are its rounding.
 SETTLED = 1.0e-11
 MOST_STEPS = 6
+# Near the top of a bounce a step of Newton's leads anywhere; one longer than this share is not his.
+LONG_STEP = 0.5
 
 
 @kernel
@@ -57,6 +59,17 @@ def _long_or_grouped(flight: Flight, t: float) -> bool:
 
 
 @kernel
+def _step(gap: float, rate: float, first_rate: float, t: float) -> float:
+    """Step from t towards the end of a bounce that began at 0 with ``first_rate``.
+
+    Newton's, or where that is long the one that holds for a rate that falls evenly.
+    """
+    if rate < 0.0 and gap >= LONG_STEP * t * rate and gap <= -LONG_STEP * t * rate:
+        return -gap / rate
+    return t * (first_rate + rate) / (first_rate - rate)
+
+
+@kernel
 def sharpened_on_arc(a: Flight, b: Flight, t: float, pair: PairData, clock: Clock) -> float:
     """Time of a contact on one arc (s), t nearly, that ends a flight from contact.
 
@@ -65,13 +78,14 @@ def sharpened_on_arc(a: Flight, b: Flight, t: float, pair: PairData, clock: Cloc
     """
     if _long_or_grouped(a, t) or _long_or_grouped(b, t):
         return t
+    first_rate = 2.0 * (b.own_frequency * b.flow_p - a.own_frequency * a.flow_p)
     for _ in range(MOST_STEPS):
         rate = 2.0 * (b.own_frequency * pair.b_p - a.own_frequency * pair.a_p)
-        if rate >= 0.0 or rate * t < -FAR:
+        if rate >= first_rate or rate * t < -FAR:
             break
         sine_a, cosine_a = displacement(a, t)
         sine_b, cosine_b = displacement(b, t)
-        change = -2.0 * (sine_b * cosine_a - cosine_b * sine_a) / rate
+        change = _step(2.0 * (sine_b * cosine_a - cosine_b * sine_a), rate, first_rate, t)
         t += change
         _keep_flows(a, b, t, pair, clock)
         if abs(change) <= SETTLED * t:
@@ -109,24 +123,50 @@ def sharpened_by_distance(
     x = (bx - ax) * scale
     y = (by - ay) * scale
     size = pair.distance + track_a.path_radius + track_b.path_radius
+    first_rate = _rate_of_square(
+        x, y, piece_a, track_a, a.flow_s, a.flow_c, a.flow_p,
+        piece_b, track_b, b.flow_s, b.flow_c, b.flow_p,
+    )  # fmt: skip
     for _ in range(MOST_STEPS):
         mx, my = _centre_displacement(a, piece_a, track_a, t)
         nx, ny = _centre_displacement(b, piece_b, track_b, t)
         ux = nx - mx
         uy = ny - my
-        tax, tay = centre_tangent(piece_a, pair.a_s, pair.a_c)
-        tbx, tby = centre_tangent(piece_b, pair.b_s, pair.b_c)
-        va = track_a.speed_factor * pair.a_p
-        vb = track_b.speed_factor * pair.b_p
-        rate = 2.0 * ((x + ux) * (vb * tbx - va * tax) + (y + uy) * (vb * tby - va * tay))
-        if rate >= 0.0 or rate * t < -2.0 * FAR * pair.distance * size:
+        rate = _rate_of_square(
+            x + ux, y + uy, piece_a, track_a, pair.a_s, pair.a_c, pair.a_p,
+            piece_b, track_b, pair.b_s, pair.b_c, pair.b_p,
+        )  # fmt: skip
+        if rate >= first_rate or rate * t < -2.0 * FAR * pair.distance * size:
             break
-        change = -((2.0 * x + ux) * ux + (2.0 * y + uy) * uy) / rate
+        change = _step((2.0 * x + ux) * ux + (2.0 * y + uy) * uy, rate, first_rate, t)
         t += change
         _keep_flows(a, b, t, pair, clock)
         if abs(change) <= SETTLED * t:
             break
     return t
+
+
+@kernel
+def _rate_of_square(
+    x: float,
+    y: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    a_s: float,
+    a_c: float,
+    a_p: float,
+    piece_b: PieceData,
+    track_b: TrackData,
+    b_s: float,
+    b_c: float,
+    b_p: float,
+) -> float:
+    """Rate (m^2/s) of the square of the distance of two bodies that is (x, y) in their states."""
+    tax, tay = centre_tangent(piece_a, a_s, a_c)
+    tbx, tby = centre_tangent(piece_b, b_s, b_c)
+    va = track_a.speed_factor * a_p
+    vb = track_b.speed_factor * b_p
+    return 2.0 * (x * (vb * tbx - va * tax) + y * (vb * tby - va * tay))
 
 
 @kernel

@@ -176,6 +176,7 @@ class PairData:
     normal_a: float  # scratch of an instant: n t of both bodies
     normal_b: float
     closing: int  # scratch of an instant: ``touching`` to be; 1: takes part in a joint impact
+    pressing: int  # scratch of an instant: see simulation.settling
     part_a: float  # row of the tridiagonal system of a chain of contacts: both bodies' parts of the
     part_b: float  # diagonal, what stands beside it, the right-hand side; and the solution
     lower: float

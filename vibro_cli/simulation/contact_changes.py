@@ -7,178 +7,17 @@ sum of its remaining bounces can be taken in closed form to rounding (accumulati
 
 from __future__ import annotations
 
-from vibro_cli.mechanics.laws import NORMAL_IMPULSE
-from vibro_cli.mechanics.records import CLOSING, PARTING, RELEASED
+from vibro_cli.mechanics.records import PARTING, RELEASED
 from vibro_cli.numerics.engine import apart, kernel
-from vibro_cli.simulation.accumulation import (
-    EPSILON,
-    LOST_BOUNCE,
-    NOT_YET,
-    accumulates,
-    time_to_rest,
-)
+from vibro_cli.simulation.accumulation import NOT_YET, time_to_rest
 from vibro_cli.simulation.across import launch_across
-from vibro_cli.simulation.chain import (
-    apply_impulses,
-    contact_forces,
-    held_from,
-    joint_impulses,
-    speed_of_chain,
-)
+from vibro_cli.simulation.chain import held_from
 from vibro_cli.simulation.flights import begin_flight, log_flight
 from vibro_cli.simulation.groups import launch_group
-from vibro_cli.simulation.rows import SPEED_ROUNDING, hold
-from vibro_cli.simulation.touching import (
-    mobility,
-    parting_speed,
-    present_gap,
-    set_normals,
-    set_speed,
-    speed_of_pair,
-)
+from vibro_cli.simulation.rows import hold
+from vibro_cli.simulation.settling import equalise, settle
+from vibro_cli.simulation.touching import set_normals, set_speed
 from vibro_cli.simulation.world import CONTACT_CLOSED, CONTACT_OPENED, World
-
-# Bodies in contact have equal normal speeds up to the rounding of a whole flight.
-HELD_ROUNDING = 1.0e-9
-# A force above -this share of the weights presses or is zero up to rounding.
-FORCE_ROUNDING = 1.0e-12
-# Below this share of the weights a pulling force is one that has just become zero.
-JUST_ZERO = 1.0e-6
-# Forces equal up to this share pull alike, and their contacts open together.
-ALIKE = 1.0e-9
-
-
-@kernel
-def settle(world: World, first: int, count: int) -> None:
-    """Decide for a chain of ``count`` touching pairs which of them stay in contact.
-
-    States, speeds and normals of the bodies must be set. ``held`` then says which pairs roll on in
-    contact, ``closing`` keeps how the others part (the ``touching`` to be set after the launch),
-    and ``closing_loss`` the energy (J) that equalising the speeds of held bodies has taken.
-    """
-    pairs = world.settings[0].pairs
-    fastest = speed_of_chain(world, first, count)
-    for step in range(count):
-        _propose(world, (first + step) % pairs, fastest)
-    while _free_weakest(world, first, count):
-        pass
-    for step in range(count):
-        pair = world.pairs[(first + step) % pairs]
-        if pair.held == 1 and pair.closing != 0:
-            pair.closing = 0
-            pull = pair.solution * _ease(world, (first + step) % pairs)
-            if pair.restitution < 1.0 and pull > 0.0:
-                u = abs(parting_speed(world, (first + step) % pairs))
-                pair.delay = 2.0 * u / (pull * (1.0 - pair.restitution))
-    _equalise(world, first, count)
-
-
-@kernel
-def _propose(world: World, j: int, fastest: float) -> None:
-    """Hold a pair for now if it has no speed, or one whose bounces may be lost in rounding.
-
-    ``closing`` says which speed it has if it is not zero.
-    """
-    pair = world.pairs[j]
-    parting = parting_speed(world, j)
-    rounding = SPEED_ROUNDING * fastest
-    if pair.held == 1:
-        rounding = max(rounding, HELD_ROUNDING * speed_of_pair(world, j))
-    held = 1 if abs(parting) <= rounding else 0
-    pair.closing = 0
-    if held == 0:
-        pair.closing = PARTING if parting > 0.0 else CLOSING
-    if held == 0 and accumulates(world, j):
-        # Pressed by all bodies together it would bounce lowest.
-        pull = world.settings[0].gravity * world.settings[0].bodies
-        held = 1 if _bounce_force(world, j, parting) <= pull else 0
-    if held != pair.held:
-        hold(world, j, held, 0.0)
-
-
-@kernel
-def _bounce_force(world: World, j: int, parting: float) -> float:
-    """Acceleration (m/s^2) under which a bounce is lost in the rounding of the places."""
-    _, size = present_gap(world, j)
-    return parting * parting / (2.0 * LOST_BOUNCE * EPSILON * size)
-
-
-@kernel
-def _ease(world: World, j: int) -> float:
-    """Acceleration along the line of centres that one newton between a pair gives (m/s^2)."""
-    pair = world.pairs[j]
-    ease_a = pair.normal_a * pair.normal_a * mobility(world, pair.a)
-    return ease_a + pair.normal_b * pair.normal_b * mobility(world, pair.b)
-
-
-@kernel
-def _surplus(world: World, j: int) -> float:
-    """Force that presses a held pair beyond what it needs to stay, as a share of the weights."""
-    pair = world.pairs[j]
-    weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
-    ease = _ease(world, j)
-    if pair.closing == 0 or ease == 0.0:
-        return pair.solution / weights + FORCE_ROUNDING
-    return (pair.solution - _bounce_force(world, j, parting_speed(world, j)) / ease) / weights
-
-
-@kernel
-def _free_weakest(world: World, first: int, count: int) -> bool:
-    """Free the held pair of a chain that lacks most force, or all alike; False if none does."""
-    pairs = world.settings[0].pairs
-    least = 0.0
-    start = 0
-    while start < count:
-        length = held_from(world, first, count, start)
-        if length > 0:
-            contact_forces(world, (first + start) % pairs, length)
-        for step in range(start, start + length):
-            least = min(least, _surplus(world, (first + step) % pairs))
-        start += length + 1
-    if least == 0.0:
-        return False
-    for step in range(count):
-        j = (first + step) % pairs
-        pair = world.pairs[j]
-        if pair.held == 1 and _surplus(world, j) <= least * (1.0 - ALIKE):
-            weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
-            if pair.closing == 0:
-                just_zero = pair.solution > -JUST_ZERO * weights
-                pair.closing = RELEASED if just_zero else PARTING
-            hold(world, j, 0, 0.0)
-    return True
-
-
-@kernel
-def _equalise(world: World, first: int, count: int) -> None:
-    """Give the bodies of each run of held pairs one common normal speed (plastic impulses).
-
-    What that takes is kept in ``closing_loss``. Pairs that close then, which may just have parted,
-    are marked as ``CLOSING``.
-    """
-    pairs = world.settings[0].pairs
-    rounding = SPEED_ROUNDING * speed_of_chain(world, first, count)
-    start = 0
-    while start < count:
-        length = held_from(world, first, count, start)
-        begin = (first + start) % pairs
-        if length > 0:
-            for step in range(length):
-                j = (begin + step) % pairs
-                world.pairs[j].closing_loss = -0.5 * parting_speed(world, j)
-            joint_impulses(world, begin, length, NORMAL_IMPULSE, 1)
-            apply_impulses(world, begin, length, NORMAL_IMPULSE)
-            for step in range(length):
-                pair = world.pairs[(begin + step) % pairs]
-                pair.closing_loss *= pair.solution
-        start += length + 1
-    for step in range(count):
-        pair = world.pairs[(first + step) % pairs]
-        if pair.held == 0:
-            pair.closing_loss = 0.0
-            parting = parting_speed(world, (first + step) % pairs)
-            if parting < -rounding:
-                pair.closing = CLOSING
 
 
 @apart
@@ -309,6 +148,6 @@ def close_accumulated(world: World, first: int, count: int, law: int) -> bool:
         if pair.held == 0 and pair.solution >= 0.0:
             pair.closing = 0
             hold(world, (first + step) % pairs, 1, pair.solution)
-    _equalise(world, first, count)
+    equalise(world, first, count)
     launch_chain(world, first, count, CONTACT_CLOSED)
     return True

@@ -11,9 +11,10 @@ from vibro_cli.mechanics.laws import NORMAL_IMPULSE, law_approach, loss_of_impul
 from vibro_cli.mechanics.records import PairData
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.chain import apply_impulses, joint_impulses, speed_of_chain
-from vibro_cli.simulation.contact_changes import close_accumulated, launch_chain, settle
+from vibro_cli.simulation.contact_changes import close_accumulated, launch_chain
 from vibro_cli.simulation.flights import bring_to
 from vibro_cli.simulation.rows import SPEED_ROUNDING, log_impact, parts
+from vibro_cli.simulation.settling import settle
 from vibro_cli.simulation.touching import lifted_body, parting_speed, set_normals, set_speed
 from vibro_cli.simulation.world import (
     COLLISION,

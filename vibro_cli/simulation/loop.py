@@ -6,9 +6,10 @@ from vibro_cli.mechanics.records import NEVER, Clock
 from vibro_cli.numerics.double import time_between
 from vibro_cli.numerics.engine import apart, kernel
 from vibro_cli.simulation.changes import collide, leave_piece, release
-from vibro_cli.simulation.contact_changes import count_corrections, launch_chain, settle
+from vibro_cli.simulation.contact_changes import count_corrections, launch_chain
 from vibro_cli.simulation.rows import log_contacts
 from vibro_cli.simulation.search import first_contact
+from vibro_cli.simulation.settling import settle
 from vibro_cli.simulation.touching import CONTACT_ROUNDING, present_gap, set_normals, set_speed
 from vibro_cli.simulation.world import (
     END_NO_MORE_COLLISIONS,
