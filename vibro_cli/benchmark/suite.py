@@ -11,7 +11,7 @@ from vibro_cli.simulation.batch import Batch
 
 def run(plan: Plan, scenes: Sequence[str] = ()) -> Iterator[list[Row]]:
     """Measure scenes of these names; all of them, with growth and skips, when none is named."""
-    Batch.compile()
+    Batch.compile(in_lanes=True)
     yield from precision.measure(plan, scenes)
     if not scenes:
         yield from growth.measure(plan)

@@ -43,7 +43,7 @@ def _warm(as_json: bool) -> int:
     tell_of_compiling()
     begin = time.perf_counter()
     simulate(parse_scenario(_TINY, "toml"), "numba")
-    Batch.compile()
+    Batch.compile(in_lanes=True)
     taken = time.perf_counter() - begin
     folder = cache_folder()
     if not compiled(run_points).kept:

@@ -76,7 +76,8 @@ class Solver:
 
     def compile(self) -> None:
         """Make or load the machine code now."""
-        Batch.compile()
+        two = len(self._grid.base.data.get("balls", ())) == 2
+        Batch.compile(in_lanes=two and not self._grid.keep.collisions)
 
     def solve(self, indices: Column) -> Solved:
         """Solve some points, given by their numbers from 0."""

@@ -31,9 +31,7 @@ def refine_on_arc(
 
     The states there are kept in ``pair``.
     """
-    wa = a.own_frequency
-    wb = b.own_frequency
-    fastest = max(wa, wb)
+    fastest = max(a.own_frequency, b.own_frequency)
     settled = FINAL_CORRECTION
     if a.form == POLYNOMIAL or b.form == POLYNOMIAL:
         # Without the acceleration the iteration is of second order only.
@@ -41,18 +39,16 @@ def refine_on_arc(
     for _ in range(12):
         a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
         clock.evaluations += 1
-        x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
-        rate = 2.0 * (wb * b_p - wa * a_p)
+        rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
         second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
         third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
-        x1 = 0.5 * rate * cosine
+        x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
+        x1, x2, x3 = derivatives_of_sine(x, cosine, rate, second, third)
         if x1 >= 0.0:
             return NONE_BEFORE_LIMIT
-        x2 = 0.5 * second * cosine - 0.25 * rate * rate * x
-        x3 = 0.5 * third * cosine - 0.75 * rate * second * x - 0.25 * rate * rate * x1
-        change = _inverted(x, x1, x2, x3)
+        change = inverted(x, x1, x2, x3)
         h += change
-        if abs(change) * (abs(x2) - fastest * x1) < -settled * x1:
+        if is_last(change, x1, x2, fastest, settled):
             a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
             b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
             keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
@@ -61,7 +57,24 @@ def refine_on_arc(
 
 
 @kernel
-def _inverted(x: float, x1: float, x2: float, x3: float) -> float:
+def derivatives_of_sine(
+    x: float, cosine: float, rate: float, second: float, third: float
+) -> tuple[float, float, float]:
+    """Derivatives with time of the sine of half the gap, from those of the gap."""
+    x1 = 0.5 * rate * cosine
+    x2 = 0.5 * second * cosine - 0.25 * rate * rate * x
+    x3 = 0.5 * third * cosine - 0.75 * rate * second * x - 0.25 * rate * rate * x1
+    return x1, x2, x3
+
+
+@kernel
+def is_last(change: float, x1: float, x2: float, fastest: float, settled: float) -> bool:
+    """Tell whether the iteration is done with a change of time (s)."""
+    return abs(change) * (abs(x2) - fastest * x1) < -settled * x1
+
+
+@kernel
+def inverted(x: float, x1: float, x2: float, x3: float) -> float:
     """Step to the zero of a function of given derivatives, by the inverse series to third order."""
     inverse = 1.0 / x1
     step = -x * inverse

@@ -10,6 +10,7 @@ from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData, Trac
 from vibro_cli.numerics.double import add_to_time
 from vibro_cli.numerics.elliptic import set_theta_constants
 from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.lanes import choose
 
 BOUNDARY = 0
 LIFT_OFF = 1
@@ -66,10 +67,18 @@ def head_from_state(flight: Flight, body: BodyData, track: TrackData, gravity: f
     if track.path_radius == 0.0:
         height = track.bottom + track.line_rise * flight.s
         return height + 0.5 * body.kappa * flight.p * flight.p / gravity
-    s2 = flight.s * flight.s
-    if s2 > 0.5:
-        return track.top - track.twice_radius * ((flight.c - flight.p) * (flight.c + flight.p))
-    return track.bottom + track.twice_radius * (s2 + flight.p * flight.p)
+    return head_on_arc(track, flight.s, flight.c, flight.p)
+
+
+@kernel
+def head_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
+    """Energy over weight (m) in a state on an arc."""
+    s2 = s * s
+    return choose(
+        s2 > 0.5,
+        track.top - track.twice_radius * ((c - p) * (c + p)),
+        track.bottom + track.twice_radius * (s2 + p * p),
+    )
 
 
 @kernel
@@ -96,8 +105,14 @@ def anchor_at_crest(flight: Flight, track: TrackData) -> None:
 @kernel
 def root_of_state(c: float, p: float) -> float:
     """``sign(1-m) sqrt|1-m|`` from ``1 - m = (C - P)(C + P)``, each factor under its own root."""
-    root = math.sqrt(abs(c - p)) * math.sqrt(abs(c + p))
+    root = size_of_root(c, p)
     return -root if abs(p) > abs(c) else root
+
+
+@kernel
+def size_of_root(c: float, p: float) -> float:
+    """``sqrt|1 - m|`` from the factors of ``1 - m``."""
+    return math.sqrt(abs(c - p)) * math.sqrt(abs(c + p))
 
 
 @kernel

@@ -153,7 +153,12 @@ def angular_acceleration(flight: Flight, s: float, c: float) -> float:
         return 0.0
     if flight.grouped == 1:
         s, c = group_of_body(flight, s, c)
-    w = flight.frequency
+    return pendulum_acceleration(flight.frequency, s, c)
+
+
+@kernel
+def pendulum_acceleration(w: float, s: float, c: float) -> float:
+    """``-w^2 sin f`` (rad/s^2)."""
     return -2.0 * (w * w * s * c)
 
 
@@ -165,7 +170,12 @@ def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
     rate = 2.0 * flight.own_frequency * p
     if flight.grouped == 1:
         s, c = group_of_body(flight, s, c)
-    w = flight.frequency
+    return pendulum_jerk(flight.frequency, s, c, rate)
+
+
+@kernel
+def pendulum_jerk(w: float, s: float, c: float, rate: float) -> float:
+    """``-w^2 cos f f'`` (rad/s^3)."""
     return -(w * w) * ((c - s) * (c + s)) * rate
 
 

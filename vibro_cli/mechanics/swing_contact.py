@@ -54,7 +54,7 @@ def contact_of_swings(
     fastest = max(a.frequency, b.frequency)
     level = math.pi - contact.far_gap
     if a.frequency != b.frequency:
-        level += _uneven_pull(a, b) / (fastest * fastest)
+        level += uneven_pull(a, b) / (fastest * fastest)
     clear = safe_return(gap, rate, level, fastest)
     if clear <= 0.0:
         return NONE_BEFORE_LIMIT, 0.0
@@ -64,7 +64,7 @@ def contact_of_swings(
         gap,
         rate,
         level,
-        _frequency_of_difference(a, b, gap + level, rate, mean_s, mean_p, orientation),
+        frequency_of_difference(a, b, gap + level, rate, mean_s, mean_p, orientation),
     )
     if guess > FAR_GUESS * limit:
         return NONE_BEFORE_LIMIT, clear
@@ -79,7 +79,7 @@ def contact_of_swings(
 
 
 @kernel
-def _uneven_pull(a: Flight, b: Flight) -> float:
+def uneven_pull(a: Flight, b: Flight) -> float:
     """Bound on what ``-w_b^2 sin f_b + w_a^2 sin f_a`` lacks of ``-w^2 (f_b - f_a)`` (rad/s^2)."""
     wa2 = a.frequency * a.frequency
     wb2 = b.frequency * b.frequency
@@ -87,7 +87,7 @@ def _uneven_pull(a: Flight, b: Flight) -> float:
 
 
 @kernel
-def _frequency_of_difference(
+def frequency_of_difference(
     a: Flight,
     b: Flight,
     angle: float,

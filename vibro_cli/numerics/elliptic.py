@@ -99,6 +99,19 @@ def set_two_theta_constants(
         set_theta_constants(a, a_m, a_root_complement)
         set_theta_constants(b, b_m, b_root_complement)
         return
+    set_librations(a, a_m, a_root_complement, b, b_m, b_root_complement)
+
+
+@kernel
+def set_librations(
+    a: ThetaConstants,
+    a_m: float,
+    a_root_complement: float,
+    b: ThetaConstants,
+    b_m: float,
+    b_root_complement: float,
+) -> None:
+    """Fill two sets for parameters up to ``PARAMETER_SPLIT``."""
     a_nome = _direct_nome(a_m, a_root_complement)
     b_nome = _direct_nome(b_m, b_root_complement)
     a.parameter = a_m

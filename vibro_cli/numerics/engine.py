@@ -16,6 +16,8 @@ from functools import cache
 from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
+from vibro_cli.numerics.lanes import LANES
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 RecordClass = TypeVar("RecordClass", bound=type)
 
@@ -57,7 +59,8 @@ def record(cls: RecordClass) -> RecordClass:
     """Turn a class of annotated fields into one with slots and zero values.
 
     The mapping ``fields`` of the result gives their names and kinds. Fields are ``float``,
-    ``int`` or ``Series`` (a short row of floats, such as the coefficients of a polynomial).
+    ``int``, ``Series`` (a short row of floats, such as the coefficients of a polynomial) or
+    ``Lanes`` (see ``numerics.lanes``).
     The fields of base classes that are records come first.
     """
     fields: dict[str, str] = {}
@@ -65,7 +68,7 @@ def record(cls: RecordClass) -> RecordClass:
         fields.update(getattr(base, "fields", {}))
     fields.update(cls.__annotations__)
     names = tuple(fields)
-    scalars = [(name, 0.0 if kind == "float" else 0) for name, kind in fields.items()]
+    scalars = [(name, 0 if kind == "int" else 0.0) for name, kind in fields.items()]
     scalars = [(name, value) for name, value in scalars if fields[name] != "Series"]
     series = [name for name, kind in fields.items() if kind == "Series"]
 
@@ -94,6 +97,7 @@ def dtype(cls: type) -> Any:
         "float": np.float64,
         "int": np.int64,
         "Series": (np.float64, (SERIES_LENGTH,)),
+        "Lanes": (np.float64, (1, LANES)),
     }
     fields = cls.fields  # type: ignore[attr-defined]
     return np.dtype([(name, kinds[kind]) for name, kind in fields.items()])

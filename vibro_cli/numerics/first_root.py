@@ -71,8 +71,12 @@ def safe_return(g: float, rate: float, level: float, frequency: float) -> float:
     level, frequency
         ``Y`` and ``w``.
     """
-    over = _rise(g, rate, level, frequency)
-    under = frequency * (2.0 * level + g)
+    return safe_time(_rise(g, rate, level, frequency), frequency * (2.0 * level + g), frequency)
+
+
+@kernel
+def safe_time(over: float, under: float, frequency: float) -> float:
+    """Lower bound of ``2 atan(over/under)/w``, for a rise of ``over >= 0``."""
     return 6.0 * over / (frequency * (under + 2.0 * math.sqrt(under * under + over * over)))
 
 
@@ -92,8 +96,12 @@ def is_clear_before(time: float, slope: float, level: float, frequency: float) -
     level, frequency
         ``Y`` and ``w``, ``g'' >= -w^2 (g + Y)``.
     """
-    if slope <= 0.0:
-        return False
+    return slope > 0.0 and is_clear_with(time, slope, level, frequency)
+
+
+@kernel
+def is_clear_with(time: float, slope: float, level: float, frequency: float) -> bool:
+    """Do what :func:`is_clear_before` does for a slope that is positive."""
     over = 2.0 * slope
     under = frequency * (2.0 * level)
     # sqrt(u^2 + v^2) <= u + (sqrt 2 - 1) v for v <= u
@@ -107,8 +115,12 @@ def first_return(g: float, rate: float, level: float, frequency: float) -> float
 
     Parameters as for :func:`safe_return`; within 0.6 %, by a quotient in place of the arc tangent.
     """
-    over = _rise(g, rate, level, frequency)
-    under = frequency * (2.0 * level + g)
+    return time_of_rise(_rise(g, rate, level, frequency), frequency * (2.0 * level + g), frequency)
+
+
+@kernel
+def time_of_rise(over: float, under: float, frequency: float) -> float:
+    """Estimate ``2 atan(over/under)/w``, for a rise of ``over >= 0``."""
     square = over * over
     both = over * under
     bottom = (square + 1.38404246 * both) + 1.40701764 * (under * under)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.lanes import Lanes, choose, has_bit
 
 TWO_OVER_PI = 2.0 / math.pi
 # pi/2 in two parts; the first has 33 bits, so that its product with a quadrant number is exact.
@@ -34,6 +35,28 @@ def sine_cosine(x: float) -> tuple[float, float]:
     """Return ``(sin x, cos x)`` for any finite ``x`` in radians."""
     if abs(x) > REDUCTION_LIMIT:
         return math.sin(x), math.cos(x)
+    quadrant, s, c = in_quadrant(x)
+    turn = int(quadrant) & 3
+    # Two choices of two values each, which need no jump: quadrants come in no order.
+    sine = c if turn & 1 else s
+    cosine = s if turn & 1 else c
+    return -sine if turn & 2 else sine, -cosine if (turn + 1) & 2 else cosine
+
+
+@kernel
+def sine_cosine_in_lanes(x: Lanes) -> tuple[Lanes, Lanes]:
+    """Do what :func:`sine_cosine` does for ``x`` up to ``REDUCTION_LIMIT`` in size, in lanes."""
+    quadrant, s, c = in_quadrant(x)
+    odd = has_bit(quadrant, 1)
+    sine = choose(odd, c, s)
+    cosine = choose(odd, s, c)
+    turned = choose(has_bit(quadrant, 2), -sine, sine)
+    return turned, choose(has_bit(quadrant + 1.0, 2), -cosine, cosine)
+
+
+@kernel
+def in_quadrant(x: float) -> tuple[float, float, float]:
+    """Return the number of the quadrant nearest to ``x``, and sine and cosine from there."""
     # To the nearest quadrant, without a way through an integer: its place is used at once.
     quadrant = (x * TWO_OVER_PI + TO_WHOLE) - TO_WHOLE
     r = (x - quadrant * HALF_PI_HIGH) - quadrant * HALF_PI_LOW
@@ -42,10 +65,4 @@ def sine_cosine(x: float) -> tuple[float, float]:
     # Terms in pairs: a processor works on them at the same time.
     odd = (SIN_3 + z * SIN_5) + w * ((SIN_7 + z * SIN_9) + w * (SIN_11 + z * SIN_13))
     even = (COS_4 + z * COS_6) + w * ((COS_8 + z * COS_10) + w * (COS_12 + z * COS_14))
-    s = r + (r * z) * odd
-    c = (1.0 - 0.5 * z) + w * even
-    turn = int(quadrant) & 3
-    # Two choices of two values each, which need no jump: quadrants come in no order.
-    sine = c if turn & 1 else s
-    cosine = s if turn & 1 else c
-    return -sine if turn & 2 else sine, -cosine if (turn + 1) & 2 else cosine
+    return quadrant, r + (r * z) * odd, (1.0 - 0.5 * z) + w * even

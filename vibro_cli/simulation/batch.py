@@ -7,15 +7,36 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.mechanics.records import Flight
+from vibro_cli.mechanics.swing_lanes import BodyLanes, SwingLanes
 from vibro_cli.mechanics.system import System
 from vibro_cli.numerics import engine
+from vibro_cli.numerics.lanes import LANES
+from vibro_cli.numerics.machine_code import compiled
 from vibro_cli.simulation.drive import STATE, compiled_world
-from vibro_cli.simulation.entry import empty_results, enter_points, zeros
+from vibro_cli.simulation.entry import (
+    Calls,
+    empty_results,
+    enter_lanes,
+    enter_points,
+    make_beside,
+    prepare_batches,
+    smallest_world,
+    zeros,
+)
 from vibro_cli.simulation.impacts import ImpactTable, runs_of
-from vibro_cli.simulation.points import PointData, Points, RestitutionData, Results, StartData
+from vibro_cli.simulation.lane_impact import LaneGroup, LaneSlot, RunLanes
+from vibro_cli.simulation.lanes import run_points_in_lanes
+from vibro_cli.simulation.points import (
+    PointData,
+    Points,
+    RestitutionData,
+    Results,
+    StartData,
+    run_points,
+)
 from vibro_cli.simulation.prepare import make_world, smallest_system
 from vibro_cli.simulation.turning import variant_of
-from vibro_cli.simulation.world import World
+from vibro_cli.simulation.world import ImpactRow, World
 
 
 class Progress(NamedTuple):
@@ -35,9 +56,12 @@ class Batch:
         not used.
     beside
         Another batch of as many bodies, in the same thread, to share its logs.
+    in_lanes
+        Whether runs whose impacts are not kept may go in lanes (see ``simulation.lanes``), where
+        they can: that takes less time and gives the same bits.
     """
 
-    def __init__(self, system: System, beside: Batch | None = None) -> None:
+    def __init__(self, system: System, beside: Batch | None = None, in_lanes: bool = True) -> None:
         self._variant = variant_of(system)
         logs_of = None if beside is None else beside.world
         self.world: World = compiled_world(make_world(system, None, None), logs_of)
@@ -45,17 +69,33 @@ class Batch:
         copies: Any = {name: np.array(getattr(self.world, name)) for name in STATE}
         self._fresh = self.world._replace(**copies)
         self._scratch: Any = np.zeros(1, dtype=engine.dtype(Flight))
+        two = len(system.bodies) == 2 and not system.trace.closed
+        free = system.turning is None and system.surface == "two-sided"
+        self._group = lane_group() if in_lanes and two and free else None
+        self.impacts_in_lanes = 0
+        """Impacts that were made in lanes, of all runs so far."""
+
+    def _suits_lanes(self, group: LaneGroup, points: Points, done: Progress) -> bool:
+        """Set lanes up for the arc where the next point starts; tell whether they can be."""
+        starts: Any = points.starts
+        world: Any = self.world
+        runs, swings = np.asarray(group.runs), np.asarray(group.swings)
+        piece = int(starts["piece"][2 * done.point])
+        tracks = world.tracks[[piece, len(world.pieces) + piece]]
+        runs["piece"] = piece
+        for name in ("radius", "kappa"):
+            np.asarray(group.bodies)[name] = world.bodies[name]
+        swings["frequency"] = swings["own_frequency"] = tracks["frequency"]
+        valley = world.pieces[piece]["sign"] > 0.0 and (tracks["lowest_s2"] == 0.0).all()
+        return bool(valley and world.contacts[piece]["normal_a"] > 0.0)
 
     @staticmethod
-    def compile() -> None:
-        """Make or load the machine code now, also that for the table of impacts."""
-        system = smallest_system()
-        none = np.zeros((0, 1))
-        points = make_points(none[:, 0], none[:, 0], none, none, none, none, none, none)
-        batch, results = Batch(system), empty_results(0, 1, 0)
-        batch.run(points, results, Progress(0, 0), 0)
-        runs = runs_of(system, [], [], [], none)
-        ImpactTable(0, ()).fill(batch.world, "numba", results.impacts, runs, 0.0)
+    def compile(in_lanes: bool) -> None:
+        """Make or load the machine code now, also that for the table of impacts, and of lanes."""
+        beside = make_beside_lanes if in_lanes else make_beside
+        prepare_batches(_calls(in_lanes), f"{beside.__module__}:{beside.__name__}")
+        runs = runs_of(smallest_system(), [], [], [], np.zeros((0, 1)))
+        ImpactTable(0, ()).fill(smallest_world(), "numba", zeros(0, ImpactRow), runs, 0.0)
 
     def run_all(self, points: Points, results: Results) -> Results:
         """Run all points; return the results, with more room for impacts if they needed it."""
@@ -69,12 +109,54 @@ class Batch:
 
     def run(self, points: Points, results: Results, done: Progress, last: int) -> Progress:
         """Go on to before point ``last``, or until there is no room for the impacts of a point."""
+        suits = len(results.impacts) == 0 and done.point < last
+        if self._group is not None and suits and self._suits_lanes(self._group, points, done):
+            self.impacts_in_lanes += enter_lanes(
+                self.world, self._fresh, self._scratch, points, results,
+                done.point, last, self._group,
+            )  # fmt: skip
+            return Progress(last, done.rows)
         return Progress(
             *enter_points(
                 self.world, self._fresh, self._scratch, points, results,
                 done.point, last, done.rows, self._variant,
             )
         )  # fmt: skip
+
+
+def make_beside_lanes() -> None:
+    """Make the machine code of batches, but for that of the event loop itself."""
+    make_beside()
+    for kernel, arguments in _calls(True):
+        compiled(kernel).code(arguments)
+
+
+def _calls(in_lanes: bool) -> Calls:
+    """The kernels of batches with the arguments of a call; what takes longest to make first."""
+    world = smallest_world()
+    none = np.zeros((0, 1))
+    points = make_points(none[:, 0], none[:, 0], none, none, none, none, none, none)
+    given = (world, world, zeros(1, Flight), points, empty_results(0, 1, 0), 0, 0)
+    calls: Calls = [(run_points, (*given, 0))]
+    return [(run_points_in_lanes, (*given, lane_group())), *calls] if in_lanes else calls
+
+
+def lane_group() -> LaneGroup:
+    """Return a group of lanes without runs."""
+    return LaneGroup(
+        in_whole_lines(1, RunLanes),
+        in_whole_lines(2, BodyLanes),
+        in_whole_lines(2, SwingLanes),
+        zeros(LANES, LaneSlot),
+    )
+
+
+def in_whole_lines(count: int, cls: type) -> Any:
+    """Return records of lanes that begin where a line of the processor's cache does."""
+    kind = engine.dtype(cls)
+    room = np.zeros(count * kind.itemsize + 64, dtype=np.uint8)
+    offset = -room.ctypes.data % 64
+    return room[offset : offset + count * kind.itemsize].view(kind)
 
 
 def make_points(

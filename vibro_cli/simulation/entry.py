@@ -14,10 +14,15 @@ from vibro_cli.numerics import engine
 from vibro_cli.numerics.engine import Variant, interpreted
 from vibro_cli.numerics.machine_code import compiled, prepare_together
 from vibro_cli.simulation.contact_changes import launch_chain
+from vibro_cli.simulation.lane_impact import LaneGroup
+from vibro_cli.simulation.lanes import run_points_in_lanes
 from vibro_cli.simulation.loop import proceed
 from vibro_cli.simulation.points import Points, Results, run_points
 from vibro_cli.simulation.tally import FinalState, Outcome, tally
 from vibro_cli.simulation.world import ImpactRow, World
+
+Calls = list[tuple[Callable[..., Any], Any]]
+"""Kernels with the arguments of a call."""
 
 
 def prepare_event_loop(world: World, variant: Variant | None = None) -> None:
@@ -33,20 +38,37 @@ def prepare_event_loop(world: World, variant: Variant | None = None) -> None:
         prepare_together(calls, beside)
 
 
+def prepare_batches(calls: Calls, beside: str) -> None:
+    """Make or load the machine code of batches: that of the event loop, and what calls it.
+
+    Parameters
+    ----------
+    calls
+        Kernels that call it, with the arguments of a call.
+    beside
+        See ``machine_code.prepare_together``.
+    """
+    world = smallest_world()
+    prepare_together([(proceed, (world, False)), *_beside(world, None), *calls], beside)
+
+
 def make_beside() -> None:
     """Make the machine code that the event loop calls, and that of the tally."""
-    from vibro_cli.simulation.drive import compiled_world
-    from vibro_cli.simulation.prepare import make_world, smallest_system
-
-    for kernel, arguments in _beside(
-        compiled_world(make_world(smallest_system(), None, None)), None
-    ):
+    for kernel, arguments in _beside(smallest_world(), None):
         compiled(kernel).code(arguments)
 
 
-def _beside(world: World, variant: Variant | None) -> list[tuple[Callable[..., Any], Any]]:
+def smallest_world() -> World:
+    """Return compiled records: the machine code is the same for those of all systems."""
+    from vibro_cli.simulation.drive import compiled_world
+    from vibro_cli.simulation.prepare import make_world, smallest_system
+
+    return compiled_world(make_world(smallest_system(), None, None))
+
+
+def _beside(world: World, variant: Variant | None) -> Calls:
     results = empty_results(1, 1, 0)
-    of_tally = (world, 0, 0.0, 0.0, results.outcomes, 0, results.finals, zeros(1, Flight))
+    of_tally = (world, 0, 0, 0.0, 0.0, results.outcomes, 0, results.finals, zeros(1, Flight))
     return [
         (interpreted(launch_chain, variant), (world, 0, 0, 0)),
         (interpreted(tally, variant), of_tally),
@@ -65,7 +87,7 @@ def enter_tally(
     """Tally a run on a compiled world (see ``simulation.tally``)."""
     results = empty_results(1, len(world.flights), 0)
     count = compiled(interpreted(tally, variant))
-    count(world, cause, *end, results.outcomes, 0, results.finals, zeros(1, Flight))
+    count(world, 0, cause, *end, results.outcomes, 0, results.finals, zeros(1, Flight))
     return results
 
 
@@ -85,6 +107,22 @@ def enter_points(
     run = compiled(interpreted(run_points, variant))
     point, rows = run(world, fresh, scratch, points, results, first, last, filled)
     return int(point), int(rows)
+
+
+def enter_lanes(
+    world: World,
+    fresh: World,
+    scratch: Any,
+    points: Points,
+    results: Results,
+    first: int,
+    last: int,
+    group: LaneGroup,
+) -> int:
+    """Run some points in lanes (see ``simulation.lanes``)."""
+    prepare_event_loop(world)
+    run = compiled(run_points_in_lanes)
+    return int(run(world, fresh, scratch, points, results, first, last, group))
 
 
 def empty_results(points: int, bodies: int, impact_rows: int) -> Results:

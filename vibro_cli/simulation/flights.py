@@ -13,7 +13,11 @@ from vibro_cli.mechanics.records import NEVER, Flight
 from vibro_cli.numerics.double import time_between
 from vibro_cli.numerics.elliptic import set_theta_constants, set_two_theta_constants
 from vibro_cli.numerics.engine import SERIES_LENGTH, kernel
+from vibro_cli.numerics.lanes import choose
 from vibro_cli.simulation.world import World
+
+# Where ``P^2 + (SC)^2`` is below this, energy says nothing of where a state on the circle is.
+LEAST_SIZE = 1.0e-8
 
 
 @kernel
@@ -159,13 +163,21 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
     c *= scale
     sc = s * c
     size = p * p + sc * sc
-    if size < 1.0e-8:
+    if size < LEAST_SIZE:
         return s, c, p
-    if s * s > 0.5:
-        root = flight.root_complement
-        defect = 0.5 * ((c - p) * (c + p) - root * abs(root)) / size
-    else:
-        defect = 0.5 * (flight.parameter - s * s - p * p) / size
+    return projected(flight, s, c, p, sc, size)
+
+
+@kernel
+def projected(
+    flight: Flight, s: float, c: float, p: float, sc: float, size: float
+) -> tuple[float, float, float]:
+    """Do what :func:`project` does for a state on the circle, given ``SC`` and ``P^2 + (SC)^2``."""
+    root = flight.root_complement
+    lack = choose(
+        s * s > 0.5, (c - p) * (c + p) - root * abs(root), flight.parameter - s * s - p * p
+    )
+    defect = 0.5 * lack / size
     turn = sc * defect
     return s + c * turn, c - s * turn, p + p * defect
 

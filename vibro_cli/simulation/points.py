@@ -90,7 +90,7 @@ def run_points(
     """
     keep = len(results.impacts) > 0
     for point in range(first, last):
-        _prepare(world, fresh, points, point)
+        prepare_point(world, fresh, points, point)
         proceed(world, True)
         cause = proceed(world, False)
         clock = world.clock[0]
@@ -104,18 +104,32 @@ def run_points(
             for row in range(clock.impact_rows):
                 results.impacts[filled + row] = world.impacts[row]  # type: ignore[index]
             filled += clock.impact_rows
-        end_t = clock.t
-        end_low = clock.t_low
-        if cause == END_TIME and points.own[point].stop_t < NEVER:
-            end_t = points.own[point].stop_t
-            end_low = 0.0
-        tally(world, cause, end_t, end_low, results.outcomes, point, results.finals, scratch)
+        tally_point(world, 0, cause, points, results, point, scratch)
         outcome.kept = clock.impact_rows if keep else 0
     return last, filled
 
 
 @kernel
-def _prepare(world: World, fresh: World, points: Points, point: int) -> None:
+def tally_point(
+    world: World,
+    known: int,
+    cause: int,
+    points: Points,
+    results: Results,
+    point: int,
+    scratch: Sequence[Flight],
+) -> None:
+    """Tally a run, or a part of one (see ``simulation.tally``)."""
+    end_t = world.clock[0].t
+    end_low = world.clock[0].t_low
+    if cause == END_TIME and points.own[point].stop_t < NEVER:
+        end_t = points.own[point].stop_t
+        end_low = 0.0
+    tally(world, known, cause, end_t, end_low, results.outcomes, point, results.finals, scratch)
+
+
+@kernel
+def prepare_point(world: World, fresh: World, points: Points, point: int) -> None:
     """Put the records into the state before the start of a run."""
     settings = world.settings[0]
     world.clock[0] = fresh.clock[0]  # type: ignore[index]

@@ -18,8 +18,14 @@ SAME_INSTANT = 64.0 * 2.220446049250313e-16
 @kernel
 def parts(pair: PairData, wa: float, wb: float, size: float) -> int:
     """1 if the bodies part, or stay together up to the rounding of speeds of this size (m/s)."""
-    separation = separation_speed(pair.normal_a, pair.normal_b, wa, wb)
-    return 1 if separation >= -SPEED_ROUNDING * (abs(wa) + abs(wb) + size) else 0
+    return 1 if do_part(pair.normal_a, pair.normal_b, wa, wb, size) else 0
+
+
+@kernel
+def do_part(normal_a: float, normal_b: float, wa: float, wb: float, size: float) -> bool:
+    """Tell whether bodies of given normals do what :func:`parts` asks for."""
+    separation = separation_speed(normal_a, normal_b, wa, wb)
+    return separation >= -SPEED_ROUNDING * (abs(wa) + abs(wb) + size)
 
 
 @kernel

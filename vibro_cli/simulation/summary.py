@@ -50,7 +50,7 @@ def tally_run(
     own = engine.interpreted_rows(Outcome, 1)
     states = engine.interpreted_rows(FinalState, len(world.bodies))
     count = engine.interpreted(tally, variant)
-    count(world._replace(**rows), cause, *end, own, 0, states, [Flight()])
+    count(world._replace(**rows), 0, cause, *end, own, 0, states, [Flight()])
     return engine.compiled_rows(own, Outcome), engine.compiled_rows(states, FinalState)
 
 

@@ -17,7 +17,14 @@ from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData
 from vibro_cli.numerics.engine import apart, kernel, record
 from vibro_cli.simulation.recall import half_period, recall_flight
 from vibro_cli.simulation.tally_contact import friction_demand, group_extremes
-from vibro_cli.simulation.world import END_INADMISSIBLE, WALL, FlightRow, ImpactRow, World
+from vibro_cli.simulation.world import (
+    END_INADMISSIBLE,
+    RUNNING,
+    WALL,
+    FlightRow,
+    ImpactRow,
+    World,
+)
 
 # A square below another one by this factor is so whatever the rounding of both.
 BELOW = 1.0 - 1.0e-12
@@ -62,6 +69,7 @@ class FinalState:
 @kernel
 def tally(
     world: World,
+    known: int,
     cause: int,
     end_t: float,
     end_t_low: float,
@@ -76,8 +84,11 @@ def tally(
     ----------
     world
         After the run, with all its rows in the logs (their numbers are those of the clock).
+    known
+        0, or the number of bodies for a part of a run that is not the first: the log then begins
+        with the present flight of every body, and the outcome tells of the parts before.
     cause, end_t, end_t_low
-        Why and when (two doubles, s) the run ended.
+        Why and when (two doubles, s) the run ended; ``RUNNING`` if it has not, for a part of it.
     outcomes, number
         Outcomes of runs, and which is that of this one; filled in.
     finals
@@ -90,6 +101,14 @@ def tally(
     first_final = number * bodies
     outcome = outcomes[number]
     flight = scratch[0]
+    if known == 0:
+        _begin(outcome)
+    _tally_impacts(world, cause, outcome)
+    for ball in range(bodies):
+        finals[first_final + ball].latest = ball if known > 0 else -1
+    _tally_flights(world, known, outcome, finals, first_final, flight)
+    if cause == RUNNING:
+        return
     outcome.end_cause = cause
     outcome.end_t = end_t
     outcome.end_t_low = end_t_low
@@ -98,10 +117,19 @@ def tally(
     outcome.crossings = clock.crossings
     outcome.contacts = clock.contacts
     outcome.correction = clock.energy_correction
-    _tally_impacts(world, cause, outcome)
-    _tally_flights(world, outcome, finals, first_final, flight)
     for ball in range(bodies):
         _finish(world, ball, outcome, finals[first_final + ball], flight)
+
+
+@kernel
+def _begin(outcome: Outcome) -> None:
+    outcome.impacts = 0
+    outcome.walls = 0
+    outcome.first_t = NEVER
+    outcome.last_t = NEVER
+    outcome.max_gap = 0.0
+    outcome.least_force = NEVER
+    outcome.most_demand = 0.0
 
 
 @kernel
@@ -109,24 +137,26 @@ def _tally_impacts(world: World, cause: int, outcome: Outcome) -> None:
     count = world.clock[0].impact_rows
     if cause == END_INADMISSIBLE:
         count -= 1
-    outcome.impacts = count
-    outcome.first_t = world.impacts[0].t if count > 0 else NEVER
-    outcome.last_t = world.impacts[count - 1].t if count > 0 else NEVER
-    largest = 0.0
+    if count > 0:
+        if outcome.impacts == 0:
+            outcome.first_t = world.impacts[0].t
+        outcome.last_t = world.impacts[count - 1].t
+    outcome.impacts += count
+    largest = outcome.max_gap
     pair = -1
     piece = -1
     sine = 0.0
     cosine = 0.0
     for number in range(count):
         row = world.impacts[number]
-        if row.piece_a != row.piece_b or row.pair != pair or row.piece_a != piece:
+        if row.piece_a != row.piece_b:
+            largest = max(largest, abs(_gap(world, row, 0.0, 1.0)))
+            continue
+        if row.pair != pair or row.piece_a != piece:
             pair = row.pair
-            # Of bodies on two pieces the angle is of no use to the impact after.
-            piece = row.piece_a if row.piece_a == row.piece_b else -1
+            piece = row.piece_a
             sine, cosine = _half_angle_of_contact(world, row)
-        gap = abs(_gap(world, row, sine, cosine))
-        if gap > largest:
-            largest = gap
+        largest = max(largest, abs(_gap(world, row, sine, cosine)))
     outcome.max_gap = largest
 
 
@@ -145,8 +175,13 @@ def _half_angle_of_contact(world: World, row: ImpactRow) -> tuple[float, float]:
     rho_b = world.tracks[row.b * pieces + row.piece_b].path_radius
     if row.piece_a != row.piece_b or rho_a == 0.0:
         return 0.0, 1.0
-    product = rho_a * rho_b
-    sine = math.sqrt(world.bodies[row.a].radius * world.bodies[row.b].radius / product)
+    return half_angle_on_arc(rho_a * rho_b, world.bodies[row.a].radius, world.bodies[row.b].radius)
+
+
+@kernel
+def half_angle_on_arc(product: float, radius_a: float, radius_b: float) -> tuple[float, float]:
+    """As :func:`_half_angle_of_contact`, of ``rho_a rho_b`` and the radii."""
+    sine = math.sqrt(radius_a * radius_b / product)
     short = min(sine, 1.0)
     return sine, math.sqrt(1.0 - short * short)
 
@@ -172,8 +207,23 @@ def _gap(world: World, row: ImpactRow, half_sine: float, half_cosine: float) -> 
         return (along - distance) * (along + distance) / (2.0 * reach)
     # d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((delta - beta)/2) sin((delta + beta)/2)
     product = track_a.path_radius * track_b.path_radius
-    delta = abs(row.b_s * row.a_c - row.b_c * row.a_s)
-    cosine = abs(row.b_c * row.a_c + row.b_s * row.a_s)
+    return gap_on_arc(product, reach, row.a_s, row.a_c, row.b_s, row.b_c, half_sine, half_cosine)
+
+
+@kernel
+def gap_on_arc(
+    product: float,
+    reach: float,
+    a_s: float,
+    a_c: float,
+    b_s: float,
+    b_c: float,
+    half_sine: float,
+    half_cosine: float,
+) -> float:
+    """Gap (m) of two bodies on one arc, of ``rho_a rho_b`` and ``r_a + r_b``."""
+    delta = abs(b_s * a_c - b_c * a_s)
+    cosine = abs(b_c * a_c + b_s * a_s)
     less = delta * half_cosine - cosine * half_sine
     more = delta * half_cosine + cosine * half_sine
     return 2.0 * product * less * more / reach
@@ -182,18 +232,14 @@ def _gap(world: World, row: ImpactRow, half_sine: float, half_cosine: float) -> 
 @kernel
 def _tally_flights(
     world: World,
+    known: int,
     outcome: Outcome,
     finals: Sequence[FinalState],
     first_final: int,
     scratch: Flight,
 ) -> None:
     """Forces of every flight that another one of its body followed; energies at the start."""
-    outcome.least_force = NEVER
-    outcome.most_demand = 0.0
-    outcome.walls = 0
-    for ball in range(world.settings[0].bodies):
-        finals[first_final + ball].latest = -1
-    for number in range(world.clock[0].flight_rows):
+    for number in range(known, world.clock[0].flight_rows):
         row = world.log[number]
         final = finals[first_final + row.body]
         if row.cause == WALL:

@@ -11,6 +11,7 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic
 
 from vibro_cli.numerics import engine
+from vibro_cli.numerics.compiling.lanes import record_of
 from vibro_cli.numerics.compiling.references import SCALARS, Reference, Rows, rows_of
 
 
@@ -106,7 +107,7 @@ def _taken(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     if isinstance(kind, Reference):
         return builder.bitcast(value, context.get_value_type(kind))
     if isinstance(kind, Rows):
-        array = numba_types.Array(kind.row, 1, "C")
+        array = numba_types.Array(record_of(kind.row), 1, "C")
         held = builder.load(builder.bitcast(value, context.get_value_type(array).as_pointer()))
         return rows_of(context, builder, array, held)
     if isinstance(kind, numba_types.Array):

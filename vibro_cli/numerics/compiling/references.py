@@ -20,6 +20,8 @@ from numba.core.typing.templates import (
 )
 from numba.np.numpy_support import from_dtype
 
+from vibro_cli.numerics.compiling.lanes import with_lanes
+
 SCALARS = {
     "int": numba_types.int64,
     "bool": numba_types.boolean,
@@ -65,7 +67,7 @@ def _seen(array: Any) -> Any:
         and array.ndim == 1
         and isinstance(array.dtype, numba_types.Record)
     ):
-        return Rows(array.dtype)
+        return Rows(with_lanes(array.dtype))
     return array
 
 
@@ -92,7 +94,7 @@ def _lower_attribute(context: Any, builder: Any, of: Reference, value: Any, name
 def rows_of(context: Any, builder: Any, kind: Any, array: Any) -> Any:
     """The records of an array."""
     whole = context.make_array(kind)(context, builder, array)
-    rows = cgutils.create_struct_proxy(Rows(kind.dtype))(context, builder)
+    rows = cgutils.create_struct_proxy(Rows(with_lanes(kind.dtype)))(context, builder)
     rows.first = builder.bitcast(whole.data, rows.first.type)
     rows.count = whole.nitems
     return rows._getvalue()
