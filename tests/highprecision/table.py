@@ -50,14 +50,16 @@ def ball(
 
 
 class Ellipse:
-    """An elliptic wall around the balls."""
+    """An elliptic wall around the balls, or among them (side "outside")."""
 
-    def __init__(self, a: float, b: float, k: float) -> None:
+    def __init__(self, a: float, b: float, k: float, side: str = "inside") -> None:
         self.a, self.b, self.k = number(a), number(b), number(k)
+        self.sign = 1 if side == "inside" else -1
 
     def _centre(self, angle: Any, radius: Any) -> tuple[Any, Any, Any, Any]:
+        """Centre of a ball that touches at an eccentric angle, and the normal towards the wall."""
         x, y = self.a * mp.cos(angle), self.b * mp.sin(angle)
-        nx, ny = x / self.a**2, y / self.b**2
+        nx, ny = self.sign * x / self.a**2, self.sign * y / self.b**2
         size = mp.sqrt(nx**2 + ny**2)
         return x - radius * nx / size, y - radius * ny / size, nx / size, ny / size
 
@@ -67,21 +69,25 @@ class Ellipse:
         angles = [math.tau * n / 720 for n in range(720)]
         return min((math.hypot(a * math.cos(f) - x, b * math.sin(f) - y), f) for f in angles)
 
-    def hit(self, one: Ball) -> tuple[Any, Vector]:
-        """Time until the contact, and the normal there."""
+    def _is_free(self, x: float, y: float, radius: float) -> bool:
+        """Whether a ball at some place is clear of the wall, on its side of it."""
+        a, b = float(self.a), float(self.b)
+        if self.sign < 0 and max(abs(x) - a, abs(y) - b) > radius:
+            return True
+        beyond = (x / a) ** 2 + (y / b) ** 2 > 1
+        return beyond == (self.sign < 0) and self._near(x, y)[0] > radius
+
+    def hit(self, one: Ball) -> tuple[Any, Vector] | None:
+        """Time until the contact, and the normal there; None if there is none."""
         px, py, vx, vy = map(float, (*one.place, *one.velocity))
         speed, radius = math.hypot(vx, vy), float(one.radius)
-        a, b = float(self.a), float(self.b)
-
-        def within(t: float) -> bool:
-            x, y = px + vx * t, py + vy * t
-            return (x / a) ** 2 + (y / b) ** 2 < 1 and self._near(x, y)[0] > radius
-
-        step = 0.01 * b / speed
+        step = 0.01 * float(self.b) / speed
         # Beyond a first bit: the ball may have just left the wall.
         t = step
-        while within(t):
+        while self._is_free(px + vx * t, py + vy * t, radius):
             t += step
+            if t * speed > 20.0:
+                return None
         angle = self._near(px + vx * t, py + vy * t)[1]
 
         def equations(time: Any, angle: Any) -> list[Any]:
@@ -91,9 +97,73 @@ class Ellipse:
                 one.place[1] + one.velocity[1] * time - y,
             ]
 
-        time, angle = mp.findroot(equations, (mp.mpf(t), mp.mpf(angle)), tol=mp.mpf(10) ** -80)
+        # From before the contact, so that the root is that of coming, not that of leaving.
+        start = (mp.mpf(t - step), mp.mpf(angle))
+        time, angle = mp.findroot(equations, start, tol=mp.mpf(10) ** -80)
         _, _, nx, ny = self._centre(angle, one.radius)
+        assert nx * one.velocity[0] + ny * one.velocity[1] > 0
         return time, (nx, ny)
+
+
+class Circle:
+    """A circular wall about the origin, around the balls or among them."""
+
+    def __init__(self, radius: float, k: float, side: str = "inside") -> None:
+        self.radius, self.k = number(radius), number(k)
+        self.sign = 1 if side == "inside" else -1
+
+    def hit(self, one: Ball) -> tuple[Any, Vector] | None:
+        """Time until the contact, and the normal there; None if there is none."""
+        time = _time_to_distance(one, (mp.zero, mp.zero), self.radius - self.sign * one.radius,
+                                 leaving=self.sign > 0)  # fmt: skip
+        if time is None:
+            return None
+        at = [x + v * time for x, v in zip(one.place, one.velocity, strict=True)]
+        size = self.sign * mp.sqrt(at[0] ** 2 + at[1] ** 2)
+        return time, (at[0] / size, at[1] / size)
+
+
+def _time_to_distance(one: Ball, centre: Vector, distance: Any, leaving: bool) -> Any:
+    """When the centre of a ball comes to a distance from a place, from outside unless leaving."""
+    d = [x - c for x, c in zip(one.place, centre, strict=True)]
+    half = d[0] * one.velocity[0] + d[1] * one.velocity[1]
+    square = one.velocity[0] ** 2 + one.velocity[1] ** 2
+    inside = half**2 - square * (d[0] ** 2 + d[1] ** 2 - distance**2)
+    if not leaving and (half >= 0 or inside < 0):
+        return None
+    return (-half + (1 if leaving else -1) * mp.sqrt(inside)) / square
+
+
+class Polygon:
+    """A wall of straight sides, on whichever side of it the balls are: sides and corners."""
+
+    def __init__(self, corners: list[list[float]], k: float) -> None:
+        self.corners = [(number(x), number(y)) for x, y in corners]
+        self.k = number(k)
+
+    def hit(self, one: Ball) -> tuple[Any, Vector] | None:
+        """Time until the first contact, and the normal there; None if there is none."""
+        found: list[tuple[Any, Vector]] = []
+        for start, end in zip(self.corners, self.corners[1:] + self.corners[:1], strict=True):
+            along = [b - a for a, b in zip(start, end, strict=True)]
+            length = mp.sqrt(along[0] ** 2 + along[1] ** 2)
+            n = (along[1] / length, -along[0] / length)
+            off = sum((s - x) * c for s, x, c in zip(start, one.place, n, strict=True))
+            if off < 0:
+                n, off = (-n[0], -n[1]), -off
+            closing = n[0] * one.velocity[0] + n[1] * one.velocity[1]
+            if closing > 0:
+                time = (off - one.radius) / closing
+                at = [x + v * time for x, v in zip(one.place, one.velocity, strict=True)]
+                share = sum((p - s) * c for p, s, c in zip(at, start, along, strict=True))
+                if time >= 0 and 0 <= share <= length**2:
+                    found.append((time, n))
+            time = _time_to_distance(one, start, one.radius, leaving=False)
+            if time is not None and time >= 0 and one.radius > 0:
+                at = [x + v * time for x, v in zip(one.place, one.velocity, strict=True)]
+                n = tuple((s - p) / one.radius for s, p in zip(start, at, strict=True))
+                found.append((time, n))
+        return min(found, key=lambda one: one[0]) if found else None
 
 
 class Box:
@@ -146,17 +216,21 @@ def collide(one: Ball, other: Ball, k: Any) -> None:
 
 def run(balls: list[Ball], wall: Any, k: float, events: int) -> list[Event]:
     """The first events, one after the other."""
-    t, found = mp.zero, []
-    for _ in range(events):
+    t = mp.zero
+    found: list[Event] = []
+    while len(found) < events:
         options: list[tuple[Any, tuple[int, ...], Any]] = []
         for a, one in enumerate(balls):
             if wall is not None and one.velocity != (0, 0):
-                time, normal = wall.hit(one)
-                options.append((time, (a,), normal))
+                hit = wall.hit(one)
+                if hit is not None:
+                    options.append((hit[0], (a,), hit[1]))
             for b in range(a + 1, len(balls)):
                 time = pair_time(one, balls[b])
                 if time is not None:
                     options.append((time, (a, b), None))
+        if not options:
+            return found
         time, who, normal = min(options, key=lambda option: option[0])
         t += time
         for one in balls:

@@ -43,11 +43,11 @@ def difference_of_products(a: float, b: float, c: float, d: float) -> float:
     """
     first = a * b
     second = c * d
-    return (first - second) + (_product_error(a, b, first) - _product_error(c, d, second))
+    return (first - second) + (product_error(a, b, first) - product_error(c, d, second))
 
 
 @kernel
-def _product_error(a: float, b: float, product: float) -> float:
+def product_error(a: float, b: float, product: float) -> float:
     """``a b - product`` exactly, for the rounded product."""
     shifted = SPLITTER * a
     a_high = shifted - (shifted - a)

@@ -78,7 +78,8 @@ def _tail() -> Iterator[Column]:
     yield flag("admissible", "whether the bodies separate after the law of the scenario")
     text = "whether the normal-impulse law stood in for an inadmissible impact"
     yield flag("substituted", text)
-    yield flag("simultaneous", "whether the event before it was at the same instant")
+    text = "whether the event before it was at the same instant, or others are solved with it"
+    yield flag("simultaneous", text)
     text = "whether the contact cannot be told from a touch in double precision"
     yield flag("grazing", text)
 

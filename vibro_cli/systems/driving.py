@@ -15,6 +15,8 @@ from vibro_cli.simulation.record import Log, plain_rows, set_rows
 
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
+# An event adds at most so many rows for each body.
+ROWS_OF_AN_EVENT = 8
 # A run left to itself is compiled once its loop has come back this often, with full logs or after
 # so much work: it depends on the scenario alone.
 COMPILE_AFTER = 16
@@ -50,7 +52,7 @@ class Driver:
         self.world = world
         if earlier is not None:
             self._take_up(earlier)
-        self._make_room(INTERPRETED_ROWS)
+        self._make_room(self._room(INTERPRETED_ROWS))
         if engine_name == "numba":
             self._compile()
 
@@ -109,8 +111,9 @@ class Driver:
             rows = getattr(self.world, name)
             if self.engine == "numba":
                 clock[used] = 0
-                if 4 * count > COMPILED_ROWS:
-                    self._replace_log(name, COMPILED_ROWS)
+                room = self._room(COMPILED_ROWS)
+                if 4 * count > room:
+                    self._replace_log(name, room)
                 else:
                     rows = rows[:count].copy()  # a few rows do not keep a whole log
             else:
@@ -121,6 +124,10 @@ class Driver:
         kind = engine.dtype(self._library.records[name])
         self.world = self.world._replace(**{name: np.zeros(2 * room, dtype=kind)})
 
+    def _room(self, rows: int) -> int:
+        """So many rows, or as many as one event may add."""
+        return max(rows, ROWS_OF_AN_EVENT * len(self.world.bodies))
+
     def _make_room(self, room: int) -> None:
         self.world.settings[0].room = room
         records = self._library.records
@@ -130,12 +137,13 @@ class Driver:
     def _compile(self) -> None:
         self._may_compile = False
         self.engine = "numba"
-        self.world.settings[0].room = COMPILED_ROWS
+        room = self._room(COMPILED_ROWS)
+        self.world.settings[0].room = room
         arrays: dict[str, Any] = {}
         for name, rows in self.world._asdict().items():
             cls = self._library.records.get(name)
             if name in self._library.logs:
-                arrays[name] = np.zeros(2 * COMPILED_ROWS, dtype=engine.dtype(cls))
+                arrays[name] = np.zeros(2 * room, dtype=engine.dtype(cls))
             elif cls is None:
                 kind = np.float64 if isinstance(rows[0], float) else np.int64
                 arrays[name] = np.array(rows, dtype=kind)

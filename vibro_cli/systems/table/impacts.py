@@ -53,7 +53,7 @@ def collide(world: World, a: int, b: int, instant: int) -> int:
     row = world.pair_log[clock.pair_rows]
     clock.pair_rows += 1
     clock.collisions += 1
-    _before(world, row, a, b)
+    note_before(world, row, a, b)
     row.simultaneous = instant
     apply_law(world, row, settings.law)
     row.event = clock.collisions + clock.bounces
@@ -72,7 +72,7 @@ def collide(world: World, a: int, b: int, instant: int) -> int:
 
 
 @kernel
-def _before(world: World, row: PairRow, a: int, b: int) -> None:
+def note_before(world: World, row: PairRow, a: int, b: int) -> None:
     """Note an impact as it comes: places, velocities, line of centres."""
     clock = world.clock[0]
     one = world.balls[a]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from vibro_cli.numerics.double import time_between
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.systems.table.impacts import bounce, collide
+from vibro_cli.systems.table.joint import collide_jointly
 from vibro_cli.systems.table.queue import play_all, renew, search_all
+from vibro_cli.systems.table.touching import find_group
 from vibro_cli.systems.table.world import (
     END_ACCUMULATION,
     END_BOUNCES,
@@ -62,14 +64,22 @@ def _event(world: World) -> int:
     if clock.stalled > MOST_AT_ONCE * len(world.balls):
         return END_ACCUMULATION
     if meeting.kind == MEETS_BALL:
-        other = meeting.other
-        cause = collide(world, ball, other, instant)
-        if cause != RUNNING:
-            return cause
-        renew(world, ball)
-        renew(world, other)
-        return RUNNING
+        return _meet(world, ball, meeting.other, instant)
     cause = bounce(world, ball)
     if cause == RUNNING:
         renew(world, ball)
+    return cause
+
+
+@kernel
+def _meet(world: World, ball: int, other: int, instant: int) -> int:
+    """Carry out the impact of two balls, with those of others that touch them at this instant."""
+    count = find_group(world, ball, other)
+    if count == 1:
+        cause = collide(world, ball, other, instant)
+    else:
+        cause = collide_jointly(world, count, instant)
+    if cause == RUNNING:
+        for place in range(world.clock[0].group):
+            renew(world, world.group[place])
     return cause

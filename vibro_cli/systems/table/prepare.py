@@ -19,6 +19,8 @@ from vibro_cli.systems.table.world import (
     Edge,
     Meeting,
     Settings,
+    Share,
+    Touch,
     WallData,
     World,
 )
@@ -60,9 +62,21 @@ def make_world(
         balls=[_ball(state.place, state.velocity) for state in system.initial],
         meetings=[Meeting() for _ in system.bodies],
         tree=[leaves] * leaves,  # no ball where none has played
+        touches=[Touch() for _ in range(most_touches(len(system.bodies)))],
+        shares=[Share() for _ in system.bodies],
+        group=[0] * max(len(system.bodies), 2),
         pair_log=[],
         bounce_log=[],
     )
+
+
+def most_touches(balls: int) -> int:
+    """Return how many pairs of balls can touch at once.
+
+    The mean number of spheres that touch one of a packing, whatever their radii, is below
+    8 + 4 sqrt(3) (Kuperberg and Schramm 1994), so there are fewer than 7.5 pairs for each.
+    """
+    return max(1, min(balls * (balls - 1) // 2, 8 * balls))
 
 
 def _ball(place: tuple[float, float], velocity: tuple[float, float]) -> Ball:

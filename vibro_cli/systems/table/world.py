@@ -97,6 +97,40 @@ class Edge:
 
 
 @record
+class Touch:
+    """Two balls that touch at the present instant, and what is solved for them."""
+
+    a: int
+    b: int
+    normal_x: float  # from a to b
+    normal_y: float
+    weight_a: float  # of the law, see `mechanics.laws`
+    weight_b: float
+    response_a: float
+    response_b: float
+    diagonal: float
+    approach: float  # the law's relative speed
+    impulse: float  # in two doubles
+    impulse_low: float
+    left: float  # of the right-hand side, in two doubles
+    left_low: float
+    direction: float  # of the next step
+    change: float  # of the relative speed by that direction, in two doubles
+    change_low: float
+
+
+@record
+class Share:
+    """What all impulses at the present instant change in the velocity of a ball."""
+
+    place: int  # in the group, from 1; 0: it is not in it
+    x: float  # m/s, in two doubles
+    x_low: float
+    y: float
+    y_low: float
+
+
+@record
 class Clock:
     """The state of the run as a whole."""
 
@@ -107,6 +141,7 @@ class Clock:
     pair_rows: int
     bounce_rows: int
     stalled: int  # events in a row without time between them
+    group: int  # balls in the group that collides now
     energy_correction: float
     begun: int
 
@@ -193,6 +228,9 @@ class World(NamedTuple):
     balls: Sequence[Ball]
     meetings: Sequence[Meeting]
     tree: list[int]  # tournament of the balls' meetings: the winner of each match, root at 1
+    touches: Sequence[Touch]
+    shares: Sequence[Share]
+    group: list[int]  # balls that touch one another now
     pair_log: Sequence[PairRow]
     bounce_log: Sequence[BounceRow]
 
@@ -205,6 +243,8 @@ RECORDS: dict[str, type] = {
     "bodies": BodyData,
     "balls": Ball,
     "meetings": Meeting,
+    "touches": Touch,
+    "shares": Share,
     "pair_log": PairRow,
     "bounce_log": BounceRow,
 }

@@ -1,0 +1,172 @@
+"""Several pairs of balls that close at one instant: solved jointly, in no order."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.systems.table_cases import Document, ball, solve, table
+
+R = 0.1
+HEXAGON = [
+    (2.0 * R * math.cos(n * math.pi / 3), 2.0 * R * math.sin(n * math.pi / 3)) for n in range(6)
+]
+
+
+def rack(rows: int, k: float = 1.0, law: str = "hedrih", **stop: Any) -> Document:
+    """A ball that comes along x towards the corner of a triangle of touching balls."""
+    balls = [ball(-1.0, 0.0, 2.0)]
+    for row in range(rows):
+        for n in range(row + 1):
+            balls.append(ball(row * math.sqrt(3.0) * R, (2 * n - row) * R))
+    document = table(balls, k=k, **(stop or {"time": 3.0}))
+    document["collision"]["law"] = law
+    return document
+
+
+def jointly(document: Document, impulses_of: Any) -> Any:
+    """Velocities after all touching pairs that close are solved together, by least squares."""
+    balls = document["balls"]
+    place = np.array([[b["x"], b["y"]] for b in balls])
+    velocity = np.array([[b["velocity_x"], b["velocity_y"]] for b in balls])
+    mass = np.array([1.4 * b["mass"] for b in balls])
+    rows = []
+    for a in range(len(balls)):
+        for b in range(a + 1, len(balls)):
+            d = place[b] - place[a]
+            size = float(np.hypot(*d))
+            touch = 2.0 * math.sqrt(balls[a]["radius"] * balls[b]["radius"])
+            row = np.zeros((len(balls), 2))
+            row[a], row[b] = d / size, -d / size
+            if abs(size - touch) < 1e-12 and np.sum(row * velocity) > 1e-12:
+                rows.append(row.ravel())
+    matrix = np.array(rows)
+    inverse = np.repeat(1.0 / mass, 2)
+    closing = (1.0 + document["collision"]["k"]) * (matrix @ velocity.ravel())
+    system = matrix @ (inverse[:, None] * matrix.T)
+    impulses = np.linalg.lstsq(system, closing, rcond=1e-12)[0]
+    impulses_of(len(rows))
+    return velocity - (inverse * (matrix.T @ impulses)).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("k", [1.0, 0.7, 0.0])
+def test_a_ball_hits_two_that_touch(k: float) -> None:
+    """From the middle: v' = (1 - 6 (1 + k)/10), the others (1 + k) 3/10 along x each."""
+    balls = [ball(-1.0, 0.0, 1.0), ball(0.0, R), ball(0.0, -R)]
+    run = solve(table(balls, k=k, time=5.0))
+    final = run.sample([5.0])
+    x, y = final["velocity_x"], final["velocity_y"]
+    assert list(run.collisions["simultaneous"]) == [True, True]
+    assert abs(x[0] - (1.0 - 0.6 * (1.0 + k))) <= 2e-16
+    assert abs(x[1] - 0.3 * (1.0 + k)) <= 2e-16
+    assert (x[1], y[0], y[1]) == (x[2], 0.0, -y[2])
+    if k == 1.0:
+        assert abs(run.summary_record()["energy_drift"]) <= 4e-16
+        assert np.all(run.collisions["energy_loss"] == 0.0)
+    lost = run.summary_record()["energy_start"] - run.summary_record()["energy_end"]
+    assert abs(float(np.sum(run.collisions["energy_loss"])) - lost) <= 4e-16
+
+
+@pytest.mark.parametrize("k", [1.0, 0.6, 0.0])
+@pytest.mark.parametrize("masses", ["equal", "unequal"])
+def test_against_least_squares(k: float, masses: str) -> None:
+    """Six balls close in on one, and a ring that closes around it: redundant contacts."""
+    rng = np.random.default_rng(3)
+    balls = [ball(0.0, 0.0)]
+    for n, (x, y) in enumerate(HEXAGON):
+        speed = 0.3 if n % 2 else 1.0
+        balls.append(ball(x, y, -speed * x / R + 0.1 * y, -speed * y / R - 0.1 * x))
+    for one in balls:
+        one["mass"] = 1.0 if masses == "equal" else float(rng.uniform(0.2, 5.0))
+    document = table(balls, k=k, collisions=1)
+    pairs: list[int] = []
+    expected = jointly(document, pairs.append)
+    run = solve(document)
+    assert len(run.collisions["n"]) == pairs[0] > 6
+    assert np.all(run.collisions["t"] == 0.0)
+    final = run.sample([0.0])
+    found = np.column_stack([final["velocity_x"], final["velocity_y"]])
+    assert np.max(np.abs(found - expected)) <= 1e-14
+
+
+@pytest.mark.parametrize("k", [1.0, 0.9, 0.2])
+@pytest.mark.parametrize("law", ["hedrih", "normal-impulse"])
+def test_the_break_of_a_rack_is_its_own_mirror_image(k: float, law: str) -> None:
+    run = solve(rack(5, k, law))
+    state = run.sample(np.linspace(0.0, 3.0, 61))
+    table = {name: state[name].reshape(61, -1) for name in ("x", "y", "velocity_x", "velocity_y")}
+    assert np.all(table["y"][:, 0] == 0.0)
+    first = 1
+    for row in range(5):
+        own = np.arange(first, first + row + 1)
+        assert np.array_equal(table["x"][:, own], table["x"][:, own[::-1]])
+        assert np.array_equal(table["y"][:, own], -table["y"][:, own[::-1]])
+        assert np.array_equal(table["velocity_y"][:, own], -table["velocity_y"][:, own[::-1]])
+        first += row + 1
+    assert run.end_cause == "time"
+    assert abs(float(np.sum(table["velocity_x"][-1])) - 2.0) <= 2e-15
+    record = run.summary_record()
+    if k == 1.0:
+        assert abs(record["energy_drift"]) <= 1e-15
+    else:
+        lost = record["energy_start"] - record["energy_end"]
+        assert abs(float(np.sum(run.collisions["energy_loss"])) - lost) <= 1e-13
+
+
+def test_no_pair_closes_after_the_break() -> None:
+    run = solve(rack(4, 0.2))
+    state = run.sample([float(run.collisions["t"][-1]) + 1e-9])
+    place = np.column_stack([state["x"], state["y"]])
+    velocity = np.column_stack([state["velocity_x"], state["velocity_y"]])
+    for a in range(len(place)):
+        for b in range(a + 1, len(place)):
+            d = place[b] - place[a]
+            if np.hypot(*d) < 2.0 * R + 1e-8:
+                assert float(d @ (velocity[b] - velocity[a])) / np.hypot(*d) >= -1e-14
+
+
+def test_the_order_of_the_balls_does_not_matter() -> None:
+    document = rack(3)
+    order = np.random.default_rng(1).permutation(len(document["balls"]))
+    other = {**document, "balls": [document["balls"][n] for n in order]}
+    one, two = (solve(each).sample([3.0]) for each in (document, other))
+    for name in ("x", "y", "velocity_x", "velocity_y"):
+        assert np.array_equal(one[name][order], two[name])
+
+
+def test_both_engines_give_the_same_bits() -> None:
+    document = rack(5, 0.3)
+    one, two = solve(document), solve(document, "numba")
+    for column, values in one.collisions.items():
+        np.testing.assert_array_equal(values, two.collisions[column], column)
+
+
+def test_a_cradle_on_a_table_hands_on_what_comes() -> None:
+    balls = [ball(-1.0 - 0.2 * n, 0.0, 1.0) for n in (1, 0)]
+    balls += [ball(0.2 * n, 0.0) for n in range(4)]
+    run = solve(table(balls, time=5.0))
+    assert np.allclose(run.sample([5.0])["velocity_x"], [0, 0, 0, 0, 1, 1], atol=1e-15)
+
+
+def test_an_inadmissible_group_stops_or_is_substituted() -> None:
+    """A great ball follows two small ones that it hits together."""
+    small = 0.05
+    apart = 2.0 * math.sqrt(0.2 * small)
+    x = -math.sqrt(apart**2 - small**2)
+    balls = [ball(x - 1.0, 0.0, 1.0, radius=0.2)]
+    balls += [ball(0.0, sign * small, 0.7, radius=small, mass=0.1) for sign in (1, -1)]
+    document = table(balls, k=0.5, time=10.0)
+    run = solve(document)
+    assert run.end_cause == "inadmissible"
+    assert list(run.collisions["admissible"]) == [False, False]
+    assert run.sample([run.end_time])["velocity_x"][0] == 1.0  # nothing was carried out
+    document["collision"]["inadmissible"] = "normal-impulse"
+    run = solve(document)
+    assert list(run.collisions["substituted"][:2]) == [True, True]
+    assert set(run.collisions["law"][:2]) == {"normal-impulse"}
+    assert np.all(run.collisions["separation_speed"][:2] >= 0.0)
+    final = run.sample([run.end_time])
+    assert final["velocity_x"][1] == final["velocity_x"][2]
