@@ -13,7 +13,7 @@ from vibro_cli.api import simulate
 from vibro_cli.build import build_system
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.impacts import impact_columns
-from vibro_cli.grids.points import scenario_at
+from vibro_cli.grids.points import Reader, scenario_at
 from vibro_cli.grids.room import Room
 from vibro_cli.grids.solving import Solver
 from vibro_cli.grids.tables import impact_table_of
@@ -59,13 +59,52 @@ GRIDS: dict[str, tuple[str, dict[str, list[float]]]] = {
         "one_circle.toml",
         {"balls[1].angle": [-1.2, -0.3], "collision.k": [0.6, 1.0], "balls[2].rate": [-1.0, 1.0]},
     ),
+    "radius, gravity and thickness": (
+        "three_arcs.toml",
+        {
+            "balls[1].thickness": [0.005, 0.05],
+            "balls[1].radius": [0.02, 0.3],
+            "balls[2].radius": [0.02, 0.3],
+            "gravity": [0.5, 20.0],
+        },
+    ),
+    "inertia and radius": (
+        "ball_on_arcs.toml",
+        {"balls[2].inertia_ratio": [0.0, 1.0], "balls[1].radius": [-0.02, 0.2]},
+    ),
+    "gravity of many": ("five_balls.toml", {"gravity": [1.0, 20.0], "balls[2].angle": [-0.9, 0.0]}),
+    "walls": (
+        "three_arcs.toml",
+        {"ends.left.wall": [-0.1, 1.0], "balls[1].radius": [0.02, 0.3], "gravity": [1.0, 20.0]},
+    ),
+    "arcs": (
+        "three_arcs.toml",
+        {
+            "trace.arcs[1].radius": [0.6, 1.5],
+            "trace.arcs[2].end_slope": [-1.2, 0.3],
+            "balls[2].angle": [-0.4, 0.4],
+        },
+    ),
+    "slopes": (
+        "three_arcs.toml",
+        {"trace.start_slope": [-2.4, -1.0], "trace.arcs[1].end_slope": [0.2, 1.2]},
+    ),
+    "length of a line": (
+        "line_between_valleys.toml",
+        {"trace.arcs[2].length": [0.5, 2.5], "balls[2].radius": [0.02, 0.2]},
+    ),
     "lines": (
         "line_between_valleys.toml",
         {"balls[1].angle": [-1.2, 0.5], "collision.k": [0.5, 1.0], "balls[1].mass": [1.0, 3.0]},
     ),
 }
 
-MORE = {"turning": ["trace.turning={through_arc = 1, rate = 1.5}", "stop.time=6"]}
+MORE = {
+    "turning": ["trace.turning={through_arc = 1, rate = 1.5}", "stop.time=6"],
+    "radius, gravity and thickness": ["balls[1].body=disk"],
+    "walls": ["ends.left={wall = 0.9}", "ends.right={wall = 0.8}", "balls[1].angle=-0.3"],
+    "inertia and radius": ["collision.law=translational"],
+}
 
 # What there must be among the points of each, so that the test shows something.
 SEEN = {
@@ -76,6 +115,13 @@ SEEN = {
     "several balls": {"invalid", "collisions"},
     "closed": {"collisions"},
     "turning": {"contact", "free"},
+    "radius, gravity and thickness": {"free", "time"},
+    "inertia and radius": {"invalid", "free"},
+    "gravity of many": {"collisions"},
+    "walls": {"invalid", "time"},
+    "arcs": {"invalid", "free"},
+    "slopes": {"invalid", "free"},
+    "length of a line": {"invalid", "free"},
     "lines": {"free", "inadmissible"},
 }
 
@@ -134,3 +180,27 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
             assert of_grid == [plain(column, i) for i in range(len(column))], key
         seen.add(found["end_cause"])
     assert seen >= SEEN[name], seen
+
+
+QUICK: dict[str, tuple[str, str, list[float], Sequence[str]]] = {
+    "radius": ("three_arcs.toml", "balls[1].radius", [0.02, 0.3], ()),
+    "gravity": ("five_balls.toml", "gravity", [1.0, 20.0], ()),
+    "thickness": ("three_arcs.toml", "balls[1].thickness", [0.005, 0.05], ["balls[1].body=disk"]),
+    "inertia": ("ball_on_arcs.toml", "balls[1].inertia_ratio", [0.0, 1.0], ()),
+    "density": ("closed_three_balls.toml", "balls[1].density", [1e3, 9e3], ()),
+    "k": ("closed_three_balls.toml", "collision.k", [0.1, 1.0], ()),
+}
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_numbers_are_read_once_for_all_points(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    base, path, interval, overrides = QUICK[name]
+    grid = grid_of(tmp_path, base, {path: interval}, overrides)
+    reads: list[Any] = []
+    read = Reader.read
+    monkeypatch.setattr(Reader, "read", lambda self, one: reads.append(one) or read(self, one))
+    solved = Solver(grid, "numba").solve(np.arange(POINTS))
+    assert set(solved.summary["status"]) == {"ok"}
+    assert len(reads) == 1

@@ -13,7 +13,7 @@ _MASSES = (1e-100, 1e100)
 
 def bodies_of(balls: Sequence[BodyTable], findings: Findings) -> tuple[Body, ...]:
     """Return the bodies; one of a mass that doubles cannot compute with is a finding."""
-    bodies = tuple(_body(ball) for ball in balls)
+    bodies = tuple(map(body_of, balls))
     low, high = _MASSES
     for number, (ball, body) in enumerate(zip(balls, bodies, strict=True), 1):
         if not low <= body.mass <= high:
@@ -23,12 +23,14 @@ def bodies_of(balls: Sequence[BodyTable], findings: Findings) -> tuple[Body, ...
     return bodies
 
 
-def _body(ball: BodyTable) -> Body:
+def body_of(ball: BodyTable) -> Body:
+    """Return a body; its numbers may be arrays (see ``numerics.alike``)."""
     if ball.inertia_ratio is not None or ball.body is None:
-        kind, ratio = CUSTOM, ball.inertia_ratio or 0.0
+        kind, ratio = CUSTOM, 0.0 if ball.inertia_ratio is None else ball.inertia_ratio
     else:
         kind, ratio = ball.body, INERTIA_RATIO[ball.body]
     mass = ball.mass
     if mass is None:
-        mass = mass_from_density(kind, ball.radius, ball.density or 0.0, ball.thickness)
+        assert ball.density is not None  # one of both is given
+        mass = mass_from_density(kind, ball.radius, ball.density, ball.thickness)
     return Body(kind, ball.radius, mass, ratio)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
+from vibro_cli.build.assembly import speed_of, system_of, trace_of
 from vibro_cli.build.bodies import bodies_of
 from vibro_cli.build.findings import Findings, Given
 from vibro_cli.mechanics import clearance, placement
 from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.system import InitialState, System, Wall
-from vibro_cli.mechanics.trace import ArcShape, Trace
+from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.trace import Trace
 from vibro_cli.mechanics.turning import Turning
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
@@ -42,31 +43,15 @@ def build_trace(scenario: Scenario) -> System:
     initial = _initial(scenario, trace, bodies, findings)
     if trace_is_sound and fits:
         _check_contacts(trace, bodies, findings)
-    left, right = scenario.ends.left, scenario.ends.right
     _check_walls(scenario, trace, bodies, initial, findings)
     findings.settle()
-    return System(
-        gravity=scenario.gravity,
-        trace=trace,
-        bodies=bodies,
-        initial=tuple(
-            placement.enter_piece(trace, state) for state in initial if state is not None
-        ),
-        restitution=scenario.collision.k,
-        law=scenario.collision.law,
-        inadmissible=scenario.collision.inadmissible,
-        surface=scenario.trace.surface,
-        left_end=Wall(left.wall) if isinstance(left, WallTable) else None,
-        right_end=Wall(right.wall) if isinstance(right, WallTable) else None,
-        turning=turning,
-    )
+    entered = (placement.enter_piece(trace, state) for state in initial if state is not None)
+    return system_of(scenario, trace, bodies, tuple(entered), turning)
 
 
 def _trace(scenario: Scenario, findings: Findings) -> Trace:
-    table = scenario.trace
-    shapes = [ArcShape(arc.shape, arc.radius, arc.length, arc.end_slope) for arc in table.arcs]
     try:
-        return Trace.chain(table.start_slope, shapes, table.closed)
+        return trace_of(scenario)
     except ValueError as error:
         findings.add("trace.arcs", str(error), "pieces that make a chain")
         raise ScenarioError(findings.problems) from error
@@ -198,7 +183,9 @@ def _initial(
         if position is None:
             states.append(None)
             continue
-        states.append(InitialState(ball.arc - 1, position, _speed(ball, body, trace)))
+        states.append(
+            InitialState(ball.arc - 1, position, speed_of(ball, body, trace.pieces[ball.arc - 1]))
+        )
     _check_order(scenario, trace, bodies, states, findings)
     return states
 
@@ -236,15 +223,6 @@ def _position(
         findings.add(f"{path}.arc", found, f"arc {on + 1}")
         return None
     return position
-
-
-def _speed(ball: Ball, body: Body, trace: Trace) -> float:
-    if ball.speed is not None:
-        return ball.speed
-    if ball.omega is not None:
-        return placement.speed_of_omega(body, ball.omega)
-    piece = trace.pieces[ball.arc - 1]
-    return placement.speed_of_rate(piece, body, ball.rate) if ball.rate else 0.0
 
 
 def _check_order(

@@ -16,6 +16,7 @@ from vibro_cli.mechanics.laws import LAW_NAMES
 from vibro_cli.mechanics.system import System
 from vibro_cli.simulation.entry import zeros
 from vibro_cli.simulation.impacts import ImpactTable, runs_of, sidedness
+from vibro_cli.simulation.stacks import Stack
 from vibro_cli.simulation.world import ImpactRow, World
 from vibro_cli.storage.schema import Table
 from vibro_cli.storage.tables import Words
@@ -40,6 +41,8 @@ class Logged:
     """The impacts, point by point."""
     masses: Column | None = None
     """[point, ball] (kg); those of the system for None."""
+    stack: Stack | None = None
+    """The systems of the points, if there are several."""
     give_back: Callable[[], None] = lambda: None
     """Called once the log is not needed any more."""
 
@@ -50,7 +53,10 @@ class Logged:
         log = self.log[rows : rows + int(self.counts[begin:end].sum())]
         masses = None if self.masses is None else self.masses[begin:end]
         points, counts = self.points[begin:end], self.counts[begin:end]
-        return replace(self, points=points, counts=counts, log=log, masses=masses)
+        stack = self.stack
+        if stack is not None:
+            stack = stack._replace(of_runs=stack.of_runs[begin:end])
+        return replace(self, points=points, counts=counts, log=log, masses=masses, stack=stack)
 
 
 @dataclass(eq=False)
@@ -143,7 +149,7 @@ def impact_columns(
     for one in own:
         firsts = rows[np.searchsorted(points, one.points)]
         runs = runs_of(one.system, one.points + 1, one.counts, firsts, one.masses)
-        filled.fill(one.world, one.engine, one.log, runs, sidedness(one.system))
+        filled.fill(one.world, one.engine, one.log, runs, sidedness(one.system), one.stack)
     columns = filled.columns()
     if "law" in columns:
         columns["law"] = Words(columns["law"], LAW_NAMES)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.build import build_system
+from vibro_cli.grids.changing import changed
 from vibro_cli.grids.paths import kind_of
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import Scenario, ScenarioError, scenario_of
@@ -114,7 +115,7 @@ class Reader:
 
     def _scenario(self, values: PointValues, refused: tuple[tuple[KeyPath, Any], ...]) -> Scenario:
         if self._known is not None and not refused:
-            return _changed(self._known, values)
+            return changed(self._known, {path: _number(path, values[path]) for path in values})
         try:
             return scenario_at(self._base, values)
         except ScenarioError as error:
@@ -127,6 +128,12 @@ def reason_of(error: ScenarioError) -> str:
     """Return what is wrong with a point, on one line."""
     texts = [f"{one.path}: found {one.found}, expected {one.expected}" for one in error.problems]
     return "; ".join(texts)
+
+
+def _number(path: KeyPath, value: Any) -> Any:
+    kind = kind_of(path)
+    assert isinstance(kind, kinds.Quantity | kinds.Count)
+    return kind.read(value)
 
 
 def _allowed(known: Scenario, path: KeyPath, value: Any) -> bool:
@@ -155,35 +162,3 @@ def _inside(known: Scenario, piece: int, angle: float) -> bool:
         slopes.append(slopes[-1] if arc.end_slope is None else arc.end_slope)
     sign = -1.0 if arcs[piece].shape == "hump" else 1.0
     return sign * slopes[piece] < angle < sign * slopes[piece + 1]
-
-
-def _changed(known: Scenario, values: Mapping[KeyPath, Any]) -> Scenario:
-    """A scenario with other numbers, each of which is allowed."""
-    changes: dict[str, Any] = {}
-    balls: dict[int, dict[str, Any]] = {}
-    stop: dict[str, Any] = {}
-    k = list(known.collision.k)
-    for path, value in values.items():
-        kind = kind_of(path)
-        assert isinstance(kind, kinds.Quantity | kinds.Count)
-        number = kind.read(value)
-        if path[0] == "balls":
-            balls.setdefault(int(path[1]), {})[str(path[2])] = number
-        elif path[0] == "stop":
-            stop[str(path[1])] = number
-        elif path == ("collision", "k"):
-            k = [number] * len(k)
-        elif path[0] == "collision":
-            k[int(path[2])] = number
-        else:
-            changes[str(path[0])] = number
-    if balls:
-        changed = enumerate(known.balls)
-        changes["balls"] = tuple(
-            ball.model_copy(update=balls[n]) if n in balls else ball for n, ball in changed
-        )
-    if stop:
-        changes["stop"] = known.stop.model_copy(update=stop)
-    if tuple(k) != known.collision.k:
-        changes["collision"] = known.collision.model_copy(update={"k": tuple(k)})
-    return known.model_copy(update=changes)

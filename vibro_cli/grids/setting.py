@@ -10,30 +10,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from vibro_cli.build.assembly import speed_of
+from vibro_cli.build.bodies import body_of
 from vibro_cli.grids.axes import Column
+from vibro_cli.grids.changing import changed
 from vibro_cli.grids.points import Point
-from vibro_cli.mechanics.body import mass_from_density
+from vibro_cli.grids.soundness import SURE, is_of_system, sound_systems, taken
 from vibro_cli.mechanics.clearance import contact_angle
 from vibro_cli.mechanics.placement import wall_position
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.geometry import centres
-from vibro_cli.simulation.prepare import half_angle, initial_flight
+from vibro_cli.simulation.prepare import initial_flight, neighbours
 
 Values = Mapping[KeyPath, Column]
 
-# Closer than this share to the edge of what is possible, the ordinary reader decides.
-_SURE = 1.0e-9
 _LEAST_MASS, _MOST_MASS, _MOST_SPEED = 1.0e-99, 1.0e99, 1.0e29
-_LARGEST_COUNT = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,23 @@ class Starts:
 
 
 @dataclass(frozen=True)
+class Systems:
+    """The systems of some points, as far as they are surely sound."""
+
+    points: Column
+    """Which points these are, of those that were asked for."""
+    system: System
+    """One system, or several as one of arrays."""
+    of_points: Column | None
+    """Then the number of the system of each of these points, from 0."""
+
+    @property
+    def count(self) -> int:
+        """Number of systems."""
+        return 1 if self.of_points is None else int(np.max(self.of_points, initial=-1)) + 1
+
+
+@dataclass(frozen=True)
 class Setting:
     """A setting, known from one valid point of it."""
 
@@ -70,26 +87,56 @@ class Setting:
     @cached_property
     def pairs(self) -> int:
         """Number of pairs of neighbours that the solver looks at."""
-        bodies, closed = len(self.system.bodies), self.system.trace.closed
-        return bodies if closed and bodies >= 2 else bodies - 1
+        return len(neighbours(self.system))
 
-    def starts(self, values: Values, count: int) -> Starts:
-        """Return the starts of points with these values (a column for each path of an axis)."""
+    def systems(self, values: Values, count: int) -> Systems:
+        """Return the systems of points with these values (a column for each path of an axis)."""
+        own = {path: column for path, column in values.items() if is_of_system(path)}
+        if not own:
+            return Systems(np.arange(count), self.system, None)
+        rows = np.stack(list(own.values()), axis=1)
+        distinct, of_points = np.unique(rows, axis=0, return_inverse=True)
+        numbers = dict(zip(own, distinct.T, strict=True))
+        sound, system = sound_systems(self.scenario, self.system, numbers, len(distinct))
+        points = np.flatnonzero(sound[of_points.reshape(-1)])
+        renumbered = np.cumsum(sound) - 1
+        return Systems(points, system, renumbered[of_points.reshape(-1)[points]])
+
+    def starts(self, values: Values, systems: Systems) -> Starts:
+        """Return the starts of the points of some systems, whose values these are."""
+        count = len(systems.points)
         sure = np.ones(count, dtype=bool)
-        bodies = len(self.system.bodies)
-        states = [self._state(ball, values, sure) for ball in range(bodies)]
-        masses = [self._mass(ball, values, sure) for ball in range(bodies)]
+        scenario = changed(self.scenario, values)
+        system = systems.system
+        if systems.of_points is not None:
+            system = taken(system, systems.of_points)
+        system = replace(system, bodies=tuple(map(body_of, scenario.balls)))
         with np.errstate(invalid="ignore"):
-            self._check_order(states, sure)
-            self._check_walls(states, sure)
-        stop_t, stop_collisions = self._stops(values, sure)
-        columns = [self._start(ball, *states[ball]) for ball in range(bodies)]
-        piece, half_s, half_c, p = (
-            np.stack([column[i] for column in columns], axis=1) for i in range(4)
+            states = [_state(scenario, system, n, values, sure) for n in range(len(system.bodies))]
+            _check_order(system, states, sure)
+            _check_walls(system, states, sure)
+        for body in system.bodies:
+            sure &= (body.mass > _LEAST_MASS) & (body.mass < _MOST_MASS)
+        flights = [
+            initial_flight(replace(system, initial=tuple(states)), n) for n in range(len(states))
+        ]
+        k = scenario.collision.k
+        for one in k:
+            sure &= (one >= 0.0) & (one <= 1.0)
+        pairs = [k[min(pair, len(k) - 1)] for pair in range(self.pairs)]
+        stop_t, stop_collisions = _stops(scenario, sure)
+        state = {
+            name: _table([getattr(flight, name) for flight in flights], count)
+            for name in ("piece", "s", "c", "p")
+        }
+        return Starts(
+            sure=sure,
+            **state,
+            mass=_table([body.mass for body in system.bodies], count),
+            restitution=_table(pairs, count),
+            stop_t=stop_t,
+            stop_collisions=stop_collisions,
         )
-        mass = np.stack(masses, axis=1)
-        k = self._restitution(values, sure)
-        return Starts(sure, piece, half_s, half_c, p, mass, k, stop_t, stop_collisions)
 
     def starts_of(self, points: Sequence[Point]) -> Starts:
         """Return the starts of valid points of this setting that were read alone."""
@@ -114,152 +161,91 @@ class Setting:
             stop_collisions=np.array([stop.collisions or 0 for stop in stops], dtype=np.int64),
         )
 
-    @staticmethod
-    def _given(path: KeyPath, values: Values, fixed: Any, count: int) -> Column | None:
-        """The column of a value, or a constant one; None where the scenario does not have it."""
-        if path in values:
-            return values[path]
-        return None if fixed is None else np.full(count, fixed)
 
-    def _state(self, ball: int, values: Values, sure: Column) -> tuple[Column, Column, Piece]:
-        """Position and speed of the centre of one body; where they are in doubt, not sure."""
-        given, count = self.scenario.balls[ball], len(sure)
-        piece = self.system.trace.pieces[given.arc - 1]
-        key = "position" if piece.is_line else "angle"
-        position = self._given(("balls", ball, key), values, getattr(given, key), count)
-        if position is None:
-            position = self._touching(ball, values, sure)
-            piece = self.system.trace.pieces[self.system.initial[ball].piece]
-        speed = self._speed(ball, piece, values, sure)
-        low, high = piece.angle_start, piece.angle_end
-        sure &= (low < position) & (position < high)
-        sure &= np.isfinite(speed) & np.isfinite(position)
-        return position, speed, piece
+def _table(columns: Sequence[Any], count: int) -> Column:
+    """Numbers and arrays as the columns of one table."""
+    if not columns:
+        return np.zeros((count, 0))
+    return np.stack([np.broadcast_to(column, count) for column in columns], axis=1)
 
-    def _speed(self, ball: int, piece: Piece, values: Values, sure: Column) -> Column:
-        """Speed of the centre of one body, from whichever of rate, omega and speed is given."""
-        given, body = self.scenario.balls[ball], self.system.bodies[ball]
-        for name in ("speed", "omega", "rate"):
-            path = ("balls", ball, name)
-            rate = self._given(path, values, getattr(given, name), len(sure))
-            if rate is None:
-                continue
-            sure &= np.abs(rate) < _MOST_SPEED
-            if name == "speed":
-                return rate
-            if name == "omega":
-                return rate * body.radius
-            # A rate of 0 is a speed of 0.0, also on a line and without a sign.
-            return np.where(rate != 0.0, rate * piece.path_radius(body.radius), 0.0)
-        return np.zeros(len(sure))
 
-    def _touching(self, ball: int, values: Values, sure: Column) -> Column:
-        """The place of a body that starts in contact with another, if it is the same for all."""
-        moved = [
-            path for path in values if path[0] == "balls" and path[-1] in ("angle", "position")
-        ]
-        if moved:
+def _state(
+    scenario: Scenario, system: System, number: int, values: Values, sure: Column
+) -> InitialState:
+    """Position and speed of the centre of one body; where they are in doubt, not sure."""
+    given, body = scenario.balls[number], system.bodies[number]
+    piece = system.trace.pieces[given.arc - 1]
+    position: Any = given.position if piece.is_line else given.angle
+    if position is None:
+        # The place of a body in contact with another one is known if it is the same for all.
+        if any(path[0] == "balls" and path[-1] in ("angle", "position") for path in values):
             sure[:] = False
-        return np.full(len(sure), self.system.initial[ball].position)
+        piece = system.trace.pieces[system.initial[number].piece]
+        position = system.initial[number].position
+    sure &= (piece.angle_start < position) & (position < piece.angle_end) & np.isfinite(position)
+    for motion in (given.speed, given.omega, given.rate):
+        if motion is not None:
+            sure &= np.abs(motion) < _MOST_SPEED
+    return InitialState(piece.index, position, speed_of(given, body, piece))
 
-    def _start(
-        self, ball: int, position: Column, speed: Column, piece: Piece
-    ) -> tuple[Column, Column, Column, Column]:
-        """Piece, S, C and P of one body, as ``simulation.prepare`` has them for one point."""
-        distinct, where = np.unique(position, return_inverse=True)
-        halves = np.array([half_angle(piece, value) for value in distinct.tolist()])
-        p = speed
-        if not piece.is_line:
-            body = self.system.bodies[ball]
-            rho = piece.path_radius(body.radius)
-            p = speed / (2.0 * math.sqrt(self.system.gravity / (body.kappa * rho)) * rho)
-        index = np.full(len(position), piece.index)
-        return index, halves[where, 0], halves[where, 1], p
 
-    def _mass(self, ball: int, values: Values, sure: Column) -> Column:
-        given, count = self.scenario.balls[ball], len(sure)
-        mass = values.get(("balls", ball, "mass"))
-        if mass is None:
-            density = values.get(("balls", ball, "density"))
-            if density is None:
-                return np.full(count, self.system.bodies[ball].mass)
-            of_one = mass_from_density(
-                self.system.bodies[ball].kind,
-                given.radius,
-                density,  # type: ignore[arg-type]
-                given.thickness,
-            )
-            mass = np.asarray(of_one)
-        sure &= (mass > _LEAST_MASS) & (mass < _MOST_MASS)
-        return mass
+def _stops(scenario: Scenario, sure: Column) -> tuple[Column, Column]:
+    count, time, most = len(sure), scenario.stop.time, scenario.stop.collisions
+    if time is not None:
+        sure &= (time > 0.0) & np.isfinite(time)
+    if most is not None:
+        sure &= most >= 1
+    return (
+        np.array(np.broadcast_to(np.nan if time is None else time, count), dtype=np.float64),
+        np.array(np.broadcast_to(0 if most is None else most, count), dtype=np.int64),
+    )
 
-    def _restitution(self, values: Values, sure: Column) -> Column:
-        fixed, count = self.system.restitution, len(sure)
-        for path, k in values.items():
-            if path[:2] == ("collision", "k"):
-                sure &= (k >= 0.0) & (k <= 1.0)
-        columns = []
-        for pair in range(self.pairs):
-            number = min(pair, len(fixed) - 1)
-            one = values.get(("collision", "k"), values.get(("collision", "k", number)))
-            columns.append(np.full(count, fixed[number]) if one is None else one)
-        return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
-    def _stops(self, values: Values, sure: Column) -> tuple[Column, Column]:
-        count, stop = len(sure), self.scenario.stop
-        time = self._given(("stop", "time"), values, stop.time, count)
-        most = self._given(("stop", "collisions"), values, stop.collisions, count)
-        if time is not None:
-            sure &= (time > 0.0) & np.isfinite(time)
-        if most is not None:
-            sure &= most >= 1
-        return (
-            np.full(count, np.nan) if time is None else time,
-            np.zeros(count, dtype=np.int64) if most is None else most,
-        )
-
-    def _check_order(self, states: list[tuple[Column, Column, Piece]], sure: Column) -> None:
-        """Leave sure only points whose neighbours are in order and clear of one another."""
-        count = len(states)
-        pairs = [(n, n + 1) for n in range(count - 1)]
-        if self.system.trace.closed and count > 2:
-            pairs.append((count - 1, 0))
-        for a, b in pairs:
-            (place_a, _, piece_a), (place_b, _, piece_b) = states[a], states[b]
-            radius_a, radius_b = (self.system.bodies[n].radius for n in (a, b))
-            if piece_a is not piece_b:
-                if b > a and piece_b.index < piece_a.index:
-                    sure[:] = False
-                sure &= _clear(piece_a, place_a, radius_a, piece_b, place_b, radius_b)
-                continue
-            along = place_b - place_a if b > a else place_a - place_b
-            needed = contact_angle(piece_a, radius_a, radius_b) * (1.0 + _SURE)
-            sure &= along > needed + _SURE
-            if not piece_a.is_line:
-                sure &= along < math.tau - needed - _SURE
-
-    def _check_walls(self, states: list[tuple[Column, Column, Piece]], sure: Column) -> None:
-        pieces = self.system.trace.pieces
-        for wall, ball, piece, side in (
-            (self.system.left_end, 0, pieces[0], 1.0),
-            (self.system.right_end, len(states) - 1, pieces[-1], -1.0),
-        ):
-            position, _, here = states[ball]
-            if wall is None or here is not piece:
-                continue
-            touch = wall_position(piece, self.system.bodies[ball].radius, side < 0.0)
-            if touch is None:
+def _check_order(system: System, states: list[InitialState], sure: Column) -> None:
+    """Leave sure only points whose neighbours are in order and clear of one another."""
+    count = len(states)
+    pairs = [(n, n + 1) for n in range(count - 1)]
+    if system.trace.closed and count > 2:
+        pairs.append((count - 1, 0))
+    for a, b in pairs:
+        one, other = states[a], states[b]
+        radius_a, radius_b = (system.bodies[n].radius for n in (a, b))
+        piece = system.trace.pieces[one.piece]
+        if one.piece != other.piece:
+            if b > a and other.piece < one.piece:
                 sure[:] = False
-            else:
-                sure &= side * (position - touch) > _SURE * max(1.0, abs(touch))
+            beside = system.trace.pieces[other.piece]
+            sure &= _clear(piece, one.position, radius_a, beside, other.position, radius_b)
+            continue
+        along = other.position - one.position if b > a else one.position - other.position
+        needed = contact_angle(piece, radius_a, radius_b) * (1.0 + SURE)
+        sure &= along > needed + SURE
+        if not piece.is_line:
+            sure &= along < math.tau - needed - SURE
+
+
+def _check_walls(system: System, states: list[InitialState], sure: Column) -> None:
+    pieces = system.trace.pieces
+    for wall, ball, piece, side in (
+        (system.left_end, 0, pieces[0], 1.0),
+        (system.right_end, len(states) - 1, pieces[-1], -1.0),
+    ):
+        if wall is None or states[ball].piece != piece.index:
+            continue
+        touch = wall_position(piece, system.bodies[ball].radius, side < 0.0)
+        if touch is None:
+            sure[:] = False
+        else:
+            away = side * (states[ball].position - touch)
+            sure &= away > SURE * np.maximum(1.0, np.abs(touch))
 
 
 def _clear(
     piece_a: Piece,
-    place_a: Column,
+    place_a: Any,
     radius_a: float,
     piece_b: Piece,
-    place_b: Column,
+    place_b: Any,
     radius_b: float,
 ) -> Column:
     """Whether bodies on two pieces are surely apart."""
@@ -267,5 +253,5 @@ def _clear(
     bx, by = centres(piece_b, place_b, radius_b)
     contact = radius_a + radius_b
     size = np.abs(ax) + np.abs(ay) + np.abs(bx) + np.abs(by) + contact
-    clear: Column = np.hypot(bx - ax, by - ay) > contact + _SURE * size
+    clear: Column = np.hypot(bx - ax, by - ay) > contact + SURE * size
     return clear

@@ -13,14 +13,17 @@ from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.impacts import Logged, LogSpace
 from vibro_cli.grids.points import Point, Reader, is_quick
-from vibro_cli.grids.setting import Setting, Starts
+from vibro_cli.grids.setting import Setting, Starts, Systems
+from vibro_cli.grids.soundness import is_of_system
 from vibro_cli.mechanics.records import NEVER
+from vibro_cli.mechanics.system import System
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.batch import Batch, make_points
 from vibro_cli.simulation.entry import empty_results
 from vibro_cli.simulation.geometry import Places
 from vibro_cli.simulation.points import Results
 from vibro_cli.simulation.run import simulate_system
+from vibro_cli.simulation.stacks import Stack, own_records, stack_of
 from vibro_cli.simulation.summary import summary_columns
 from vibro_cli.simulation.world import LOG_FULL, World
 from vibro_cli.storage.schema import summary
@@ -41,6 +44,34 @@ class Solved:
     """Their impacts, if they are kept, as the system's columns are made from them."""
     impacts: int
     """Number of impacts, kept or not."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """Points for a batch: how they start, and of which systems they are."""
+
+    starts: Starts
+    system: System
+    """One system, or several as one of arrays."""
+    of_points: Column | None
+    """Then the number of the system of each point."""
+    stack: Stack | None
+    """And the records of the systems."""
+    points: Column
+    """Numbers of the points, from 0 in the grid."""
+
+    @staticmethod
+    def of(starts: Starts, systems: Systems, points: Column) -> Task:
+        """Return the task of those points whose starts are sure."""
+        sure, of_points, stack = starts.sure, systems.of_points, None
+        if of_points is not None:
+            of_points = of_points[sure]
+            stack = stack_of(systems.system, systems.count, of_points)
+        return Task(starts.at(sure), systems.system, of_points, stack, points[sure])
+
+    def places(self, which: Column) -> Places:
+        """Return the geometry of the systems of some of the points."""
+        return Places(self.system, None if self.of_points is None else self.of_points[which])
 
 
 @dataclass
@@ -72,7 +103,9 @@ class Solver:
         self._logs = LogSpace()
         self._reader = Reader(grid.base)
         self._indices: Column = np.zeros(0, dtype=np.int64)
-        self._slow = [path for path in grid.design.paths if not is_quick(path)]
+        paths = grid.design.paths
+        self._of_systems = [path for path in paths if is_of_system(path)]
+        self._slow = [path for path in paths if not is_quick(path) and not is_of_system(path)]
 
     def compile(self) -> None:
         """Make or load the machine code now."""
@@ -133,38 +166,66 @@ class Solver:
     ) -> None:
         """Solve points of a known setting: first all that are surely valid, then the others."""
         setting = self._settings[key]
-        starts = setting.starts(values, len(rows))
-        if starts.sure.any():
-            self._solve_batch(key, starts.at(starts.sure), rows[starts.sure], parts)
-        found: list[tuple[int, Point]] = []
-        for at in np.flatnonzero(~starts.sure):
-            point = self._reader.read(_row(values, int(at)))
+        systems = setting.systems(values, len(rows))
+        sure = np.zeros(len(rows), dtype=bool)
+        if len(systems.points):
+            starts = setting.starts(_taken(values, systems.points), systems)
+            sure[systems.points] = starts.sure
+            if starts.sure.any():
+                self._solve_batch(key, starts, systems, rows[systems.points], parts)
+        found: dict[tuple[Any, ...], list[tuple[int, Point]]] = {}
+        for at in np.flatnonzero(~sure):
+            one = _row(values, int(at))
+            point = self._reader.read(one)
             if point.system is None:
                 self._solve_alone(rows[at], point, parts)
             else:
-                found.append((rows[at], point))
-        if found:
-            read = setting.starts_of([point for _, point in found])
-            self._solve_batch(key, read, np.array([row for row, _ in found]), parts)
+                # Systems of which nothing was known before are made one by one.
+                own = (*key, *(one[path].item() for path in self._of_systems))
+                found.setdefault(own, []).append((rows[at], point))
+        for own, points in found.items():
+            self._solve_read(own, points, parts)
+
+    def _solve_read(
+        self, key: tuple[Any, ...], points: list[tuple[int, Point]], parts: _Parts
+    ) -> None:
+        """Solve valid points of one system that were read alone."""
+        if key not in self._settings:
+            _, first = points[0]
+            assert first.scenario is not None
+            assert first.system is not None
+            self._remember(key, Setting(first.scenario, first.system))
+        setting = self._settings[key]
+        starts = setting.starts_of([point for _, point in points])
+        systems = Systems(np.arange(len(points)), setting.system, None)
+        self._solve_batch(key, starts, systems, np.array([row for row, _ in points]), parts)
 
     def _solve_batch(
-        self, key: tuple[Any, ...], starts: Starts, rows: Column, parts: _Parts
+        self,
+        key: tuple[Any, ...],
+        starts: Starts,
+        systems: Systems,
+        rows: Column,
+        parts: _Parts,
     ) -> None:
         """Solve valid points of a setting with the compiled kernels."""
         setting = self._settings[key]
         if key not in self._batches:
             self._batches[key] = Batch(setting.system, next(iter(self._batches.values()), None))
-        results = self._run(self._batches[key], starts)
+        task = Task.of(starts, systems, self._indices[rows])
+        results = self._run(self._batches[key], task)
         outcomes: Any = results.outcomes
         # What a batch leaves out: runs too long for its logs.
         whole = outcomes["end_cause"] != LOG_FULL
+        rows = rows[starts.sure]
         if whole.any():
-            self._take(setting, starts, rows, whole, results, self._batches[key].world, parts)
+            self._take(task, rows, whole, results, self._batches[key].world, parts)
         for row in rows[~whole]:
             values = self._grid.design.columns(self._indices[[row]])
             self._solve_alone(row, self._reader.read(_row(values, 0)), parts)
 
-    def _run(self, batch: Batch, starts: Starts) -> Results:
+    def _run(self, batch: Batch, task: Task) -> Results:
+        starts = task.starts
         count, bodies = starts.piece.shape
         stop_t = np.where(np.isnan(starts.stop_t), NEVER, starts.stop_t)
         most = np.where(starts.stop_collisions == 0, 2**62, starts.stop_collisions)
@@ -177,23 +238,20 @@ class Solver:
         if self._grid.keep.collisions:
             rows = int(self._room * count) + _ROWS_AT_FIRST
             results = results._replace(impacts=self._logs.take(rows))
-        results = batch.run_all(points, results)
+        results = batch.run_all(points, results, task.stack)
         taken: Any = results.outcomes
         self._room = max(self._room, 1.1 * float(np.mean(taken["kept"])))
         return results
 
     def _take(
-        self, setting: Setting, starts: Starts, rows: Column, whole: Column, results: Results,
-        world: World, parts: _Parts,
-    ) -> None:  # fmt: skip
+        self, task: Task, rows: Column, whole: Column, results: Results, world: World, parts: _Parts
+    ) -> None:
         """Turn results of a batch into columns."""
-        bodies = starts.piece.shape[1]
-        places = Places(setting.system)
+        starts, bodies = task.starts, task.starts.piece.shape[1]
         every: Any = results.outcomes
         states: Any = results.finals
         outcomes, finals = every[whole], states.reshape(-1, bodies)[whole]
-        restitution = starts.restitution[whole]
-        table = summary_columns(places, restitution, outcomes, finals)
+        table = summary_columns(task.places(whole), starts.restitution[whole], outcomes, finals)
         parts.summaries.append((rows[whole], table))
         if not self._grid.keep.collisions:
             return
@@ -201,9 +259,18 @@ class Solver:
         counts = every["kept"].copy()
         used = int(counts.sum())
         log: Any = results.impacts[:used]
-        points, give_back = self._indices[rows], self._logs.keep(results.impacts, used)
         parts.logged.append(
-            Logged(setting.system, world, self._engine, points, counts, log, starts.mass, give_back)
+            Logged(
+                system=task.system,
+                world=world if task.stack is None else own_records(world),
+                engine=self._engine,
+                points=task.points,
+                counts=counts,
+                log=log,
+                masses=starts.mass,
+                stack=task.stack,
+                give_back=self._logs.keep(results.impacts, used),
+            )
         )
 
     def _solve_alone(self, number: int, point: Point, parts: _Parts) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from vibro_cli.numerics import alike
+
 BALL = "ball"
 DISK = "disk"
 HOLLOW_BALL = "hollow_ball"
@@ -34,16 +36,16 @@ def mass_from_density(
     Raises ValueError for another kind, or when the thickness is missing.
     """
     if kind in (BALL, PARTICLE):
-        return 4.0 / 3.0 * math.pi * radius**3 * density
+        return 4.0 / 3.0 * math.pi * alike.power(radius, 3) * density
     if kind not in NEEDS_THICKNESS:
         raise ValueError(f"the mass of a body of kind {kind!r} does not follow from its density")
     if thickness is None:
         raise ValueError(f"a {kind} with a density needs a thickness")
     if kind == DISK:
-        return math.pi * radius**2 * thickness * density
+        return math.pi * alike.power(radius, 2) * thickness * density
     if kind == HOLLOW_BALL:
-        return 4.0 * math.pi * radius**2 * thickness * density
-    return 2.0 * math.pi * radius * thickness**2 * density
+        return 4.0 * math.pi * alike.power(radius, 2) * thickness * density
+    return 2.0 * math.pi * radius * alike.power(thickness, 2) * density
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Body:
     @property
     def kappa(self) -> float:
         """κ = 1 + J_C/(m r²): ball 7/5, disk 3/2, hollow ball 5/3, hoop 2, sliding particle 1."""
-        if self.inertia_ratio == INERTIA_RATIO.get(self.kind):
+        if self.kind != CUSTOM and self.inertia_ratio == INERTIA_RATIO.get(self.kind):
             return _KAPPA[self.kind]  # 1 + 2/3 in doubles is not the double nearest to 5/3
         return 1.0 + self.inertia_ratio
 

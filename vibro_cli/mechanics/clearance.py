@@ -26,6 +26,7 @@ from itertools import pairwise
 
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
+from vibro_cli.numerics import alike
 
 _EPSILON = 2.0**-52
 _SEARCH_LIMIT = 5000
@@ -267,12 +268,15 @@ def contact_angle(piece: Piece, radius_a: float, radius_b: float) -> float:
     overlap.
     """
     if piece.is_line:
-        return 2.0 * math.sqrt(radius_a * radius_b)
+        return 2.0 * alike.square_root(radius_a * radius_b)
     rho_a, rho_b = piece.path_radius(radius_a), piece.path_radius(radius_b)
-    if rho_a <= 0.0 or rho_b <= 0.0:
+    fit = (rho_a > 0.0) & (rho_b > 0.0)
+    if not alike.occurs(fit):
         return math.inf
-    half_sine = math.sqrt(radius_a * radius_b / (rho_a * rho_b))
-    return 2.0 * math.asin(half_sine) if half_sine <= 1.0 else math.inf
+    half_sine = alike.square_root(radius_a * radius_b / (rho_a * rho_b))
+    reached = fit & (half_sine <= 1.0)
+    angle: float = alike.choose(reached, 2.0 * alike.arcsine(half_sine), math.inf)
+    return angle
 
 
 def joined_behind(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, ...]:

@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
-from functools import lru_cache
+from functools import lru_cache, reduce
+from typing import Any
 
 from vibro_cli.mechanics.trace import Piece, Trace
+from vibro_cli.numerics import alike
 
 _DIGITS = 50
 _CERTAIN_DIGITS = 40
@@ -28,52 +30,72 @@ class Heights:
     """At the highest point of the full circle; on a line at the right end."""
 
 
-@lru_cache(maxsize=4096)  # the scenarios of a grid ask for the same ones again and again
 def heights(trace: Trace, radius: float) -> tuple[Heights, ...]:
     """Return the heights of each piece for a body of the given radius (m)."""
     with localcontext() as context:
         context.prec = _DIGITS
-        extremes = _extremes(trace, Decimal(radius))
-        lowest = min(low for _, _, low in extremes)
+        extremes = _extremes(trace, _decimal(radius))
+        lowest = reduce(alike.least, [low for _, _, low in extremes])
         rises = [(bottom - lowest, top - lowest) for bottom, top, _ in extremes]
         # Between two doubles the last digits, which depend on the trace's left end, do not decide.
         context.prec = _CERTAIN_DIGITS
-        return tuple(Heights(float(+bottom), float(+top)) for bottom, top in rises)
+        return tuple(Heights(_double(bottom), _double(top)) for bottom, top in rises)
+
+
+def _decimal(value: alike.Some) -> Any:
+    """A double, or each of many, as a decimal."""
+    return alike.each(Decimal, value)
+
+
+def _double(value: Any) -> Any:
+    """The double nearest to a decimal, or to each of many."""
+    if isinstance(value, Decimal):
+        return float(+value)
+    return alike.each(lambda one: float(+one), value)
 
 
 def contains_turn(piece: Piece, angle: float) -> bool:
     """Tell whether an arc contains ``angle`` (rad) plus some whole turns."""
-    turns = math.ceil((piece.angle_start - angle) / math.tau)
-    return angle + turns * math.tau <= piece.angle_end
+    turns = alike.ceiling((piece.angle_start - angle) / math.tau)
+    return angle + turns * math.tau <= piece.angle_end  # type: ignore[no-any-return]
 
 
-def _extremes(trace: Trace, radius: Decimal) -> list[tuple[Decimal, Decimal, Decimal]]:
+def _extremes(trace: Trace, radius: Any) -> list[tuple[Any, Any, Any]]:
     """Bottom and top of the path of the centre, and the lowest place on the piece, for each."""
     found = []
-    cosine = _cosine(Decimal(trace.pieces[0].start_slope))
+    cosine = alike.each(_cosine, trace.pieces[0].start_slope)
     # The body's centre is above the contact point by r cos(alpha), at every slope.
-    contact = Decimal(0)
+    contact: Any = Decimal(0)
     for piece in trace.pieces:
         start = contact + radius * cosine
         if piece.is_line:
-            sine = _cosine(Decimal(piece.start_slope) - _PI / 2)
-            contact += Decimal(piece.length) * sine
+            sine = alike.each(_sine, piece.start_slope)
+            contact = contact + _decimal(piece.length) * sine
             end = contact + radius * cosine
-            found.append((start, end, min(start, end)))
+            found.append((start, end, alike.least(start, end)))
             continue
         sign = Decimal(piece.sign)
-        centre = contact + sign * Decimal(piece.radius) * cosine
-        cosine = _cosine(Decimal(piece.end_slope))
-        contact = centre - sign * Decimal(piece.radius) * cosine
-        path_radius = Decimal(piece.radius) - sign * radius
-        low = min(start, contact + radius * cosine)
-        if contains_turn(piece, 0.0 if piece.sign > 0.0 else math.pi):
-            low = centre - path_radius
+        centre = contact + sign * _decimal(piece.radius) * cosine
+        cosine = alike.each(_cosine, piece.end_slope)
+        contact = centre - sign * _decimal(piece.radius) * cosine
+        path_radius = _decimal(piece.radius) - sign * radius
+        low = alike.least(start, contact + radius * cosine)
+        turn = contains_turn(piece, 0.0 if piece.sign > 0.0 else math.pi)
+        low = alike.choose(turn, centre - path_radius, low)
         found.append((centre - path_radius, centre + path_radius, low))
     return found
 
 
-def _cosine(x: Decimal) -> Decimal:
+def _sine(slope: float) -> Decimal:
+    return _cosine_of(Decimal(slope) - _PI / 2)
+
+
+@lru_cache(maxsize=4096)  # the scenarios of a grid ask for the same ones again and again
+def _cosine(slope: float) -> Decimal:
+    return _cosine_of(Decimal(slope))
+
+
+def _cosine_of(x: Decimal) -> Decimal:
     """Cosine by its series, after reduction to [-pi, pi] and three halvings."""
     x -= 2 * _PI * (x / (2 * _PI)).to_integral_value()
     x /= 8

@@ -8,6 +8,7 @@ from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.clearance import contact_angle
 from vibro_cli.mechanics.system import InitialState
 from vibro_cli.mechanics.trace import Piece, Trace
+from vibro_cli.numerics import alike
 
 _EPSILON = 2.0**-52
 GAP_ROUNDING = 16.0
@@ -185,15 +186,15 @@ def wall_position(piece: Piece, radius: float, right: bool) -> float | None:
 
     `radius` of the body in m. The centre is then at distance r from the plane through the end,
     square to the trace: r along a line, ρ sin Δφ = r on an arc. None when there is no such place
-    on the piece.
+    on the piece (for arrays: anywhere; else it is beyond the piece where there is none).
     """
     if piece.is_line:
         offset = radius
     else:
         rho = piece.path_radius(radius)
-        if radius >= rho:
+        if not alike.occurs(radius < rho):
             return None
-        offset = math.asin(radius / rho)
-    if offset > piece.angle_end - piece.angle_start:
+        offset = alike.choose(radius < rho, alike.arcsine(radius / rho), math.inf)
+    if not alike.occurs(offset <= piece.angle_end - piece.angle_start):
         return None
     return piece.angle_end - offset if right else piece.angle_start + offset

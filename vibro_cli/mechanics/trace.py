@@ -1,10 +1,15 @@
-"""The trace: a plane curve of valleys, humps and lines with a common tangent at every junction."""
+"""The trace: a plane curve of valleys, humps and lines with a common tangent at every junction.
+
+Its numbers may be arrays (see ``numerics.alike``): then it is many traces of the same shapes.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+from vibro_cli.numerics import alike
 
 VALLEY = "valley"
 HUMP = "hump"
@@ -21,12 +26,12 @@ def sine_cosine(angle: float) -> Point:
     `angle` in rad. A sine within half a unit in the last place of its argument belongs to the
     double nearest to a multiple of π and is 0; likewise the cosine at odd multiples of π/2.
     """
-    rounding = 0.5 * math.ulp(angle)
-    sine = math.sin(angle)
-    cosine = math.cos(angle)
+    rounding = 0.5 * alike.each(math.ulp, angle)
+    sine = alike.sine(angle)
+    cosine = alike.cosine(angle)
     return (
-        0.0 if abs(sine) <= rounding else sine,
-        0.0 if abs(cosine) <= rounding else cosine,
+        alike.choose(abs(sine) <= rounding, 0.0, sine),
+        alike.choose(abs(cosine) <= rounding, 0.0, cosine),
     )
 
 
@@ -125,11 +130,11 @@ class _Pen:
 
     def place(self, x_terms: Sequence[float] = (), y_terms: Sequence[float] = ()) -> Point:
         """Return the end of the chain, moved by the given terms and rounded once."""
-        return (math.fsum([*self._x, *x_terms]), math.fsum([*self._y, *y_terms]))
+        return (alike.exact_sum([*self._x, *x_terms]), alike.exact_sum([*self._y, *y_terms]))
 
     def arc_length(self) -> float:
         """Return the length of the chain drawn so far."""
-        return math.fsum(self._s)
+        return alike.exact_sum(self._s)
 
     def move(self, x_terms: Sequence[float], y_terms: Sequence[float], length: float) -> None:
         """Draw on by a displacement given as sums."""
@@ -197,14 +202,14 @@ def _draw(pen: _Pen, index: int, described: ArcShape) -> Piece:
     if described.shape not in _SIGN:
         raise ValueError(f"piece {index + 1}: unknown shape {described.shape!r}")
     if described.shape == LINE:
-        if described.length is None or not described.length > 0.0:
+        if described.length is None or not alike.holds(described.length > 0.0):
             raise ValueError(f"piece {index + 1}: a line needs a length greater than 0")
         return _draw_line(pen, index, described.length)
-    if described.radius is None or not described.radius > 0.0:
+    if described.radius is None or not alike.holds(described.radius > 0.0):
         raise ValueError(f"piece {index + 1}: a {described.shape} needs a radius greater than 0")
     if described.end_slope is None:
         raise ValueError(f"piece {index + 1}: a {described.shape} needs an end slope")
-    if not _SIGN[described.shape] * (described.end_slope - pen.slope) > 0.0:
+    if not alike.holds(_SIGN[described.shape] * (described.end_slope - pen.slope) > 0.0):
         turn = "rise" if described.shape == VALLEY else "fall"
         raise ValueError(f"piece {index + 1}: the slope of a {described.shape} must {turn}")
     return _draw_arc(pen, index, described.shape, described.radius, described.end_slope)

@@ -35,6 +35,7 @@ from vibro_cli.simulation.points import (
     run_points,
 )
 from vibro_cli.simulation.prepare import make_world, smallest_system
+from vibro_cli.simulation.stacks import Stack
 from vibro_cli.simulation.turning import variant_of
 from vibro_cli.simulation.world import ImpactRow, World
 
@@ -97,17 +98,29 @@ class Batch:
         runs = runs_of(smallest_system(), [], [], [], np.zeros((0, 1)))
         ImpactTable(0, ()).fill(smallest_world(), "numba", zeros(0, ImpactRow), runs, 0.0)
 
-    def run_all(self, points: Points, results: Results) -> Results:
-        """Run all points; return the results, with more room for impacts if they needed it."""
+    def run_all(self, points: Points, results: Results, stack: Stack | None = None) -> Results:
+        """Run all points; return the results, with more room for impacts if they needed it.
+
+        Points of a ``stack`` have each its own system, of the same shapes, bodies and laws.
+        """
         done = Progress(0, 0)
+        if stack is not None:
+            self.world.far[:] = 0  # type: ignore[index]
         while True:
-            done = self.run(points, results, done, len(points.own))
+            done = self.run(points, results, done, len(points.own), stack)
             if done.point == len(points.own):
                 return results
             more: Any = np.concatenate([results.impacts, results.impacts])
             results = results._replace(impacts=more)
 
-    def run(self, points: Points, results: Results, done: Progress, last: int) -> Progress:
+    def run(
+        self,
+        points: Points,
+        results: Results,
+        done: Progress,
+        last: int,
+        stack: Stack | None = None,
+    ) -> Progress:
         """Go on to before point ``last``, or until there is no room for the impacts of a point."""
         suits = len(results.impacts) == 0 and done.point < last
         if self._group is not None and suits and self._suits_lanes(self._group, points, done):
@@ -119,7 +132,7 @@ class Batch:
         return Progress(
             *enter_points(
                 self.world, self._fresh, self._scratch, points, results,
-                done.point, last, done.rows, self._variant,
+                done.point, last, done.rows, self._variant, stack,
             )
         )  # fmt: skip
 

@@ -18,6 +18,7 @@ from vibro_cli.simulation.lane_impact import LaneGroup
 from vibro_cli.simulation.lanes import run_points_in_lanes
 from vibro_cli.simulation.loop import proceed
 from vibro_cli.simulation.points import Points, Results, run_points
+from vibro_cli.simulation.stacks import Stack, run_stacked
 from vibro_cli.simulation.tally import FinalState, Outcome, tally
 from vibro_cli.simulation.world import ImpactRow, World
 
@@ -101,9 +102,14 @@ def enter_points(
     last: int,
     filled: int,
     variant: Variant | None,
+    stack: Stack | None = None,
 ) -> tuple[int, int]:
-    """Run some points (see ``simulation.points``)."""
+    """Run some points (see ``simulation.points``), perhaps of a stack of systems."""
     prepare_event_loop(world, variant)
+    if stack is not None:
+        several = compiled(interpreted(run_stacked, variant))
+        point, rows = several(world, fresh, scratch, points, results, stack, first, last, filled)
+        return int(point), int(rows)
     run = compiled(interpreted(run_points, variant))
     point, rows = run(world, fresh, scratch, points, results, first, last, filled)
     return int(point), int(rows)

@@ -99,19 +99,34 @@ def fill_columns(
     """
     row = 0
     for run in range(len(runs.counts)):
-        first = runs.firsts[run]
-        for n in range(runs.counts[run]):
-            impact = log[row]
-            at = first + n
-            _integer(columns, 0, at, runs.numbers[run])
-            _integer(columns, 1, at, n + 1)
-            since = math.nan
-            if n > 0:
-                before = log[row - 1]
-                since = (impact.t - before.t) + (impact.t_low - before.t_low)
-            _number(columns, 2, at, since)
-            _fill_row(world, impact, runs, run, columns, at, around)
-            row += 1
+        row = fill_run(world, log, row, runs, run, columns, around)
+    return row
+
+
+@kernel
+def fill_run(
+    world: World,
+    log: Sequence[ImpactRow],
+    row: int,
+    runs: Runs,
+    run: int,
+    columns: Columns,
+    around: float,
+) -> int:
+    """Fill the columns of one run, whose log begins with a row; returns the row after its last."""
+    first = runs.firsts[run]
+    for n in range(runs.counts[run]):
+        impact = log[row]
+        at = first + n
+        _integer(columns, 0, at, runs.numbers[run])
+        _integer(columns, 1, at, n + 1)
+        since = math.nan
+        if n > 0:
+            before = log[row - 1]
+            since = (impact.t - before.t) + (impact.t_low - before.t_low)
+        _number(columns, 2, at, since)
+        _fill_row(world, impact, runs, run, columns, at, around)
+        row += 1
     return row
 
 

@@ -23,6 +23,7 @@ from vibro_cli.simulation.impact_columns import (
     Runs,
     fill_columns,
 )
+from vibro_cli.simulation.stacks import Stack, fill_stacked
 from vibro_cli.simulation.world import ImpactRow, World
 
 # Fewer rows are interpreted before the machine code for them would be loaded.
@@ -77,8 +78,16 @@ class ImpactTable:
         room = self._memory(f"impacts {kind.__name__}", shape, kind)
         return room, np.array(places)
 
-    def fill(self, world: World, engine_name: str, log: Any, runs: Runs, around: float) -> None:
-        """Fill in some runs of one system.
+    def fill(
+        self,
+        world: World,
+        engine_name: str,
+        log: Any,
+        runs: Runs,
+        around: float,
+        stack: Stack | None = None,
+    ) -> None:
+        """Fill in some runs of one system, or of a stack of them.
 
         Parameters
         ----------
@@ -88,7 +97,13 @@ class ImpactTable:
             ``"python"`` or ``"numba"``, of interpreted records; both give the same bits.
         log, runs, around
             See ``simulation.impact_columns``.
+        stack
+            The systems of the runs, if there are several; the records are then of arrays, and
+            change.
         """
+        if stack is not None:
+            compiled(fill_stacked)(world, log, runs, self._columns, around, stack)
+            return
         arrays = isinstance(world.bodies, np.ndarray)
         if not arrays and engine_name == "numba" and len(log) >= _MANY:
             world, arrays = compiled_world(world), True

@@ -22,6 +22,7 @@ from vibro_cli.mechanics.records import (
 )
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace, sine_cosine
+from vibro_cli.numerics import alike
 from vibro_cli.simulation.turning_tracks import set_turning
 from vibro_cli.simulation.world import ContactRow, FlightRow, ImpactRow, SegmentRow, World
 
@@ -32,7 +33,8 @@ def turns_of(piece: Piece) -> int:
     """Whole turns between the papers' angle of an arc and the angle whose half is computed with."""
     if piece.is_line:
         return 0
-    return round((piece.angle_start + piece.angle_end) / (2.0 * math.tau))
+    turns: int = alike.nearest((piece.angle_start + piece.angle_end) / (2.0 * math.tau))
+    return turns
 
 
 def half_angle(piece: Piece, position: float) -> tuple[float, float]:
@@ -40,7 +42,7 @@ def half_angle(piece: Piece, position: float) -> tuple[float, float]:
     if piece.is_line:
         return position, 1.0
     sine, cosine = sine_cosine(0.5 * position)
-    flip = -1.0 if turns_of(piece) % 2 else 1.0
+    flip = alike.choose(turns_of(piece) % 2 == 1, -1.0, 1.0)
     if piece.sign > 0.0:
         return flip * sine, flip * cosine
     return flip * cosine, -flip * sine
@@ -65,8 +67,18 @@ def smallest_system() -> System:
     )
 
 
-def make_world(system: System, stop_time: float | None, stop_collisions: int | None) -> World:
-    """Return the records of a run, its bodies at their initial states, its logs without rows."""
+def make_world(
+    system: System,
+    stop_time: float | None,
+    stop_collisions: int | None,
+    far_apart: bool = True,
+) -> World:
+    """Return the records of a run, its bodies at their initial states, its logs without rows.
+
+    Without ``far_apart`` it is not asked where bodies can never meet; they are searched there, too.
+    The numbers of the system may be arrays, and those of the records are then (``numerics.alike``).
+    """
+    nowhere = [[False] * len(system.trace.pieces) for _ in system.trace.pieces]
     levels = [heights(system.trace, body.radius) for body in system.bodies]
     pairs = neighbours(system)
     contacts: list[PairTrack] = []
@@ -74,7 +86,8 @@ def make_world(system: System, stop_time: float | None, stop_collisions: int | N
     for a, b, _ in pairs:
         body_a, body_b = system.bodies[a], system.bodies[b]
         contacts += [_pair_track(piece, body_a, body_b) for piece in system.trace.pieces]
-        far += [[int(answer) for answer in row] for row in reach(system.trace, body_a, body_b)]
+        answers = reach(system.trace, body_a, body_b) if far_apart else nowhere
+        far += [[int(answer) for answer in row] for row in answers]
     if not pairs:
         far.append([0])
         contacts.append(PairTrack())
@@ -171,14 +184,14 @@ def _track_data(system: System, piece: Piece, body: Body, levels: Heights) -> Tr
         return track
     rho = piece.path_radius(body.radius)
     track.path_radius = rho
-    track.frequency = math.sqrt(system.gravity / (body.kappa * rho))
+    track.frequency = alike.square_root(system.gravity / (body.kappa * rho))
     track.speed_factor = 2.0 * track.frequency * rho
     track.twice_radius = 2.0 * rho
     squares = (track.left_s * track.left_s, track.right_s * track.right_s)
     # f = phi in a valley, psi + pi on a hump: S^2 is 0 at f = 0, 1 at f = pi.
     bottom, top = (0.0, math.pi) if piece.sign > 0.0 else (math.pi, 0.0)
-    track.lowest_s2 = 0.0 if contains_turn(piece, bottom) else min(squares)
-    track.highest_s2 = 1.0 if contains_turn(piece, top) else max(squares)
+    track.lowest_s2 = alike.choose(contains_turn(piece, bottom), 0.0, alike.least(*squares))
+    track.highest_s2 = alike.choose(contains_turn(piece, top), 1.0, alike.greatest(*squares))
     return track
 
 
@@ -219,17 +232,17 @@ def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
     total = body_a.radius + body_b.radius
     product = body_a.radius * body_b.radius
     if piece.is_line:
-        contact.sine = 2.0 * math.sqrt(product)
+        contact.sine = 2.0 * alike.square_root(product)
         contact.normal_a = contact.normal_b = contact.sine / total
         return contact
-    if not math.isfinite(contact_angle(piece, body_a.radius, body_b.radius)):
+    if not alike.holds(contact_angle(piece, body_a.radius, body_b.radius) < math.inf):
         # Two bodies that never stand in this valley side by side: always in contact there.
         contact.sine = 1.0
         return contact
     rho_a, rho_b = piece.path_radius(body_a.radius), piece.path_radius(body_b.radius)
-    contact.sine = math.sqrt(product / (rho_a * rho_b))
-    contact.cosine = math.sqrt((1.0 - contact.sine) * (1.0 + contact.sine))
-    contact.far_gap = math.pi - 2.0 * math.asin(contact.sine)
+    contact.sine = alike.square_root(product / (rho_a * rho_b))
+    contact.cosine = alike.square_root((1.0 - contact.sine) * (1.0 + contact.sine))
+    contact.far_gap = math.pi - 2.0 * alike.arcsine(contact.sine)
     sine_beta = 2.0 * contact.sine * contact.cosine
     contact.normal_a = rho_b * sine_beta / total
     contact.normal_b = rho_a * sine_beta / total
@@ -249,5 +262,6 @@ def initial_flight(system: System, number: int) -> Flight:
         flight.p = state.speed
     else:
         rho = piece.path_radius(body.radius)
-        flight.p = state.speed / (2.0 * math.sqrt(system.gravity / (body.kappa * rho)) * rho)
+        frequency = alike.square_root(system.gravity / (body.kappa * rho))
+        flight.p = state.speed / (2.0 * frequency * rho)
     return flight

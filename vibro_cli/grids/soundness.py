@@ -1,0 +1,195 @@
+"""Systems that differ in numbers only: which of them are surely sound, and those as one of arrays.
+
+What makes a system is in ``build.assembly``, for numbers and arrays alike; what it must hold to is
+checked here with room to spare. Whatever is in doubt goes through the ordinary reader.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.build.assembly import system_of, trace_of
+from vibro_cli.build.bodies import body_of
+from vibro_cli.build.findings import SIZES
+from vibro_cli.grids.axes import Column
+from vibro_cli.grids.changing import changed
+from vibro_cli.grids.paths import kind_of
+from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.clearance import contact_angle, touched_pieces
+from vibro_cli.mechanics.placement import wall_position
+from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.trace import Trace
+from vibro_cli.scenario import Scenario
+from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.problems import KeyPath
+
+Values = Mapping[KeyPath, Column]
+
+SURE = 1.0e-9
+"""Closer than this share to the edge of what is possible, the ordinary reader decides."""
+_OF_A_BALL = ("radius", "thickness", "inertia_ratio")
+_OF_THE_TRACE = ("radius", "length", "end_slope")
+_MOST_SLOPE = 999.0
+
+
+def is_of_system(path: KeyPath) -> bool:
+    """Tell whether a path leads to a number of the system that belongs to no start of a run."""
+    if path[0] == "balls":
+        return len(path) == 3 and path[2] in _OF_A_BALL
+    if path[:2] == ("trace", "arcs"):
+        return len(path) == 4 and path[3] in _OF_THE_TRACE
+    walls = (("ends", "left", "wall"), ("ends", "right", "wall"))
+    return path in (("gravity",), ("trace", "start_slope"), *walls)
+
+
+def taken(numbers: Any, at: Any) -> Any:
+    """Return numbers, or what has numbers within, with some elements of every array."""
+    if isinstance(numbers, np.ndarray):
+        return numbers[at]
+    if isinstance(numbers, tuple):
+        return tuple(taken(one, at) for one in numbers)
+    if is_dataclass(numbers) and not isinstance(numbers, type):
+        parts = {one.name: taken(getattr(numbers, one.name), at) for one in fields(numbers)}
+        return replace(numbers, **parts)
+    return numbers
+
+
+def sound_systems(
+    known: Scenario, like: System, values: Values, count: int
+) -> tuple[Column, System]:
+    """Return which systems are surely sound, and these as one system of arrays.
+
+    Parameters
+    ----------
+    known, like
+        A valid scenario and its system.
+    values
+        Numbers of the systems, ``count`` for each path; the others are those of ``known``.
+    """
+    sound = _allowed(values, count)
+    if like.turning is not None:
+        sound[:] = False
+    sound &= _is_chain(changed(known, values), values)
+    at = np.flatnonzero(sound)
+    scenario = changed(known, {path: column[at] for path, column in values.items()})
+    on_new_trace = any(path[0] == "trace" for path in values)
+    trace = trace_of(scenario) if on_new_trace and len(at) else like.trace
+    bodies = tuple(map(body_of, scenario.balls))
+    system = system_of(scenario, trace, bodies, like.initial, None)
+    resized = any(path[0] == "balls" and path[2] == "radius" for path in values)
+    fit = np.ones(len(at), dtype=bool)
+    if (on_new_trace or resized) and len(at):
+        if any(ball.touching for ball in known.balls) or len(bodies) > 2:
+            fit[:] = False
+        with np.errstate(all="ignore"):
+            fit &= _bodies_fit(trace, bodies, like)
+            if not on_new_trace:
+                fit &= _touch_nothing_else(trace, bodies)
+            fit &= _walls_fit(system)
+    sound[at[~fit]] = False
+    return sound, taken(system, fit)
+
+
+def _allowed(values: Values, count: int) -> Column:
+    """Which systems have numbers that their keys allow, and that doubles can compute with."""
+    allowed = np.ones(count, dtype=bool)
+    low, high = SIZES[0] * (1.0 + SURE), SIZES[1] * (1.0 - SURE)
+    for path, column in values.items():
+        kind = kind_of(path)
+        assert isinstance(kind, kinds.Quantity)
+        if kind.above is not None:
+            allowed &= column > kind.above
+        if kind.at_least is not None:
+            allowed &= column >= kind.at_least
+        if kind.at_most is not None:
+            allowed &= column <= kind.at_most
+        if path[-1] in ("radius", "thickness", "length", "gravity"):
+            allowed &= (column > low) & (column < high)
+        allowed &= np.abs(column) < (_MOST_SLOPE if "slope" in str(path[-1]) else high)
+    return allowed
+
+
+def _is_chain(scenario: Scenario, values: Values) -> Any:
+    """Where the slopes of a changed trace are those of its shapes, within half a turn.
+
+    Then the trace is a graph over some direction: it meets itself nowhere, nor does a body on it
+    that fits its valleys touch another piece (see ``mechanics.clearance``).
+    """
+    if not any(path[0] == "trace" for path in values):
+        return True
+    slope: Any = scenario.trace.start_slope
+    lowest = highest = slope
+    sound: Any = not scenario.trace.closed
+    for arc in scenario.trace.arcs:
+        if arc.end_slope is None:
+            continue
+        sound = sound & ((arc.end_slope > slope) == (arc.shape == "valley"))
+        sound = sound & (arc.end_slope != slope)
+        slope = arc.end_slope
+        lowest, highest = np.minimum(lowest, slope), np.maximum(highest, slope)
+    return sound & (highest - lowest <= math.pi)
+
+
+def _bodies_fit(trace: Trace, bodies: tuple[Body, ...], like: System) -> Any:
+    """Where bodies fit every valley, alone and beside another as those of a known system do."""
+    fit: Any = True
+    for piece in trace.pieces:
+        if piece.sign > 0.0:
+            for body in bodies:
+                fit = fit & (body.radius < piece.radius * (1.0 - SURE))
+    for a, b in combinations(range(len(bodies)), 2):
+        for piece, old in zip(trace.pieces, like.trace.pieces, strict=True):
+            if piece.is_line:
+                continue
+            angle = contact_angle(piece, bodies[a].radius, bodies[b].radius)
+            before = contact_angle(old, like.bodies[a].radius, like.bodies[b].radius)
+            fit = fit & (np.isfinite(angle) == math.isfinite(before))
+            sweep = piece.angle_end - piece.angle_start
+            behind = np.isfinite(angle) & (sweep > math.tau - angle * (1.0 + SURE) - SURE)
+            if not (trace.closed and len(trace.pieces) == 1):
+                fit = fit & ~behind
+    return fit
+
+
+def _touch_nothing_else(trace: Trace, bodies: tuple[Body, ...]) -> Any:
+    """Where bodies on a trace touch only the piece they roll on.
+
+    A body that touches nothing else encloses every smaller one that touches the trace where it
+    does: only the largest that are clear have to be found.
+    """
+    clear: Any = True
+    for body in bodies:
+        radii = np.unique(body.radius)
+        first, last = 0, len(radii)  # all before first are clear, none from last on
+        middle = last - 1
+        while first < last:
+            if touched_pieces(trace, float(radii[middle])):
+                last = middle
+            else:
+                first = middle + 1
+            middle = (first + last) // 2
+        limit = math.inf if first == len(radii) else radii[first]
+        clear = clear & (body.radius < limit)
+    return clear
+
+
+def _walls_fit(system: System) -> Any:
+    """Where the outer bodies can meet the walls."""
+    fit: Any = True
+    pieces = system.trace.pieces
+    ends = (system.left_end, pieces[0], 0), (system.right_end, pieces[-1], -1)
+    for wall, piece, outer in ends:
+        if wall is None:
+            continue
+        touch = wall_position(piece, system.bodies[outer].radius, outer != 0)
+        if touch is None:
+            return False
+        room = SURE * (1.0 + np.abs(touch))
+        fit = fit & (touch > piece.angle_start + room) & (touch < piece.angle_end - room)
+    return fit
