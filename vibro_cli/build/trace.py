@@ -87,12 +87,6 @@ def _turning(scenario: Scenario, trace: Trace, findings: Findings) -> Turning | 
     table = scenario.trace.turning
     if table is None or table.rate == 0.0:
         return None
-    if scenario.trace.surface == "one-sided":
-        expected = "two-sided: where a turning trace would have to pull is only marked"
-        findings.add("trace.surface", "one-sided", expected)
-    if scenario.output.friction is not None:
-        expected = "none: a turning trace also pushes sideways, which its plane does not tell"
-        findings.add("output.friction", repr(scenario.output.friction), expected)
     low, high = _RATES
     if not low <= abs(table.rate) <= high:
         findings.add("trace.turning.rate", repr(table.rate), f"0, or a rate from {low} to {high}")

@@ -61,6 +61,8 @@ class TrackData:
     tilt: float  # of a turning trace, see mechanics.turning: sign Omega^2 (O_x - x0)/g
     spread: float  # Omega^2 rho/g
     line_growth: float  # Omega cos(alpha)/sqrt(kappa) of a line, 1/s
+    line_press: float  # N/(m g) at the left end of a line, and how it grows along it, 1/m
+    line_press_growth: float
     lowest_potential: float  # least value of V on an arc
     most_angular: float  # bounds on an arc: |f''| (rad/s^2), its first two derivatives with f
     most_stiffness: float
@@ -134,6 +136,7 @@ class Flight(QuarticConstants):
     normal: Series  # normal force on it (N), where the trace is one-sided
     tilt: float  # on a turning trace those of its track, and bounds on the speed of the centre
     spread: float  # (m/s) and on the fourth derivative of f (rad/s^4)
+    twist: float  # of a group: tilt, spread and twist of its pull
     line_growth: float
     crests: int
     most_speed: float

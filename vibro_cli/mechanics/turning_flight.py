@@ -10,16 +10,14 @@ import math
 
 from vibro_cli.mechanics.flow import POLYNOMIAL
 from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData, TrackData
-from vibro_cli.mechanics.turning_flow import TURNING_LINE, angular_jerk, pull, set_motion
+from vibro_cli.mechanics.turning_fall import limit_by_lift_off
+from vibro_cli.mechanics.turning_flow import TURNING_LINE, angular_jerk, set_motion
+from vibro_cli.mechanics.turning_passage import squared_speed, time_on_line, time_to, turns_before
 from vibro_cli.numerics.engine import kernel
-from vibro_cli.numerics.first_root import safe_step_second_order
-from vibro_cli.numerics.quartic import squared_rate, time_to_place
-from vibro_cli.numerics.trigonometry import sine_cosine
+from vibro_cli.numerics.quartic import squared_rate
 
 # Below this share of the whole energy, a speed is kept instead of the energy that is carried.
 SLOW = 1.0e-6
-# More than ever needed: the steps to a turning point converge like Newton's.
-TURNING_STEPS = 200
 
 
 @kernel
@@ -82,6 +80,7 @@ def set_track(flight: Flight, track: TrackData) -> None:
     flight.line_acceleration = 0.0
     flight.tilt = track.tilt
     flight.spread = track.spread
+    flight.twist = 0.0
     flight.crests = track.crests
     energy = flight.p * flight.p + potential(track, flight.s, flight.c)
     flight.turns_over = 1 if energy > track.highest_potential else 0
@@ -95,9 +94,11 @@ def launch_on_piece(
     """Set the form of a flight on its piece, its bounds, and how and after what time it ends."""
     set_track(flight, track)
     if piece.sign == 0.0:
-        _launch_on_line(flight, track)
+        launch_on_line(flight, track)
     else:
         _launch_on_arc(flight, track)
+    if one_sided == 1:
+        limit_by_lift_off(flight, body, piece, track)
 
 
 @kernel
@@ -153,16 +154,6 @@ def _leave(flight: Flight, side: int, s: float, c: float, squared: float) -> Non
 
 
 @kernel
-def time_to(flight: Flight, s: float, c: float, p: float) -> float:
-    """Time (s) from the start of a flight on an arc to a state of its orbit."""
-    sine = s * flight.flow_c - c * flight.flow_s
-    cosine = c * flight.flow_c + s * flight.flow_s
-    after = time_to_place(flight, sine, cosine, p) / flight.frequency
-    # Lost in rounding at a saddle, a body stays there.
-    return after if 0.0 <= after < NEVER else NEVER
-
-
-@kernel
 def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: float) -> float:
     """``P^2`` at an end of the arc; not positive if a crest or the height of the end is before."""
     s0 = flight.flow_s
@@ -186,53 +177,15 @@ def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: flo
 
 
 @kernel
-def half_way(flight: Flight, side: float) -> float:
-    """Half the angle (rad) from the start of a flight on an arc to its turning point on one side.
-
-    ``P^2`` falls to zero there; steps that its second derivative proves never to pass a zero.
-    """
-    if flight.at_rest == 1:
-        return 0.0
-    bound = 2.0 * (1.0 + abs(flight.tilt) + flight.spread)
-    square = flight.flow_p * flight.flow_p
-    slope = 4.0 * flight.quartic_3 * side
-    if square == 0.0:
-        if slope <= 0.0:
-            return 0.0
-        half = 2.0 * slope / bound
-    else:
-        half = safe_step_second_order(square, slope, bound)
-    for _ in range(TURNING_STEPS):
-        s, c = sine_cosine(half)
-        square = squared_rate(flight, s * side, c)
-        slope = _squared_rate_slope(flight, s * side, c) * side
-        if square <= 0.0:
-            return half
-        step = safe_step_second_order(square, slope, bound)
-        if step <= 4.0e-16 * half:
-            return half
-        half += step
-    return half
-
-
-@kernel
-def _squared_rate_slope(flight: Flight, s: float, c: float) -> float:
-    """Derivative of ``P^2`` with half the angle, where that from the start has ``s`` and ``c``."""
-    place_s = flight.flow_s * c + flight.flow_c * s
-    place_c = flight.flow_c * c - flight.flow_s * s
-    return pull(flight.tilt, flight.spread, place_s, place_c)
-
-
-@kernel
-def _launch_on_line(flight: Flight, track: TrackData) -> None:
+def launch_on_line(flight: Flight, track: TrackData) -> None:
     """The motion ``v' = a + b^2 way`` between the ends of a line."""
     v = flight.flow_p
     a = flight.line_acceleration
     b = flight.line_growth
     to_right = track.right_s - flight.s
     to_left = track.left_s - flight.s
-    right = _squared_speed(flight, to_right)
-    left = _squared_speed(flight, to_left)
+    right = squared_speed(flight, to_right)
+    left = squared_speed(flight, to_left)
     pull_right = abs(a + b * b * to_right)
     flight.acceleration_bound = max(pull_right, abs(a + b * b * to_left))
     flight.most_speed = math.sqrt(max(max(right, left), v * v))
@@ -243,53 +196,18 @@ def _launch_on_line(flight: Flight, track: TrackData) -> None:
         flight.at_rest = 1
         return
     moves_right = v > 0.0 or (v == 0.0 and a > 0.0)
-    if _turns_before(flight, to_right):
+    if turns_before(flight, to_right):
         right = 0.0
-    if _turns_before(flight, to_left):
+    if turns_before(flight, to_left):
         left = 0.0
     if right > 0.0 and (moves_right or left <= 0.0):
         flight.exit_side = 1
         flight.exit_p = math.sqrt(right)
-        flight.exit_after = _time_on_line(flight, to_right)
+        flight.exit_after = time_on_line(flight, to_right, flight.exit_p)
     elif left > 0.0:
         flight.exit_side = -1
         flight.exit_p = -math.sqrt(left)
-        flight.exit_after = _time_on_line(flight, to_left)
-
-
-@kernel
-def _squared_speed(flight: Flight, way: float) -> float:
-    b = flight.line_growth
-    v = flight.flow_p
-    return v * v + way * (2.0 * flight.line_acceleration + b * b * way)
-
-
-@kernel
-def _turns_before(flight: Flight, way: float) -> bool:
-    """Tell whether a body comes to rest before it has gone ``way`` (m)."""
-    a = flight.line_acceleration
-    b = flight.line_growth
-    if a * way >= 0.0:
-        return False
-    slowest = -a
-    return slowest * (1.0 if way > 0.0 else -1.0) < b * b * abs(way) and (
-        flight.flow_p * flight.flow_p * (b * b) <= a * a
-    )
-
-
-@kernel
-def _time_on_line(flight: Flight, way: float) -> float:
-    """Time (s) to the exit ``way`` (m) ahead: ``tanh(b t/2)/b`` is rational in the states."""
-    v = flight.flow_p
-    a = flight.line_acceleration
-    b = flight.line_growth
-    if v * flight.exit_p >= 0.0:
-        x = way / (v + flight.exit_p) if way != 0.0 else 0.0
-    else:
-        x = (flight.exit_p - v) / (2.0 * a + b * b * way)
-    if b * x < 1.0e-8:
-        return 2.0 * x
-    return 2.0 * math.atanh(min(b * x, 1.0)) / b
+        flight.exit_after = time_on_line(flight, to_left, flight.exit_p)
 
 
 @kernel

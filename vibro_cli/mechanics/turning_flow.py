@@ -12,7 +12,12 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.flow import POLYNOMIAL, polynomial_flow
+from vibro_cli.mechanics.flow import (
+    POLYNOMIAL,
+    body_of_group,
+    group_of_body,
+    polynomial_flow,
+)
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.numerics.quartic import quartic_motion, set_quartic_constants
@@ -27,6 +32,15 @@ def pull(tilt: float, spread: float, s: float, c: float) -> float:
     sine = 2.0 * s * c
     cosine = (c - s) * (c + s)
     return sine * (spread * cosine - 1.0) + tilt * cosine
+
+
+@kernel
+def pull_of(flight: Flight, s: float, c: float) -> float:
+    """:func:`pull` of a flight, of a group with its ``twist cos 2f``."""
+    sine = 2.0 * s * c
+    cosine = (c - s) * (c + s)
+    double = (cosine - sine) * (cosine + sine)
+    return pull(flight.tilt, flight.spread, s, c) + flight.twist * double
 
 
 @kernel
@@ -76,6 +90,9 @@ def flow(flight: Flight, t: float) -> tuple[float, float, float]:
     if flight.form == POLYNOMIAL:
         return polynomial_flow(flight, t)
     sine, cosine, rate = quartic_motion(flight, flight.frequency * t)
+    if flight.grouped == 1:
+        s, c = s0 * cosine + c0 * sine, c0 * cosine - s0 * sine
+        return body_of_group(flight, s, c, rate)
     return s0 * cosine + c0 * sine, c0 * cosine - s0 * sine, rate
 
 
@@ -117,6 +134,9 @@ def angular_acceleration(flight: Flight, s: float, c: float) -> float:
     if flight.form == POLYNOMIAL or flight.at_rest == 1:
         return 0.0
     w = flight.frequency
+    if flight.grouped == 1:
+        s, c = group_of_body(flight, s, c)
+        return w * w * pull_of(flight, s, c)
     return w * w * pull(flight.tilt, flight.spread, s, c)
 
 
@@ -126,6 +146,11 @@ def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
     if flight.form == POLYNOMIAL:
         return 0.0
     w = flight.frequency
+    if flight.grouped == 1:
+        s, c = group_of_body(flight, s, c)
+        bend = stiffness(flight.tilt, flight.spread, s, c)
+        bend -= 4.0 * flight.twist * (2.0 * s * c) * ((c - s) * (c + s))
+        return w * w * bend * (2.0 * flight.own_frequency * p)
     return w * w * stiffness(flight.tilt, flight.spread, s, c) * (2.0 * w * p)
 
 

@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_cli.mechanics.flow import POLYNOMIAL, flow, group_of_body
+from vibro_cli.mechanics.flow import POLYNOMIAL
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.mechanics.trace import sine_cosine
 from vibro_cli.simulation.geometry import Places
 from vibro_cli.simulation.paths import Paths
 
 
-class _Motion(NamedTuple):
+class Motion(NamedTuple):
     """Place and motion of one body at one instant."""
 
     body: int
@@ -66,16 +66,16 @@ def _key(paths: Paths, index: Any, body: int) -> tuple[int, float, float]:
     return body, float(paths.log["t"][index]), float(paths.log["t_low"][index])
 
 
-def _forces(places: Places, motions: list[_Motion]) -> list[tuple[float, float]]:
-    """Normal force (N) and friction (N) of each body of a group, from one end of it on."""
-    gravity = places.gravity
+def forces_of(places: Places, motions: list[Motion]) -> list[tuple[float, float]]:
+    """Return normal force (N) and friction (N) of each body of a group, from one end of it on."""
     before = 0.0  # force of the contact with the body before
     result = []
     for i, motion in enumerate(motions):
         mass, kappa = float(places.mass[motion.body]), float(places.kappa[motion.body])
         sine, cosine = motion.slope
-        normal = mass * (gravity * cosine + motion.bend)
-        along = -mass * (gravity * sine + kappa * motion.acceleration)
+        back, onto = places.parts_of_weight(motion.x, sine, cosine)
+        normal = mass * (onto + motion.bend)
+        along = -mass * (back + kappa * motion.acceleration)
         if i > 0:
             nx, ny = _direction(motions[i - 1], motion)
             along += before * (nx * cosine + ny * sine)
@@ -88,7 +88,7 @@ def _forces(places: Places, motions: list[_Motion]) -> list[tuple[float, float]]
     return result
 
 
-def _direction(a: _Motion, b: _Motion) -> tuple[float, float]:
+def _direction(a: Motion, b: Motion) -> tuple[float, float]:
     distance = math.hypot(b.x - a.x, b.y - a.y)
     return (b.x - a.x) / distance, (b.y - a.y) / distance
 
@@ -98,38 +98,33 @@ def forces_at(
 ) -> list[tuple[float, float]]:
     """Normal force (N) and friction (N) of each body of a group a time (s) after its launch."""
     motions = _states(paths, members, flights, t)
-    if flights[0].at_rest == 1 and motions[0].slope[0] > 0.0:
+    drawn_left = paths.places.parts_of_weight(motions[0].x, *motions[0].slope)[0] > 0.0
+    if flights[0].at_rest == 1 and drawn_left:
         # It leans on a wall to the left, whose force is not known: from the free end on.
-        return _forces(paths.places, motions[::-1])[::-1]
-    return _forces(paths.places, motions)
+        return forces_of(paths.places, motions[::-1])[::-1]
+    return forces_of(paths.places, motions)
 
 
-def _states(paths: Paths, members: list[int], flights: list[Flight], t: float) -> list[_Motion]:
+def _states(paths: Paths, members: list[int], flights: list[Flight], t: float) -> list[Motion]:
     motions = []
     for member, flight in zip(members, flights, strict=True):
-        s, c, p = flow(flight, t)
-        acceleration = flight.line_acceleration if flight.at_rest == 0 else 0.0
-        if flight.form == POLYNOMIAL:
-            x = t / flight.segment
-            acceleration = math.fsum(value * x**k for k, value in enumerate(flight.series))
-        elif is_pendulum(flight):
-            sine, cosine = group_of_body(flight, s, c)
-            rho = float(paths.places.path_radius[paths.body[member], paths.piece[member]])
-            acceleration = -rho * flight.frequency**2 * (2.0 * sine * cosine)
+        s, c, p = paths.state(flight, t)
+        acceleration = paths.acceleration(member, flight, t)
         body, piece = int(paths.body[member]), int(paths.piece[member])
         speed = float(paths.places.speed_factors[body, piece]) * p
-        motions.append(_motion(paths.places, body, piece, (s, c), speed * speed, acceleration))
+        motions.append(motion_at(paths.places, body, piece, (s, c), speed * speed, acceleration))
     return motions
 
 
-def _motion(
+def motion_at(
     places: Places,
     body: int,
     piece: int,
     half: tuple[float, float],
     speed_squared: float,
     acceleration: float,
-) -> _Motion:
+) -> Motion:
+    """Return the motion of a body from its place and square of its speed (m^2/s^2)."""
     data = places.system.trace.pieces[piece]
     s, c = half
     x, y = places.centre_of(body, piece, s, c)
@@ -138,7 +133,7 @@ def _motion(
     else:
         slope = (2.0 * s * c, data.sign * (c - s) * (c + s))
         bend = data.sign * speed_squared / float(places.path_radius[body, piece])
-    return _Motion(body, x, y, slope, bend, acceleration)
+    return Motion(body, x, y, slope, bend, acceleration)
 
 
 def harmonics(paths: Paths, members: list[int], flights: list[Flight]) -> list[Harmonic]:
@@ -176,5 +171,5 @@ def _at_angle(paths: Paths, members: list[int], flights: list[Flight], angle: fl
         rate_squared = 4.0 * flight.frequency**2 * (flight.parameter - s * s)
         acceleration = -rho * flight.frequency**2 * (2.0 * s * c)
         squared = rho * rho * rate_squared
-        motions.append(_motion(paths.places, body, piece, half, squared, acceleration))
-    return [normal for normal, _ in _forces(paths.places, motions)]
+        motions.append(motion_at(paths.places, body, piece, half, squared, acceleration))
+    return [normal for normal, _ in forces_of(paths.places, motions)]

@@ -146,6 +146,12 @@ class Places:
             data.center[1] - rho * ((c - s) * (c + s)),
         )
 
+    def parts_of_weight(self, x: float, sine: float, cosine: float) -> tuple[float, float]:
+        """Gravity (m/s^2) back along a slope and onto it, with what turning adds at ``x`` (m)."""
+        turning = self.system.turning
+        away = 0.0 if turning is None else turning.square * (x - turning.x)
+        return self.gravity * sine - away * cosine, self.gravity * cosine + away * sine
+
     def frequency(self, body: Any, piece: Any) -> Floats:
         """``w = sqrt(g/(kappa rho))`` (rad/s), 0 on lines."""
         rho = self._at(self.path_radius, body, piece)

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 from vibro_cli.mechanics.flight import squared_rate_at
 from vibro_cli.mechanics.flow import flow
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.mechanics.trace import sine_cosine
+from vibro_cli.mechanics.turning_flow import TURNING_LINE
 from vibro_cli.simulation.contact_forces import (
     Harmonic,
     forces_at,
@@ -24,6 +26,13 @@ from vibro_cli.simulation.contact_forces import (
     is_pendulum,
 )
 from vibro_cli.simulation.paths import Paths
+from vibro_cli.simulation.turning_forces import (
+    alone_on_arc,
+    force_alone,
+    group_on_arc,
+    passages_on_arc,
+    passages_on_line,
+)
 
 
 class Passage(NamedTuple):
@@ -38,7 +47,7 @@ class _Grip(NamedTuple):
     """Normal force and friction (N) along one flight, and where their limits are passed."""
 
     at: Callable[[float], tuple[float, float]]
-    harmonic: Harmonic | None
+    passages: Callable[[float | None], list[float]] | None  # None: the ends of the flight decide
 
 
 def lift_offs(paths: Paths) -> Iterator[Passage]:
@@ -81,16 +90,25 @@ def _beyond(normal: float, force: float, friction: float | None) -> bool:
 def _growing(paths: Paths, index: int, grip: _Grip, friction: float | None) -> list[float]:
     """Times within a flight at which a body passes the limit."""
     duration = float(paths.duration[index])
-    if grip.harmonic is None:
+    if grip.passages is None:
         if _beyond(*grip.at(0.0), friction) or not _beyond(*grip.at(duration), friction):
             return []
         return [_bisected(grip, friction, duration)]
-    flight = paths.flight(index)
-    found: list[float] = []
-    for angle, slope in _limits(grip.harmonic, friction):
-        for s, c, p in _states(flight, angle, slope):
-            found += paths.passages(index, s, c, p)
-    return sorted(after for after in found if 0.0 < after <= duration)
+    return sorted(after for after in grip.passages(friction) if 0.0 < after <= duration)
+
+
+def _of_harmonic(paths: Paths, index: int, harmonic: Harmonic) -> Callable[[float | None], Any]:
+    """Return what finds the times (s) at which a flight on an arc passes a limit."""
+
+    def passages(friction: float | None) -> list[float]:
+        flight = paths.flight(index)
+        found: list[float] = []
+        for angle, slope in _limits(harmonic, friction):
+            for s, c, p in _states(flight, angle, slope):
+                found += paths.passages(index, s, c, p)
+        return found
+
+    return passages
 
 
 def _bisected(grip: _Grip, friction: float | None, duration: float) -> float:
@@ -144,10 +162,11 @@ def _grips(paths: Paths) -> dict[int, _Grip]:
     found = {}
     for index in range(len(paths.log)):
         if not paths.log["grouped"][index]:
-            found[index] = _alone(paths, index)
+            turning = paths.tracks is not None
+            found[index] = _alone_turning(paths, index) if turning else _alone(paths, index)
     for members in groups_of(paths):
         flights = [paths.flight(member) for member in members]
-        rows = harmonics(paths, members, flights) if is_pendulum(flights[0]) else None
+        rows = _rows_of_group(paths, members, flights)
         for place, member in enumerate(members):
 
             def at(
@@ -160,6 +179,43 @@ def _grips(paths: Paths) -> dict[int, _Grip]:
 
             found[member] = _Grip(at, rows[place] if rows else None)
     return found
+
+
+def _rows_of_group(paths: Paths, members: list[int], flights: list[Flight]) -> list[Any]:
+    """What finds the passages of every body of a group; empty if the ends of the flight decide."""
+    if flights[0].form == TURNING_LINE and flights[0].at_rest == 0:
+        return [
+            partial(passages_on_line, paths, members[0], flights[0], partial(_force_of, at, i))
+            for i in range(len(members))
+            for at in [partial(forces_at, paths, members, flights)]
+        ]
+    if not is_pendulum(flights[0]):
+        return []
+    if paths.tracks is not None:
+        forces = group_on_arc(paths, members, flights)
+        return [
+            partial(passages_on_arc, paths, member, flight, force)
+            for member, flight, force in zip(members, flights, forces, strict=True)
+        ]
+    rows = zip(members, harmonics(paths, members, flights), strict=True)
+    return [_of_harmonic(paths, member, harmonic) for member, harmonic in rows]
+
+
+def _force_of(
+    forces: Callable[[float], list[tuple[float, float]]], place: int, t: float
+) -> tuple[float, float]:
+    return forces(t)[place]
+
+
+def _alone_turning(paths: Paths, index: int) -> _Grip:
+    """Forces of a body alone on a turning trace."""
+    flight = paths.flight(index)
+    at = partial(force_alone, paths, index, flight)
+    if flight.at_rest:
+        return _Grip(at, None)
+    if flight.form == TURNING_LINE:
+        return _Grip(at, partial(passages_on_line, paths, index, flight, at))
+    return _Grip(at, partial(passages_on_arc, paths, index, flight, alone_on_arc(paths, index)))
 
 
 def _alone(paths: Paths, index: int) -> _Grip:
@@ -186,4 +242,4 @@ def _alone(paths: Paths, index: int) -> _Grip:
         normal = sign * weight * ((c - s) * (c + s) + (4.0 / kappa) * p * p)
         return normal, rolling * abs(2.0 * s * c)
 
-    return _Grip(at, harmonic)
+    return _Grip(at, _of_harmonic(paths, index, harmonic))

@@ -9,12 +9,19 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.flight import LIFT_OFF, squared_rate_at
+from vibro_cli.mechanics.gap import centre_position
 from vibro_cli.mechanics.passage import time_to
 from vibro_cli.mechanics.records import NEVER, Flight, PairData
 from vibro_cli.numerics.double import add_to_time
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.chain import contact_forces
-from vibro_cli.simulation.touching import line_of_centres, set_normals, set_speed, tangent
+from vibro_cli.simulation.touching import (
+    line_of_centres,
+    parts_of_weight,
+    set_normals,
+    set_speed,
+    tangent,
+)
 from vibro_cli.simulation.world import World
 
 # A normal force above -this share of its terms is zero up to rounding.
@@ -106,11 +113,12 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
             s = -s
         after = min(after, _release_at(flight, s, c, sign * size))
         after = min(after, _release_at(flight, -s, -c, sign * size))
-    _keep_release(flight, pair, after)
+    keep_release(flight, pair, after)
 
 
 @kernel
-def _keep_release(flight: Flight, pair: PairData, after: float) -> None:
+def keep_release(flight: Flight, pair: PairData, after: float) -> None:
+    """Keep when a contact force falls through zero (s after the flight's start), if it does."""
     if after < NEVER:
         pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
 
@@ -163,12 +171,12 @@ def _normal_force(world: World, first: int, count: int, step: int) -> tuple[floa
     b = sign * (2.0 * central + x / rho)
     c = -sign * y / rho
     if step > 0:
-        lever = _lever(world, (first + step - 1) % settings.pairs, ball)
+        lever = lever_of(world, (first + step - 1) % settings.pairs, ball)
         u, v = force_coefficients(world, first, count, step)
         b -= v * lever
         c -= u * lever
     if step < count - 1:
-        lever = _lever(world, ball, ball)
+        lever = lever_of(world, ball, ball)
         u, v = force_coefficients(world, first, count, step + 1)
         b += v * lever
         c += u * lever
@@ -183,8 +191,10 @@ def normal_force_now(world: World, first: int, count: int, step: int) -> float:
     flight = world.flights[ball]
     piece = world.pieces[flight.piece]
     track = world.tracks[ball * settings.pieces + flight.piece]
-    tx, _ = tangent(world, ball)
-    force = world.bodies[ball].weight * tx
+    tx, ty = tangent(world, ball)
+    x, _ = centre_position(piece, track, flight.s, flight.c)
+    _, onto = parts_of_weight(world, x, ty, tx)
+    force = world.bodies[ball].mass * onto
     if piece.sign != 0.0:
         central = flight.speed * flight.speed / track.path_radius
         force += piece.sign * world.bodies[ball].mass * central
@@ -222,7 +232,7 @@ def limit_on_line(world: World, first: int, count: int) -> None:
 
 
 @kernel
-def _lever(world: World, j: int, ball: int) -> float:
+def lever_of(world: World, j: int, ball: int) -> float:
     """Part of a contact's force across the path of a body, for one newton metre between a pair."""
     pair = world.pairs[j]
     rho = world.tracks[ball * world.settings[0].pieces + world.flights[ball].piece].path_radius

@@ -53,7 +53,8 @@ def launch_group(world: World, first: int, count: int) -> None:
 
 
 @kernel
-def _clear(flight: Flight, track: TrackData) -> None:
+def clear(flight: Flight, track: TrackData) -> None:
+    """Forget what a flight had of its motion before it became one of a group."""
     flight.at_rest = 0
     flight.wall_side = 0
     flight.exit_kind = BOUNDARY
@@ -83,7 +84,7 @@ def _launch_on_line(world: World, first: int, count: int) -> None:
         ball = (first + step) % settings.bodies
         flight = world.flights[ball]
         track = world.tracks[ball * settings.pieces + flight.piece]
-        _clear(flight, track)
+        clear(flight, track)
         flight.p = momentum / inertia
         flight.flow_s = flight.s
         flight.flow_c = flight.c
@@ -110,14 +111,15 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
         ball = (first + step) % settings.bodies
         flight = world.flights[ball]
         track = world.tracks[ball * settings.pieces + flight.piece]
-        _clear(flight, track)
+        clear(flight, track)
         flight.flow_s = flow_s
         flight.flow_c = flow_c
         flight.flow_p = flow_p
         flight.frequency = frequency
         flight.shift_s, flight.shift_c = _turned(flight.shift_s, flight.shift_c, -lead_s, lead_c)
         flight.rate_ratio = frequency / track.frequency
-        _set_group_flow(flight, track)
+    for step in range(count):
+        set_group_flow(world, first, count, (first + step) % settings.bodies)
     for step in range(count - 1):
         set_release(world, first, count, step + 1)
     if settings.one_sided == 1:
@@ -200,8 +202,10 @@ def _moments(world: World, first: int, count: int) -> tuple[float, float, float,
 
 
 @kernel
-def _set_group_flow(flight: Flight, track: TrackData) -> None:
+def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     """Constants, exit and bounds of a member of a group on an arc."""
+    flight = world.flights[ball]
+    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
     member_s, member_c, member_p = body_of_group(
         flight, flight.flow_s, flight.flow_c, flight.flow_p
     )

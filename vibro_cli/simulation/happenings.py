@@ -11,7 +11,7 @@ from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
 from vibro_cli.mechanics.records import Flight
 from vibro_cli.simulation.grip import lift_offs, slips
 from vibro_cli.simulation.paths import Paths
-from vibro_cli.simulation.turning_forces import turning_lift_offs, turning_times
+from vibro_cli.simulation.turning_forces import turning_times
 from vibro_cli.simulation.world import (
     CROSSING,
     END_LIFT_OFF,
@@ -47,8 +47,7 @@ def event_table(
 ) -> dict[str, Any]:
     """Return the columns of ``events.parquet``, in order of time."""
     events = [*_boundaries(paths), *_contacts(paths, touches)]
-    found = lift_offs(paths) if paths.tracks is None else turning_lift_offs(paths)
-    events += [_at(paths, row, after, "lift_off", force) for row, after, force in found]
+    events += [_at(paths, row, after, "lift_off", force) for row, after, force in lift_offs(paths)]
     if turning_points:
         events += _turnings(paths)
     if friction is not None:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
+from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, acceleration_at, flow
 from vibro_cli.mechanics.heights import heights
 from vibro_cli.mechanics.passage import time_to
-from vibro_cli.mechanics.records import Flight
+from vibro_cli.mechanics.records import NEVER, Flight
 from vibro_cli.mechanics.trace import sine_cosine
 from vibro_cli.mechanics.turning_flight import potential_head, set_track
 from vibro_cli.numerics.elliptic import quarter_period, set_theta_constants
@@ -18,6 +18,7 @@ from vibro_cli.numerics.quartic import period_of
 from vibro_cli.simulation.geometry import Floats, Places
 from vibro_cli.simulation.prepare import turning_tracks
 from vibro_cli.simulation.turning import kernel_of
+from vibro_cli.simulation.turning_groups import recall_group_motion
 from vibro_cli.simulation.world import CAUSE_NAMES
 
 _GROUP_FIELDS = (
@@ -47,6 +48,7 @@ class Paths:
         self.places = places
         self._flow = kernel_of(places.system, flow)
         self._time_to = kernel_of(places.system, time_to)
+        self._acceleration = kernel_of(places.system, acceleration_at)
         self.tracks = turning_tracks(places.system)
         order = np.lexsort((np.arange(len(log)), log["body"]))
         self.log = log[order]
@@ -73,6 +75,12 @@ class Paths:
         """Return ``(S, C, P)`` a time (s) after the start of a flight."""
         return self._flow(flight, t)
 
+    def acceleration(self, index: int, flight: Flight, t: float) -> float:
+        """Return the acceleration of a body along its path (m/s^2) at a time (s) of its flight."""
+        s, c, _ = self._flow(flight, t)
+        rho = float(self.places.path_radius[self.body[index], self.piece[index]])
+        return self._acceleration(flight, rho, t, s, c)
+
     def flight(self, index: int) -> Flight:
         """Return one flight as the record that the kernels take."""
         row = self.log[index]
@@ -89,6 +97,7 @@ class Paths:
             self._complete_group(flight, row, index)
         elif self.tracks is not None:
             set_track(flight, self.tracks[row["body"]][row["piece"]])
+        if self.tracks is not None:
             return flight
         if piece.is_line and flight.form != POLYNOMIAL:
             flight.form = LINE
@@ -109,8 +118,12 @@ class Paths:
             setattr(flight, name, float(row[name]))
         series = self._series.get(int(self._number[index]))
         if series is not None:
-            flight.form = POLYNOMIAL
             flight.series = series
+            if flight.segment == NEVER:
+                assert self.tracks is not None
+                recall_group_motion(flight, self.tracks[row["body"]][row["piece"]])
+                return
+            flight.form = POLYNOMIAL
             rho = float(self.places.path_radius[row["body"], row["piece"]])
             flight.half_curvature = 0.5 / rho if rho > 0.0 else 0.0
 

@@ -71,7 +71,9 @@ def recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> N
         else:
             high = middle
     if low < world.clock[0].segment_rows and world.segments[low].flight == number:
-        flight.form = POLYNOMIAL
+        # Without an end in time it is no segment: what the row has is of a closed form.
+        if flight.segment < NEVER:
+            flight.form = POLYNOMIAL
         for k in range(SERIES_LENGTH):
             flight.series[k] = world.segments[low].series[k]
 

@@ -305,6 +305,20 @@ def _tally_forces(
             outcome.least_force = min(outcome.least_force, least)
             outcome.most_demand = max(outcome.most_demand, demand)
         return
+    _tally_alone(world, number, duration, end, outcome, scratch)
+
+
+@kernel
+def _tally_alone(
+    world: World,
+    number: int,
+    duration: float,
+    end: tuple[float, float, float],
+    outcome: Outcome,
+    scratch: Flight,
+) -> None:
+    """Count in the normal forces and the demand of friction of a flight of a body by itself."""
+    row = world.log[number]
     body = world.bodies[row.body]
     piece = world.pieces[row.piece]
     track = world.tracks[row.body * world.settings[0].pieces + row.piece]

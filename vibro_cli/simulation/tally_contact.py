@@ -11,17 +11,20 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.flow import POLYNOMIAL, flow
+from vibro_cli.mechanics.flow import POLYNOMIAL, acceleration_at, body_of_group, flow
 from vibro_cli.mechanics.gap import centre_position
 from vibro_cli.mechanics.records import Flight
-from vibro_cli.numerics.engine import SERIES_LENGTH, kernel
+from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.recall import half_period, recall_flight
+from vibro_cli.simulation.touching import parts_of_weight
 from vibro_cli.simulation.world import World
 
 TURN = 2.0 * math.pi
-# Angles of a group's pendulum at which its forces are fitted, halved: 0, 120 and 240 degrees.
-HALF_SINES = (0.0, math.sin(math.pi / 3.0), math.sin(2.0 * math.pi / 3.0))
-HALF_COSINES = (1.0, math.cos(math.pi / 3.0), math.cos(2.0 * math.pi / 3.0))
+# Angles of a group's pendulum at which its forces are fitted, halved: the thirds of a turn, and
+# after them the fifths, for a turning trace.
+_HALVES = [math.pi * k / n for n in (3, 5) for k in range(n)]
+HALF_SINES = tuple(math.sin(half) for half in _HALVES)
+HALF_COSINES = tuple(math.cos(half) for half in _HALVES)
 COSINES = (1.0, -0.5, -0.5)
 SINES = (0.0, 0.5 * math.sqrt(3.0), -0.5 * math.sqrt(3.0))
 AT_TIME = -1  # in place of the number of such an angle
@@ -66,26 +69,39 @@ def group_extremes(
     pendulum = scratch.form != POLYNOMIAL and scratch.frequency != 0.0 and row.at_rest == 0
     low = 0.0
     high = 0.0
+    turn = turning_time(scratch, duration)
     if pendulum:
-        low, high = _range(world, number, duration, end, scratch)
+        low, high = pendulum_range(world, number, duration, end, scratch)
     least = math.inf
     demand = 0.0
     for member in range(row.group_count):
         if pendulum:
-            normal, needed = _member_of_pendulum(world, number, last, member, low, high, scratch)
+            normal, needed = member_of_pendulum(world, number, last, member, low, high, scratch)
         else:
-            normal, force = _member_force(world, number, last, member, AT_TIME, 0.0, scratch)
+            normal, force = member_force(world, number, last, member, AT_TIME, 0.0, scratch)
             needed = friction_demand(force, normal)
-            other, force = _member_force(world, number, last, member, AT_TIME, duration, scratch)
-            needed = max(needed, friction_demand(force, other))
-            normal = min(normal, other)
+            for place in range(2):
+                t = duration if place == 0 else turn
+                if t > 0.0:
+                    other, force = member_force(world, number, last, member, AT_TIME, t, scratch)
+                    needed = max(needed, friction_demand(force, other))
+                    normal = min(normal, other)
         least = min(least, normal)
         demand = max(demand, needed)
     return least, demand
 
 
 @kernel
-def _row_of(world: World, number: int, last: int, member: int) -> int:
+def turning_time(flight: Flight, duration: float) -> float:
+    """Time (s) at which the forces of a group on a line are extreme between its ends, or 0.
+
+    At rest they are constant on a line.
+    """
+    return 0.0
+
+
+@kernel
+def row_of(world: World, number: int, last: int, member: int) -> int:
     """The row of a member's flight: the last one of its body that began with the first body's."""
     row = world.log[number]
     ball = (row.group_first + member) % world.settings[0].bodies
@@ -97,14 +113,13 @@ def _row_of(world: World, number: int, last: int, member: int) -> int:
 
 
 @kernel
-def _member_force(
+def member_force(
     world: World, number: int, last: int, member: int, angle: int, t: float, scratch: Flight
 ) -> tuple[float, float]:
     """Normal force and friction (N) of the ``member``-th body of a group.
 
     At one of the fitted angles of its pendulum, or (``AT_TIME``) a time (s) after its launch.
     """
-    gravity = world.settings[0].gravity
     row = world.log[number]
     before = 0.0
     normal = 0.0
@@ -118,8 +133,9 @@ def _member_force(
         ball = (row.group_first + place) % world.settings[0].bodies
         mass = world.bodies[ball].mass
         kappa = world.bodies[ball].kappa
-        normal = mass * (gravity * cosine + bend)
-        along = -mass * (gravity * sine + kappa * acceleration)
+        back, onto = parts_of_weight(world, x, sine, cosine)
+        normal = mass * (onto + bend)
+        along = -mass * (back + kappa * acceleration)
         friction = (kappa - 1.0) * mass * abs(acceleration)
         if i > 0:
             nx, ny = _direction(before_x, before_y, x, y)
@@ -146,8 +162,9 @@ def _free_end(world: World, number: int, last: int, scratch: Flight) -> tuple[in
     """The body of a group from which its forces follow one after another, and the way on."""
     row = world.log[number]
     if row.at_rest == 1:
-        sine = _motion(world, number, last, 0, AT_TIME, 0.0, scratch)[2]
-        if sine > 0.0:
+        x, _, sine, cosine, _, _ = _motion(world, number, last, 0, AT_TIME, 0.0, scratch)
+        back, _ = parts_of_weight(world, x, sine, cosine)
+        if back > 0.0:
             return row.group_count - 1, -1
     return 0, 1
 
@@ -165,7 +182,7 @@ def _motion(
     world: World, number: int, last: int, member: int, angle: int, t: float, scratch: Flight
 ) -> tuple[float, float, float, float, float, float]:
     """Centre (m), sine and cosine of the slope, ``v^2/rho`` and ``v'`` (m/s^2) of a body."""
-    index = _row_of(world, number, last, member)
+    index = row_of(world, number, last, member)
     row = world.log[index]
     piece = world.pieces[row.piece]
     track = world.tracks[row.body * world.settings[0].pieces + row.piece]
@@ -173,21 +190,14 @@ def _motion(
     rho = track.path_radius
     if angle == AT_TIME:
         s, c, p = flow(scratch, t)
-        acceleration = scratch.line_acceleration if scratch.at_rest == 0 else 0.0
-        if scratch.form == POLYNOMIAL:
-            acceleration = 0.0
-            for k in range(SERIES_LENGTH - 1, -1, -1):
-                acceleration = acceleration * (t / scratch.segment) + scratch.series[k]
+        acceleration = acceleration_at(scratch, rho, t, s, c)
         speed = track.speed_factor * p
         squared = speed * speed
     else:
-        w2 = scratch.frequency * scratch.frequency
-        sine = HALF_SINES[angle]
-        cosine = HALF_COSINES[angle]
-        s = sine * scratch.shift_c + cosine * scratch.shift_s
-        c = cosine * scratch.shift_c - sine * scratch.shift_s
-        acceleration = -rho * w2 * (2.0 * sine * cosine)
-        squared = rho * rho * (4.0 * w2 * (scratch.parameter - sine * sine))
+        s, c, bend, squared = pendulum_at(scratch, HALF_SINES[angle], HALF_COSINES[angle])
+        s, c, _ = body_of_group(scratch, s, c, 0.0)
+        acceleration = rho * bend
+        squared *= rho * rho
     x, y = centre_position(piece, track, s, c)
     if rho == 0.0:
         return x, y, piece.tangent_y, piece.tangent_x, 0.0, acceleration
@@ -196,7 +206,15 @@ def _motion(
 
 
 @kernel
-def _member_of_pendulum(
+def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, float, float, float]:
+    """``(S, C)``, ``f''`` and ``f'^2`` of a group's pendulum at one of the fitted angles."""
+    w2 = flight.frequency * flight.frequency
+    square = 4.0 * w2 * (flight.parameter - sine * sine)
+    return sine, cosine, -w2 * (2.0 * sine * cosine), square
+
+
+@kernel
+def member_of_pendulum(
     world: World, number: int, last: int, member: int, low: float, high: float, scratch: Flight
 ) -> tuple[float, float]:
     """Extremes on one arc, from ``N = a + b cos f + c sin f`` fitted at three angles."""
@@ -204,11 +222,11 @@ def _member_of_pendulum(
     b = 0.0
     c = 0.0
     for angle in range(3):
-        normal, _ = _member_force(world, number, last, member, angle, 0.0, scratch)
+        normal, _ = member_force(world, number, last, member, angle, 0.0, scratch)
         a += normal / 3.0
         b += normal * COSINES[angle] * (2.0 / 3.0)
         c += normal * SINES[angle] * (2.0 / 3.0)
-    row = world.log[_row_of(world, number, last, member)]
+    row = world.log[row_of(world, number, last, member)]
     body = world.bodies[row.body]
     rho = world.tracks[row.body * world.settings[0].pieces + row.piece].path_radius
     q = (body.kappa - 1.0) * body.mass * rho * row.frequency * row.frequency
@@ -243,7 +261,7 @@ def _turned(angle: float, low: float) -> float:
 
 
 @kernel
-def _range(
+def pendulum_range(
     world: World, number: int, duration: float, end: tuple[float, float, float], flight: Flight
 ) -> tuple[float, float]:
     """Least and greatest angle (rad) of a group's pendulum on a motion."""

@@ -86,6 +86,16 @@ def tangent(world: World, ball: int) -> tuple[float, float]:
 
 
 @kernel
+def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Gravity (m/s^2) back along a slope and onto it, given its sine and cosine.
+
+    On a turning trace with what turning adds at the place ``x`` (m) of the centre.
+    """
+    gravity = world.settings[0].gravity
+    return gravity * sine, gravity * cosine
+
+
+@kernel
 def set_normals(world: World, j: int) -> None:
     """Set ``n t`` of both bodies of a pair in contact, from their present places."""
     pair = world.pairs[j]

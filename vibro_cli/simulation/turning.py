@@ -1,7 +1,6 @@
 """The event loop on a trace that turns about a vertical axis: which kernels are replaced by which.
 
-Everything else - events, laws, rows, contacts, walls, tables - is what it is on a trace at rest. A
-group in lasting contact is integrated segment by segment (``simulation.across``) on one piece too.
+Everything else - events, laws, rows, contacts, walls, tables - is what it is on a trace at rest.
 """
 
 from __future__ import annotations
@@ -17,25 +16,36 @@ from vibro_cli.mechanics import (
     passage,
     turning_flight,
     turning_flow,
+    turning_passage,
 )
 from vibro_cli.mechanics import flight as launching
 from vibro_cli.mechanics import flow as flowing
 from vibro_cli.mechanics.gap import centre_position
 from vibro_cli.mechanics.records import NEVER, Flight, PairTrack, PieceData, TrackData
 from vibro_cli.mechanics.system import System
-from vibro_cli.mechanics.turning_flight import half_way, potential_head, set_track, speed_of_head
+from vibro_cli.mechanics.turning_flight import set_track, speed_of_head
 from vibro_cli.mechanics.turning_flow import pull
+from vibro_cli.mechanics.turning_passage import half_way
 from vibro_cli.numerics import engine
 from vibro_cli.numerics.engine import Variant, kernel
-from vibro_cli.numerics.quartic import period_of, squared_rate
-from vibro_cli.numerics.trigonometry import sine_cosine
-from vibro_cli.simulation import changes, flights, groups, recall, search, tally, touching
-from vibro_cli.simulation.across import launch_across
+from vibro_cli.numerics.quartic import squared_rate
+from vibro_cli.simulation import (
+    changes,
+    flights,
+    group_forces,
+    groups,
+    recall,
+    search,
+    tally,
+    tally_contact,
+    touching,
+    turning_groups,
+    turning_tally,
+)
 from vibro_cli.simulation.flights import launch_and_log, take_energy
-from vibro_cli.simulation.recall import recall_flight
 from vibro_cli.simulation.search import CAUTION
-from vibro_cli.simulation.tally import Outcome
 from vibro_cli.simulation.touching import supported
+from vibro_cli.simulation.turning_groups import recall_group_motion
 from vibro_cli.simulation.world import FlightRow, World
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -102,6 +112,14 @@ def free_acceleration(world: World, ball: int) -> float:
 
 
 @kernel
+def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Gravity and what turning adds at a place ``x`` (m), back along a slope and onto it."""
+    settings = world.settings[0]
+    away = settings.turning_square * (x - settings.axis_x)
+    return settings.gravity * sine - away * cosine, settings.gravity * cosine + away * sine
+
+
+@kernel
 def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
     """Tell whether two oscillations on one arc, each in a well of its own, never meet."""
     if laps != 0 or a.grouped + b.grouped != 0:
@@ -143,113 +161,10 @@ def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tup
 @kernel
 def recall_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
     """Set the form and the constants of a flow, which follow from its start."""
-    set_track(flight, track)
-
-
-@kernel
-def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) -> float:
-    """Energy (J) of a body; carried on a free flight, from the state in lasting contact."""
-    body = world.bodies[row.body]
     if row.grouped == 0:
-        return body.weight * row.head
-    gravity = world.settings[0].gravity
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
-    speed = track.speed_factor * p
-    kinetic = 0.5 * body.kappa * speed * speed / gravity
-    return body.weight * (potential_head(track, gravity, body.kappa, s, c) + kinetic)
-
-
-@kernel
-def tally_forces(
-    world: World,
-    number: int,
-    last: int,
-    duration: float,
-    end: tuple[float, float, float],
-    outcome: Outcome,
-    scratch: Flight,
-) -> None:
-    """Count in the normal forces of one flight; the demand of friction is not known.
-
-    On an arc they are least at an end, where the body turns, or at a place of the arc that does
-    not depend on the energy. With lasting contact they are not known either.
-    """
-    outcome.most_demand = math.inf
-    row = world.log[number]
-    if row.grouped != 0:
-        # Nothing is less than this, nor compares with it: the least force stays unknown.
-        outcome.least_force = math.nan
-        return
-    body = world.bodies[row.body]
-    piece = world.pieces[row.piece]
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
-    recall_flight(world, row, number, scratch)
-    end_s, _, _ = end
-    if track.path_radius == 0.0:
-        force = min(line_force(world, row, row.s), line_force(world, row, end_s))
-        if force < outcome.least_force:
-            outcome.least_force = force
-        return
-    low, high = _half_range(scratch, end, duration)
-    sign = body.weight * piece.sign
-    for place in range(track.extreme_count + 2):
-        half = low if place == 0 else high
-        if place > 1:
-            s = track.extremes[2 * place - 4]
-            c = track.extremes[2 * place - 3]
-            half = math.atan2(s * row.c - c * row.s, c * row.c + s * row.s)
-        if low <= half <= high:
-            s, c = sine_cosine(half)
-            rate = squared_rate(scratch, s, c)
-            s, c = row.s * c + row.c * s, row.c * c - row.s * s
-            force = sign * arc_share(track, body.kappa, s, c, rate)
-            if force < outcome.least_force:
-                outcome.least_force = force
-
-
-@kernel
-def arc_share(track: TrackData, kappa: float, s: float, c: float, squared: float) -> float:
-    """``N/(m g)``, up to the sign of the arc, of a body at ``(S, C)`` with ``P^2 = squared``."""
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
-    return cosine + sine * (track.tilt + track.spread * sine) + 4.0 / kappa * squared
-
-
-@kernel
-def line_force(world: World, row: FlightRow, s: float) -> float:
-    """Normal force (N) on a line at a distance (m) from its left end."""
-    settings = world.settings[0]
-    piece = world.pieces[row.piece]
-    track = world.tracks[row.body * settings.pieces + row.piece]
-    away = track.line_x + piece.tangent_x * s - settings.axis_x
-    body = world.bodies[row.body]
-    return body.weight * piece.tangent_x + body.mass * settings.turning_square * away * (
-        piece.tangent_y
-    )
-
-
-@kernel
-def _half_range(
-    flight: Flight, end: tuple[float, float, float], duration: float
-) -> tuple[float, float]:
-    """Half the angles (rad) from its start that a flight on an arc takes in."""
-    end_s, end_c, end_p = end
-    half = math.atan2(
-        end_s * flight.flow_c - end_c * flight.flow_s, end_c * flight.flow_c + end_s * flight.flow_s
-    )
-    low = min(half, 0.0)
-    high = max(half, 0.0)
-    if flight.at_rest == 1 or flight.turns_over == 1:
-        return low, high
-    start_p = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
-    whole = flight.frequency * duration >= period_of(flight)
-    # With equal directions at both ends it has turned twice, or gone straight on.
-    twice = whole or (start_p * end_p > 0.0 and half * start_p <= 0.0)
-    if twice or (start_p > 0.0 and end_p <= 0.0):
-        high = max(high, half_way(flight, 1.0))
-    if twice or (start_p < 0.0 and end_p >= 0.0):
-        low = min(low, -half_way(flight, -1.0))
-    return low, high
+        set_track(flight, track)
+    else:
+        recall_group_motion(flight, track)
 
 
 TURNING = Variant(
@@ -261,7 +176,7 @@ TURNING = Variant(
         flowing.tangential_acceleration: turning_flow.tangential_acceleration,
         flowing.nudge: turning_flow.nudge,
         flowing.swings: never_swings,
-        passage.time_to: turning_flight.time_to,
+        passage.time_to: turning_passage.time_to,
         bounce.displacement: turning_flow.displacement,
         launching.launch_on_piece: turning_flight.launch_on_piece,
         launching.head_from_state: turning_flight.head_from_state,
@@ -274,12 +189,20 @@ TURNING = Variant(
         flights.project: project,
         changes._rate_by_energy: rate_by_energy,
         touching.free_acceleration: free_acceleration,
-        groups.launch_group: launch_across,
+        touching.parts_of_weight: parts_of_weight,
+        groups._launch_on_line: turning_groups.launch_group_on_line,
+        groups.set_group_flow: turning_groups.set_group_flow,
+        group_forces.set_release: turning_groups.set_release,
+        group_forces.limit_by_lift_off: turning_groups.limit_by_lift_off,
         search.kept_apart: kept_apart,
         search._horizontal_extent: horizontal_extent,
         recall.recall_flow: recall_flow,
-        tally._energy: energy_of_row,
-        tally._tally_forces: tally_forces,
+        tally._energy: turning_tally.energy_of_row,
+        tally._tally_alone: turning_tally.tally_alone,
+        tally_contact.turning_time: turning_tally.turning_time_on_line,
+        tally_contact.pendulum_range: turning_tally.pendulum_range,
+        tally_contact.pendulum_at: turning_tally.pendulum_at,
+        tally_contact.member_of_pendulum: turning_tally.member_of_pendulum,
     },
 )
 

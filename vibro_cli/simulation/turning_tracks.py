@@ -41,6 +41,9 @@ def _set_line(
     away = track.line_x - turning.x
     track.line_growth = abs(turning.rate * tangent) / math.sqrt(kappa)
     track.line_acceleration += turning.square / kappa * away * tangent
+    outwards = turning.square / system.gravity * math.sin(piece.start_slope)
+    track.line_press = tangent + outwards * away
+    track.line_press_growth = outwards * tangent
     track.bottom -= 0.5 * turning.square / system.gravity * away * away
     square = track.line_growth * track.line_growth
     ends = (track.left_s, track.right_s)
