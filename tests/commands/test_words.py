@@ -41,8 +41,6 @@ def test_every_end_cause_has_its_words(cause: str) -> None:
             4,
             "rolling is not possible everywhere",
         ),
-        ({"max_friction_demand": None}, 4, "friction that rolling needs is not computed"),
-        ({"min_normal_force": None}, 4, "normal forces were not computed"),
         ({"crossings": 2, "contacts": 1}, 1, "2 crossings, 1 lasting contact"),
     ],
 )

@@ -76,13 +76,15 @@ def _cell(text: str | None) -> str:
     return re.sub(r"[\w/]*<\w+>", lambda found: f"`{found[0]}`", line)
 
 
-def scenario(system: str = "trace") -> str:
-    """Every key of a system's scenarios, from their JSON Schema."""
+def scenario(system: str = "trace", below: str = "") -> str:
+    """Every key of a system's scenarios, or those below a path, from their JSON Schema."""
     from vibro_cli.scenario.json_schema import json_schema
 
     schema = json_schema(system)
     lines = ["| key | default | meaning |", "|---|---|---|"]
     for path, node, required in _keys(schema, schema, ""):
+        if not path.startswith(below):
+            continue
         default = "required" if required else _default(node)
         lines.append(f"| `{path}` | {default} | {_cell(node.get('description'))} |")
     return "\n".join(lines) + "\n"
@@ -148,6 +150,7 @@ TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
     "commands": ("every command and its options", None),
     "scenario": ("the keys of a scenario", scenario),
     "tables": ("the columns of the tables", tables),
+    "turning": ("keys of a trace that turns", partial(scenario, below="trace.turning")),
     "table": ('keys and tables of `system = "table"`', partial(of_system, "table")),
     "springs": ('keys and tables of `system = "springs"`', partial(of_system, "springs")),
     "exit-codes": ("what the exit codes mean", exit_codes),

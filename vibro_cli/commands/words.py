@@ -104,16 +104,11 @@ def _accuracy(record: Mapping[str, Any]) -> str:
 
 def _validity(record: Mapping[str, Any]) -> str:
     force, friction = record["min_normal_force"], record["max_friction_demand"]
-    if force is None:
-        return "normal forces were not computed"
     if force < 0:
         return (
             f"the trace has to hold the bodies back: normal force down to {quantity(force, 'N')}; "
             "a one-sided trace would lose them"
         )
-    if friction is None and force > 0:
-        needed = "the friction that rolling needs is not computed"
-        return f"normal force at least {quantity(force, 'N')}; {needed}"
     if friction is None:
         return f"normal force at least {quantity(force, 'N')}; rolling is not possible everywhere"
     return (
