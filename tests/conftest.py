@@ -1,7 +1,10 @@
-"""Signals as a terminal leaves them, whoever started the tests (nohup, a shell's background)."""
+"""What all tests share: signals as a terminal leaves them, and an end to tests that hang."""
 
 import signal
+from collections.abc import Iterator
 from typing import Any
+
+import pytest
 
 _ACTIONS: dict[signal.Signals, Any] = {
     signal.SIGINT: signal.default_int_handler,
@@ -12,3 +15,21 @@ _ACTIONS: dict[signal.Signals, Any] = {
 for _number, _action in _ACTIONS.items():
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _action)
+
+
+class TooLong(BaseException):
+    """A test has gone on for too long: no run may hang (not to be caught, nor shrunk)."""
+
+
+def _stop(*_: object) -> None:
+    raise TooLong
+
+
+@pytest.fixture
+def no_hang() -> Iterator[None]:
+    """Stop a test after two minutes of the processor (however long they are on the wall)."""
+    before = signal.signal(signal.SIGPROF, _stop)
+    signal.setitimer(signal.ITIMER_PROF, 120)
+    yield
+    signal.setitimer(signal.ITIMER_PROF, 0)
+    signal.signal(signal.SIGPROF, before)

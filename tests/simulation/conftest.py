@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import signal
-from collections.abc import Iterator
 
 import pytest
 
@@ -28,21 +26,3 @@ def engine(request: pytest.FixtureRequest) -> str:
     if request.param == "numba":
         request.getfixturevalue("compiled")
     return str(request.param)
-
-
-class TooLong(BaseException):
-    """A test has gone on for too long: no run may hang (not to be caught, nor shrunk)."""
-
-
-def _stop(*_: object) -> None:
-    raise TooLong
-
-
-@pytest.fixture
-def no_hang() -> Iterator[None]:
-    """Stop a test after two minutes of the processor (however long they are on the wall)."""
-    before = signal.signal(signal.SIGPROF, _stop)
-    signal.setitimer(signal.ITIMER_PROF, 120)
-    yield
-    signal.setitimer(signal.ITIMER_PROF, 0)
-    signal.signal(signal.SIGPROF, before)

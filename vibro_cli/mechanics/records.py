@@ -10,6 +10,7 @@ piece.
 
 from __future__ import annotations
 
+from vibro_cli.mechanics.chain_system import ChainRow
 from vibro_cli.numerics.engine import Series, record
 from vibro_cli.numerics.quartic import QuarticConstants
 
@@ -144,7 +145,7 @@ class Flight(QuarticConstants):
 
 
 @record
-class PairData:
+class PairData(ChainRow):
     """Two neighbours, ``a`` left of ``b``.
 
     Across the seam of a closed trace ``a`` is the last body.
@@ -180,12 +181,6 @@ class PairData:
     normal_b: float
     closing: int  # scratch of an instant: ``touching`` to be; 1: takes part in a joint impact
     pressing: int  # scratch of an instant: see simulation.settling
-    part_a: float  # row of the tridiagonal system of a chain of contacts: both bodies' parts of the
-    part_b: float  # diagonal, what stands beside it, the right-hand side; and the solution
-    lower: float
-    upper: float
-    right: float
-    solution: float
     series: Series  # contact force on a segment across pieces, in powers of t/segment (N)
     nodal: Series  # scratch: force at the nodes
 

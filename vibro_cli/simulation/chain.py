@@ -1,12 +1,12 @@
 """Chains of touching bodies: their extent, joint impacts and contact forces.
 
 The pair of a body and its right neighbour has the body's own number; a chain is a run of such
-pairs (round the seam of a closed trace). Impulses and forces of a chain obey a tridiagonal system,
-solved from both ends to the middle, so that a mirror image has mirrored results to the bit.
+pairs (round the seam of a closed trace).
 """
 
 from __future__ import annotations
 
+from vibro_cli.mechanics.chain_system import solve_from_both_ends
 from vibro_cli.mechanics.laws import law_approach, weight_and_response
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.simulation.flights import state_at
@@ -96,57 +96,6 @@ def speed_of_chain(world: World, first: int, count: int) -> float:
 
 
 @kernel
-def solve_from_both_ends(world: World, first: int, count: int) -> None:
-    """Solve the tridiagonal system held in ``count`` pairs from ``first`` on, into ``solution``.
-
-    A diagonal is the sum of what both bodies of a pair yield, ``part_a + part_b``, and the product
-    of ``lower`` and the ``upper`` before it that of two parts of one body. Eliminating a pair from
-    the left leaves of the next one's ``part_a`` the share ``part_a/(part_a + part_b)`` of the pair
-    before: nothing is subtracted, and where all pairs close every impulse is right to a few units
-    in its last place, however much one pair makes another one's.
-    """
-    pairs = world.settings[0].pairs
-    half = (count - 1) // 2
-    for step in range(half):
-        left = world.pairs[(first + step) % pairs]
-        next_left = world.pairs[(first + step + 1) % pairs]
-        right = world.pairs[(first + count - 1 - step) % pairs]
-        next_right = world.pairs[(first + count - 2 - step) % pairs]
-        diagonal_left = left.part_a + left.part_b
-        diagonal_right = right.part_a + right.part_b
-        next_left.part_a *= left.part_a / diagonal_left
-        next_right.part_b *= right.part_b / diagonal_right
-        value_left = next_left.lower / diagonal_left * left.right
-        value_right = next_right.upper / diagonal_right * right.right
-        if step == half - 1 and count % 2 == 1:
-            next_left.right -= value_left + value_right
-        else:
-            next_left.right -= value_left
-            next_right.right -= value_right
-    left = world.pairs[(first + half) % pairs]
-    if count % 2 == 1:
-        left.solution = left.right / (left.part_a + left.part_b)
-    else:
-        right = world.pairs[(first + half + 1) % pairs]
-        diagonal_left = left.part_a + left.part_b
-        diagonal_right = right.part_a + right.part_b
-        # Product of the diagonals less lower times upper, which is left.part_b right.part_a.
-        product = left.part_a * right.part_a + left.part_b * right.part_b
-        determinant = product + left.part_a * right.part_b
-        value = left.right * diagonal_right - left.upper * right.right
-        right.solution = (right.right * diagonal_left - right.lower * left.right) / determinant
-        left.solution = value / determinant
-    for step in range(half - 1, -1, -1):
-        left = world.pairs[(first + step) % pairs]
-        inner = world.pairs[(first + step + 1) % pairs]
-        left.solution = (left.right - left.upper * inner.solution) / (left.part_a + left.part_b)
-        right = world.pairs[(first + count - 1 - step) % pairs]
-        inner = world.pairs[(first + count - 2 - step) % pairs]
-        value = right.right - right.lower * inner.solution
-        right.solution = value / (right.part_a + right.part_b)
-
-
-@kernel
 def joint_impulses(world: World, first: int, count: int, law: int, plastic: int) -> None:
     """Impulses (``solution``) of pairs that close at one instant, each with its own k.
 
@@ -177,7 +126,7 @@ def joint_impulses(world: World, first: int, count: int, law: int, plastic: int)
             after = world.pairs[(first + step + 1) % pairs]
             _, h = weight_and_response(law, world.bodies[pair.b], after.normal_a)
             pair.upper = -qb * h
-    solve_from_both_ends(world, first, count)
+    solve_from_both_ends(world.pairs, pairs, first, count)
 
 
 @kernel
@@ -224,4 +173,4 @@ def contact_forces(world: World, first: int, count: int) -> None:
         if step < count - 1:
             after = world.pairs[(first + step + 1) % pairs]
             pair.upper = -pair.normal_b * after.normal_a * ease_b
-    solve_from_both_ends(world, first, count)
+    solve_from_both_ends(world.pairs, pairs, first, count)

@@ -1,26 +1,34 @@
-"""Impacts of neighbours on the line, and lasting contact.
+"""Impacts of neighbours on the line.
 
 On the line both centres move along it: the laws are those of `mechanics.laws` with the cosine
-``c = 2 sqrt(r_a r_b)/(r_a + r_b)`` between it and the line of centres. Impacts of several pairs at
-one instant follow one another, from left to right, until no pair in contact approaches.
+``c = 2 sqrt(r_a r_b)/(r_a + r_b)`` between it and the line of centres. Neighbouring pairs that
+approach at one instant are solved jointly; pairs that approach because of it follow at the same
+instant, and so on.
 """
 
 from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.laws import HEDRIH, NORMAL_IMPULSE, impact_of_pair
+from vibro_cli.mechanics.chain_system import solve_from_both_ends
+from vibro_cli.mechanics.laws import (
+    HEDRIH,
+    NORMAL_IMPULSE,
+    impact_of_pair,
+    law_approach,
+    loss_of_impulse,
+    weight_and_response,
+)
 from vibro_cli.numerics.engine import kernel
+from vibro_cli.systems.springs.logging import log_states, renew_energies
 from vibro_cli.systems.springs.search import gap_of, is_in_contact
-from vibro_cli.systems.springs.series import acceleration_of, energy_of, energy_of_group, group_size
+from vibro_cli.systems.springs.series import acceleration_of
 from vibro_cli.systems.springs.world import (
+    COLLIDED,
     COLLISION,
     CONTACT_CLOSED,
-    CONTACT_OPENED,
     END_INADMISSIBLE,
-    FREE,
     PARTING,
-    RELEASED,
     RESTING,
     RUNNING,
     ImpactRow,
@@ -44,52 +52,72 @@ def approach_of(world: World, pair: int) -> float:
 
 
 @kernel
-def settle_contacts(world: World) -> int:
-    """Carry out what pairs in contact do at the present instant; RUNNING or the run's end."""
-    pair = 0
+def collide_approaching(world: World) -> int:
+    """Carry out the impacts of all pairs in contact that approach now.
+
+    Returns COLLIDED, RUNNING if no pair approaches, or the end that an impact brings.
+    """
     last = world.settings[0].bodies - 1
-    while pair < last:
-        if is_in_contact(world, pair):
-            approach = approach_of(world, pair)
-            if approach > 0.0:
-                clock = world.clock[0]
-                if clock.collisions >= world.settings[0].stop_collisions:
-                    return RUNNING
-                cause = collide(world, pair)
-                if cause != RUNNING:
-                    return cause
-                pair = 0
-                continue
-            _keep_or_part(world, pair, approach)
-        pair += 1
+    for pair in range(last):
+        closing = is_in_contact(world, pair) and approach_of(world, pair) > 0.0
+        world.pairs[pair].closing = 1 if closing else 0
+    cause = RUNNING
+    first = 0
+    while first < last:
+        count = 0
+        while first + count < last and world.pairs[first + count].closing == 1:
+            count += 1
+        if count > 0:
+            if count == 1 and touches_no_other(world, first):
+                ended = _collide_alone(world, first)
+            else:
+                ended = _collide_jointly(world, first, count)
+            if ended != RUNNING:
+                return ended
+            cause = COLLIDED
+        first += count + 1
+    return cause
+
+
+@kernel
+def touches_no_other(world: World, pair: int) -> bool:
+    """Whether the bodies of a pair touch no other ones."""
+    if pair > 0 and is_in_contact(world, pair - 1):
+        return False
+    return pair + 2 >= world.settings[0].bodies or not is_in_contact(world, pair + 1)
+
+
+@kernel
+def _collide_alone(world: World, pair: int) -> int:
+    """Carry out the impact of a pair that touches no other body; RUNNING or the end it brings."""
+    clock = world.clock[0]
+    row = _new_row(world, pair)
+    state = world.pairs[pair]
+    apply_law(world, row, world.settings[0].law, state.restitution)
+    if not _parts(row):
+        row.admissible = 0
+        if world.settings[0].substitute == 0:
+            return END_INADMISSIBLE
+        row.substituted = 1
+        apply_law(world, row, NORMAL_IMPULSE, state.restitution)
+    lasting = _time_of_bounces(world, pair, row.v_b_post - row.v_a_post)
+    if lasting >= 0.0:
+        row.contact = 1
+        _apply_plastic(world, row)
+    state.known = RESTING if row.v_a_post == row.v_b_post else PARTING
+    world.springs[pair].v = row.v_a_post
+    world.springs[pair + 1].v = row.v_b_post
+    clock.lost += row.loss
+    renew_energies(world)
+    if lasting >= 0.0:
+        hold(world, pair, lasting)
+    else:
+        log_states(world, COLLISION, pair, 0.0)
     return RUNNING
 
 
 @kernel
-def _keep_or_part(world: World, pair: int, approach: float) -> None:
-    """A pair in contact that does not approach: it parts, or is pressed together and stays."""
-    state = world.pairs[pair]
-    if approach < 0.0:
-        if state.held == 1:
-            state.held = 0
-            renew_energies(world)
-            log_states(world, CONTACT_OPENED, pair, 0.0)
-        state.known = PARTING
-    elif state.held == 0 and state.known <= RESTING:
-        state.known = RESTING
-        if pressing(world, pair) > 0.0:
-            world.springs[pair + 1].v = world.springs[pair].v
-            _hold(world, pair, 0.0)
-
-
-@kernel
-def pressing(world: World, pair: int) -> float:
-    """Return how much faster the bodies would approach if they were free, m/s^2."""
-    return acceleration_of(world.springs[pair]) - acceleration_of(world.springs[pair + 1])
-
-
-@kernel
-def _hold(world: World, pair: int, lasting: float) -> None:
+def hold(world: World, pair: int, lasting: float) -> None:
     """Begin lasting contact; the bodies have one speed."""
     world.pairs[pair].held = 1
     world.pairs[pair].known = RESTING
@@ -99,57 +127,104 @@ def _hold(world: World, pair: int, lasting: float) -> None:
 
 
 @kernel
-def open_contact(world: World, pair: int) -> None:
-    """End a lasting contact whose force has fallen to zero."""
-    world.pairs[pair].held = 0
-    world.pairs[pair].known = RELEASED
+def _collide_jointly(world: World, first: int, count: int) -> int:
+    """Carry out the impacts of neighbouring pairs at one instant; RUNNING or the end it brings."""
+    clock = world.clock[0]
+    start = clock.impact_rows
+    for pair in range(first, first + count):
+        _new_row(world, pair)
+    law = world.settings[0].law
+    if not _impulses(world, start, count, law):
+        for number in range(start, start + count):
+            world.impacts[number].admissible = 0
+        if world.settings[0].substitute == 0:
+            return END_INADMISSIBLE
+        for number in range(start, start + count):
+            world.impacts[number].substituted = 1
+        _impulses(world, start, count, NORMAL_IMPULSE)
+    for number in range(start, start + count):
+        row = world.impacts[number]
+        world.springs[row.pair].v = row.v_a_post
+        world.springs[row.pair + 1].v = row.v_b_post
+        world.pairs[row.pair].known = PARTING
+        clock.lost += row.loss
     renew_energies(world)
-    log_states(world, CONTACT_OPENED, pair, 0.0)
+    log_states(world, COLLISION, first, 0.0)
+    return RUNNING
 
 
 @kernel
-def collide(world: World, pair: int) -> int:
-    """Carry out the impact of a pair; return RUNNING or the end that it brings."""
+def _impulses(world: World, start: int, count: int, law: int) -> bool:
+    """Set the speeds after a joint impact, from row ``start`` on; whether every pair parts."""
+    first = world.impacts[start].pair
+    for pair in range(first, first + count):
+        _set_row(world, pair, law, first, count)
+    solve_from_both_ends(world.pairs, world.settings[0].bodies - 1, first, count)
+    for number in range(start, start + count):
+        row = world.impacts[number]
+        row.law = law
+        row.v_a_post = _speed_after(world, row.pair, law, first, count)
+        row.v_b_post = _speed_after(world, row.pair + 1, law, first, count)
+    fine = True
+    for number in range(start, start + count):
+        row = world.impacts[number]
+        fine = fine and _parts(row)
+        one = world.bodies[row.pair]
+        other = world.bodies[row.pair + 1]
+        c = inclination(world, row.pair)
+        approach = law_approach(law, one, other, c, c, row.v_a_pre, row.v_b_pre)
+        state = world.pairs[row.pair]
+        sum_a = row.v_a_pre + row.v_a_post
+        sum_b = row.v_b_pre + row.v_b_post
+        k = state.restitution
+        row.loss = loss_of_impulse(law, k, one, other, state.solution, approach, sum_a, sum_b)
+    return fine
+
+
+@kernel
+def _set_row(world: World, pair: int, law: int, first: int, count: int) -> None:
+    """Set the row of a pair: its relative speed after all impulses is -k times that before."""
+    row = world.pairs[pair]
+    one = world.bodies[pair]
+    other = world.bodies[pair + 1]
+    c = inclination(world, pair)
+    qa, ha = weight_and_response(law, one, c)
+    qb, hb = weight_and_response(law, other, c)
+    row.part_a = qa * ha
+    row.part_b = qb * hb
+    speeds = law_approach(law, one, other, c, c, world.springs[pair].v, world.springs[pair + 1].v)
+    row.right = (1.0 + row.restitution) * speeds
+    row.lower = 0.0
+    row.upper = 0.0
+    if pair > first:
+        _, h = weight_and_response(law, one, inclination(world, pair - 1))
+        row.lower = -qa * h
+    if pair + 1 < first + count:
+        _, h = weight_and_response(law, other, inclination(world, pair + 1))
+        row.upper = -qb * h
+
+
+@kernel
+def _speed_after(world: World, body: int, law: int, first: int, count: int) -> float:
+    """Speed (m/s) of a body after the impulses of the pairs on both of its sides."""
+    change = 0.0
+    if body > first:
+        _, h = weight_and_response(law, world.bodies[body], inclination(world, body - 1))
+        change = world.pairs[body - 1].solution * h
+    if body < first + count:
+        _, h = weight_and_response(law, world.bodies[body], inclination(world, body))
+        change = change - world.pairs[body].solution * h
+    return world.springs[body].v + change
+
+
+@kernel
+def _new_row(world: World, pair: int) -> ImpactRow:
+    """Begin the row of an impact."""
     clock = world.clock[0]
     row = world.impacts[clock.impact_rows]
     clock.impact_rows += 1
     clock.collisions += 1
     clock.steps = 0
-    state = world.pairs[pair]
-    _before(world, pair, row)
-    row.simultaneous = 1 if clock.at_once > 0 else 0
-    clock.at_once += 1
-    apply_law(world, row, world.settings[0].law, state.restitution)
-    separating = row.v_b_post - row.v_a_post
-    if separating < -ROUNDING * (abs(row.v_a_post) + abs(row.v_b_post)):
-        row.admissible = 0
-        if world.settings[0].substitute == 0:
-            return END_INADMISSIBLE
-        row.substituted = 1
-        apply_law(world, row, NORMAL_IMPULSE, state.restitution)
-        separating = row.v_b_post - row.v_a_post
-    lasting = _time_of_bounces(world, pair, separating)
-    if lasting >= 0.0:
-        row.contact = 1
-        _apply_plastic(world, row)
-    state.held = 0
-    state.known = RESTING if row.v_a_post == row.v_b_post else PARTING
-    one = world.springs[pair]
-    other = world.springs[pair + 1]
-    one.v = row.v_a_post
-    other.v = row.v_b_post
-    clock.lost += row.loss
-    renew_energies(world)
-    if lasting >= 0.0:
-        _hold(world, pair, lasting)
-    else:
-        log_states(world, COLLISION, pair, 0.0)
-    return RUNNING
-
-
-@kernel
-def _before(world: World, pair: int, row: ImpactRow) -> None:
-    clock = world.clock[0]
     one = world.springs[pair]
     other = world.springs[pair + 1]
     row.t = clock.t
@@ -163,21 +238,37 @@ def _before(world: World, pair: int, row: ImpactRow) -> None:
     row.admissible = 1
     row.substituted = 0
     row.contact = 0
+    row.simultaneous = 1 if clock.at_once > 0 else 0
+    clock.at_once += 1
     speeds = abs(one.v) + abs(other.v)
     row.grazing = 1 if one.v - other.v <= 64.0 * ROUNDING * speeds else 0
+    return row
+
+
+@kernel
+def _parts(row: ImpactRow) -> bool:
+    """Whether the law sends the bodies apart."""
+    separating = row.v_b_post - row.v_a_post
+    return separating >= -ROUNDING * (abs(row.v_a_post) + abs(row.v_b_post))
+
+
+@kernel
+def inclination(world: World, pair: int) -> float:
+    """Return the cosine of the angle between the line and the line of centres."""
+    one = world.bodies[pair].radius
+    other = world.bodies[pair + 1].radius
+    return 1.0 if one == other else 2.0 * math.sqrt(one * other) / (one + other)
 
 
 @kernel
 def apply_law(world: World, row: ImpactRow, law: int, restitution: float) -> None:
-    """Set the speeds after the impact by a law, and the energy it takes."""
+    """Set the speeds after the impact of a pair by a law, and the energy it takes."""
+    c = inclination(world, row.pair)
     one = world.bodies[row.pair]
     other = world.bodies[row.pair + 1]
-    inclined = 1.0
-    if one.radius != other.radius:
-        inclined = 2.0 * math.sqrt(one.radius * other.radius) / (one.radius + other.radius)
     row.law = law
     row.v_a_post, row.v_b_post, row.loss = impact_of_pair(
-        law, restitution, one, other, inclined, inclined, row.v_a_pre, row.v_b_pre
+        law, restitution, one, other, c, c, row.v_a_pre, row.v_b_pre
     )
 
 
@@ -188,12 +279,17 @@ def _time_of_bounces(world: World, pair: int, separating: float) -> float:
     Each lasts ``2 u/A`` and begins with k times the speed u of the one before.
     """
     k = world.pairs[pair].restitution
-    pressed = pressing(world, pair)
+    pressed = acceleration_of(world.springs[pair]) - acceleration_of(world.springs[pair + 1])
     if k == 1.0 or pressed <= 0.0:
         return -1.0
     lasting = 2.0 * max(separating, 0.0) / (pressed * (1.0 - k))
-    square = max(world.springs[pair].square, world.springs[pair + 1].square)
-    return lasting if lasting * lasting * square <= NEARLY_OVER * NEARLY_OVER else -1.0
+    return lasting if lasting * frequency(world, pair) <= NEARLY_OVER else -1.0
+
+
+@kernel
+def frequency(world: World, pair: int) -> float:
+    """Return the greater of the frequencies w0 (rad/s) of the springs of a pair."""
+    return math.sqrt(max(world.springs[pair].square, world.springs[pair + 1].square))
 
 
 @kernel
@@ -204,49 +300,3 @@ def _apply_plastic(world: World, row: ImpactRow) -> None:
         law = NORMAL_IMPULSE  # equal omega would not be one speed
     apply_law(world, row, law, 0.0)
     row.v_b_post = row.v_a_post
-
-
-@kernel
-def renew_energies(world: World) -> None:
-    """Set the energy that each group keeps from now on."""
-    first = 0
-    while first < world.settings[0].bodies:
-        count = group_size(world, first)
-        world.springs[first].energy = energy_of_group(world, first, count)
-        first += count
-
-
-@kernel
-def log_states(world: World, cause: int, pair: int, value: float) -> None:
-    """Log the state of every body after an event."""
-    clock = world.clock[0]
-    for body in range(world.settings[0].bodies):
-        row = world.states[clock.state_rows]
-        clock.state_rows += 1
-        spring = world.springs[body]
-        row.t = clock.t
-        row.t_low = clock.t_low
-        row.event = clock.collisions
-        row.cause = cause
-        row.pair = pair
-        row.body = body
-        row.x = spring.x
-        row.v = spring.v
-        row.energy = energy_of(spring)
-        row.held = 0
-        if body < world.settings[0].bodies - 1:
-            row.held = world.pairs[body].held
-        row.value = value
-
-
-@kernel
-def touches_at_start(world: World) -> None:
-    """Note the pairs that start in contact, as far as rounding can tell."""
-    for pair in range(world.settings[0].bodies - 1):
-        one = world.springs[pair]
-        other = world.springs[pair + 1]
-        size = abs(one.foot + one.x) + abs(other.foot + other.x) + world.pairs[pair].touch
-        state = world.pairs[pair]
-        state.known = FREE
-        if abs(gap_of(world, pair)) <= 2.0 * ROUNDING * size:
-            state.known = RESTING if approach_of(world, pair) == 0.0 else PARTING

@@ -6,24 +6,24 @@ import math
 
 from vibro_cli.numerics.double import add_to_time
 from vibro_cli.numerics.engine import kernel
-from vibro_cli.systems.springs.impacts import (
-    log_states,
-    open_contact,
-    renew_energies,
-    settle_contacts,
-    touches_at_start,
-)
+from vibro_cli.systems.springs.contact import open_contact, settle_contacts, touches_at_start
+from vibro_cli.systems.springs.impacts import collide_approaching
+from vibro_cli.systems.springs.logging import log_states, renew_energies
 from vibro_cli.systems.springs.search import first_event, forget, move
 from vibro_cli.systems.springs.series import expand, group_size, keep_energy
 from vibro_cli.systems.springs.world import (
+    COLLIDED,
+    DECISION,
     END_COLLISIONS,
     END_NO_MORE,
     END_QUIET,
     END_TIME,
+    IMPACTS,
     LOG_FULL,
     NEVER,
     PARTING,
     RUNNING,
+    SETTLED,
     START,
     SpringBody,
     World,
@@ -45,6 +45,7 @@ def advance(world: World) -> int:
         return _finish(world)
     if clock.begun == 0:
         clock.begun = 1
+        clock.unsettled = IMPACTS
         touches_at_start(world)
         renew_energies(world)
         log_states(world, START, 0, 0.0)
@@ -59,20 +60,37 @@ def _run(world: World) -> int:
     clock = world.clock[0]
     settings = world.settings[0]
     while True:
-        if clock.collisions >= settings.stop_collisions:
-            return END_COLLISIONS
         clock.work += 1
-        if clock.impact_rows >= settings.room or clock.state_rows >= settings.room:
+        # The rows of one instant are wanted together, as long as there is room for them at all.
+        room = settings.room
+        if clock.unsettled != SETTLED:
+            room = 2 * (settings.room - settings.bodies)
+        if clock.impact_rows >= room or clock.state_rows >= room:
             return LOG_FULL
         if clock.work >= 2 * settings.room:  # to be compiled if it comes back often
             return LOG_FULL
-        cause = settle_contacts(world)
+        if clock.unsettled != SETTLED:
+            cause = _settle(world)
+        elif clock.collisions >= settings.stop_collisions:
+            return END_COLLISIONS
+        else:
+            cause = _step(world)
         if cause != RUNNING:
             return cause
-        if clock.collisions < settings.stop_collisions:
-            cause = _step(world)
+
+
+@kernel
+def _settle(world: World) -> int:
+    """Do the next thing for bodies in contact at the present instant; RUNNING or the run's end."""
+    clock = world.clock[0]
+    if clock.unsettled == IMPACTS:
+        if clock.collisions < world.settings[0].stop_collisions:
+            cause = collide_approaching(world)
             if cause != RUNNING:
-                return cause
+                return RUNNING if cause == COLLIDED else cause
+        clock.unsettled = DECISION
+    settle_contacts(world)
+    return RUNNING
 
 
 @kernel
@@ -102,6 +120,7 @@ def _step(world: World) -> int:
             open_contact(world, pair)
         else:
             world.pairs[pair].known = PARTING
+            clock.unsettled = IMPACTS
     return RUNNING
 
 

@@ -56,7 +56,8 @@ def _meeting(world: World, pair: int, step: float) -> float:
     elif known == PARTING:
         rows[base + 1] = max(rows[base + 1], 0.0)
     elif rows[base + known] <= 0.0:
-        return NO_ROOT  # nothing but rounding tells how they go on; the next step will
+        # Decided to part or to stay, it is zero up to rounding; the next step will tell.
+        return NO_ROOT
     return first_fall(rows, base + known, base + ORDER, step)
 
 

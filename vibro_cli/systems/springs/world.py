@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from vibro_cli.mechanics.chain_system import ChainRow
 from vibro_cli.mechanics.records import BodyData
 from vibro_cli.numerics.engine import record
 
@@ -21,6 +22,12 @@ PARTING = 1
 RESTING = 2
 RELEASED = 3
 
+# What is still to be done at the present instant for bodies in contact.
+SETTLED = 0
+IMPACTS = 1  # those that approach collide
+DECISION = 2  # which of the others stay in contact
+CHANGES = 3  # to carry out what is decided, one pair after another
+
 # Why the loop came back; all but the last two are causes of the end of a run.
 RUNNING = 0
 END_TIME = 1
@@ -29,6 +36,7 @@ END_NO_MORE = 3
 END_INADMISSIBLE = 4
 END_QUIET = 5
 LOG_FULL = 6
+COLLIDED = 7  # not a cause: there was an impact
 END_NAMES = {
     END_TIME: "time",
     END_COLLISIONS: "collisions",
@@ -59,13 +67,16 @@ class SpringBody:
 
 
 @record
-class SpringPair:
-    """A body and its right neighbour."""
+class SpringPair(ChainRow):
+    """A body and its right neighbour, with its row in the system of a chain of contacts."""
 
     touch: float  # distance along the line of touching centres, m
     restitution: float
     held: int  # 1: in lasting contact
     known: int  # FREE, PARTING, RESTING or RELEASED
+    closing: int  # scratch of an instant: takes part in a joint impact
+    stays: int  # scratch of an instant: rolls on in contact
+    needed: float  # and the acceleration (m/s^2) that has to press it together for that
 
 
 @record
@@ -82,6 +93,7 @@ class Clock:
     steps: int  # since the last event
     work: int  # steps since the loop came back
     at_once: int  # impacts at the present instant
+    unsettled: int  # what to do for contacts at it: IMPACTS, DECISION or CHANGES, else 0
     energy_correction: float
     lost: float  # by impacts, J
 

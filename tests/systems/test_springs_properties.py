@@ -1,0 +1,85 @@
+"""Laws that every run of bodies on springs obeys, several in contact at once too."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, reject, settings
+from hypothesis import strategies as st
+
+from tests.strategies import SETTINGS
+from tests.systems.springs_cases import solve
+from vibro_cli.scenario import ScenarioError
+
+FEW = settings(SETTINGS, max_examples=25)
+
+
+def _short(value: float) -> float:
+    """A number of few digits: shrunk examples stay readable."""
+    return round(value, 3)
+
+
+@st.composite
+def documents(draw: st.DrawFn) -> dict[str, Any]:
+    """Two to five bodies, many of them touching, whose springs often press them together."""
+    balls: list[dict[str, Any]] = []
+    place = -1.0
+    for number in range(draw(st.integers(2, 5))):
+        spring = {
+            "stiffness": draw(st.sampled_from([6.0, 20.0, 50.0])),
+            "length": draw(st.sampled_from([0.5, 1.0, 5.0])),
+            "height": draw(st.sampled_from([0.5, 1.0, 1.5])),
+            "foot": draw(st.sampled_from([0.0, 0.5, -0.5])),
+        }
+        ball: dict[str, Any] = {
+            "body": draw(st.sampled_from(["ball", "disk", "hoop"])),
+            "radius": draw(st.sampled_from([0.1, 0.2])),
+            "mass": draw(st.sampled_from([1.0, 2.0, 0.37])),
+            "spring": spring,
+        }
+        if number and draw(st.booleans()):
+            ball["touching"] = "previous"
+        else:
+            place += draw(st.floats(0.6, 1.2).map(_short))
+            ball["position"] = _short(place)
+        if draw(st.booleans()):
+            ball["speed"] = draw(st.floats(-4.0, 4.0).map(_short))
+        balls.append(ball)
+    return {
+        "system": "springs",
+        "balls": balls,
+        "stop": {"time": 1.5, "collisions": 80},
+        "collision": {
+            "k": draw(st.sampled_from([0.0, 1e-300, 0.05, 0.3, 0.6, 0.9, 1.0])),
+            "law": draw(st.sampled_from(["hedrih", "normal-impulse"])),
+            "inadmissible": "normal-impulse",
+        },
+    }
+
+
+@pytest.mark.usefixtures("no_hang")
+@FEW
+@given(document=documents())
+def test_no_penetration_no_energy_from_nowhere_speeds_of_contacts(document: dict[str, Any]) -> None:
+    try:
+        run = solve(document)
+    except ScenarioError:
+        reject()
+    summary = run.summary_record()
+    motion = run.sample(np.linspace(0.0, summary["end_time"], 400))
+    bodies = len(document["balls"])
+    places = motion["x"].reshape(-1, bodies)
+    radii = [ball["radius"] for ball in document["balls"]]
+    touch = np.array([2.0 * math.sqrt(a * b) for a, b in pairwise(radii)])
+    assert np.min(np.diff(places, axis=1) - touch, initial=0.0) >= -1e-12
+    rows = run.collisions
+    assert np.max(np.abs(rows["gap"]), initial=0.0) <= 1e-13
+    assert np.all(rows["separation_speed"] >= -1e-12)
+    lost = float(np.sum(rows["energy_loss"]))
+    start, end = summary["energy_start"], summary["energy_end"]
+    assert start - end == pytest.approx(lost, abs=1e-11 * start)
+    assert np.all(rows["energy_loss"] >= -1e-13 * start)
