@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.arc_root import refine_on_arc
-from vibro_cli.mechanics.contact import LEAST_BOUND, NONE_BEFORE_LIMIT, keep_present, keep_states
+from vibro_cli.mechanics.contact import LEAST_BOUND, NONE_BEFORE_LIMIT, UNRESOLVED, keep_states
 from vibro_cli.mechanics.flow import (
     angular_acceleration_at,
     angular_jerk,
@@ -20,7 +20,7 @@ from vibro_cli.mechanics.gap import half_gap_sine
 from vibro_cli.mechanics.records import RELEASED, Clock, Flight, PairData, PairTrack
 from vibro_cli.mechanics.swing_contact import contact_of_swings
 from vibro_cli.numerics.engine import kernel
-from vibro_cli.numerics.first_root import safe_step_third_order
+from vibro_cli.numerics.first_root import safe_step_third_order, unresolved_step
 
 # Safety of the certificate of a single root against rounding: g'^2 > 2 A g.
 SINGLE_ROOT = 2.01
@@ -112,14 +112,18 @@ def contact_on_arc(
             third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
             h = _cubic_guess(gap, rate, second, third)
             h = refine_on_arc(a, b, age_a + t, age_b + t, h, contact, orientation, pair, clock)
+            if x <= 0.0 and not -t <= h <= 0.0:
+                # In contact by rounding, with no root near: now, in the states of now.
+                keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+                pair.searched = limit
+                return t
             if h > NONE_BEFORE_LIMIT:
-                if t + h < 0.0:
-                    # In contact already, by rounding: now, in the states of now.
-                    keep_present(a, b, age_a, age_b, pair)
-                    return 0.0
                 pair.searched = limit
                 return t + h if t + h <= limit else NONE_BEFORE_LIMIT
         step = safe_step_third_order(max(gap, 0.0), rate, second, bound_2, bound_3)
+        if gap <= 0.0 and rate >= 0.0 and (touching == 0 or t > 0.0):
+            # At least so long the bodies are in contact or apart by less than rounding.
+            step = max(step, unresolved_step(second, bound_3, UNRESOLVED))
         if t + step >= horizon:
             pair.searched = t + step
             return NONE_BEFORE_LIMIT

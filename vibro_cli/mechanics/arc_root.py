@@ -14,6 +14,9 @@ from vibro_cli.mechanics.gap import half_gap_sine
 from vibro_cli.mechanics.records import Clock, Flight, PairData, PairTrack
 from vibro_cli.numerics.engine import kernel
 
+# A step of the iteration times the frequency: a longer one leads anywhere.
+LONGEST_CHANGE = 1.0
+
 
 @kernel
 def refine_on_arc(
@@ -47,6 +50,8 @@ def refine_on_arc(
         if x1 >= 0.0:
             return NONE_BEFORE_LIMIT
         change = inverted(x, x1, x2, x3)
+        if not abs(change) * fastest <= LONGEST_CHANGE:
+            return NONE_BEFORE_LIMIT
         h += change
         if is_last(change, x1, x2, fastest, settled):
             a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)

@@ -32,6 +32,7 @@ from vibro_cli.numerics.engine import kernel
 from vibro_cli.numerics.first_root import (
     first_root_of_parabola,
     safe_step_third_order,
+    unresolved_step,
 )
 
 NONE_BEFORE_LIMIT = -1.0
@@ -133,7 +134,6 @@ def contact_by_distance(
         )  # fmt: skip
         if gap < 0.0:
             gap = 0.0
-        unresolved = 0.0
         if touching != 0 and t == 0.0:
             gap = 0.0
             rate = max(rate, 0.0)
@@ -142,11 +142,12 @@ def contact_by_distance(
                 return 0.0
             if touching == RELEASED:
                 second = max(second, 0.0)
-            if second >= 0.0:
-                # At least so long the bodies are in contact or apart by less than rounding.
-                size = _size(piece_a, track_a) + _size(piece_b, track_b) + pair.distance
-                unresolved = (6.0 * UNRESOLVED * size / bound_3) ** (1.0 / 3.0)
-        step = max(safe_step_third_order(gap, rate, second, bound, bound_3), unresolved)
+        step = safe_step_third_order(gap, rate, second, bound, bound_3)
+        bouncing = touching == PARTING and t == 0.0 and second < 0.0
+        if gap == 0.0 and rate >= 0.0 and not bouncing:
+            # At least so long the bodies are in contact or apart by less than rounding.
+            size = _size(piece_a, track_a) + _size(piece_b, track_b) + pair.distance
+            step = max(step, unresolved_step(second, bound_3, UNRESOLVED * size))
         if rate < 0.0:
             h = first_root_of_parabola(gap, rate, second)
             if 0.0 <= h < 3.0 * step + 1.0e-9 and h * fastest < 1.0:

@@ -56,6 +56,19 @@ def safe_step_third_order(
 
 
 @kernel
+def unresolved_step(second: float, bound_third: float, rounding: float) -> float:
+    """Return a step over which a function falls by no more than its rounding.
+
+    It does not fall now, ``g' >= 0``, and ``|g'''| <= B``: half the rounding is for ``g''``, if
+    that is negative, half for ``B``.
+    """
+    step: float = (3.0 * rounding / bound_third) ** (1.0 / 3.0)
+    if second < 0.0:
+        step = min(step, math.sqrt(rounding / -second))
+    return step
+
+
+@kernel
 def safe_return(g: float, rate: float, level: float, frequency: float) -> float:
     """Return a step up to which ``g`` is positive, given ``g'' >= -w^2 (g + Y)``, ``Y > 0``.
 

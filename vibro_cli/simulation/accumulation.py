@@ -56,14 +56,18 @@ def time_to_rest(world: World, j: int, law: int) -> float:
     if u * u > SMALL_BOUNCE * world.settings[0].gravity * pair.distance:
         return NOT_YET
     c = -present_approach(world, j)
-    if c <= 0.0 or not _law_is_normal(world, j, law):
+    normal = _law_is_normal(world, j, law)
+    if c <= 0.0 or not (normal or world.settings[0].substitute == 1):
         return NOT_YET
     # Just launched, the pair approaches by rounding only.
-    if u <= SPEED_ROUNDING * speed_of_pair(world, j):
+    if normal and u <= SPEED_ROUNDING * speed_of_pair(world, j):
         return 0.0
     _, size = present_gap(world, j)
     rounding = EPSILON * size
     lost = u * u <= 2.0 * c * LOST_BOUNCE * rounding
+    if not normal:
+        # There is no sum; but a bounce lower than the rounding of the places is contact.
+        return 0.0 if lost else NOT_YET
     if pair.restitution == 1.0:
         # Nothing accumulates; but a bounce lower than the rounding of the places is contact.
         return 0.0 if lost else NOT_YET

@@ -78,20 +78,37 @@ def _take_closing_losses(world: World, first: int, count: int, start_row: int) -
     pairs = world.settings[0].pairs
     total = 0.0
     shared = 0.0
+    # From both ends at once, so that the sum of a mirror image is the same.
+    for step in range((count + 1) // 2):
+        opposite = count - 1 - step
+        left = _closing_loss_left(world, (first + step) % pairs, start_row)
+        right = 0.0
+        if opposite > step:
+            right = _closing_loss_left(world, (first + opposite) % pairs, start_row)
+        shared += left + right
     for step in range(count):
-        pair = world.pairs[(first + step) % pairs]
-        total += pair.closing_loss
-        shared += pair.closing_loss
+        total += world.pairs[(first + step) % pairs].closing_loss
+    rows = clock.impact_rows - start_row
+    if rows == 0:
+        clock.energy_correction += abs(shared)
+    elif shared != 0.0:
         for row in range(start_row, clock.impact_rows):
-            impact = world.impacts[row]
-            if impact.pair == (first + step) % pairs and pair.held == 1:
-                impact.contact = 1
-                impact.loss += pair.closing_loss
-                shared -= pair.closing_loss
-    if shared != 0.0:
-        for row in range(start_row, clock.impact_rows):
-            world.impacts[row].loss += shared / (clock.impact_rows - start_row)
+            world.impacts[row].loss += shared / rows
     return total
+
+
+@kernel
+def _closing_loss_left(world: World, j: int, start_row: int) -> float:
+    """Add what a closing contact took (J) to the rows of its impacts; return it if it has none."""
+    pair = world.pairs[j]
+    left = pair.closing_loss
+    for row in range(start_row, world.clock[0].impact_rows):
+        impact = world.impacts[row]
+        if impact.pair == j and pair.held == 1:
+            impact.contact = 1
+            impact.loss += left
+            left = 0.0
+    return left
 
 
 @kernel
