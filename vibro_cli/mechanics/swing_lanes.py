@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.arc_root import derivatives_of_sine, inverted, is_last
+from vibro_cli.mechanics.arc_root import LONGEST_CHANGE, derivatives_of_sine, inverted, is_last
 from vibro_cli.mechanics.bounce import FAR, LONG
 from vibro_cli.mechanics.contact import FINAL_CORRECTION
 from vibro_cli.mechanics.flow import (
@@ -123,7 +123,7 @@ def _refined(a: SwingLanes, b: SwingLanes, h: Lanes, contact: PairTrack) -> tupl
         x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, 1.0)
         x1, x2, x3 = derivatives_of_sine(x, cosine, rate, second, third)
         change = inverted(x, x1, x2, x3)
-        falls = x1 < 0.0
+        falls = both(x1 < 0.0, abs(change) * fastest <= LONGEST_CHANGE)
         ends = both(falls, is_last(change, x1, x2, fastest, FINAL_CORRECTION))
         ends = both(ends, opposite(done))
         if any_lane(ends):
