@@ -2,7 +2,7 @@
 
 Where no pair of a chain of touching bodies approaches, those stay in contact which the springs
 press together: the forces F of the contacts satisfy ``F >= 0``, the pairs that part ``gap'' >= 0``,
-never both. Beginning with all of them the one that lacks most force is freed, until none does.
+never both.
 """
 
 from __future__ import annotations
@@ -20,10 +20,12 @@ from vibro_cli.systems.springs.world import (
     DECISION,
     FREE,
     IMPACTS,
+    MAY,
     PARTING,
     RELEASED,
     RESTING,
     SETTLED,
+    STAYS,
     World,
 )
 
@@ -36,8 +38,11 @@ def settle_contacts(world: World) -> None:
     if clock.unsettled == DECISION:
         for pair in range(last):
             _propose(world, pair)
-        while _free_weakest(world):
+        while _press(world):
             pass
+        for pair in range(last):
+            if world.pairs[pair].stays == MAY:
+                world.pairs[pair].stays = 0
         clock.unsettled = CHANGES
         if _equalise_all(world):
             renew_energies(world)
@@ -49,7 +54,7 @@ def settle_contacts(world: World) -> None:
     for pair in range(last):
         state = world.pairs[pair]
         if is_in_contact(world, pair) and state.stays != state.held:
-            if state.stays == 1:
+            if state.stays == STAYS:
                 _close(world, pair)
             else:
                 _open(world, pair)
@@ -67,43 +72,49 @@ def _propose(world: World, pair: int) -> None:
         return
     approach = approach_of(world, pair)
     if approach == 0.0:
-        state.stays = 1
+        state.stays = MAY
         if state.known < RESTING:
             state.known = RESTING
     elif approach < 0.0:
         state.known = PARTING
         if state.restitution < 1.0:
-            state.stays = 1
+            state.stays = MAY
             over = NEARLY_OVER / frequency(world, pair)
             state.needed = -2.0 * approach / ((1.0 - state.restitution) * over)
 
 
 @kernel
-def _free_weakest(world: World) -> bool:
-    """Free the pair that is to stay and lacks most force for it; False if none does."""
-    weakest = -1
-    least = 0.0
-    first = 0
+def _press(world: World) -> bool:
+    """Let those that may stay do so which are pressed together; False if there are none.
+
+    Bodies that stay together push their other neighbours more: what is pressed once stays so
+    (Chandrasekaran's method for a matrix with no positive element beside its diagonal).
+    """
+    found = False
     bodies = world.settings[0].bodies
-    while first < bodies - 1:
-        count = 1
-        while first + count < bodies and world.pairs[first + count - 1].stays == 1:
-            count += 1
-        common = common_acceleration(world, first, count)
-        force = 0.0
-        for pair in range(first, first + count - 1):
-            own = acceleration_of(world.springs[pair])
-            force += world.bodies[pair].rolling_mass * (own - common)
-            ease = 1.0 / world.bodies[pair].rolling_mass + 1.0 / world.bodies[pair + 1].rolling_mass
-            surplus = force * ease - world.pairs[pair].needed
-            if surplus <= 0.0 and (weakest < 0 or surplus < least):
-                weakest = pair
-                least = surplus
+    first = 0
+    count = _staying(world, 0)
+    left = common_acceleration(world, first, count)
+    while first + count < bodies:
+        pair = world.pairs[first + count - 1]
         first += count
-    if weakest < 0:
-        return False
-    world.pairs[weakest].stays = 0
-    return True
+        count = _staying(world, first)
+        right = common_acceleration(world, first, count)
+        if pair.stays == MAY and left - right > pair.needed:
+            pair.stays = STAYS
+            found = True
+        left = right
+    return found
+
+
+@kernel
+def _staying(world: World, first: int) -> int:
+    """How many bodies from one on stay together."""
+    count = 1
+    bodies = world.settings[0].bodies
+    while first + count < bodies and world.pairs[first + count - 1].stays == STAYS:
+        count += 1
+    return count
 
 
 @kernel
@@ -137,7 +148,7 @@ def _equalise_all(world: World) -> bool:
     while first < bodies:
         end = first
         same = True
-        while end < bodies - 1 and world.pairs[end].stays == 1:
+        while end < bodies - 1 and world.pairs[end].stays == STAYS:
             end += 1
             same = same and world.springs[end].v == world.springs[first].v
         if not same:

@@ -28,6 +28,10 @@ IMPACTS = 1  # those that approach collide
 DECISION = 2  # which of the others stay in contact
 CHANGES = 3  # to carry out what is decided, one pair after another
 
+# ``stays`` of a pair that rolls on in contact, and of one that does if it is pressed together.
+STAYS = 1
+MAY = 2
+
 # Why the loop came back; all but the last two are causes of the end of a run.
 RUNNING = 0
 END_TIME = 1
@@ -75,7 +79,7 @@ class SpringPair(ChainRow):
     held: int  # 1: in lasting contact
     known: int  # FREE, PARTING, RESTING or RELEASED
     closing: int  # scratch of an instant: takes part in a joint impact
-    stays: int  # scratch of an instant: rolls on in contact
+    stays: int  # scratch of an instant: STAYS, MAY or 0
     needed: float  # and the acceleration (m/s^2) that has to press it together for that
 
 
