@@ -205,6 +205,20 @@ def _launch_on_arc(flight: Flight, track: TrackData, piece: PieceData) -> None:
 
 
 @kernel
+def widest_pull(frequency: float, m: float) -> float:
+    """Bound on ``|f''|`` (rad/s^2) of a swing through the bottom of an arc."""
+    sine = choose(m > 0.5, 1.0, math.sqrt(max(4.0 * m * (1.0 - m), 0.0)))
+    return frequency * frequency * sine
+
+
+@kernel
+def most_of_swings(track: TrackData) -> float:
+    """Return a parameter below which a swing stays far from the ends of its piece."""
+    nearer_end = min(track.left_s * track.left_s, track.right_s * track.right_s)
+    return nearer_end * (1.0 - 2.0 * END_ROUNDING)
+
+
+@kernel
 def squared_rate_at(flight: Flight, s: float, c: float) -> float:
     """``P^2`` where the flow passes ``(S, C)``: ``m - S^2``, near the top ``C^2 - (1 - m)``."""
     if s == flight.flow_s and c == flight.flow_c:

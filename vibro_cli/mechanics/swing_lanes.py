@@ -111,8 +111,8 @@ def _refined(a: SwingLanes, b: SwingLanes, h: Lanes, contact: PairTrack) -> tupl
     lost = h * (a.frequency + b.frequency) > 0.1 * REDUCTION_LIMIT
     done = lost
     for _ in range(MOST_EVALUATIONS):
-        a_s, a_c, a_p = _flow(a, h)
-        b_s, b_c, b_p = _flow(b, h)
+        a_s, a_c, a_p = flow_in_lanes(a, h)
+        b_s, b_c, b_p = flow_in_lanes(b, h)
         rate_a = 2.0 * a.frequency * a_p
         rate_b = 2.0 * b.frequency * b_p
         rate = 2.0 * (b.frequency * b_p - a.frequency * a_p)
@@ -141,7 +141,7 @@ def _refined(a: SwingLanes, b: SwingLanes, h: Lanes, contact: PairTrack) -> tupl
 
 
 @kernel
-def _flow(swing: SwingLanes, t: Lanes) -> tuple[Lanes, Lanes, Lanes]:
+def flow_in_lanes(swing: Flight, t: Lanes) -> tuple[Lanes, Lanes, Lanes]:
     """State of a libration a time t (s) after its start (see ``mechanics.flow.flow_of_two``)."""
     s, c = sine_cosine_in_lanes(swing.frequency * t * swing.argument_scale)
     s, c, d, common = trigonometric_form(swing, s, c)

@@ -127,6 +127,16 @@ def set_librations(
 
 
 @kernel
+def set_libration(theta: ThetaConstants, m: float, root_complement: float) -> None:
+    """Fill one set for a parameter up to ``PARAMETER_SPLIT``."""
+    theta.parameter = m
+    theta.root_complement = root_complement
+    theta.reciprocal = 0
+    theta.form = TRIGONOMETRIC
+    _set_series(theta, _direct_nome(m, root_complement), 1.0, 0.0)
+
+
+@kernel
 def _direct_nome(m: float, root_complement: float) -> float:
     """Nome of parameter ``m`` (DLMF 19.5.5 with ``lambda = (1 - sqrt k')/(2 (1 + sqrt k'))``)."""
     b = 1.0 + math.sqrt(root_complement)

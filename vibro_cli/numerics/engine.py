@@ -60,7 +60,7 @@ def record(cls: RecordClass) -> RecordClass:
 
     The mapping ``fields`` of the result gives their names and kinds. Fields are ``float``,
     ``int``, ``Series`` (a short row of floats, such as the coefficients of a polynomial) or
-    ``Lanes`` (see ``numerics.lanes``).
+    ``Lanes`` or ``Two`` (see ``numerics.lanes``).
     The fields of base classes that are records come first.
     """
     fields: dict[str, str] = {}
@@ -98,6 +98,7 @@ def dtype(cls: type) -> Any:
         "int": np.int64,
         "Series": (np.float64, (SERIES_LENGTH,)),
         "Lanes": (np.float64, (1, LANES)),
+        "Two": (np.float64, (1, 2)),
     }
     fields = cls.fields  # type: ignore[attr-defined]
     return np.dtype([(name, kinds[kind]) for name, kind in fields.items()])

@@ -13,6 +13,8 @@ LANES = 8
 
 # For the type checker lanes are like numbers, and comparisons of them like truth values.
 Lanes = float
+# Two lanes: the same quantity of both bodies of a pair.
+Two = float
 
 
 def choose(condition: bool, yes: float, no: float) -> float:
@@ -43,6 +45,12 @@ def opposite(condition: bool) -> bool:
 def has_bit(x: float, bit: int) -> bool:
     """Tell in each lane whether a whole number has a bit, given by its value."""
     return int(x) & bit != 0
+
+
+def two_lanes(first: float, second: float) -> float:
+    """Return two lanes of numbers."""
+    assert first == second
+    return first
 
 
 def in_lane(lanes: float, number: int) -> float:

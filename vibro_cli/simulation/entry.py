@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from vibro_cli.mechanics.records import Flight
+from vibro_cli.mechanics.two_swings import TwoBodies, TwoSwings, TwoTracks
 from vibro_cli.numerics import engine
 from vibro_cli.numerics.engine import Variant, interpreted
 from vibro_cli.numerics.machine_code import compiled, prepare_together
@@ -19,6 +20,7 @@ from vibro_cli.simulation.lanes import run_points_in_lanes
 from vibro_cli.simulation.loop import proceed
 from vibro_cli.simulation.points import Points, Results, run_points
 from vibro_cli.simulation.stacks import Stack, run_stacked
+from vibro_cli.simulation.swinging import proceed_swinging
 from vibro_cli.simulation.tally import FinalState, Outcome, tally
 from vibro_cli.simulation.world import ImpactRow, World
 
@@ -70,15 +72,25 @@ def smallest_world() -> World:
 def _beside(world: World, variant: Variant | None) -> Calls:
     results = empty_results(1, 1, 0)
     of_tally = (world, 0, 0, 0.0, 0.0, results.outcomes, 0, results.finals, zeros(1, Flight))
-    return [
+    calls: Calls = [
         (interpreted(launch_chain, variant), (world, 0, 0, 0)),
         (interpreted(tally, variant), of_tally),
     ]
+    return calls if variant else [*calls, (proceed_swinging, (world, two_bodies()))]
+
+
+def two_bodies() -> TwoBodies:
+    """Return lanes for two bodies."""
+    return TwoBodies(zeros(1, TwoSwings), zeros(1, TwoTracks))
 
 
 def enter_advance(world: World, variant: Variant | None) -> int:
     """Run on a compiled world (see ``simulation.loop.advance``)."""
     prepare_event_loop(world, variant)
+    settings: Any = world.settings[0]
+    open_ends = settings["closed"] == 0 and settings["one_sided"] == 0
+    if variant is None and settings["bodies"] == 2 and open_ends:
+        return int(compiled(proceed_swinging)(world, two_bodies()))
     return int(compiled(interpreted(proceed, variant))(world, False))
 
 

@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 from vibro_cli.mechanics.flight import (
     CREST_NEIGHBOURHOOD,
-    END_ROUNDING,
     head_on_arc,
+    most_of_swings,
     size_of_root,
+    widest_pull,
 )
 from vibro_cli.mechanics.laws import impact_of_pair
 from vibro_cli.mechanics.records import TrackData
@@ -83,8 +84,8 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     track_b = world.tracks[world.settings[0].pieces + run.piece]
     set_librations(a, a.parameter, a.root_complement, b, b.parameter, b.root_complement)
     if a.frequency != b.frequency:
-        _set_bounds(a)
-        _set_bounds(b)
+        a.angular_bound = widest_pull(a.frequency, a.parameter)
+        b.angular_bound = widest_pull(b.frequency, b.parameter)
     h, failed = contact_in_lanes(a, b, world.contacts[run.piece])
     t, t_low = add_to_time(run.t, run.t_low, h)
     failed = either(failed, time_between(t, t_low, run.stop_t, 0.0) >= 0.0)
@@ -105,15 +106,6 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     _take(a, failed)
     _take(b, failed)
     return either(failed, run.collisions >= run.stop_collisions)
-
-
-@kernel
-def _set_bounds(swing: SwingLanes) -> None:
-    """Set the bound on the second derivative of the angle, of a swing through the bottom."""
-    m = swing.parameter
-    x = 4.0 * m * (1.0 - m)
-    sine = choose(m > 0.5, 1.0, math.sqrt(max(x, 0.0)))
-    swing.angular_bound = swing.frequency * swing.frequency * sine
 
 
 @kernel
@@ -210,8 +202,7 @@ def _energy_of_head(
 def _is_other(swing: SwingLanes, track: TrackData) -> bool:
     """Tell where the next flight is no libration far from a crest and the ends of the arc."""
     crest = swing.contact_c * swing.contact_c + swing.next_p * swing.next_p < CREST_NEIGHBOURHOOD
-    nearer_end = min(track.left_s * track.left_s, track.right_s * track.right_s)
-    most = min(PARAMETER_SPLIT, nearer_end * (1.0 - 2.0 * END_ROUNDING))
+    most = min(PARAMETER_SPLIT, most_of_swings(track))
     swings = both(both(swing.next_m > 0.0, swing.next_m < most), swing.next_root > 0.0)
     return either(crest, opposite(swings))
 

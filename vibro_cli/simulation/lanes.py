@@ -9,19 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from vibro_cli.mechanics.flow import swings
 from vibro_cli.mechanics.records import NEVER, PARTING, Flight
-from vibro_cli.numerics.elliptic import TRIGONOMETRIC, set_theta_constants
+from vibro_cli.numerics.elliptic import set_theta_constants
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.numerics.lanes import LANES, any_lane, in_lane, with_lane
 from vibro_cli.simulation.flights import launch_and_log
 from vibro_cli.simulation.lane_impact import LaneGroup, next_impact
 from vibro_cli.simulation.loop import proceed
 from vibro_cli.simulation.points import Points, Results, prepare_point, tally_point
+from vibro_cli.simulation.swinging import LONGEST_STAY, fits
 from vibro_cli.simulation.world import COLLISION, END_COLLISIONS, LOG_FULL, RUNNING, World
-
-# A run that does not fit into lanes is left alone for up to so many impacts.
-_LONGEST_STAY = 1 << 12
 
 
 @kernel
@@ -116,32 +113,15 @@ def _alone(
         cause = proceed(world, False)
         if cause == END_COLLISIONS and clock.collisions < most:
             cause = RUNNING
-            if _fits(world, group.runs[0].piece):
+            if fits(world, group.runs[0].piece):
                 tally_point(world, known, RUNNING, points, results, point, scratch)
                 _put_in(world, points, group, lane)
                 return True
-            stay = min(2 * stay, _LONGEST_STAY)
+            stay = min(2 * stay, LONGEST_STAY)
     results.outcomes[point].end_cause = cause
     if cause != LOG_FULL:
         tally_point(world, known, cause, points, results, point, scratch)
     return False
-
-
-@kernel
-def _fits(world: World, piece: int) -> bool:
-    """Tell whether two bodies that have just parted swing on an arc, and on no other one."""
-    clock = world.clock[0]
-    fit = clock.held_pairs == 0 and clock.unlogged == 0 and world.pairs[0].touching == PARTING
-    for ball in range(2):
-        flight = world.flights[ball]
-        track = world.tracks[ball * world.settings[0].pieces + piece]
-        fit = fit and flight.piece == piece and swings(flight) and flight.form == TRIGONOMETRIC
-        fit = fit and flight.root_complement > 0.0 and flight.exit_after == NEVER
-        fit = fit and flight.parameter < min(
-            track.left_s * track.left_s, track.right_s * track.right_s
-        )
-        fit = fit and flight.anchor < 0 and flight.t == clock.t and flight.t_low == clock.t_low
-    return fit
 
 
 @kernel

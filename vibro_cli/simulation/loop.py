@@ -77,7 +77,7 @@ def advance(world: World) -> int:
         if max(impacts, flights) > settings.room:
             if settings.keep == 1:
                 return LOG_FULL
-            _drop_rows(clock)
+            drop_rows(clock)
         ball = _first_exit(world)
         pair = _first_release(world) if clock.held_pairs > 0 else -1
         horizon_t = settings.stop_t
@@ -115,7 +115,8 @@ def advance(world: World) -> int:
 
 
 @kernel
-def _drop_rows(clock: Clock) -> None:
+def drop_rows(clock: Clock) -> None:
+    """Make room in logs that nobody keeps."""
     clock.flights_before += clock.flight_rows
     clock.impact_rows = 0
     clock.flight_rows = 0

@@ -27,15 +27,17 @@ from numba.core.typing.templates import (
 )
 
 from vibro_cli.numerics import lanes as meaning
-from vibro_cli.numerics.lanes import LANES
 
-_REAL = ir.DoubleType()
-_VECTOR = ir.VectorType(_REAL, LANES)
-_MASK = ir.VectorType(ir.IntType(1), LANES)
+_REAL, _WORD = ir.DoubleType(), ir.IntType(64)
 
 
 class _Vector(types.Type):
     """A double in every lane."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self.form = ir.VectorType(_REAL, count)
+        super().__init__(name=f"Lanes({count})")
 
     def can_convert_from(self, typing: Any, other: Any) -> Any:
         """A number stands for lanes that all have it."""
@@ -44,6 +46,11 @@ class _Vector(types.Type):
 
 class _Mask(types.Type):
     """A truth value in every lane."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self.form = ir.VectorType(ir.IntType(1), count)
+        super().__init__(name=f"LaneMask({count})")
 
 
 class LaneRecord(types.Type):
@@ -60,10 +67,7 @@ class LaneRecord(types.Type):
         if name not in self.record.fields:
             return None
         kind = self.record.typeof(name)
-        return vector if _is_register(kind) else kind
-
-
-vector, mask = _Vector("Lanes"), _Mask("LaneMask")
+        return _Vector(kind.shape[1]) if _is_register(kind) else kind
 
 
 def with_lanes(record: Any) -> Any:
@@ -73,7 +77,8 @@ def with_lanes(record: Any) -> Any:
 
 
 def _is_register(kind: Any) -> bool:
-    return isinstance(kind, types.NestedArray) and kind.shape == (1, LANES)
+    """Tell lanes from other rows of numbers: they are rows of one row."""
+    return isinstance(kind, types.NestedArray) and len(kind.shape) == 2
 
 
 def record_of(row: Any) -> Any:
@@ -82,15 +87,10 @@ def record_of(row: Any) -> Any:
 
 
 @register_model(_Vector)
-class _VectorModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, of: Any) -> None:
-        super().__init__(manager, of, _VECTOR)
-
-
 @register_model(_Mask)
-class _MaskModel(models.PrimitiveModel):
+class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, of: Any) -> None:
-        super().__init__(manager, of, _MASK)
+        super().__init__(manager, of, of.form)
 
 
 @register_model(LaneRecord)
@@ -107,195 +107,152 @@ class _Attribute(AttributeTemplate):
         return of.kind_of(name)
 
 
-def _place(builder: Any, of: LaneRecord, record: Any, name: str) -> tuple[Any, Any, Any]:
+def _place(builder: Any, of: LaneRecord, record: Any, name: str) -> Any:
     kind = of.kind_of(name)
-    real = {vector: _VECTOR, types.float64: _REAL}.get(kind, ir.IntType(64))
-    offset = ir.Constant(ir.IntType(64), of.record.offset(name))
-    return kind, builder.bitcast(builder.gep(record, [offset]), real.as_pointer()), real
+    form = kind.form if isinstance(kind, _Vector) else _WORD if kind == types.int64 else _REAL
+    offset = ir.Constant(_WORD, of.record.offset(name))
+    return builder.bitcast(builder.gep(record, [offset]), form.as_pointer())
 
 
 @lower_getattr_generic(LaneRecord)
 def _lower_attribute(context: Any, builder: Any, of: LaneRecord, record: Any, name: str) -> Any:
-    _, place, _ = _place(builder, of, record, name)
-    return builder.load(place, align=8)
+    return builder.load(_place(builder, of, record, name), align=8)
 
 
 @lower_setattr_generic(LaneRecord)
 def _lower_put(context: Any, builder: Any, signature: Any, values: Any, name: str) -> Any:
-    record, value = values
-    kind, place, _ = _place(builder, signature.args[0], record, name)
-    builder.store(context.cast(builder, value, signature.args[1], kind), place, align=8)
+    of, given = signature.args
+    value = context.cast(builder, values[1], given, of.kind_of(name))
+    builder.store(value, _place(builder, of, values[0], name), align=8)
+
+
+def _in_all(builder: Any, value: Any, count: int) -> Any:
+    nothing = ir.Constant(ir.VectorType(value.type, count), ir.Undefined)
+    first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), count), [0] * count)
+    return builder.shuffle_vector(first, nothing, zeros)
 
 
 @lower_cast(types.float64, _Vector)
 def _splat(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
-    one = builder.insert_element(
-        ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
-    )
-    zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    return builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined), zeros)
+    return _in_all(builder, value, wanted.count)
 
 
-def _of_lanes(name: Any, result: Any, kinds: tuple[Any, ...]) -> None:
-    """Tell the compiler's type inference what an operation on lanes gives."""
+def _operation(name: Any, result: Any, kinds: tuple[Any, ...], lower: Any) -> None:
+    """Add an operation on lanes; numbers beside them stand for lanes that all have them.
+
+    Parameters
+    ----------
+    name
+        The function or operator.
+    result, kinds
+        Of the result and of each operand ``_Vector``, ``_Mask`` or another type.
+    lower
+        Makes the code, given the builder and the values.
+    """
 
     class Template(AbstractTemplate):
+        key = name
+
         def generic(self, arguments: Any, keywords: Any) -> Any:
-            if len(arguments) != len(kinds) or not set(arguments) & {vector, mask}:
+            counts = {kind.count for kind in arguments if isinstance(kind, (_Vector, _Mask))}
+            if len(arguments) != len(kinds) or len(counts) != 1:
                 return None
-            if all(
-                given == kind or (kind == vector and isinstance(given, types.Float))
-                for given, kind in zip(arguments, kinds, strict=True)
-            ):
-                return signature(result, *kinds)
-            return None
+            exact = [kind(*counts) if kind in (_Vector, _Mask) else kind for kind in kinds]
+            for given, kind in zip(arguments, exact, strict=True):
+                number = isinstance(kind, _Vector) and isinstance(given, types.Float)
+                if not (number or given == kind):
+                    return None
+            return signature(result(*counts) if result in (_Vector, _Mask) else result, *exact)
 
-    Template.key = name
     infer_global(name)(Template)
+    lower_builtin(name, *kinds)(lambda context, builder, signature, values: lower(builder, *values))
 
 
-def _operation(name: Any, method: str) -> None:
-    _of_lanes(name, vector, (vector, vector))
+def _on_numbers(name: Any, result: Any, kinds: tuple[Any, ...], lower: Any) -> None:
+    """Add an operation on numbers."""
 
-    @lower_builtin(name, vector, vector)
-    def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return getattr(builder, method)(*values)
+    class Template(AbstractTemplate):
+        key = name
 
+        def generic(self, arguments: Any, keywords: Any) -> Any:
+            fit = len(arguments) == len(kinds) and arguments[0] == kinds[0]
+            return signature(result, *kinds) if fit else None
 
-for _name, _method in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
-    _operation(getattr(operator, _name), _method)
-    _operation(getattr(operator, f"i{_name}"), _method)
-
-
-def _comparison(name: Any, sign: str) -> None:
-    _of_lanes(name, mask, (vector, vector))
-
-    @lower_builtin(name, vector, vector)
-    def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.fcmp_ordered(sign, *values)
+    infer_global(name)(Template)
+    lower_builtin(name, *kinds)(lambda context, builder, signature, values: lower(builder, *values))
 
 
-for _name, _sign in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "==")):
-    _comparison(getattr(operator, _name), _sign)
+def _method(name: str) -> Any:
+    return lambda builder, *values: getattr(builder, name)(*values)
 
 
-def _intrinsic(builder: Any, name: str, value: Any) -> Any:
-    form = ir.FunctionType(_VECTOR, [_VECTOR])
-    found = builder.module.globals.get(name) or ir.Function(builder.module, form, name)
-    return builder.call(found, [value])
+def _intrinsic(name: str) -> Any:
+    def lower(builder: Any, value: Any) -> Any:
+        form = ir.FunctionType(value.type, [value.type])
+        whole = f"llvm.{name}.v{value.type.count}f64"
+        found = builder.module.globals.get(whole) or ir.Function(builder.module, form, whole)
+        return builder.call(found, [value])
+
+    return lower
 
 
-def _unary(name: Any, give: Any) -> None:
-    _of_lanes(name, vector, (vector,))
-
-    @lower_builtin(name, vector)
-    def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return give(builder, values[0])
+def _comparison(sign: str) -> Any:
+    return lambda builder, one, other: builder.fcmp_ordered(sign, one, other)
 
 
-def _llvm(name: str) -> Any:
-    return lambda builder, value: _intrinsic(builder, f"llvm.{name}.v{LANES}f64", value)
-
-
-_unary(operator.neg, lambda builder, value: builder.fneg(value))
-_unary(abs, _llvm("fabs"))
-_unary(math.sqrt, _llvm("sqrt"))
-
-
-def _extreme(name: Any, sign: str) -> None:
+def _extreme(sign: str) -> Any:
     """``min`` and ``max`` as Python has them: the first one unless the second is beyond it."""
-    _of_lanes(name, vector, (vector, vector))
-
-    @lower_builtin(name, vector, vector)
-    def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        one, other = values
-        return builder.select(builder.fcmp_ordered(sign, other, one), other, one)
+    return lambda builder, one, other: builder.select(
+        builder.fcmp_ordered(sign, other, one), other, one
+    )
 
 
-_extreme(min, "<")
-_extreme(max, ">")
-
-_of_lanes(meaning.choose, vector, (mask, vector, vector))
-_of_lanes(meaning.both, mask, (mask, mask))
-_of_lanes(meaning.either, mask, (mask, mask))
-_of_lanes(meaning.any_lane, types.boolean, (mask,))
-_of_lanes(meaning.opposite, mask, (mask,))
+def _opposite(builder: Any, mask: Any) -> Any:
+    return builder.xor(mask, ir.Constant(mask.type, [1] * mask.type.count))
 
 
-@infer_global(meaning.choose)
-class _ChooseNumber(AbstractTemplate):
-    """A choice of numbers is one instruction, too, and no jump."""
-
-    def generic(self, arguments: Any, keywords: Any) -> Any:
-        if arguments[0] != types.boolean:
-            return None
-        return signature(types.float64, types.boolean, types.float64, types.float64)
-
-
-@infer_global(meaning.has_bit)
-class _HasBit(AbstractTemplate):
-    def generic(self, arguments: Any, keywords: Any) -> Any:
-        return signature(mask, vector, types.int64) if arguments[0] == vector else None
-
-
-@lower_builtin(meaning.choose, types.boolean, types.float64, types.float64)
-@lower_builtin(meaning.choose, mask, vector, vector)
-def _choose(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    return builder.select(*values)
-
-
-@lower_builtin(meaning.both, mask, mask)
-def _both(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    return builder.and_(*values)
-
-
-@lower_builtin(meaning.either, mask, mask)
-def _either(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    return builder.or_(*values)
-
-
-@lower_builtin(meaning.any_lane, mask)
-def _any(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    bits = builder.bitcast(values[0], ir.IntType(LANES))
+def _any_lane(builder: Any, mask: Any) -> Any:
+    bits = builder.bitcast(mask, ir.IntType(mask.type.count))
     return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
 
 
-@lower_builtin(meaning.opposite, mask)
-def _opposite(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    return builder.xor(values[0], ir.Constant(_MASK, [1] * LANES))
+def _has_bit(builder: Any, lanes: Any, bit: Any) -> Any:
+    whole = ir.VectorType(_WORD, lanes.type.count)
+    bits = builder.and_(builder.fptosi(lanes, whole), _in_all(builder, bit, whole.count))
+    return builder.icmp_unsigned("!=", bits, ir.Constant(whole, [0] * whole.count))
 
 
-@lower_builtin(meaning.has_bit, vector, types.int64)
-def _has_bit(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    whole = ir.VectorType(ir.IntType(64), LANES)
-    nothing = ir.Constant(whole, ir.Undefined)
-    one = builder.insert_element(nothing, values[1], ir.Constant(ir.IntType(32), 0))
-    zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    bits = builder.and_(
-        builder.fptosi(values[0], whole), builder.shuffle_vector(one, nothing, zeros)
-    )
-    return builder.icmp_unsigned("!=", bits, ir.Constant(whole, [0] * LANES))
+def _two_lanes(builder: Any, first: Any, second: Any) -> Any:
+    lanes, places = ir.Constant(ir.VectorType(_REAL, 2), ir.Undefined), ir.IntType(32)
+    for number, value in enumerate((first, second)):
+        lanes = builder.insert_element(lanes, value, ir.Constant(places, number))
+    return lanes
 
 
-@infer_global(meaning.in_lane)
-class _InLane(AbstractTemplate):
-    def generic(self, arguments: Any, keywords: Any) -> Any:
-        return signature(types.float64, vector, types.int64) if arguments[0] == vector else None
-
-
-@lower_builtin(meaning.in_lane, vector, types.int64)
-def _in_lane(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    return builder.extract_element(*values)
-
-
-@infer_global(meaning.with_lane)
-class _WithLane(AbstractTemplate):
-    def generic(self, arguments: Any, keywords: Any) -> Any:
-        found = signature(vector, vector, types.int64, types.float64)
-        return found if arguments[0] == vector else None
-
-
-@lower_builtin(meaning.with_lane, vector, types.int64, types.float64)
-def _with_lane(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    lanes, number, value = values
-    return builder.insert_element(lanes, value, number)
+for _name, _code in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
+    _operation(getattr(operator, _name), _Vector, (_Vector, _Vector), _method(_code))
+    _operation(getattr(operator, f"i{_name}"), _Vector, (_Vector, _Vector), _method(_code))
+for _name, _sign in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "==")):
+    _operation(getattr(operator, _name), _Mask, (_Vector, _Vector), _comparison(_sign))
+_operation(operator.neg, _Vector, (_Vector,), _method("fneg"))
+_operation(abs, _Vector, (_Vector,), _intrinsic("fabs"))
+_operation(math.sqrt, _Vector, (_Vector,), _intrinsic("sqrt"))
+_operation(min, _Vector, (_Vector, _Vector), _extreme("<"))
+_operation(max, _Vector, (_Vector, _Vector), _extreme(">"))
+_operation(meaning.choose, _Vector, (_Mask, _Vector, _Vector), _method("select"))
+_operation(meaning.both, _Mask, (_Mask, _Mask), _method("and_"))
+_operation(meaning.either, _Mask, (_Mask, _Mask), _method("or_"))
+_operation(meaning.opposite, _Mask, (_Mask,), _opposite)
+_operation(meaning.any_lane, types.boolean, (_Mask,), _any_lane)
+_operation(meaning.has_bit, _Mask, (_Vector, types.int64), _has_bit)
+_operation(meaning.in_lane, types.float64, (_Vector, types.int64), _method("extract_element"))
+_operation(
+    meaning.with_lane, _Vector, (_Vector, types.int64, types.float64),
+    lambda builder, lanes, number, value: builder.insert_element(lanes, value, number),
+)  # fmt: skip
+# A choice of numbers is one instruction, too, and no jump.
+_on_numbers(
+    meaning.choose, types.float64, (types.boolean, types.float64, types.float64), _method("select")
+)
+_on_numbers(meaning.two_lanes, _Vector(2), (types.float64, types.float64), _two_lanes)
