@@ -187,6 +187,11 @@ QUICK: dict[str, tuple[str, str, list[float], Sequence[str]]] = {
     "gravity": ("five_balls.toml", "gravity", [1.0, 20.0], ()),
     "thickness": ("three_arcs.toml", "balls[1].thickness", [0.005, 0.05], ["balls[1].body=disk"]),
     "inertia": ("ball_on_arcs.toml", "balls[1].inertia_ratio", [0.0, 1.0], ()),
+    "radius of an arc": ("three_arcs.toml", "trace.arcs[2].radius", [0.4, 0.6], ()),
+    "slope": ("three_arcs.toml", "trace.arcs[1].end_slope", [0.8, 1.0], ()),
+    "start slope": ("three_arcs.toml", "trace.start_slope", [-2.3, -1.9], ()),
+    "length": ("line_between_valleys.toml", "trace.arcs[2].length", [1.5, 2.5], ()),
+    "wall": ("three_arcs.toml", "ends.left.wall", [0.1, 1.0], ["ends.left={wall = 0.9}"]),
     "density": ("closed_three_balls.toml", "balls[1].density", [1e3, 9e3], ()),
     "k": ("closed_three_balls.toml", "collision.k", [0.6, 1.0], ()),
 }

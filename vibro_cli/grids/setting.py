@@ -21,11 +21,12 @@ from vibro_cli.build.bodies import body_of
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.changing import changed
 from vibro_cli.grids.points import Point
-from vibro_cli.grids.soundness import SURE, is_of_system, sound_systems, taken
+from vibro_cli.grids.soundness import SURE, is_of_system, sound_systems
 from vibro_cli.mechanics.clearance import contact_angle
 from vibro_cli.mechanics.placement import wall_position
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.mechanics.trace import Piece
+from vibro_cli.numerics.alike import taken
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.geometry import centres

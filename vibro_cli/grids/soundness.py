@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass, replace
-from itertools import combinations
+from functools import reduce
+from itertools import combinations, permutations
 from typing import Any
 
 import numpy as np
@@ -21,10 +21,12 @@ from vibro_cli.grids.axes import Column
 from vibro_cli.grids.changing import changed
 from vibro_cli.grids.paths import kind_of
 from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.clearance import contact_angle, touched_pieces
+from vibro_cli.mechanics.clearance import contact_angle
 from vibro_cli.mechanics.placement import wall_position
+from vibro_cli.mechanics.separation import Path, Window, surely_clear
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Trace
+from vibro_cli.numerics.alike import taken
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import KeyPath
@@ -46,18 +48,6 @@ def is_of_system(path: KeyPath) -> bool:
         return len(path) == 4 and path[3] in _OF_THE_TRACE
     walls = (("ends", "left", "wall"), ("ends", "right", "wall"))
     return path in (("gravity",), ("trace", "start_slope"), *walls)
-
-
-def taken(numbers: Any, at: Any) -> Any:
-    """Return numbers, or what has numbers within, with some elements of every array."""
-    if isinstance(numbers, np.ndarray):
-        return numbers[at]
-    if isinstance(numbers, tuple):
-        return tuple(taken(one, at) for one in numbers)
-    if is_dataclass(numbers) and not isinstance(numbers, type):
-        parts = {one.name: taken(getattr(numbers, one.name), at) for one in fields(numbers)}
-        return replace(numbers, **parts)
-    return numbers
 
 
 def sound_systems(
@@ -89,8 +79,8 @@ def sound_systems(
             fit[:] = False
         with np.errstate(all="ignore"):
             fit &= _bodies_fit(trace, bodies, like)
-            if not on_new_trace:
-                fit &= _touch_nothing_else(trace, bodies)
+            at_once = trace.closed and len(trace.pieces) == 1
+            fit &= at_once or _touch_nothing_else(trace, bodies, len(at))
             fit &= _walls_fit(system)
     sound[at[~fit]] = False
     return sound, taken(system, fit)
@@ -116,15 +106,10 @@ def _allowed(values: Values, count: int) -> Column:
 
 
 def _is_chain(scenario: Scenario, values: Values) -> Any:
-    """Where the slopes of a changed trace are those of its shapes, within half a turn.
-
-    Then the trace is a graph over some direction: it meets itself nowhere, nor does a body on it
-    that fits its valleys touch another piece (see ``mechanics.clearance``).
-    """
+    """Where the slopes of a changed trace, which is open, are those of its shapes."""
     if not any(path[0] == "trace" for path in values):
         return True
     slope: Any = scenario.trace.start_slope
-    lowest = highest = slope
     sound: Any = not scenario.trace.closed
     for arc in scenario.trace.arcs:
         if arc.end_slope is None:
@@ -132,8 +117,7 @@ def _is_chain(scenario: Scenario, values: Values) -> Any:
         sound = sound & ((arc.end_slope > slope) == (arc.shape == "valley"))
         sound = sound & (arc.end_slope != slope)
         slope = arc.end_slope
-        lowest, highest = np.minimum(lowest, slope), np.maximum(highest, slope)
-    return sound & (highest - lowest <= math.pi)
+    return sound
 
 
 def _bodies_fit(trace: Trace, bodies: tuple[Body, ...], like: System) -> Any:
@@ -157,25 +141,19 @@ def _bodies_fit(trace: Trace, bodies: tuple[Body, ...], like: System) -> Any:
     return fit
 
 
-def _touch_nothing_else(trace: Trace, bodies: tuple[Body, ...]) -> Any:
-    """Where bodies on a trace touch only the piece they roll on.
+def _touch_nothing_else(trace: Trace, bodies: tuple[Body, ...], count: int) -> Any:
+    """Where bodies on a trace touch only the piece they roll on, and so the trace nowhere itself.
 
-    A body that touches nothing else encloses every smaller one that touches the trace where it
-    does: only the largest that are clear have to be found.
+    The largest body encloses, where it touches the trace, all the others there.
     """
+    largest = reduce(np.maximum, [body.radius for body in bodies])
     clear: Any = True
-    for body in bodies:
-        radii = np.unique(body.radius)
-        first, last = 0, len(radii)  # all before first are clear, none from last on
-        middle = last - 1
-        while first < last:
-            if touched_pieces(trace, float(radii[middle])):
-                last = middle
-            else:
-                first = middle + 1
-            middle = (first + last) // 2
-        limit = math.inf if first == len(radii) else radii[first]
-        clear = clear & (body.radius < limit)
+    for piece in trace.pieces:
+        if not piece.is_line:
+            clear = clear & (piece.angle_end - piece.angle_start < math.tau * (1.0 - SURE))
+    for i, j in permutations(range(len(trace.pieces)), 2):
+        path, other = Path.of(trace.pieces[i], largest), Path.of(trace.pieces[j], 0.0)
+        clear = clear & surely_clear(path, other, Window.of(trace, i, j), largest, count)
     return clear
 
 

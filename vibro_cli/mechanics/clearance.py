@@ -9,193 +9,24 @@ direction, and sin(slope) grows along it at most as fast as on a circle of radiu
 - it stays inside the circle of radius R that encloses two touching bodies on it (the pocket between
   two bodies is the largest where the trace is bent the most).
 
-What lies beyond such a stretch is searched by branch and bound: the distance of a point from an
-arc is known exactly, and it changes no faster than the point moves, so an interval of the path
-is done when the distance from its middle exceeds what is needed by more than half its length.
-Nothing is sampled.
+What lies beyond such a stretch is searched by branch and bound (``mechanics.separation``).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from functools import lru_cache
 from itertools import pairwise
 
 from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
+from vibro_cli.mechanics.separation import Answer, Path, Window, search, whole
+from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import alike
 
 _EPSILON = 2.0**-52
-_SEARCH_LIMIT = 5000
-_RESOLUTION = 1e-9
 # Answers that are kept: the scenarios of a grid ask for the same ones again and again.
 _REMEMBERED = 4096
-
-Interval = tuple[float, float]
-
-
-class Answer(Enum):
-    """What a search has found out about the distance of two paths."""
-
-    CLEAR = "clear"
-    TOUCH = "touch"
-    UNDECIDED = "undecided"
-
-
-class _Path:
-    """The path of the centre of a body on one piece (or the piece itself, for radius 0)."""
-
-    def __init__(self, piece: Piece, body_radius: float) -> None:
-        self.low, self.high = piece.angle_start, piece.angle_end
-        self.is_line = piece.is_line
-        self.sign = piece.sign
-        if self.is_line:
-            self.origin = piece.body_center(0.0, body_radius)
-            sine, cosine = sine_cosine(piece.start_slope)
-            self.along = (cosine, sine)
-            self.rate = 1.0
-        else:
-            self.origin = piece.center
-            self.along = (0.0, 0.0)
-            self.rate = piece.path_radius(body_radius)
-        self.size = (
-            abs(self.origin[0]) + abs(self.origin[1]) + self.rate * max(-self.low, self.high)
-        )
-
-    def point(self, position: float) -> tuple[float, float]:
-        """Return the point of the path at a position."""
-        x, y = self.origin
-        if self.is_line:
-            return x + position * self.along[0], y + position * self.along[1]
-        return (
-            x + self.rate * math.sin(position),
-            y - self.sign * self.rate * math.cos(position),
-        )
-
-    def distance(self, x: float, y: float, low: float, high: float) -> float:
-        """Return the distance of a point from the stretch of the path between two positions."""
-        x -= self.origin[0]
-        y -= self.origin[1]
-        if self.is_line:
-            along = x * self.along[0] + y * self.along[1]
-            across = y * self.along[0] - x * self.along[1]
-            return math.hypot(along - min(max(along, low), high), across)
-        middle = 0.5 * (low + high)
-        angle = math.remainder(math.atan2(x, -self.sign * y) - middle, math.tau)
-        beyond = abs(angle) - 0.5 * (high - low)
-        radius = math.hypot(x, y)
-        if beyond <= 0.0:
-            return abs(radius - self.rate)
-        half_sine = math.sin(0.5 * beyond)
-        return math.hypot(radius - self.rate, 2.0 * math.sqrt(radius * self.rate) * half_sine)
-
-
-Window = Callable[[float, float], Interval | None]
-
-
-def _search(path: _Path, other: _Path, window: Window, needed: float) -> Answer:
-    """Tell whether every point of a path keeps more than a distance from another path.
-
-    `window(low, high)` gives the stretch of the other path that has to be regarded for the
-    positions between low and high, None when there is none.
-    """
-    rounding = 64.0 * _EPSILON * (path.size + other.size + needed)
-    pending = [(path.low, path.high)]
-    for _ in range(_SEARCH_LIMIT):
-        if not pending:
-            return Answer.CLEAR
-        low, high = pending.pop()
-        stretch = window(low, high)
-        if stretch is None:
-            continue
-        middle = 0.5 * (low + high)
-        half_length = 0.5 * (high - low) * path.rate
-        x, y = path.point(middle)
-        if other.distance(x, y, *stretch) - half_length > needed + rounding:
-            continue
-        at_middle = window(middle, middle)
-        if at_middle is not None and other.distance(x, y, *at_middle) < needed - rounding:
-            return Answer.TOUCH
-        if half_length < _RESOLUTION * path.size:
-            return Answer.UNDECIDED
-        pending.append((low, middle))
-        pending.append((middle, high))
-    return Answer.UNDECIDED
-
-
-def _slopes(piece: Piece, low: float, high: float) -> Interval:
-    """Return the least and the greatest slope between two positions on a piece."""
-    first, last = piece.slope(low), piece.slope(high)
-    return (first, last) if first <= last else (last, first)
-
-
-def _junction_slopes(trace: Trace, first: int, last: int) -> Interval:
-    """Return the range of the slopes from the end of one piece to the start of a later one.
-
-    Past the seam of a closed trace the numbers go on beyond the last piece, and so do the slopes.
-    """
-    count = len(trace.pieces)
-    turn = trace.closing_error()[1]
-    ends = [trace.pieces[n % count].end_slope + turn * (n // count) for n in range(first, last)]
-    return min(ends), max(ends)
-
-
-def _after(piece: Piece, slopes: Interval) -> float:
-    """Return where a piece leaves the slopes within π of all those before it (its end: nowhere)."""
-    low, high = slopes
-    if high - low >= math.pi:
-        return piece.angle_start
-    if piece.is_line:
-        return math.inf
-    return low + math.pi if piece.sign > 0.0 else math.pi - high
-
-
-def _before(piece: Piece, slopes: Interval) -> float:
-    """Return where a piece, going left, leaves the slopes within π of all those behind it."""
-    low, high = slopes
-    if high - low >= math.pi:
-        return piece.angle_end
-    if piece.is_line:
-        return -math.inf
-    return high - math.pi if piece.sign > 0.0 else -low - math.pi
-
-
-def _hull(one: Interval, two: Interval, shift: float) -> Interval:
-    return min(one[0] + shift, two[0]), max(one[1] + shift, two[1])
-
-
-def _window(trace: Trace, i: int, j: int) -> Window:
-    """Return what of piece j no stretch turning less than π joins to a place on piece i."""
-    here, there = trace.pieces[i], trace.pieces[j]
-    count = len(trace.pieces)
-    turn = trace.closing_error()[1]
-    to_right = to_left = None
-    if i < j or trace.closed:
-        shift_right = 0.0 if i < j else -turn
-        slopes = _junction_slopes(trace, i, j if i < j else j + count)
-        to_right = (slopes[0] + shift_right, slopes[1] + shift_right)
-    if i > j or trace.closed:
-        shift_left = 0.0 if i > j else turn
-        to_left = _junction_slopes(trace, j, i if i > j else i + count)
-
-    def window(low: float, high: float) -> Interval | None:
-        first, last = there.angle_start, there.angle_end
-        slopes = _slopes(here, low, high)
-        if to_right is not None:
-            first = max(first, _after(there, _hull(slopes, to_right, shift_right)))
-        if to_left is not None:
-            last = min(last, _before(there, _hull(slopes, to_left, shift_left)))
-        return (first, last) if first < last else None
-
-    return window
-
-
-def _whole(piece: Piece) -> Window:
-    whole = (piece.angle_start, piece.angle_end)
-    return lambda low, high: whole
 
 
 def narrow_valleys(trace: Trace, radius: float) -> tuple[int, ...]:
@@ -224,13 +55,13 @@ def touched_pieces(trace: Trace, radius: float) -> tuple[tuple[int, int], ...]:
     itself. An empty answer is certified; where rounding hides whether a body just touches, the
     pair is listed.
     """
-    paths = [_Path(piece, radius) for piece in trace.pieces]
-    pieces = [_Path(piece, 0.0) for piece in trace.pieces]
+    paths = [Path.of(piece, radius) for piece in trace.pieces]
+    pieces = [Path.of(piece, 0.0) for piece in trace.pieces]
     return tuple(
         (i, j)
         for i, path in enumerate(paths)
         for j, other in enumerate(pieces)
-        if i != j and _search(path, other, _window(trace, i, j), radius) is not Answer.CLEAR
+        if i != j and search(path, other, Window.of(trace, i, j), radius) is not Answer.CLEAR
     )
 
 
@@ -247,13 +78,13 @@ def reach(trace: Trace, body_a: Body, body_b: Body) -> tuple[tuple[bool, ...], .
     than r_a + r_b while a is on piece i and b on piece j, else False (also when it could not be
     decided).
     """
-    paths_a = [_Path(piece, body_a.radius) for piece in trace.pieces]
-    paths_b = [_Path(piece, body_b.radius) for piece in trace.pieces]
+    paths_a = [Path.of(piece, body_a.radius) for piece in trace.pieces]
+    paths_b = [Path.of(piece, body_b.radius) for piece in trace.pieces]
     needed = body_a.radius + body_b.radius
     return tuple(
         tuple(
             not _adjacent(trace, i, j)
-            and _search(path_a, path_b, _whole(trace.pieces[j]), needed) is Answer.CLEAR
+            and search(path_a, path_b, whole(trace.pieces[j]), needed) is Answer.CLEAR
             for j, path_b in enumerate(paths_b)
         )
         for i, path_a in enumerate(paths_a)
@@ -302,14 +133,14 @@ def touch_across(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, i
     Radii in m; a is left of b. Side by side are bodies with a stretch between them that turns by
     less than π: what happens there is for `fits_between`. None is certified.
     """
-    paths_a = [_Path(piece, radius_a) for piece in trace.pieces]
-    paths_b = [_Path(piece, radius_b) for piece in trace.pieces]
+    paths_a = [Path.of(piece, radius_a) for piece in trace.pieces]
+    paths_b = [Path.of(piece, radius_b) for piece in trace.pieces]
     needed = radius_a + radius_b
     for i, path_a in enumerate(paths_a):
         for j, path_b in enumerate(paths_b):
             if i == j or (i > j and not trace.closed):
                 continue
-            if _search(path_a, path_b, _window(trace, i, j), needed) is not Answer.CLEAR:
+            if search(path_a, path_b, Window.of(trace, i, j), needed) is not Answer.CLEAR:
                 return i, j
     return None
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
-from functools import lru_cache, reduce
+from functools import lru_cache
 from typing import Any
 
 from vibro_cli.mechanics.trace import Piece, Trace
@@ -35,7 +35,7 @@ def heights(trace: Trace, radius: float) -> tuple[Heights, ...]:
     with localcontext() as context:
         context.prec = _DIGITS
         extremes = _extremes(trace, _decimal(radius))
-        lowest = reduce(alike.least, [low for _, _, low in extremes])
+        lowest = alike.least_of([low for _, _, low in extremes])
         rises = [(bottom - lowest, top - lowest) for bottom, top, _ in extremes]
         # Between two doubles the last digits, which depend on the trace's left end, do not decide.
         context.prec = _CERTAIN_DIGITS

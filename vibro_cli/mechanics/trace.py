@@ -107,8 +107,8 @@ class Piece:
         if self.is_line:
             sine, cosine = sine_cosine(self.start_slope)
             return (
-                math.fsum((self.start[0], position * cosine, -body_radius * sine)),
-                math.fsum((self.start[1], position * sine, body_radius * cosine)),
+                alike.exact_sum((self.start[0], position * cosine, -body_radius * sine)),
+                alike.exact_sum((self.start[1], position * sine, body_radius * cosine)),
             )
         sine, cosine = sine_cosine(position)
         rho = self.path_radius(body_radius)

@@ -8,7 +8,9 @@ of arrays are rounded as those of numbers; all else is asked of the same library
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields, is_dataclass, replace
+from functools import reduce
 from itertools import repeat
 from typing import Any
 
@@ -17,14 +19,20 @@ Some = Any
 be numbers, as everywhere else."""
 
 
+_NUMBERS = (float, int)
+
+
 def is_number(values: Some) -> bool:
     """Tell whether there is one number, not an array."""
-    return isinstance(values, float | int)
+    return isinstance(values, _NUMBERS)
 
 
 def each(function: Callable[..., Any], *arguments: Some) -> Some:
     """Return a function's values, one by one where an argument is an array."""
-    if all(map(is_number, arguments)):
+    for one in arguments:
+        if not isinstance(one, _NUMBERS):
+            break
+    else:
         return function(*arguments)
     import numpy as np
 
@@ -109,6 +117,16 @@ def greatest(one: Some, other: Some) -> Some:
     return choose(one >= other, one, other)
 
 
+def least_of(values: Sequence[Some]) -> Some:
+    """Return the smallest of some."""
+    return min(values) if set(map(type, values)) <= {float, int} else reduce(least, values)
+
+
+def greatest_of(values: Sequence[Some]) -> Some:
+    """Return the largest of some."""
+    return max(values) if set(map(type, values)) <= {float, int} else reduce(greatest, values)
+
+
 def holds(condition: Some) -> bool:
     """Tell whether a condition holds everywhere."""
     return bool(condition if isinstance(condition, bool) else condition.all())
@@ -117,3 +135,38 @@ def holds(condition: Some) -> bool:
 def occurs(condition: Some) -> bool:
     """Tell whether a condition holds somewhere."""
     return bool(condition if isinstance(condition, bool) else condition.any())
+
+
+def taken(numbers: Any, at: Any) -> Any:
+    """Return numbers, or what has numbers within, with some elements of every array."""
+    if isinstance(numbers, tuple):
+        return tuple(taken(one, at) for one in numbers)
+    if is_dataclass(numbers) and not isinstance(numbers, type):
+        parts = {one.name: taken(getattr(numbers, one.name), at) for one in fields(numbers)}
+        return replace(numbers, **parts)
+    return numbers[at] if getattr(numbers, "ndim", 0) else numbers
+
+
+# To rounding only: arrays with the functions of numpy, whose last bits are others.
+
+
+def about(name: str, function: Callable[..., float], *arguments: Some) -> Any:
+    """Return a function of numbers, of arrays the one that numpy has by a name."""
+    for one in arguments:
+        if not isinstance(one, _NUMBERS):
+            break
+    else:
+        return function(*arguments)
+    import numpy as np
+
+    return getattr(np, name)(*arguments)
+
+
+def distance(x: Some, y: Some) -> Any:
+    """Return the length of a vector, to rounding."""
+    return about("hypot", math.hypot, x, y)
+
+
+def direction(y: Some, x: Some) -> Any:
+    """Return the angle (rad) of a vector, to rounding."""
+    return about("arctan2", math.atan2, y, x)
