@@ -86,3 +86,46 @@ def test_a_grid_from_end_to_end(base: str, vibro: Vibro) -> None:
     assert vibro("report", "one", "--figures", "drawn").code == 0
     assert {"endings", "energy", "impacts"} <= {path.stem for path in Path("drawn").glob("*.png")}
     assert vibro("grid", "grid.toml", "--dry-run", *short).code == 0
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_a_report(path: Path, vibro: Vibro) -> None:
+    assert vibro("run", str(path), "-o", "out", "--no-figures").code == 0
+    outcome = vibro("report", "out", "-o", "page.html", "--figures", "drawn", "--width", "single")
+    assert outcome.code == 0, outcome.err
+    page = Path("page.html").read_text(encoding="utf-8")
+    summary = json.loads(Path("out/summary.json").read_text())
+    system = path.parent.name
+    assert f"<dd>{summary['collisions']}</dd>" in page
+    assert ("Impacts on the wall" in page) == (system == "table")
+    drawn = {figure.stem for figure in Path("drawn").glob("*.pdf")}
+    assert drawn >= ({"plan"} if system == "table" else {"portrait_1", "motion", "energy"})
+    assert page.count("<figure>") == len(drawn)
+
+
+def test_runs_of_one_system_are_compared(vibro: Vibro) -> None:
+    base = str(GALLERY / "table/skew_impact.toml")
+    for k in ("1.0", "0.5"):
+        more = ["--set", f"collision.k={k}", "--no-figures"]
+        assert vibro("run", base, "-o", f"k{k}", *more).code == 0
+    assert vibro("report", "k1.0", "k0.5", "-o", "both.html").code == 0
+    assert "collision.k" in Path("both.html").read_text(encoding="utf-8")
+    other = str(GALLERY / "springs/two_disks.toml")
+    assert vibro("run", other, "-o", "springs", "--no-figures").code == 0
+    outcome = vibro("report", "k1.0", "springs")
+    assert outcome.code == 2
+    assert "expected one system" in outcome.err
+    outcome = vibro("report", "springs", "--animate", "film.gif")
+    assert outcome.code == 2
+    assert "found springs, expected a run of a trace" in outcome.err
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_a_run_goes_on(path: Path, vibro: Vibro) -> None:
+    """The files of a run in two parts are those of one, byte by byte."""
+    short, whole = ["--set", "stop={time = 0.9}"], ["--set", "stop={time = 2.1}"]
+    assert vibro("run", str(path), "-o", "part", "--no-figures", *short).code == 0
+    assert vibro("run", "--continue", "part", "--no-figures", *whole).code == 0
+    assert vibro("run", str(path), "-o", "whole", "--no-figures", *whole).code == 0
+    for name in ("collisions.parquet", "summary.parquet", "checkpoint.json", "history.parquet"):
+        assert (Path("part") / name).read_bytes() == (Path("whole") / name).read_bytes()

@@ -17,10 +17,11 @@ from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.figures.kinds import Drawn
-    from vibro_cli.storage.stored import StoredRun
+    from vibro_cli.storage.stored import StoredRun, StoredSystemRun
     from vibro_cli.storage.stored_grid import StoredGrid
 
-    Subject = list[StoredRun] | StoredGrid
+    Runs = list[StoredRun] | list[StoredSystemRun]
+    Subject = Runs | StoredGrid
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,7 @@ def _target(wishes: _Wishes) -> Path:
 def _report(wishes: _Wishes) -> int:
     from vibro_cli.report.page import is_report
     from vibro_cli.storage.files import write_file
+    from vibro_cli.storage.stored import StoredRun
 
     _check(wishes)
     target = _target(wishes)
@@ -145,7 +147,9 @@ def _report(wishes: _Wishes) -> int:
         _write_figures(subject, wishes.figures, wishes)
     if wishes.film is not None:
         assert isinstance(subject, list)
-        write_film(subject[0], wishes.film)
+        (run,) = subject
+        assert isinstance(run, StoredRun)
+        write_film(run, wishes.film)
     if wishes.as_json:
         film = None if wishes.film is None else wishes.film.target
         written = {"page": target, "pdf": wishes.pdf, "figures": wishes.figures, "film": film}
@@ -159,10 +163,7 @@ def _subject(wishes: _Wishes) -> "Subject":
 
     grids = [folder for folder in wishes.folders if is_grid(folder)]
     if not grids:
-        runs = [_opened(folder) for folder in wishes.folders]
-        if wishes.film is not None:
-            check_film(runs[0], wishes.film)
-        return runs
+        return _runs(wishes)
     if len(wishes.folders) > 1:
         raise CommandError(f"vibro: {grids[0]} holds a grid, which is reported alone")
     if wishes.film is not None:
@@ -171,6 +172,26 @@ def _subject(wishes: _Wishes) -> "Subject":
         return open_grid(grids[0])
     except NotAGrid as error:
         raise CommandError(f"vibro: {error}") from error
+
+
+def _runs(wishes: _Wishes) -> "Runs":
+    """The runs of the folders, all of one system; raises `CommandError` where that is not so."""
+    from vibro_cli.storage.stored import StoredRun, StoredSystemRun
+
+    found = [_opened(folder) for folder in wishes.folders]
+    systems = [run.scenario.system for run in found]
+    for folder, system in zip(wishes.folders, systems, strict=True):
+        if system != systems[0]:
+            first = f"{wishes.folders[0]} of {systems[0]}"
+            raise CommandError(f"vibro: {folder} is of {system} and {first}; expected one system")
+    runs = [run for run in found if isinstance(run, StoredRun)]
+    if not runs:
+        if wishes.film is not None:
+            raise CommandError(f"vibro: --animate: found {systems[0]}, expected a run of a trace")
+        return [run for run in found if isinstance(run, StoredSystemRun)]
+    if wishes.film is not None:
+        check_film(runs[0], wishes.film)
+    return runs
 
 
 def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
@@ -189,20 +210,25 @@ def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
 
 
 def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
-    from vibro_cli.report.page import grid_html, report_html
+    from vibro_cli.report.page import grid_html, report_html, system_html
+    from vibro_cli.storage.stored import StoredRun, StoredSystemRun
 
     if isinstance(subject, list):
-        return report_html(subject, beside, __version__)
+        of_trace = [run for run in subject if isinstance(run, StoredRun)]
+        if of_trace:
+            return report_html(of_trace, beside, __version__)
+        others = [run for run in subject if isinstance(run, StoredSystemRun)]
+        return system_html(others, beside, __version__)
     return grid_html(subject, beside, __version__, maps)
 
 
-def _opened(folder: Path) -> "StoredRun":
+def _opened(folder: Path) -> "StoredRun | StoredSystemRun":
     """The run of a folder; raises `CommandError` when there is none."""
     from vibro_cli.storage.runs import NotContinuable
-    from vibro_cli.storage.stored import open_run
+    from vibro_cli.storage.stored import open_any_run
 
     try:
-        return open_run(folder)
+        return open_any_run(folder)
     except NotContinuable as error:
         raise CommandError(f"vibro: {error}") from error
 
@@ -225,14 +251,20 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
     """Every figure of what is reported, with the stem of its files."""
     from vibro_cli.figures.grid_kinds import draw_grid
     from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
+    from vibro_cli.figures.system_kinds import draw_system
+    from vibro_cli.storage.stored import StoredRun, StoredSystemRun
 
     if not isinstance(subject, list):
         yield from ((drawn.name, drawn) for drawn in draw_grid(subject, width, maps))
         return
     for place, run in enumerate(subject, 1):
+        assert isinstance(run, StoredRun | StoredSystemRun)
         prefix = f"{place}_{run.scenario.name}_" if len(subject) > 1 else ""
-        for drawn in draw_all(run, [PORTRAIT, *KINDS], width):
-            yield f"{prefix}{drawn.name}", drawn
+        if isinstance(run, StoredRun):
+            each = draw_all(run, [PORTRAIT, *KINDS], width)
+        else:
+            each = draw_system(run.run, width)
+        yield from ((f"{prefix}{drawn.name}", drawn) for drawn in each)
 
 
 def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:

@@ -95,19 +95,13 @@ def is_sound(record: dict[str, Any]) -> bool:
 
 def _figures(result: "AnyRun") -> dict[str, bytes]:
     """The figures of a run: names of files and their contents."""
-
     from vibro_cli.systems.springs.run import SpringsRun
     from vibro_cli.systems.table.run import TableRun
 
-    if isinstance(result, TableRun):
-        from vibro_cli.figures.table_plan import table_plan
+    if isinstance(result, TableRun | SpringsRun):
+        from vibro_cli.figures.system_kinds import draw_system
 
-        return _files("plan", table_plan(result))
-    if isinstance(result, SpringsRun):
-        from vibro_cli.figures.springs_portrait import springs_portrait
-
-        balls = range(1, len(result.system.bodies) + 1)
-        each = [_files(f"portrait_{ball}", springs_portrait(result, ball)) for ball in balls]
+        each = [_files(drawn.name, drawn.figure) for drawn in draw_system(result, "single")]
         return {name: content for files in each for name, content in files.items()}
     return _portraits(result)
 

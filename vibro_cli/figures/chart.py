@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -39,6 +39,14 @@ def body_look(ball: int) -> dict[str, Any]:
         "linestyle": _DASHES[(ball - 1) % len(_DASHES)],
         "linewidth": 0.8,
     }
+
+
+class HasBodies(Protocol):
+    """A run of whatever system."""
+
+    @property
+    def system(self) -> Any:
+        """What was solved; it has ``bodies``."""
 
 
 def stacked(
@@ -186,7 +194,7 @@ def band_entry(spans: Sequence[tuple[float, float]]) -> list[tuple[str, dict[str
     return [(CONTACT_LABEL, look)] if spans else []
 
 
-def body_entries(run: Recorded) -> list[tuple[str, dict[str, Any]]]:
+def body_entries(run: HasBodies) -> list[tuple[str, dict[str, Any]]]:
     """Return the legend's entries of the bodies; of very many only the first."""
     number = len(run.system.bodies)
     shown = range(1, min(number, _MOST_NAMED) + 1)

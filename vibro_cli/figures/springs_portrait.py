@@ -46,7 +46,8 @@ def springs_portrait(run: SpringsRun, ball: int, width: str = "single") -> Figur
         lower.set_ylabel(r"energy [J]")
         lower.set_xlabel(rf"$x_{{{ball}}}$ [m], from the foot of its spring")
         upper.set_xlim(*span)
-        words = f"{len(path['jump_x'])} impacts of body {ball}"
+        count = len(path["jump_x"])
+        words = f"{count} {'impact' if count == 1 else 'impacts'} of body {ball}"
         upper.set_title(words, pad=2.0, color=style.FRAME_GREY)
     return figure
 

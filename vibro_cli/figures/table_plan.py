@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.patches import Circle, Ellipse, Polygon
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
+from vibro_cli.figures.numbering import leader, place_numbers
 from vibro_cli.systems.table.run import TableRun
 from vibro_cli.systems.table.system import POLYGON, Wall
 
@@ -58,6 +60,7 @@ def table_plan(run: TableRun, width: str = "single") -> Figure:
             _draw_path(axes, run, ball, path)
         _draw_impacts(axes, run)
         _draw_velocities(axes, run, paths, _ARROW * (high[0] - low[0]))
+        _draw_numbers(axes, run, paths, (box[0] * millimetres, box[1] * (height + 16.0)))
         axes.set_title(_title(run, paths), pad=2.0, color=style.FRAME_GREY)
     return figure
 
@@ -106,11 +109,49 @@ def _draw_path(axes: Axes, run: TableRun, ball: int, path: Floats) -> None:
     radius = run.system.bodies[ball].radius
     axes.add_patch(Circle(tuple(path[0]), radius, facecolor=color, alpha=0.25, edgecolor=color))
     axes.plot(*path[0], marker=".", markersize=3.0, color=color, zorder=4.0)
-    place = (float(path[0, 0]), float(path[0, 1]))
-    axes.annotate(
-        str(ball + 1), place, xytext=(3.0, 3.0), textcoords="offset points", color=color,
-        fontsize=style.SMALL, zorder=5.0,
-    )  # fmt: skip
+
+
+def _draw_numbers(
+    axes: Axes, run: TableRun, paths: list[Floats], size: tuple[float, float]
+) -> None:
+    """Write each ball's number beside its start, where it covers least (`size` in mm)."""
+    axes.apply_aspect()
+    corner, scale = _millimetres(axes, size)
+    starts = [(path[:1] - corner) * scale for path in paths]
+    passed = np.concatenate([_points_along(path) for path in paths])
+    around = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    ring = np.column_stack([np.cos(around), np.sin(around)])
+    ring = np.concatenate([share * ring for share in (0.25, 0.5, 0.75, 1.0)])
+    circles = [
+        path[0] + body.radius * ring for path, body in zip(paths, run.system.bodies, strict=True)
+    ]
+    obstacles = (np.concatenate([passed, *circles]) - corner) * scale
+    texts = [str(ball) for ball in range(1, len(paths) + 1)]
+    places = place_numbers(texts, starts, obstacles, size)
+    for ball, (text, place) in enumerate(zip(texts, places, strict=True)):
+        color = _COLORS[ball % len(_COLORS)]
+        line = leader(place, starts[ball])
+        if line is not None:
+            axes.plot(*(line / scale + corner).T, color=color, linewidth=0.4, zorder=5.0)
+        at = np.array(place) / scale + corner
+        axes.text(
+            float(at[0]), float(at[1]), text, color=color, fontsize=style.SMALL, zorder=6.5,
+            ha="center", va="center_baseline",
+        )  # fmt: skip
+
+
+def _millimetres(axes: Axes, size: tuple[float, float]) -> tuple[Floats, Floats]:
+    """The lower left corner of the panel in m, and millimetres in a metre along both axes."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    return np.array([left, bottom]), np.array([size[0] / (right - left), size[1] / (top - bottom)])
+
+
+def _points_along(path: Floats) -> Floats:
+    """Points of the first flights of a path, close enough for numbers to keep clear of them."""
+    first = path[:MOST_ARROWS]
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    pieces = [a + share * (b - a) for a, b in pairwise(first)]
+    return np.concatenate(pieces) if pieces else first
 
 
 def _draw_impacts(axes: Axes, run: TableRun) -> None:
@@ -174,7 +215,8 @@ def _at(table: dict[str, NDArray[np.float64]], row: int, ball: str, end: str) ->
 
 
 def _title(run: TableRun, paths: list[Floats]) -> str:
-    words = f"{len(run.collisions['n'])} impacts, {len(run.bounces['n'])} on the wall"
+    count = len(run.collisions["n"])
+    words = f"{count} {'impact' if count == 1 else 'impacts'}, {len(run.bounces['n'])} on the wall"
     if any(len(path) > MOST_LINES for path in paths):
         return f"{words}; the first {MOST_LINES} flights of a ball"
     return words

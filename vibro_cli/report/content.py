@@ -15,12 +15,13 @@ from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.analysis.sides import side
 from vibro_cli.analysis.trigger import FIGURE_EIGHT
+from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.caveats import mechanics_warnings
 from vibro_cli.report.analogy import analogy
 from vibro_cli.report.images import figures_of_run
 from vibro_cli.report.words import END_CAUSES, LAWS, number, validity
 from vibro_cli.storage.schema import Column, collisions
-from vibro_cli.storage.stored import StoredRun
+from vibro_cli.storage.stored import StoredRun, StoredSystemRun
 
 FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""
@@ -36,7 +37,7 @@ _COLUMNS = (
 
 def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any]:
     """Return the values of a report of runs whose file is to stand in the folder `beside`."""
-    names = _names(runs)
+    names = names_of(runs)
     return {
         "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
         "version": version,
@@ -48,7 +49,7 @@ def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any
     }
 
 
-def _names(runs: Sequence[StoredRun]) -> list[str]:
+def names_of(runs: Sequence[StoredRun | StoredSystemRun]) -> list[str]:
     """Return names that tell the runs apart: those of the scenarios, else with the folders'."""
     names = [run.scenario.name for run in runs]
     if len(set(names)) == len(names):
@@ -65,8 +66,7 @@ def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]
         "ending": END_CAUSES.get(summary["end_cause"], str(summary["end_cause"])),
         "key_figures": key_figures(run),
         "setting": _setting(run),
-        "pieces": [_piece(run, index) for index in range(len(run.system.trace.pieces))],
-        "bodies": [_body(run, index) for index in range(len(run.system.bodies))],
+        "tables": _tables(run, name),
         "figures": list(figures_of_run(run, name)),
         "analogy": analogy(run),
         "energy": energy_balance(run),
@@ -75,8 +75,7 @@ def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]
         ),
         "accuracy": _accuracy(run),
         "sides": _sides(run),
-        "impacts": _impacts(run),
-        "link": link(run.folder / "collisions.parquet", beside),
+        "logs": [_impacts(run, name, beside)],
         "versions": versions(run.manifest),
     }
 
@@ -122,6 +121,22 @@ def _setting(run: StoredRun) -> list[tuple[str, str]]:
     return [(label, value) for label, value in found if value != "–"]
 
 
+def _tables(run: StoredRun, name: str) -> list[tuple[str, Sequence[str], list[list[str]]]]:
+    """Captions, heads and rows of the tables of the problem."""
+    return [
+        (
+            f"Pieces of the trace of {name}, from left to right",
+            ("Arc", "Shape", "Radius", "Slope at the left end", "Slope at the right end", "Length"),
+            [_piece(run, index) for index in range(len(run.system.trace.pieces))],
+        ),
+        (
+            f"Bodies of {name}, from left to right, and how they start",
+            (*BODY_HEADS, "Arc", "Angle or position", "Speed"),
+            [_body(run, index) for index in range(len(run.system.bodies))],
+        ),
+    ]
+
+
 def _piece(run: StoredRun, index: int) -> list[str]:
     piece = run.system.trace.pieces[index]
     radius = number(piece.radius, "m") if math.isfinite(piece.radius) else "–"
@@ -130,8 +145,21 @@ def _piece(run: StoredRun, index: int) -> list[str]:
 
 
 def _body(run: StoredRun, index: int) -> list[str]:
-    body, state = run.system.bodies[index], run.system.initial[index]
+    state = run.system.initial[index]
     on_line = run.system.trace.pieces[state.piece].is_line
+    return [
+        *body_cells(index, run.system.bodies[index]),
+        str(state.piece + 1),
+        number(state.position, "m" if on_line else "rad"),
+        number(state.speed, "m/s"),
+    ]
+
+
+BODY_HEADS = ("Body", "Kind", "Radius", "Mass", "κ", "J_P")
+
+
+def body_cells(index: int, body: Body) -> list[str]:
+    """Return what a body is, as `BODY_HEADS` says; `index` counts from 0."""
     return [
         str(index + 1),
         body.kind,
@@ -139,9 +167,6 @@ def _body(run: StoredRun, index: int) -> list[str]:
         number(body.mass, "kg"),
         number(body.kappa),
         number(body.rolling_inertia, "kg m²"),
-        str(state.piece + 1),
-        number(state.position, "m" if on_line else "rad"),
-        number(state.speed, "m/s"),
     ]
 
 
@@ -202,23 +227,37 @@ def _accuracy(run: StoredRun) -> list[tuple[str, str]]:
     return [(label, value) for label, value in found if value != "–"]
 
 
-def _impacts(run: StoredRun) -> dict[str, Any]:
-    """The first rows of the table, with what each column means."""
+def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     known = {column.name: column for column in collisions().columns}
     columns = [known[name] for name in _COLUMNS]
-    total = len(run.collisions["n"])
+    words = {
+        "words": "impacts",
+        "none": "was no impact",
+        "label": f"Impacts of {name}",
+        "caption": f"Impacts of {name}, a to the left of b",
+    }
+    return words | first_rows(run.collisions, columns, run.folder / "collisions.parquet", beside)
+
+
+def first_rows(
+    table: Mapping[str, Any], columns: Sequence[Column], file: Path, beside: Path
+) -> dict[str, Any]:
+    """Return the first rows of a table, with what each column means and where the others are."""
+    total = len(table["n"])
     rows = range(min(total, FIRST_ROWS))
     return {
         "columns": columns,
-        "rows": [[cell(run.collisions, column, row) for column in columns] for row in rows],
+        "rows": [[cell(table, column, row) for column in columns] for row in rows],
         "total": total,
+        "file": file.name,
+        "link": link(file, beside),
     }
 
 
 def cell(table: Mapping[str, Any], column: Column, row: int) -> tuple[str, str]:
     """Return a value to sort by and the value as it is shown."""
     value = table[column.name][row]
-    if value is None or (isinstance(value, float) and math.isnan(value)):
+    if value is None or value is np.ma.masked or (isinstance(value, float) and math.isnan(value)):
         return "", "–"
     if isinstance(value, str):
         return value, value.replace("_", " ")
@@ -240,6 +279,15 @@ def versions(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _comparison(runs: Sequence[StoredRun], names: Sequence[str]) -> dict[str, Any]:
     """Return the key figures of several runs side by side, and what differs in the scenarios."""
     results = [dict(key_figures(run)) for run in runs]
+    return compared(runs, names, results)
+
+
+def compared(
+    runs: Sequence[StoredRun | StoredSystemRun],
+    names: Sequence[str],
+    results: Sequence[Mapping[str, str]],
+) -> dict[str, Any]:
+    """Return results of several runs side by side, by their labels, and what differs else."""
     labels = list(dict.fromkeys(label for result in results for label in result))
     settings = [flat(run.scenario.resolved()) for run in runs]
     paths = list(dict.fromkeys(path for setting in settings for path in setting))

@@ -13,8 +13,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vibro_cli.report.content import page
 from vibro_cli.report.grid_content import grid_page
+from vibro_cli.report.system_content import system_page
 from vibro_cli.report.words import method_of
-from vibro_cli.storage.stored import StoredRun
+from vibro_cli.storage.stored import StoredRun, StoredSystemRun
 from vibro_cli.storage.stored_grid import StoredGrid
 
 GENERATOR = "vibro report"
@@ -27,6 +28,13 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
     """
     values = page(runs, beside, version)
     values |= {"generator": GENERATOR, "method": method_of("trace")}
+    return rendered("report", values)
+
+
+def system_html(runs: Sequence[StoredSystemRun], beside: Path, version: str) -> bytes:
+    """Return the report of runs of another system than the trace, else as :func:`report_html`."""
+    values = system_page(runs, beside, version)
+    values |= {"generator": GENERATOR, "method": method_of(runs[0].scenario.system)}
     return rendered("report", values)
 
 

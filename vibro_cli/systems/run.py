@@ -12,10 +12,13 @@ import numpy as np
 
 from vibro_cli.simulation.continuing import checkpoint_of
 from vibro_cli.systems import impact_columns as columns
-from vibro_cli.systems.driving import Driver
+from vibro_cli.systems.driving import Driver, Library
 from vibro_cli.systems.impact_columns import Table
 from vibro_cli.systems.system import ImpactSystem
 from vibro_cli.systems.wanted import Wanted
+
+# Samples of the motion that are kept.
+MOST_SAMPLED = 6
 
 SomeSystem = TypeVar("SomeSystem", bound=ImpactSystem)
 
@@ -55,6 +58,8 @@ class Ending(NamedTuple):
 class SystemRun(ABC, Generic[SomeSystem]):
     """The result of a run; every table is computed when first asked for."""
 
+    LIBRARY: ClassVar[Library]
+    """What its kernels are called by."""
     IMPACT_LOG: ClassVar[str]
     """The log of the impacts of two bodies."""
     IMPACT_TABLES: ClassVar[Mapping[str, ImpactTable[Any]]]
@@ -70,7 +75,8 @@ class SystemRun(ABC, Generic[SomeSystem]):
     _clock: dict[str, float] = field(repr=False)
     _logs: dict[str, Any] = field(repr=False)
     _state: State = field(repr=False)
-    _end_state: State = field(repr=False)
+    _end_state: State | None = field(repr=False)
+    """The state at the end, where the run has brought the bodies there."""
 
     @classmethod
     def of(
@@ -90,6 +96,25 @@ class SystemRun(ABC, Generic[SomeSystem]):
             _logs={name: log.table() for name, log in driver.logs.items()},
             _state=state,
             _end_state=driver.state() if end.finish else state,
+        )
+
+    @classmethod
+    def stored(
+        cls, system: SomeSystem, engine: str, checkpoint: Mapping[str, Any], history: dict[str, Any]
+    ) -> Self:
+        """Return a run as it was stored, for its tables, motion and figures."""
+        names = cls.LIBRARY.records["clock"].fields  # type: ignore[attr-defined]
+        clock = dict(zip(names, checkpoint["state"]["clock"][0], strict=True))
+        return cls(
+            system=system,
+            engine=engine,
+            end_cause=checkpoint["end_cause"],
+            end_time=checkpoint["end_time"],
+            wanted=Wanted(),
+            _clock=clock,
+            _logs=history,
+            _state=checkpoint["state"],
+            _end_state=None,
         )
 
     def checkpoint(self) -> dict[str, Any]:
@@ -123,9 +148,9 @@ class SystemRun(ABC, Generic[SomeSystem]):
     def _initial_states(self) -> Table:
         """Columns of the motion table at the start, a row for each body."""
 
-    @abstractmethod
     def _final_states(self) -> Table:
         """The same at the end."""
+        return self.sample([self.end_time])
 
     @property
     @abstractmethod
@@ -164,7 +189,17 @@ class SystemRun(ABC, Generic[SomeSystem]):
 
     def sample(self, times: Any, side: str = "after") -> Table:
         """Return the motion at given times (s); `side` of an event at such an instant."""
-        return self.paths.sample(times, side)
+        key = np.asarray(times, dtype=np.float64).tobytes(), side
+        if key not in self._sampled:
+            self._sampled[key] = self.paths.sample(times, side)
+            while len(self._sampled) > MOST_SAMPLED:
+                del self._sampled[next(iter(self._sampled))]
+        return dict(self._sampled[key])
+
+    @cached_property
+    def _sampled(self) -> dict[tuple[bytes, str], Table]:
+        """What was asked for lately: the figures of a run ask for the same again and again."""
+        return {}
 
     @cached_property
     def summary(self) -> Table:

@@ -39,13 +39,14 @@ class Motion:
         found = np.zeros((len(instants), number, 3))
         start = np.searchsorted(self.times, instants, side="right" if side == "after" else "left")
         rows = np.maximum(start - 1, 0)
-        world, at = make_world(self._system), -1
+        walk = _Walk(make_world(self._system))
+        at = -1
         for place in np.lexsort((instants, rows)):
             if rows[place] != at:
                 at = int(rows[place])
-                self._restore(world, at)
-            self._go_on(world, float(instants[place]))
-            found[place] = [(one.x, one.v, energy_of(one)) for one in world.springs]
+                self._restore(walk.world, at)
+                walk.begin()
+            found[place] = walk.at(float(instants[place]))
         return _motion_columns(self._system, instants, found)
 
     def _restore(self, world: World, event: int) -> None:
@@ -66,18 +67,42 @@ class Motion:
             mass = sum(world.bodies[n].rolling_mass for n in range(first, first + count))
             world.springs[first].energy = total / mass
 
-    def _go_on(self, world: World, until: float) -> None:
-        """Move a world on to an instant before its next event."""
-        clock = world.clock[0]
-        while True:
+
+class _Walk:
+    """A world that goes on from an event by the very steps of the solver."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self._step = 0.0
+
+    def begin(self) -> None:
+        """Take up the state that the world was put into."""
+        self._step = expand(self.world)
+
+    def at(self, until: float) -> list[tuple[float, float, float]]:
+        """Return place, speed and energy over rolling mass of each body, before the next event.
+
+        The instants (s) of several calls must not fall.
+        """
+        world, clock = self.world, self.world.clock[0]
+        left = until - clock.t - clock.t_low
+        while self._step <= left:
+            self._go_on(self._step)
+            clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, self._step)
+            self._step = expand(world)
             left = until - clock.t - clock.t_low
-            if left <= 0.0:
-                return
-            step = min(expand(world), left)
-            move(world, step)
-            for first, count in groups(world):
-                keep_energy(world, first, count)
-            clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
+        begun = [(one.x, one.v) for one in world.springs]
+        if left > 0.0:
+            self._go_on(left)
+        found = [(one.x, one.v, energy_of(one)) for one in world.springs]
+        for one, (x, v) in zip(world.springs, begun, strict=True):
+            one.x, one.v = x, v
+        return found
+
+    def _go_on(self, time: float) -> None:
+        move(self.world, time)
+        for first, count in groups(self.world):
+            keep_energy(self.world, first, count)
 
 
 def states_at(

@@ -37,6 +37,7 @@ LIBRARY = Library(advance, RECORDS, LOGS, LOG_FULL, STATE)
 class SpringsRun(SystemRun[SpringsSystem]):
     """The result of :func:`simulate_springs`."""
 
+    LIBRARY = LIBRARY
     IMPACT_LOG = "impacts"
     IMPACT_TABLES: ClassVar[Mapping[str, ImpactTable[SpringsSystem]]] = {
         "collisions": ImpactTable("impacts", collision_table)
@@ -62,6 +63,8 @@ class SpringsRun(SystemRun[SpringsSystem]):
         return states_at(self.system, make_world(self.system).springs, 0.0)
 
     def _final_states(self) -> Table:
+        if self._end_state is None:
+            return super()._final_states()
         springs = rows_of(SpringBody, self._end_state["springs"])
         return states_at(self.system, springs, self.end_time)
 

@@ -27,6 +27,7 @@ LIBRARY = Library(advance, RECORDS, LOGS, LOG_FULL, STATE)
 class TableRun(SystemRun[TableSystem]):
     """The result of :func:`simulate_table`."""
 
+    LIBRARY = LIBRARY
     IMPACT_LOG = "pair_log"
     IMPACT_TABLES: ClassVar[Mapping[str, ImpactTable[TableSystem]]] = {
         "collisions": ImpactTable("pair_log", collision_table),
@@ -48,6 +49,8 @@ class TableRun(SystemRun[TableSystem]):
         return states_at(self.system, make_world(self.system, None, None, None).balls, 0.0)
 
     def _final_states(self) -> Table:
+        if self._end_state is None:
+            return super()._final_states()
         return states_at(self.system, rows_of(Ball, self._end_state["balls"]), self.end_time)
 
     @property
