@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import random
 
+import numpy as np
 import pytest
 
+from vibro_cli.mechanics.turning import Pull
 from vibro_cli.numerics.quartic import (
     QuarticConstants,
     period_of,
@@ -28,6 +31,9 @@ ORBITS = [
     pytest.param(0.0, 0.5, 1e-9, 1e-9, 0, 1e-13, id="next to a centre"),
     pytest.param(0.0, 1.0, 0.3, 0.0, 0, 1e-13, id="at the pitchfork"),
     pytest.param(1.3, 0.0, 0.5, 0.0, 0, 1e-14, id="without spread"),
+    pytest.param(0.0, 0.02, 2.44, 0.32, 0, 3e-14, id="turns below a crest"),
+    pytest.param(0.1, 1.0, -2.4, 0.385, 0, 3e-14, id="through the far side"),
+    pytest.param(-0.4, 1.2, 2.6, 0.0, 0, 3e-14, id="from rest through the far side"),
 ]
 
 
@@ -80,3 +86,24 @@ def test_a_place_is_passed_again_after_a_period() -> None:
     # Back at the start the other way round.
     back = time_to_place(quartic, 0.0, 1.0, 0.3)
     assert quartic_motion(quartic, back) == pytest.approx((0.0, 1.0, 0.3), abs=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_motion_keeps_its_energy_and_never_jumps(seed: int) -> None:
+    chance = random.Random(seed)
+    for _ in range(25):
+        tilt, spread = chance.uniform(-1.5, 1.5), chance.choice([0.02, chance.uniform(0.0, 3.0)])
+        angle = chance.uniform(-math.pi, math.pi)
+        p = chance.choice([0.0, chance.uniform(-1.0, 1.0)])
+        highest = Pull(tilt, spread)
+        top = max(highest.potential(place) for place in highest.equilibria())
+        energy = p * p + highest.potential(angle)
+        if abs(energy - top) < 1e-3:
+            continue
+        quartic = motion(tilt, spread, angle, p, int(energy > top))
+        before = (0.0, 1.0)
+        for t in np.linspace(0.0, 2.2 * period_of(quartic), 1000).tolist():
+            sine, cosine, rate = quartic_motion(quartic, t)
+            assert abs(squared_rate(quartic, sine, cosine) - rate * rate) < 1e-12
+            assert sine * before[0] + cosine * before[1] > 0.0
+            before = (sine, cosine)

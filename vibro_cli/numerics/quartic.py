@@ -26,6 +26,8 @@ RHOMBIC = 1  # one real root, two conjugate ones
 # Below this share of the other factors a root's distance is taken from the derivative.
 NEAR_ROOT = 0.25
 POLISHING_STEPS = 3
+# Below this square of the share that cancellation leaves of a form, the other one is taken.
+NEAR_NOTHING = 1.0e-3
 
 
 @record
@@ -43,6 +45,8 @@ class QuarticConstants(ThetaConstants):
     second: float  # e1 - e2; rhombic: real part of e1 - e2
     third: float  # e1 - e3; rhombic: imaginary part of e1 - e2
     rate_scale: float  # argument of the theta functions for one unit of time
+    back: float  # u'^2 z where it comes back to the start
+    returns_early: int  # 1: it does so within half a period
 
 
 @kernel
@@ -57,6 +61,8 @@ def set_quartic_constants(
     motion.start_rate = rate
     motion.turns_over = over
     a4 = rate * rate
+    motion.back = a3 * a3 - 1.5 * a2 * a4
+    motion.returns_early = 1 if (2.0 * a3 * motion.back + a1 * a4 * a4) * rate < 0.0 else 0
     p2 = 1.5 * a2
     p1 = a1 * a3 - 0.25 * a0 * a4
     p0 = 0.25 * (a0 * (a3 * a3 - 1.5 * a2 * a4) + a1 * a1 * a4)
@@ -176,34 +182,88 @@ def quartic_motion(motion: QuarticConstants, t: float) -> tuple[float, float, fl
 def _by_weierstrass(
     motion: QuarticConstants, sigma: float, level: float, slope: float
 ) -> tuple[float, float, float]:
-    a0 = motion.quartic_0
-    a1 = motion.quartic_1
-    a2 = motion.quartic_2
+    """State from ``z = root + level/sigma^2`` and its slope, by a form of ``u`` far from 0/0.
+
+    With ``a0 > 0`` both forms of ``u = X/Y`` become 0/0: the first where ``z = +- u' sqrt(a0)/2``,
+    as often as u passes infinity; the second, of whose X a factor is divided out, as long before
+    the end of a period as the motion comes back to its start after the beginning. A motion that
+    turns over never comes back.
+    """
+    a3 = motion.quartic_3
+    rate = motion.start_rate
+    if motion.turns_over == 0 and sigma < 0.0:
+        # It repeats after a period of z, where both change their signs.
+        sigma = -sigma
+        slope = -slope
+    square = sigma * sigma
+    z = motion.root * square + level
+    if rate == 0.0:
+        # From a turning point: u = a3/z.
+        x = a3 * square
+        size = 1.0 / (x * x + z * z)
+        root = math.sqrt(size)
+        return x * root, z * root, 2.0 * a3 * slope * sigma * size
+    if motion.quartic_0 <= 0.0:
+        return _by_first_form(motion, sigma, z, slope, 0.0)
+    a4 = rate * rate
+    along = 2.0 * a3 * z + motion.quartic_1 * a4 * square
+    turned = rate * _bend(motion, z, square)
+    pushed = 4.0 * a3 * slope * sigma
+    before = a4 * z
+    after = motion.back * square
+    x_part = 2.0 * (before - after)
+    x = sigma * x_part
+    y = 2.0 * rate * slope - sigma * along
+    size = x * x + y * y
+    if motion.turns_over == 1:
+        sign = 1.0 if rate > 0.0 else -1.0
+    else:
+        # On which side of the start it is: it has not come back yet, or has.
+        if motion.returns_early == 1:
+            ahead = slope > 0.0 and x_part > 0.0
+        else:
+            ahead = slope >= 0.0 or x_part < 0.0
+        sign = rate if ahead else -rate
+        terms = 2.0 * (abs(before) + abs(after)) * abs(sigma) + 2.0 * abs(rate * slope)
+        terms += abs(sigma * along)
+        if size < NEAR_NOTHING * (terms * terms):
+            return _by_first_form(motion, sigma, z, slope, sign)
+        sign = -1.0 if x * sign < 0.0 or (x == 0.0 and y < 0.0) else 1.0
+    moved = x_part * (turned - pushed) - 4.0 * a4 * slope * y
+    size = 1.0 / size
+    root = sign * math.sqrt(size)
+    return x * root, y * root, moved * size
+
+
+@kernel
+def _bend(motion: QuarticConstants, z: float, square: float) -> float:
+    """``z'' sigma^4``."""
+    a4 = motion.start_rate * motion.start_rate
+    b = 2.0 * motion.quartic_1 * motion.quartic_3 - 0.5 * motion.quartic_0 * a4
+    return 6.0 * z * (z + motion.quartic_2 * square) + b * (square * square)
+
+
+@kernel
+def _by_first_form(
+    motion: QuarticConstants, sigma: float, z: float, slope: float, side: float
+) -> tuple[float, float, float]:
+    """As :func:`_by_weierstrass` by Weierstrass's own form; ``side`` has the sign of ``sin h``.
+
+    With ``a0 <= 0`` it is never 0/0, and its signs are right: ``side`` is 0.
+    """
     a3 = motion.quartic_3
     rate = motion.start_rate
     a4 = rate * rate
     square = sigma * sigma
-    z = motion.root * square + level
-    b = 2.0 * a1 * a3 - 0.5 * a0 * a4
-    second = 6.0 * z * (z + a2 * square) + b * (square * square)  # z'' sigma^4
-    along = 2.0 * a3 * z + a1 * a4 * square
-    turned = rate * second + 4.0 * a3 * slope * sigma
-    if motion.turns_over == 0:
-        x_part = 2.0 * rate * slope + sigma * along
-        x = sigma * x_part
-        y = 2.0 * z * z - 0.5 * a0 * a4 * (square * square)
-        moved = 8.0 * x_part * z * slope - turned * y
-    else:
-        # Its factor that vanishes where the other form becomes 0/0 is divided out.
-        x_part = 2.0 * a4 * z - (2.0 * a3 * a3 - 3.0 * a2 * a4) * square
-        x = sigma * x_part
-        y = 2.0 * rate * slope - sigma * along
-        moved = x_part * (rate * second - 4.0 * a3 * slope * sigma) - 4.0 * a4 * slope * y
-        if rate < 0.0:
-            x = -x
-            y = -y
+    x_part = 2.0 * rate * slope + sigma * (2.0 * a3 * z + motion.quartic_1 * a4 * square)
+    x = sigma * x_part
+    y = 2.0 * z * z - 0.5 * motion.quartic_0 * a4 * (square * square)
+    turned = rate * _bend(motion, z, square) + 4.0 * a3 * slope * sigma
+    moved = 8.0 * x_part * z * slope - turned * y
     size = 1.0 / (x * x + y * y)
     root = math.sqrt(size)
+    if x * side < 0.0:
+        root = -root
     return x * root, y * root, moved * size
 
 
