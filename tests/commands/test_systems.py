@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -129,3 +130,37 @@ def test_a_run_goes_on(path: Path, vibro: Vibro) -> None:
     assert vibro("run", str(path), "-o", "whole", "--no-figures", *whole).code == 0
     for name in ("collisions.parquet", "summary.parquet", "checkpoint.json", "history.parquet"):
         assert (Path("part") / name).read_bytes() == (Path("whole") / name).read_bytes()
+
+
+def test_the_portrait_of_springs(vibro: Vibro) -> None:
+    path = str(GALLERY / "springs/two_disks.toml")
+    outcome = vibro("portrait", path, "-o", "drawn", "--json")
+    assert outcome.code == 0, outcome.err
+    first, second = json.loads(outcome.text)["bodies"]
+    assert first["type"] == "saddle between two centres (trigger)"
+    places = [point["displacement"] for point in first["points"]]
+    assert places == pytest.approx([-math.sqrt(24.0), 0.0, math.sqrt(24.0)], abs=1e-15)
+    assert [point["stressed"] for point in second["points"]] == [False, True, False]
+    assert second["points"][1]["energy"] == pytest.approx(0.5 * 9.0 * 3.5**2, rel=1e-15)
+    assert first["separatrix_speed"] == pytest.approx(2.0 * 4.0, rel=1e-15)
+    assert {path.name for path in Path("drawn").glob("*.png")} == {
+        "portrait_1.png", "portrait_2.png",
+    }  # fmt: skip
+    outcome = vibro("portrait", path, "--set", "balls[1].spring.height=6", "--no-figures")
+    assert "one centre" in outcome.text
+    outcome = vibro("portrait", path, "--vary", "balls[1].radius=0.1:0.2:3")
+    assert outcome.code == 2
+    assert "--vary and --compare are of traces" in outcome.err
+
+
+def test_the_portrait_of_a_wall(vibro: Vibro) -> None:
+    path = str(GALLERY / "table/elliptic_wall.toml")
+    outcome = vibro("portrait", path, "-o", "drawn", "--json")
+    assert outcome.code == 0, outcome.err
+    (body,) = json.loads(outcome.text)["bodies"]
+    assert [point["kind"] for point in body["points"]] == ["saddle", "center"]
+    assert Path("drawn/portrait_1.pdf").exists()
+    for other, words in (("convex_wall", "ellipse among"), ("billiards", "polygon around")):
+        outcome = vibro("portrait", str(GALLERY / f"table/{other}.toml"))
+        assert outcome.code == 2
+        assert words in outcome.err

@@ -19,6 +19,7 @@ from vibro_cli.commands.families import (
     varied,
 )
 from vibro_cli.commands.options import Overrides, Quiet, Task
+from vibro_cli.commands.portrait_systems import lines_of, portrait_of_system
 from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
@@ -95,11 +96,13 @@ def portrait(
 
 def _portray(wishes: _Wishes) -> int:
     """Analyse, draw, write and print."""
-    from vibro_cli.commands.loading import load
+    from vibro_cli.commands.loading import load_any
+    from vibro_cli.mechanics.system import System
+    from vibro_cli.scenario import Scenario
     from vibro_cli.storage.portraits import check_portrait_folder, write_portraits
     from vibro_cli.storage.provenance import FolderRefused
 
-    scenario, system = load(wishes.source, wishes.overrides)
+    scenario, system = load_any(wishes.source, wishes.overrides)
     if (wishes.vary or wishes.compare) and wishes.source == "-":
         raise CommandError(
             "vibro: --vary and --compare read the scenario several times; expected a file, not -"
@@ -110,7 +113,12 @@ def _portray(wishes: _Wishes) -> int:
     try:
         if folder is not None:
             check_portrait_folder(folder)
-        found, drawn = _analysed(wishes, scenario, system)
+        if isinstance(scenario, Scenario) and isinstance(system, System):
+            found, drawn = _analysed(wishes, scenario, system)
+            lines = _lines
+        else:
+            found, drawn = _of_other_system(wishes, scenario.name, system)
+            lines = lines_of
         if folder is not None:
             write_portraits(scenario, found, folder, drawn)
     except FolderRefused as error:
@@ -118,7 +126,7 @@ def _portray(wishes: _Wishes) -> int:
     if wishes.as_json:
         print(json_text(found))
     elif not wishes.quiet:
-        print("\n".join(_lines(found)))
+        print("\n".join(lines(found)))
     if folder is not None and not wishes.quiet:
         say(f"{scenario.name}: files in {folder}")
     return DONE
@@ -144,6 +152,19 @@ def _analysed(
         found["comparison"], more = compared(source, wishes.compare, draw)
         drawn |= more
     return found, drawn
+
+
+def _of_other_system(
+    wishes: _Wishes, name: str, system: Any
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The singular points of a system other than the trace, and the figures' files."""
+    if wishes.vary or wishes.compare:
+        raise CommandError(f"vibro: {name}: --vary and --compare are of traces")
+    found, figures = portrait_of_system(name, system, wishes.width, wishes.figures)
+    files: dict[str, bytes] = {}
+    for stem, figure in figures.items():
+        files |= _files(stem, figure)
+    return found, files
 
 
 def _files(stem: str, figure: "Figure") -> dict[str, bytes]:

@@ -9,13 +9,13 @@ from vibro_cli.storage.files import new_folder
 from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
 
 if TYPE_CHECKING:
-    from vibro_cli.scenario import Scenario
+    from vibro_cli.scenario.systems import AnyScenario
 
 check_portrait_folder = partial(check_replaceable, kind="portrait")
 
 
 def write_portraits(
-    scenario: "Scenario", found: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]
+    scenario: "AnyScenario", found: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]
 ) -> None:
     """Write the folder of a portrait, whole or not at all; `figures` are names and contents.
 
