@@ -122,7 +122,7 @@ class Batch:
         stack: Stack | None = None,
     ) -> Progress:
         """Go on to before point ``last``, or until there is no room for the impacts of a point."""
-        suits = len(results.impacts) == 0 and done.point < last
+        suits = stack is None and len(results.impacts) == 0 and done.point < last
         if self._group is not None and suits and self._suits_lanes(self._group, points, done):
             self.impacts_in_lanes += enter_lanes(
                 self.world, self._fresh, self._scratch, points, results,
