@@ -247,9 +247,10 @@ def _new_row(world: World, pair: int) -> ImpactRow:
 
 @kernel
 def _parts(row: ImpactRow) -> bool:
-    """Whether the law sends the bodies apart."""
+    """Whether the law sends the bodies apart, as far as the rounding of all speeds can tell."""
     separating = row.v_b_post - row.v_a_post
-    return separating >= -ROUNDING * (abs(row.v_a_post) + abs(row.v_b_post))
+    speeds = abs(row.v_a_post) + abs(row.v_b_post) + abs(row.v_a_pre) + abs(row.v_b_pre)
+    return separating >= -ROUNDING * speeds
 
 
 @kernel

@@ -59,7 +59,7 @@ def collide(world: World, a: int, b: int, instant: int) -> int:
     row.event = clock.collisions + clock.bounces
     row.substituted = 0
     row.admissible = 1
-    if row.normal_b_post < row.normal_a_post - _rounding(row):
+    if row.normal_b_post < row.normal_a_post - _rounding(world, row):
         row.admissible = 0
         if settings.substitute == 0:
             _after(row)
@@ -129,9 +129,10 @@ def inclination(one: BodyData, other: BodyData) -> float:
 
 
 @kernel
-def _rounding(row: PairRow) -> float:
-    """What of the components after the impact may be rounding."""
-    return RESOLVED * (abs(row.normal_a_post) + abs(row.normal_b_post))
+def _rounding(world: World, row: PairRow) -> float:
+    """What of the components along the line of centres may be rounding, of all components."""
+    before = math.sqrt(world.balls[row.a].square) + math.sqrt(world.balls[row.b].square)
+    return RESOLVED * (before + abs(row.normal_a_post) + abs(row.normal_b_post))
 
 
 @kernel

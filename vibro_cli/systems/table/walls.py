@@ -77,6 +77,11 @@ def _meet_conic(
     ahead = (cx - px) * ux + (cy - py) * uy
     if wall.side < 0.0 and ahead < -8.0 * EPSILON * (wall.a + wall.b + abs(px) + abs(py)):
         return NEVER
+    if ahead < 0.0:
+        # By rounding it is beyond the wall: it touches where it is, not where it came through,
+        # which along the wall may be far behind.
+        t = _root(wall, offset, px, py, nx, ny)
+        cx, cy, nx, ny, _ = _touch(wall, offset, nx, ny, t)
     _note(wall, wall.x + cx, wall.y + cy, nx, ny, to)
     return max(ahead, 0.0)
 
@@ -189,13 +194,14 @@ def _meet_circle(
             return NEVER
         outside = (math.sqrt(px * px + py * py) - rho) * (math.sqrt(px * px + py * py) + rho)
         ahead = outside / (root - along)
+    ahead = max(ahead, 0.0)
     nx = px + ahead * ux
     ny = py + ahead * uy
     length = math.sqrt(nx * nx + ny * ny)
     nx /= length
     ny /= length
     _note(wall, wall.x + rho * nx, wall.y + rho * ny, nx, ny, to)
-    return max(ahead, 0.0)
+    return ahead
 
 
 @kernel
