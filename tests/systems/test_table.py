@@ -436,3 +436,15 @@ def test_plastic_balls_roll_on_side_by_side() -> None:
     run = solve(table([ball(-1.0, 0.05, 1.0), ball(0.0, 0.0)], k=0.0, time=100.0))
     assert len(run.collisions["n"]) == 1
     assert run.end_cause == "time"
+
+
+def test_what_is_left_of_a_speed_by_underflow_moves_no_ball() -> None:
+    """Plastic bounces between a wall and another ball: speeds whose squares have no digits."""
+    balls = [
+        ball(0.001, 0.0, 1.0, 0.0, radius=0.05, mass=1.0),
+        ball(0.101, 0.0, 0.0, 0.0, radius=0.05, mass=6.208077755265798),
+    ]
+    wall = ellipse(1.2, 1.0, 0.05)
+    document = table(balls, wall, k=1e-300, time=10.0, collisions=200, bounces=300)
+    document["collision"]["law"] = "normal-impulse"
+    assert solve(document).summary_record()["max_gap"] <= 1e-14

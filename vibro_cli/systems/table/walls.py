@@ -34,6 +34,8 @@ MOST_STEPS = 200
 SETTLED = 1.0e-6
 # Components of a velocity across a wall below this share of it are rounding, not approach.
 RESOLVED = 4.0 * EPSILON
+# A slower ball (m/s) is at rest: the square of its speed has no digits any more.
+SLOWEST = 1.0e-145
 
 
 @kernel
@@ -44,7 +46,7 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
     """
     wall = world.wall[0]
     speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
-    if speed == 0.0:
+    if speed < SLOWEST:
         return NEVER
     if wall.kind == CONIC:
         return _meet_conic(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, to) / speed
