@@ -72,6 +72,11 @@ def test_what_was_lost_is_not_drawn() -> None:
     assert len(figure.axes[0].lines) == 3
 
 
+def test_a_mark_near_the_end_of_the_axis_is_drawn_whole() -> None:
+    panel = work_precision([timed("vibro", "exact", 0.102, 2e-16), *ROWS[1:5]]).axes[0]
+    assert panel.get_ylim() == (0.01, 1e4)
+
+
 def test_growth_has_a_panel_for_each_part() -> None:
     assert len(growth(ROWS).axes) == 3
     with pytest.raises(ValueError, match="nothing to draw"):

@@ -40,6 +40,8 @@ _LOOKS: dict[str, dict[str, Any]] = {
     "series of the papers": {"color": "#CC79A7", "marker": "X"},
 }
 _LINE: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.6, "markeredgewidth": 0.7}
+# Half the height of a mark, with some room, in powers of ten of the axis of time.
+_MARK = 0.12
 _GROWTH = {
     "bodies": "number of bodies",
     "arcs": "number of arcs, 3 reached",
@@ -68,7 +70,8 @@ def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
     with style.journal():
         figure, axes = _panels(len(scenes), width, len(methods))
         powers = [math.log10(row.per_impact * 1e6) for row in drawn if row.per_impact]
-        ends = 10.0 ** math.floor(min(powers)), 10.0 ** math.ceil(max(powers))
+        low, high = min(powers) - _MARK, max(powers) + _MARK
+        ends = 10.0 ** math.floor(low), 10.0 ** math.ceil(high)
         for number, (scene, panel) in enumerate(zip(scenes, axes, strict=True)):
             _draw(panel, [row for row in drawn if row.scene == scene], methods)
             panel.set_ylim(*ends)
