@@ -72,6 +72,14 @@ GRIDS: dict[str, tuple[str, dict[str, list[float]]]] = {
         "ball_on_arcs.toml",
         {"balls[2].inertia_ratio": [0.0, 1.0], "balls[1].radius": [-0.02, 0.2]},
     ),
+    "radii of many": (
+        "five_balls.toml",
+        {"balls[2].radius": [0.005, 0.3], "balls[4].radius": [0.005, 0.3]},
+    ),
+    "radii on a closed trace": (
+        "closed_three_balls.toml",
+        {"balls[2].radius": [0.005, 0.3], "balls[1].radius": [0.005, 0.3]},
+    ),
     "gravity of many": ("five_balls.toml", {"gravity": [1.0, 20.0], "balls[2].angle": [-0.9, 0.0]}),
     "walls": (
         "three_arcs.toml",
@@ -117,6 +125,8 @@ SEEN = {
     "turning": {"contact", "free"},
     "radius, gravity and thickness": {"free", "time"},
     "inertia and radius": {"invalid", "free"},
+    "radii of many": {"invalid", "free"},
+    "radii on a closed trace": {"invalid", "free"},
     "gravity of many": {"collisions"},
     "walls": {"invalid", "time"},
     "arcs": {"invalid", "free"},
@@ -196,6 +206,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
 
 QUICK: dict[str, tuple[str, str, list[float], Sequence[str]]] = {
     "radius": ("three_arcs.toml", "balls[1].radius", [0.02, 0.3], ()),
+    "radius of many": ("five_balls.toml", "balls[3].radius", [0.05, 0.08], ()),
     "gravity": ("five_balls.toml", "gravity", [1.0, 20.0], ()),
     "thickness": ("three_arcs.toml", "balls[1].thickness", [0.005, 0.05], ["balls[1].body=disk"]),
     "inertia": ("ball_on_arcs.toml", "balls[1].inertia_ratio", [0.0, 1.0], ()),

@@ -21,7 +21,7 @@ from vibro_cli.grids.axes import Column
 from vibro_cli.grids.changing import changed
 from vibro_cli.grids.paths import kind_of
 from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.clearance import contact_angle
+from vibro_cli.mechanics.clearance import contact_angle, fits_between, not_neighbours
 from vibro_cli.mechanics.placement import wall_position
 from vibro_cli.mechanics.separation import Path, Window, surely_clear
 from vibro_cli.mechanics.system import System
@@ -75,12 +75,13 @@ def sound_systems(
     resized = any(path[0] == "balls" and path[2] == "radius" for path in values)
     fit = np.ones(len(at), dtype=bool)
     if (on_new_trace or resized) and len(at):
-        if any(ball.touching for ball in known.balls) or len(bodies) > 2:
+        if any(ball.touching for ball in known.balls):
             fit[:] = False
         with np.errstate(all="ignore"):
             fit &= _bodies_fit(trace, bodies, like)
             at_once = trace.closed and len(trace.pieces) == 1
             fit &= at_once or _touch_nothing_else(trace, bodies, len(at))
+            fit &= _only_neighbours_touch(trace, bodies, len(at))
             fit &= _walls_fit(system)
     sound[at[~fit]] = False
     return sound, taken(system, fit)
@@ -155,6 +156,22 @@ def _touch_nothing_else(trace: Trace, bodies: tuple[Body, ...], count: int) -> A
         path, other = Path.of(trace.pieces[i], largest), Path.of(trace.pieces[j], 0.0)
         clear = clear & surely_clear(path, other, Window.of(trace, i, j), largest, count)
     return clear
+
+
+def _only_neighbours_touch(trace: Trace, bodies: tuple[Body, ...], count: int) -> Any:
+    """Where bodies that are not neighbours never touch, over those between them or else."""
+    fit: Any = True
+    for first, second, sides in not_neighbours(len(bodies), trace.closed):
+        for (left, right), between in sides:
+            outer = bodies[left].radius, bodies[right].radius
+            row = tuple(bodies[n].radius for n in between)
+            fit = fit & np.logical_not(fits_between(trace, outer, row))
+        a, b = bodies[first].radius, bodies[second].radius
+        for i, j in permutations(range(len(trace.pieces)), 2):
+            if i < j or trace.closed:
+                path, other = Path.of(trace.pieces[i], a), Path.of(trace.pieces[j], b)
+                fit = fit & surely_clear(path, other, Window.of(trace, i, j), a + b, count)
+    return fit
 
 
 def _walls_fit(system: System) -> Any:

@@ -15,9 +15,12 @@ What lies beyond such a stretch is searched by branch and bound (``mechanics.sep
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 from itertools import pairwise
+from operator import and_
+from typing import Any
 
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.separation import Answer, Path, Window, search, whole
@@ -154,28 +157,34 @@ def pocket_radius(curvature: float, radius_a: float, radius_b: float) -> float:
     """
     a, b = 1.0 / radius_a, 1.0 / radius_b
     under_root = a * b - curvature * (a + b)
-    if under_root < 0.0:
-        return math.inf
-    return 1.0 / (a + b - curvature + 2.0 * math.sqrt(under_root))
+    root = alike.square_root(alike.greatest(under_root, 0.0))
+    radius: float = alike.choose(under_root < 0.0, math.inf, 1.0 / (a + b - curvature + 2.0 * root))
+    return radius
 
 
-def fits_between(trace: Trace, outer: tuple[float, float], between: tuple[float, ...]) -> bool:
+def fits_between(trace: Trace, outer: tuple[float, float], between: tuple[float, ...]) -> Any:
     """Tell whether two touching bodies may have all of some others between them on the trace.
 
     Radii in m, in order from left to right. False is certified. On a single piece the answer is
     exact; on a chain the tightest valley decides, and bodies that fit one by one count as
     fitting together.
     """
-    if len(trace.pieces) == 1:
-        piece = trace.pieces[0]
-        row = (outer[0], *between, outer[1])
-        room = contact_angle(piece, *outer)
-        taken = [contact_angle(piece, a, b) for a, b in pairwise(row)]
-        if math.isfinite(room) and all(map(math.isfinite, taken)):
-            return math.fsum(taken) <= room * (1.0 + 16.0 * _EPSILON)
-    curvature = max((1.0 / p.radius for p in trace.pieces if p.sign > 0.0), default=0.0)
+    curvature = alike.greatest_of([0.0, *(1.0 / p.radius for p in trace.pieces if p.sign > 0.0)])
     largest = pocket_radius(curvature, *outer)
-    return all(radius <= largest * (1.0 + 1e-12) for radius in between)
+    one_by_one = reduce(and_, [radius <= largest * (1.0 + 1e-12) for radius in between])
+    if len(trace.pieces) > 1:
+        return one_by_one
+    piece = trace.pieces[0]
+    row = (outer[0], *between, outer[1])
+    room = contact_angle(piece, *outer)
+    taken = [contact_angle(piece, a, b) for a, b in pairwise(row)]
+    together = alike.exact_sum(taken) <= room * (1.0 + 16.0 * _EPSILON)
+    finite = reduce(and_, [angle < math.inf for angle in (room, *taken)])
+    return alike.choose(finite, together, one_by_one)
+
+
+Between = tuple[tuple[int, int], tuple[int, ...]]
+"""Two bodies, from left to right, and those between them."""
 
 
 @dataclass(frozen=True)
@@ -192,31 +201,35 @@ class Overreach:
     """Pieces on which they touch across a gap."""
 
 
+def not_neighbours(count: int, closed: bool) -> Iterator[tuple[int, int, list[Between]]]:
+    """Give every two bodies that are not neighbours, and what is between them on either side."""
+    for first in range(count):
+        for second in range(first + 2, count):
+            if closed and first == 0 and second == count - 1:
+                continue  # neighbours over the seam
+            sides: list[Between] = [((first, second), tuple(range(first + 1, second)))]
+            if closed:
+                sides.append(((second, first), (*range(second + 1, count), *range(first))))
+            yield first, second, sides
+
+
 def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...]:
     """Return the pairs of bodies, not neighbours, that may be able to touch one another.
 
     `radii` in m, in order along the trace. An empty answer certifies that only neighbours ever
     touch (on a line: no body smaller than a quarter of two equal ones around it).
     """
-    count = len(radii)
     across: dict[tuple[float, float], tuple[int, int] | None] = {}
     found: list[Overreach] = []
-    for first in range(count):
-        for second in range(first + 2, count):
-            if trace.closed and first == 0 and second == count - 1:
-                continue  # neighbours over the seam
-            pair = (radii[first], radii[second])
-            sides = [tuple(range(first + 1, second))]
-            if trace.closed:
-                sides.append((*range(second + 1, count), *range(first)))
-            for side in sides:
-                row = tuple(radii[n] for n in side)
-                ordered = pair if side is sides[0] else pair[::-1]
-                if fits_between(trace, ordered, row):
-                    found.append(Overreach(first, second, side))
-            if pair not in across:
-                across[pair] = touch_across(trace, *pair)
-            pieces = across[pair]
-            if pieces is not None:
-                found.append(Overreach(first, second, (), pieces))
+    for first, second, sides in not_neighbours(len(radii), trace.closed):
+        for (left, right), side in sides:
+            row = tuple(radii[n] for n in side)
+            if fits_between(trace, (radii[left], radii[right]), row):
+                found.append(Overreach(first, second, side))
+        pair = (radii[first], radii[second])
+        if pair not in across:
+            across[pair] = touch_across(trace, *pair)
+        pieces = across[pair]
+        if pieces is not None:
+            found.append(Overreach(first, second, (), pieces))
     return tuple(found)
