@@ -44,7 +44,7 @@ def heights(trace: Trace, radius: float) -> tuple[Heights, ...]:
 
 def _decimal(value: alike.Some) -> Any:
     """A double, or each of many, as a decimal."""
-    return alike.each(Decimal, value)
+    return alike.each(Decimal, value, kind=object)
 
 
 def _double(value: Any) -> Any:
@@ -63,20 +63,20 @@ def contains_turn(piece: Piece, angle: float) -> bool:
 def _extremes(trace: Trace, radius: Any) -> list[tuple[Any, Any, Any]]:
     """Bottom and top of the path of the centre, and the lowest place on the piece, for each."""
     found = []
-    cosine = alike.each(_cosine, trace.pieces[0].start_slope)
+    cosine = alike.each(_cosine, trace.pieces[0].start_slope, kind=object)
     # The body's centre is above the contact point by r cos(alpha), at every slope.
     contact: Any = Decimal(0)
     for piece in trace.pieces:
         start = contact + radius * cosine
         if piece.is_line:
-            sine = alike.each(_sine, piece.start_slope)
+            sine = alike.each(_sine, piece.start_slope, kind=object)
             contact = contact + _decimal(piece.length) * sine
             end = contact + radius * cosine
             found.append((start, end, alike.least(start, end)))
             continue
         sign = Decimal(piece.sign)
         centre = contact + sign * _decimal(piece.radius) * cosine
-        cosine = alike.each(_cosine, piece.end_slope)
+        cosine = alike.each(_cosine, piece.end_slope, kind=object)
         contact = centre - sign * _decimal(piece.radius) * cosine
         path_radius = _decimal(piece.radius) - sign * radius
         low = alike.least(start, contact + radius * cosine)

@@ -27,8 +27,11 @@ def is_number(values: Some) -> bool:
     return isinstance(values, _NUMBERS)
 
 
-def each(function: Callable[..., Any], *arguments: Some) -> Some:
-    """Return a function's values, one by one where an argument is an array."""
+def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> Some:
+    """Return a function's values, one by one where an argument is an array.
+
+    They are floats, or of another ``kind`` of an array.
+    """
     for one in arguments:
         if not isinstance(one, _NUMBERS):
             break
@@ -36,8 +39,22 @@ def each(function: Callable[..., Any], *arguments: Some) -> Some:
         return function(*arguments)
     import numpy as np
 
+    if len(arguments) == 1 and kind is float and arguments[0].dtype == np.float64:
+        return _each_of_stretches(function, np.ascontiguousarray(arguments[0]))
     columns = [repeat(one) if is_number(one) else one.tolist() for one in arguments]
-    return np.array(list(map(function, *columns)))  # of objects, if the values are objects
+    return np.fromiter(map(function, *columns), dtype=kind)
+
+
+def _each_of_stretches(function: Callable[[float], float], values: Any) -> Any:
+    """A function's values, asked for once for a stretch of the same numbers."""
+    import numpy as np
+
+    bits = values.view(np.int64)
+    starts = np.flatnonzero(np.concatenate([[True], bits[1:] != bits[:-1]]))[: len(bits)]
+    found = np.fromiter(map(function, values[starts].tolist()), dtype=float, count=len(starts))
+    if len(starts) == len(values):
+        return found
+    return np.repeat(found, np.diff(starts, append=len(values)))
 
 
 def sine(angle: float) -> float:
