@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from tests.strategies import EXAMPLES
+
 _ACTIONS: dict[signal.Signals, Any] = {
     signal.SIGINT: signal.default_int_handler,
     signal.SIGHUP: signal.SIG_DFL,
@@ -27,9 +29,12 @@ def _stop(*_: object) -> None:
 
 @pytest.fixture
 def no_hang() -> Iterator[None]:
-    """Stop a test after two minutes of the processor (however long they are on the wall)."""
+    """Stop a test after two minutes of the processor (however long they are on the wall).
+
+    Property tests in their long form, after as much more as they have more examples.
+    """
     before = signal.signal(signal.SIGPROF, _stop)
-    signal.setitimer(signal.ITIMER_PROF, 120)
+    signal.setitimer(signal.ITIMER_PROF, 2.0 * max(EXAMPLES, 60))
     yield
     signal.setitimer(signal.ITIMER_PROF, 0)
     signal.signal(signal.SIGPROF, before)

@@ -1,11 +1,14 @@
 """Random scenes for property tests: traces of one to seven pieces with one to six bodies.
 
 All examples are drawn without a random seed (``derandomize``), so that a run of the tests repeats.
+The long form draws many more of each and runs them compiled (about an hour on one core):
+``VIBRO_EXAMPLES=5000 python -m pytest tests/simulation/test_properties.py``.
 """
 
 from __future__ import annotations
 
 import math
+import os
 from typing import Any
 
 from hypothesis import settings
@@ -15,7 +18,12 @@ from vibro_cli.build import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import ScenarioError, scenario_of
 
-SETTINGS = settings(deadline=None, derandomize=True, max_examples=60)
+_WANTED = os.environ.get("VIBRO_EXAMPLES")
+EXAMPLES = int(_WANTED or 60)
+ENGINE = "numba" if _WANTED else "python"
+SETTINGS = settings(deadline=None, derandomize=True, max_examples=EXAMPLES)
+# Where every example is many runs.
+FEWER = settings(SETTINGS, max_examples=EXAMPLES if _WANTED else 20)
 
 KINDS = ("ball", "disk", "hoop", "particle", "hollow_ball")
 

@@ -20,6 +20,8 @@ CREST_NEIGHBOURHOOD = 0.05
 END_ROUNDING = 1.0e-9
 # A body brought to an end of its piece may be beyond it by the rounding of a flight (S, C).
 BEYOND_END = 1.0e-12
+# ... or, short of it, this share of what its sine is the difference of.
+SHORT_OF_END = 4.0 * 2.220446049250313e-16
 
 
 @kernel
@@ -237,11 +239,13 @@ def _reaches(flight: Flight, s: float, c: float) -> bool:
 
 
 @kernel
-def _at_end(flight: Flight, s: float, c: float, side: float) -> bool:
-    """Tell whether a flow starts at an end of its path, or beyond it by rounding."""
+def at_end(flight: Flight, s: float, c: float, side: float) -> bool:
+    """Tell whether a flow starts at an end of its path, or short of or beyond it by rounding."""
     if abs(flight.flow_s - s) > BEYOND_END or abs(flight.flow_c - c) > BEYOND_END:
         return False
-    return (flight.flow_s * c - flight.flow_c * s) * side >= 0.0
+    ahead = flight.flow_s * c
+    behind = flight.flow_c * s
+    return (ahead - behind) * side >= -SHORT_OF_END * (abs(ahead) + abs(behind))
 
 
 @kernel
@@ -255,7 +259,7 @@ def choose_exit(
     right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and pull > 0.0)
     end_s = right_s if right else left_s
     end_c = right_c if right else left_c
-    if _at_end(flight, end_s, end_c, 1.0 if right else -1.0):
+    if at_end(flight, end_s, end_c, 1.0 if right else -1.0):
         flight.exit_side = 1 if right else -1
         flight.exit_p = flight.flow_p
         flight.exit_after = 0.0

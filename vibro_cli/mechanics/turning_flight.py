@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from vibro_cli.mechanics.flight import at_end
 from vibro_cli.mechanics.flow import POLYNOMIAL
 from vibro_cli.mechanics.records import NEVER, BodyData, Flight, PieceData, TrackData
 from vibro_cli.mechanics.turning_fall import limit_by_lift_off
@@ -127,7 +128,7 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
     right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and flight.quartic_3 > 0.0)
     end_s = track.right_s if right else track.left_s
     end_c = track.right_c if right else track.left_c
-    if flight.flow_s == end_s and flight.flow_c == end_c:
+    if at_end(flight, end_s, end_c, 1.0 if right else -1.0):
         flight.exit_side = 1 if right else -1
         flight.exit_p = flight.flow_p
         flight.exit_after = 0.0
