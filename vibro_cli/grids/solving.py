@@ -110,7 +110,8 @@ class Solver:
     def compile(self) -> None:
         """Make or load the machine code now."""
         two = len(self._grid.base.data.get("balls", ())) == 2
-        Batch.compile(in_lanes=two and not self._grid.keep.collisions)
+        in_lanes = two and not self._grid.keep.collisions
+        Batch.compile(in_lanes, stacked=bool(self._of_systems))
 
     def solve(self, indices: Column) -> Solved:
         """Solve some points, given by their numbers from 0."""

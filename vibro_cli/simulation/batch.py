@@ -35,7 +35,7 @@ from vibro_cli.simulation.points import (
     run_points,
 )
 from vibro_cli.simulation.prepare import make_world, smallest_system
-from vibro_cli.simulation.stacks import Stack
+from vibro_cli.simulation.stacks import Stack, run_stacked, stack_of
 from vibro_cli.simulation.turning import variant_of
 from vibro_cli.simulation.world import ImpactRow, World
 
@@ -91,12 +91,21 @@ class Batch:
         return bool(valley and world.contacts[piece]["normal_a"] > 0.0)
 
     @staticmethod
-    def compile(in_lanes: bool) -> None:
-        """Make or load the machine code now, also that for the table of impacts, and of lanes."""
+    def compile(in_lanes: bool, stacked: bool = False) -> None:
+        """Make or load the machine code now, also that for the table of impacts.
+
+        And of lanes, and of batches whose points have each its own system.
+        """
         beside = make_beside_lanes if in_lanes else make_beside
         prepare_batches(_calls(in_lanes), f"{beside.__module__}:{beside.__name__}")
         runs = runs_of(smallest_system(), [], [], [], np.zeros((0, 1)))
-        ImpactTable(0, ()).fill(smallest_world(), "numba", zeros(0, ImpactRow), runs, 0.0)
+        table, world, log = ImpactTable(0, ()), smallest_world(), zeros(0, ImpactRow)
+        table.fill(world, "numba", log, runs, 0.0)
+        if stacked:
+            stack = stack_of(smallest_system(), 1, np.zeros(0, dtype=np.int64))
+            table.fill(world, "numba", log, runs, 0.0, stack)
+            ((_, (*given, _)),) = _calls(in_lanes=False)
+            compiled(run_stacked).prepare(*given[:5], stack, 0, 0, 0)
 
     def run_all(self, points: Points, results: Results, stack: Stack | None = None) -> Results:
         """Run all points; return the results, with more room for impacts if they needed it.
