@@ -48,7 +48,7 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
         if name in grid.summary
     ]
     panels = [
-        *(one for one in counts if one is counts[0] or np.nansum(one[0]) > 0.0),
+        *([one for one in counts if np.nansum(one[0]) > 0.0] or counts[:1]),
         (kept, r"$E_\mathrm{end}/E_0$", ""),
         (table["first_collision_time"], "first impact", "s"),
     ]

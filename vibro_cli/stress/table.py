@@ -19,8 +19,8 @@ Generator = np.random.Generator
 
 
 def check(plan: Plan) -> list[Finding]:
-    """Elliptic walls, skew impacts, and many balls in a box."""
-    return [*_foci(plan), _contact(plan), *_skew(plan), *_gas(plan)]
+    """Elliptic walls, skew impacts, the break of a rack, and many balls in a box."""
+    return [*_foci(plan), _contact(plan), *_skew(plan), _rack(plan), *_gas(plan)]
 
 
 def solve(document: Document, engine: str = "numba") -> TableRun:
@@ -180,6 +180,36 @@ def _skew(plan: Plan) -> list[Finding]:
             1e-15,
         ),
     ]
+
+
+def _rack(plan: Plan) -> Finding:
+    """A ball breaks a triangle of touching balls along its axis: distance from a mirror image."""
+    worst = Worst()
+    rng = np.random.default_rng([plan.seed, 5])
+    for _ in range(plan.amount(6, 40)):
+        rows, radius = int(rng.integers(2, 6)), float(rng.uniform(0.02, 0.3))
+        places = [(row, 2 * n - row) for row in range(rows) for n in range(row + 1)]
+        apart = [(row * math.sqrt(3.0) * radius, across * radius) for row, across in places]
+        still = {"radius": radius, "mass": float(rng.uniform(0.1, 3.0))}
+        balls = [{**still, "x": x, "y": y} for x, y in apart]
+        coming = {"radius": radius, "mass": float(rng.uniform(0.1, 3.0))}
+        balls.insert(0, {**coming, "x": -1.0, "y": 0.0, "velocity_x": 1.0})
+        collision = {"k": float(rng.choice([1.0, rng.uniform()]))}
+        document = {"system": "table", "balls": balls, "collision": collision}
+        document["stop"] = {"time": 5.0}
+        final = solve(document, "python").sample([5.0])
+        mirror = [0, *(1 + places.index((row, -across)) for row, across in places)]
+        off = [final[name] + sign * final[name][mirror] for name, sign in _MIRRORED.items()]
+        worst.take(float(np.max(np.abs(off))), document)
+    return worst.finding(
+        CHECK,
+        "break of a rack, distance from its mirror image",
+        "3 to 15 touching balls, joint impacts, k = 1 or random",
+        0.0,
+    )
+
+
+_MIRRORED = {"x": -1.0, "y": 1.0, "velocity_x": -1.0, "velocity_y": 1.0}
 
 
 def _gas(plan: Plan) -> list[Finding]:
