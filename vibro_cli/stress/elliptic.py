@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.numerics.elliptic import (
+    PARAMETER_SPLIT,
     ThetaConstants,
     carlson_rf,
     set_theta_constants,
     theta_functions,
+    trigonometric_form,
 )
 from vibro_cli.stress.fifty_digits import multiprecision
 from vibro_cli.stress.finding import Finding, Plan, Worst
@@ -44,7 +46,11 @@ def check(plan: Plan) -> list[Finding]:
     """sn, cn, dn over a period, and Carlson's integral, for 1 - m from 0.5 to 1e-300."""
     mp = multiprecision()
     rng = np.random.default_rng([plan.seed, 7])
-    return [*_jacobi(mp, rng, plan.amount(150, 4000)), _carlson(mp, rng, plan.amount(300, 10000))]
+    return [
+        *_jacobi(mp, rng, plan.amount(150, 4000)),
+        _zeros(mp, rng, plan.amount(60, 1000)),
+        _carlson(mp, rng, plan.amount(300, 10000)),
+    ]
 
 
 def _jacobi(mp: Any, rng: np.random.Generator, count: int) -> list[Finding]:
@@ -79,6 +85,31 @@ def _jacobi(mp: Any, rng: np.random.Generator, count: int) -> list[Finding]:
             CHECK, "the same by itself, at the zeros of cn too", tried, count, plain.value, None
         ),
     ]  # fmt: skip
+
+
+def _zeros(mp: Any, rng: np.random.Generator, count: int) -> Finding:
+    """The theta series of cn and dn hard by the zeros of cn, plainly, of an exact argument.
+
+    What misses the mark there is the argument alone: ``pi/(2 K)`` is a double, as ``m`` of a flight
+    is, whose own rounding moves the zeros by as much.
+    """
+    worst = Worst()
+    for _ in range(count):
+        root = math.sqrt(10.0 ** rng.uniform(math.log10(1.0 - PARAMETER_SPLIT), math.log10(0.5)))
+        theta = ThetaConstants()
+        set_theta_constants(theta, 1.0 - root * root, root)
+        quarter = mp.ellipk(1 - mp.mpf(root) ** 2)
+        zero = float((2 * int(rng.integers(-2, 2)) + 1) * quarter)
+        u = zero * (1.0 + float(10.0 ** rng.uniform(-16.0, -3.0)))
+        z = mp.mpf(u) * mp.pi / (2 * quarter)
+        _, c, d, common = trigonometric_form(theta, float(mp.sin(z)), float(mp.cos(z)))
+        for found, true in zip((c, d), _exact(mp, u, root)[1:], strict=True):
+            off = abs(mp.mpf(found) / common - true) / abs(true)
+            worst.take(float(off / (EPSILON * max(1.0, abs(u)))))
+    return Finding(
+        CHECK, "relative error of cn, dn / (eps max(1, u)), their argument exact",
+        "hard by the zeros of cn, 1 - m from 0.2 to 0.5, against mpmath", count, worst.value, 16.0,
+    )  # fmt: skip
 
 
 def _carlson(mp: Any, rng: np.random.Generator, count: int) -> Finding:
