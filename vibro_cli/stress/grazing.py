@@ -138,9 +138,9 @@ def near_grazing(rng: np.random.Generator, family: Family, tries: int) -> tuple[
     speeds = np.zeros((tries, 2))
     speeds[:, 0] = rng.normal(0.0, 1.0, tries) * math.sqrt(GRAVITY * min(sizes))
     backwards = math.sqrt(max(sizes) / GRAVITY) * 10.0 ** rng.uniform(-1.5, 0.3, tries)
-    states = States(places, speeds, backwards)
-    speeds[:, 1], second = _second_derivative(family, states)
-    chosen = found & (second > 1.0e-3 * GRAVITY * touch) & (abs(speeds[:, 1]) < 20.0)
+    states, overshoot = States(places, speeds, backwards).part(found), overshoot[found]
+    states.speeds[:, 1], second = _second_derivative(family, states)
+    chosen = (second > 1.0e-3 * GRAVITY * touch) & (abs(states.speeds[:, 1]) < 20.0)
     return _go_back(family, states.part(chosen), overshoot[chosen])
 
 
