@@ -27,6 +27,12 @@ SINGLE_ROOT = 2.01
 
 
 @kernel
+def both_swing(a: Flight, b: Flight) -> bool:
+    """Tell whether two flights are such that their contact may be guessed."""
+    return swings(a) and swings(b)
+
+
+@kernel
 def contact_on_arc(
     a: Flight,
     b: Flight,
@@ -64,7 +70,7 @@ def contact_on_arc(
     wa = a.own_frequency
     wb = b.own_frequency
     t = pair.searched
-    if t == 0.0 and touching != RELEASED and swings(a) and swings(b):
+    if t == 0.0 and touching != RELEASED and both_swing(a, b):
         h, t = contact_of_swings(
             a, b, age_a, age_b, touching, limit, contact, orientation, pair, clock
         )

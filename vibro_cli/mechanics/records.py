@@ -68,6 +68,7 @@ class TrackData:
     most_angular: float  # bounds on an arc: |f''| (rad/s^2), its first two derivatives with f
     most_stiffness: float
     most_bending: float
+    steepest: float  # greatest fall of f'' with f on an arc, 1/s^2
     crests: int  # maxima of V inside an arc, as (S, C)
     crest_s: float
     crest_c: float
@@ -141,6 +142,7 @@ class Flight(QuarticConstants):
     line_growth: float
     crests: int
     most_speed: float
+    steepest: float  # greatest fall of f'' with f on its arc (1/s^2)
     snap_bound: float
 
 

@@ -89,6 +89,12 @@ class Pull:
         places = [low, high, *inside(stationary, low, high)]
         return max(abs(value(place)) for place in places)
 
+    def steepest_fall(self, low: float, high: float) -> float:
+        """Return the greatest fall of the pull with the angle on an interval, or 1/100 if less."""
+        stationary = roots(1.0, self.tilt, self.spread, 2)
+        places = [low, high, *inside(stationary, low, high)]
+        return max(0.01, *(-self.stiffness(place) for place in places))
+
 
 def roots(weight: float, tilt: float, spread: float, order: int) -> list[float]:
     """Angles in [-pi, pi) at which a derivative of ``-weight sin f + tilt cos f + ...`` is zero.

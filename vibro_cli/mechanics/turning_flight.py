@@ -111,6 +111,7 @@ def _launch_on_arc(flight: Flight, track: TrackData) -> None:
     height = potential(track, flight.s, flight.c) - track.lowest_potential
     most_rate = 2.0 * w * math.sqrt(max(flight.p * flight.p + height, 0.0))
     flight.angular_bound = track.most_angular
+    flight.steepest = track.steepest
     flight.jerk_bound = track.most_stiffness * most_rate
     flight.snap_bound = track.most_bending * most_rate * most_rate
     flight.snap_bound += track.most_stiffness * track.most_angular

@@ -110,7 +110,8 @@ def _isolated_root(p2: float, p1: float, p0: float) -> float:
             break
         change = (p0 + z * (p1 + z * (p2 + z))) / slope
         z -= change
-        if abs(change) <= 2.0e-16 * abs(z):
+        # It converges quadratically: the next change would be below rounding.
+        if abs(change) <= 1.0e-9 * abs(z):
             break
     return z
 

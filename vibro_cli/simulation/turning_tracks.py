@@ -75,6 +75,7 @@ def _set_arc(
     track.most_angular = CAUTION * w2 * pull.greatest(0, low, high)
     track.most_stiffness = CAUTION * w2 * pull.greatest(1, low, high)
     track.most_bending = CAUTION * w2 * pull.greatest(2, low, high)
+    track.steepest = CAUTION * w2 * pull.steepest_fall(low, high)
     track.gravity_rate = track.path_radius * track.most_angular
     crests = [angle for angle in here if pull.stiffness(angle) >= 0.0]
     track.crests = len(crests)
