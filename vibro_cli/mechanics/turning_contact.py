@@ -14,12 +14,15 @@ from vibro_cli.mechanics.flow import angular_acceleration, flow_of_two
 from vibro_cli.mechanics.gap import half_gap_sine
 from vibro_cli.mechanics.records import Clock, Flight, PairData, PairTrack
 from vibro_cli.mechanics.swing_contact import FAR_GUESS
+from vibro_cli.mechanics.turning_flow import pull
 from vibro_cli.numerics.elliptic import HYPERBOLIC_TINY
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.numerics.first_root import first_return, is_clear_before, safe_return
 
 # The frequency of a difference of angles is taken as no less than this share of the greatest one.
 LEAST_SHARE = 0.2
+# Mean square of y from contact to contact as a share of its greatest: what guesses best.
+MEAN_SQUARE = 0.35
 
 
 @kernel
@@ -60,7 +63,13 @@ def contact_of_swings(
     if clear <= 0.0:
         return NONE_BEFORE_LIMIT, 0.0
     second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
-    share = max(-second / ((gap + level) * square), LEAST_SHARE)
+    # What pulls half way to where the fastest difference would return.
+    half = 0.5 * first_return(gap, rate, level, fastest)
+    middle = gap + level + half * (rate + 0.5 * half * second)
+    frequency = _frequency_of_difference(
+        a, a_s + orientation * b_s, a_c + orientation * b_c, a_p + b_p, half, middle
+    )
+    share = max(frequency / square, LEAST_SHARE)
     guess = first_return(gap, rate, level, fastest * math.sqrt(min(share, 1.0)))
     if guess > FAR_GUESS * limit:
         return NONE_BEFORE_LIMIT, clear
@@ -71,6 +80,32 @@ def contact_of_swings(
     if is_clear_before(h - clear, approach, level, fastest):
         return h, clear
     return NONE_BEFORE_LIMIT, clear
+
+
+@kernel
+def _frequency_of_difference(
+    a: Flight, s: float, c: float, p: float, half: float, angle: float
+) -> float:
+    """Estimate the square of the frequency (1/s^2) of a difference of angles at a time (s) ahead.
+
+    With M the mean of the angles ``y'' = w^2 (-2 (cos M + tilt sin M) sin(y/2) + spread cos 2M sin
+    y)``. ``s, c, p`` are sums of the states of both; ``angle`` is y then.
+    """
+    w = a.frequency
+    size = 1.0 / math.sqrt(s * s + c * c)
+    s *= size
+    c *= size
+    step = half * w * (0.5 * p + 0.25 * half * w * pull(a.tilt, a.spread, s, c))
+    # To third order of the step, in half the angle.
+    turn = step * (1.0 - step * step * (1.0 / 6.0))
+    stay = 1.0 - 0.5 * step * step
+    s, c = s * stay + c * turn, c * stay - s * turn
+    sine = 2.0 * s * c
+    cosine = (c - s) * (c + s)
+    less = MEAN_SQUARE * angle * angle * (1.0 / 24.0)
+    double = (cosine - sine) * (cosine + sine)
+    along = (cosine + a.tilt * sine) * (1.0 - less)
+    return w * w * (along - a.spread * double * (1.0 - 4.0 * less))
 
 
 @kernel
