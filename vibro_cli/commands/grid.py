@@ -225,6 +225,11 @@ def _estimate(wishes: Wishes) -> int:
 
 def _sweep(wishes: Wishes) -> int:
     """Solve what is missing of the dataset."""
+    import os
+
+    # Memory that arrow gives back between two parts would have to be cleared for it again; to be
+    # said before it is imported.
+    os.environ.setdefault("MIMALLOC_PURGE_DELAY", "-1")
     from vibro_cli.commands.sweeping import sweep
 
     found = load(wishes)
