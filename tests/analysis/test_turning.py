@@ -47,7 +47,7 @@ def test_saddle_and_centre_meet_off_the_axis() -> None:
     (change,) = changes(type_of, [3.0, 4.1])
     landscape = on_circle(change.low, 0.9)
     pull = landscape.pull(landscape.trace.pieces[0])
-    assert abs(pull.tilt) ** (2 / 3) + 1.0 == pytest.approx(pull.spread ** (2 / 3), rel=1e-9)
+    assert abs(pull.tilt) ** (2 / 3) + 1.0 == pytest.approx(pull.spread ** (2 / 3), rel=1e-12)
 
 
 @pytest.mark.parametrize("scene", [on_three_arcs(rate=1.7), on_lines()])

@@ -124,6 +124,8 @@ def _margins(
 def _turnings(landscape: Landscape, saddle: SingularPoint) -> tuple[float | None, float | None]:
     """Return where the separatrix through a saddle turns (s, m), going left and going right."""
     runs = connected_reaches(landscape, saddle.energy)
+    if not runs:
+        return saddle.s, saddle.s  # all below it is lost in rounding
     # The run through the saddle; where rounding leaves the saddle itself out, the one beside it.
     run = min(
         runs, key=lambda run: max(left_s(run[0]) - saddle.s, saddle.s - right_s(run[-1]), 0.0)

@@ -14,6 +14,8 @@ from vibro_cli.mechanics.trace import Piece
 
 # Roots this close to the unit circle are angles, double ones too.
 _ON_CIRCLE = 1e-6
+# A saddle and a centre that have just arisen are told apart from here on.
+_RESOLVED = 1.0 + 1e-14
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,14 @@ class Pull:
         if self.tilt == 0.0:
             aside = math.acos(1.0 / self.spread) if self.spread > 1.0 else 0.0
             return [-math.pi, *([-aside, 0.0, aside] if aside > 0.0 else [0.0])]
-        return roots(1.0, self.tilt, self.spread, 0)
+        found = roots(1.0, self.tilt, self.spread, 0)
+        resolved = (1.0 + abs(self.tilt) ** (2 / 3)) * _RESOLVED
+        if len(found) < 4 or self.spread ** (2 / 3) >= resolved:
+            return found
+        # Two of them are about to meet, or have met: which of it is known in closed form only.
+        gaps = [(found[i] - found[i - 1]) % math.tau for i in range(4)]
+        close = gaps.index(min(gaps))
+        return [angle for i, angle in enumerate(found) if i not in (close, (close - 1) % 4)]
 
     def greatest(self, order: int, low: float, high: float) -> float:
         """Return the greatest size of the pull (order 0) or of a derivative of it on an interval.
