@@ -42,6 +42,8 @@ class Expected(NamedTuple):
 
     mean: float
     most: float
+    crossings: float = 0.0
+    """And junctions crossed, on average: they take as long."""
 
 
 @dataclass(frozen=True)

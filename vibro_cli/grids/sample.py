@@ -18,9 +18,9 @@ _MOST_IMPACTS = 500
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 # A point that has more is taken to have this many times as many, if its stop allows.
 _MANY = 10.0
-# Impacts for which compiling is worth its time, and how many a point without any counts for: two
-# seconds of the interpreter, in which machine code made before is loaded and done.
-_WORTH_COMPILING = 15_000
+# Impacts for which compiling is worth its time, and how many a point without any counts for: a
+# few seconds of the interpreter, in which machine code made before is loaded and done.
+_WORTH_COMPILING = 8_000
 _LEAST_WORK = 10.0
 # Least time (s) of a sample that is timed.
 _TIMED = 0.3
@@ -50,14 +50,15 @@ def expected_impacts(grid: Grid) -> Expected:
     each = [np.ma.filled(solved[name], 0).astype(np.float64) for name in grid.counted]
     counts = np.sum(each, axis=0)
     counts[counts >= _MOST_IMPACTS] = limit
-    return Expected(float(np.mean(counts)), float(np.max(counts)))
+    crossings = np.ma.filled(solved.get("crossings", np.zeros(1)), 0)
+    return Expected(float(np.mean(counts)), float(np.max(counts)), float(np.mean(crossings)))
 
 
 def engine_for(grid: Grid, impacts: Expected) -> str:
     """Return the engine for a grid: small ones are done before the kernels would be compiled."""
     if system_of_grid(grid).sampled_by == "numba":
         return "numba"
-    work = grid.design.points * (impacts.mean + _LEAST_WORK)
+    work = grid.design.points * (impacts.mean + impacts.crossings + _LEAST_WORK)
     return "numba" if work > _WORTH_COMPILING else "python"
 
 
