@@ -26,6 +26,8 @@ RHOMBIC = 1  # one real root, two conjugate ones
 # Below this share of the other factors a root's distance is taken from the derivative.
 NEAR_ROOT = 0.25
 POLISHING_STEPS = 3
+# Up to here the root of a cubic with one real root is guessed by a polynomial.
+FLAT = 1.25
 # Below this square of the share that cancellation leaves of a form, the other one is taken.
 NEAR_NOTHING = 1.0e-3
 
@@ -90,7 +92,7 @@ def _isolated_root(p2: float, p1: float, p0: float) -> float:
         size = math.sqrt(g)
         ratio = abs(h) / (g * size)
         if ratio <= 1.0:
-            y = 2.0 * math.cos(math.acos(ratio) / 3.0)
+            y = _trisected(ratio)
         else:
             v = (ratio + math.sqrt((ratio - 1.0) * (ratio + 1.0))) ** (1.0 / 3.0)
             y = v + 1.0 / v
@@ -98,22 +100,45 @@ def _isolated_root(p2: float, p1: float, p0: float) -> float:
     elif g < 0.0:
         size = math.sqrt(-g)
         ratio = abs(h) / (-g * size)
-        v = (ratio + math.sqrt(ratio * ratio + 1.0)) ** (1.0 / 3.0)
-        e = size * (v - 1.0 / v)
+        if ratio <= FLAT:
+            e = size * _hyperbolically_trisected(ratio)
+        else:
+            v = (ratio + math.sqrt(ratio * ratio + 1.0)) ** (1.0 / 3.0)
+            e = size * (v - 1.0 / v)
     else:
         e = (2.0 * abs(h)) ** (1.0 / 3.0)
     z = (e if h >= 0.0 else -e) - shift
-    # Polished in z itself, so that a small root is known to full relative accuracy.
+    # Polished in z itself, so that a small root is known to full relative accuracy (Halley).
     for _ in range(POLISHING_STEPS):
         slope = p1 + z * (2.0 * p2 + 3.0 * z)
-        if slope == 0.0:
+        value = p0 + z * (p1 + z * (p2 + z))
+        below = slope * slope - value * (p2 + 3.0 * z)
+        if below == 0.0:
             break
-        change = (p0 + z * (p1 + z * (p2 + z))) / slope
+        change = value * slope / below
         z -= change
-        # It converges quadratically: the next change would be below rounding.
-        if abs(change) <= 1.0e-9 * abs(z):
+        # It converges cubically: the next change would be below rounding.
+        if abs(change) <= 3.0e-6 * abs(z):
             break
     return z
+
+
+@kernel
+def _trisected(x: float) -> float:
+    """``2 cos(arccos(x)/3)`` for x from 0 to 1, to 7e-7: the greatest y with y^3 - 3 y = 2 x."""
+    square = x * x
+    low = (1.73205196 + 0.333245128 * x) + square * (-0.0951072518 + 0.0439555711 * x)
+    return low + (square * square) * (-0.0181083439 + 0.0039638132 * x)
+
+
+@kernel
+def _hyperbolically_trisected(x: float) -> float:
+    """``2 sinh(arsinh(x)/3)`` for x from 0 to FLAT, to 1.3e-6: the y with y^3 + 3 y = 2 x."""
+    s = x * x
+    square = s * s
+    low = (0.666665828 - 0.0987088431 * s) + square * (0.0432535053 - 0.0231401238 * s)
+    high = (0.0109748166 - 0.00348264796 * s) + square * 0.000508576893
+    return x * (low + (square * square) * high)
 
 
 @kernel
