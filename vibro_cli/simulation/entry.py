@@ -15,10 +15,12 @@ from vibro_cli.numerics import engine
 from vibro_cli.numerics.engine import Variant, interpreted
 from vibro_cli.numerics.machine_code import compiled, prepare_together
 from vibro_cli.simulation.contact_changes import launch_chain
+from vibro_cli.simulation.joint import collide_jointly
 from vibro_cli.simulation.lane_impact import LaneGroup
 from vibro_cli.simulation.lanes import run_points_in_lanes
 from vibro_cli.simulation.loop import proceed
 from vibro_cli.simulation.points import Points, Results, run_points
+from vibro_cli.simulation.settling import settle
 from vibro_cli.simulation.stacks import Stack, run_stacked
 from vibro_cli.simulation.swinging import proceed_swinging
 from vibro_cli.simulation.tally import FinalState, Outcome, tally
@@ -73,6 +75,8 @@ def _beside(world: World, variant: Variant | None) -> Calls:
     results = empty_results(1, 1, 0)
     of_tally = (world, 0, 0, 0.0, 0.0, results.outcomes, 0, results.finals, zeros(1, Flight))
     calls: Calls = [
+        (interpreted(collide_jointly, variant), (world, 0, 0)),
+        (interpreted(settle, variant), (world, 0, 0)),
         (interpreted(launch_chain, variant), (world, 0, 0, 0)),
         (interpreted(tally, variant), of_tally),
     ]

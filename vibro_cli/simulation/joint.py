@@ -9,7 +9,7 @@ from __future__ import annotations
 from vibro_cli.mechanics.flight import head_from_state
 from vibro_cli.mechanics.laws import NORMAL_IMPULSE, law_approach, loss_of_impulse
 from vibro_cli.mechanics.records import PairData
-from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.engine import apart, kernel
 from vibro_cli.simulation.chain import apply_impulses, joint_impulses, speed_of_chain
 from vibro_cli.simulation.contact_changes import close_accumulated, launch_chain
 from vibro_cli.simulation.flights import bring_to
@@ -26,6 +26,7 @@ from vibro_cli.simulation.world import (
 )
 
 
+@apart
 @kernel
 def collide_jointly(world: World, first: int, count: int) -> int:
     """Carry out the impacts of a chain of touching pairs at the present instant."""

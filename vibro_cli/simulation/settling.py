@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from vibro_cli.mechanics.laws import NORMAL_IMPULSE
 from vibro_cli.mechanics.records import CLOSING, PARTING, RELEASED
-from vibro_cli.numerics.engine import kernel
+from vibro_cli.numerics.engine import apart, kernel
 from vibro_cli.simulation.accumulation import EPSILON, LOST_BOUNCE, accumulates
 from vibro_cli.simulation.chain import (
     apply_impulses,
@@ -39,6 +39,7 @@ PROPOSED = 1
 PRESSING = 2
 
 
+@apart
 @kernel
 def settle(world: World, first: int, count: int) -> None:
     """Decide for a chain of ``count`` touching pairs which of them stay in contact.
