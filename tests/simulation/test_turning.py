@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from inspect import signature
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from tests.simulation.turning_scenes import (
 )
 from vibro_cli.api import simulate
 from vibro_cli.numerics.engine import symbol_of
-from vibro_cli.scenario import parse_scenario
+from vibro_cli.scenario import load_scenario, parse_scenario
 from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.simulation.turning import TURNING
 from vibro_cli.stress.highprecision.quantities import QUANTITIES, SPEEDS, solved
@@ -180,3 +181,11 @@ def test_a_kernel_is_replaced_by_one_that_is_called_alike(replaced: Callable[...
         one.annotation for one in there.parameters.values()
     ]
     assert here.return_annotation == there.return_annotation
+
+
+def test_contacts_on_a_turning_line_leave_no_gap() -> None:
+    path = Path(__file__).parent.parent / "hard_cases" / "contact_on_a_turning_line.toml"
+    run = simulate(load_scenario(path), "python")
+    on_line = run.collisions["arc_a"] == 2
+    assert on_line.any()
+    assert np.max(np.abs(run.collisions["gap"][on_line])) <= 1e-14

@@ -120,7 +120,7 @@ def contact_by_distance(
     bound = a.acceleration_bound + b.acceleration_bound
     span = min(a.exit_after - age_a, b.exit_after - age_b)
     bound_3 = third_derivative_bound(a, b, track_a, track_b, age_a, age_b, pair.distance, span)
-    fastest = max(a.frequency, b.frequency)
+    fastest = max(pace(a), pace(b))
     t = pair.searched
     while True:
         a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + t, age_b + t)
@@ -215,6 +215,12 @@ def _speed_and_jerk(flight: Flight, track: TrackData, until: float) -> tuple[flo
 
 
 @kernel
+def pace(flight: Flight) -> float:
+    """Return the rate (1/s) at which a flight's derivatives grow from one to the next."""
+    return max(flight.frequency, flight.line_growth)
+
+
+@kernel
 def _size(piece: PieceData, track: TrackData) -> float:
     """Size (m) of a body's places on a piece, for their rounding."""
     return abs(piece.x) + abs(piece.y) + piece.length + track.path_radius
@@ -242,7 +248,7 @@ def _refine_by_distance(
     into the safe step from now, no earlier root exists.
     """
     guess = h
-    fastest = max(a.frequency, b.frequency)
+    fastest = max(pace(a), pace(b))
     for _ in range(12):
         a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
         clock.evaluations += 1
