@@ -51,21 +51,17 @@ def contact_of_swings(
         gap = max(2.0 * math.atan2(x, cosine), 0.0)
     # The difference of the angles, gap + beta, obeys y'' >= -w^2 y for equal frequencies; unequal
     # ones pull at it all the time.
-    fastest = max(a.frequency, b.frequency)
+    fastest, square = fastest_return(a, b)
     level = math.pi - contact.far_gap
     if a.frequency != b.frequency:
-        level += uneven_pull(a, b) / (fastest * fastest)
+        level += uneven_pull(a, b) / square
     clear = safe_return(gap, rate, level, fastest)
     if clear <= 0.0:
         return NONE_BEFORE_LIMIT, 0.0
-    mean_s = 0.5 * (b_s + orientation * a_s)
-    mean_p = 0.5 * (b_p + a_p)
-    guess = first_return(
-        gap,
-        rate,
-        level,
-        frequency_of_difference(a, b, gap + level, rate, mean_s, mean_p, orientation),
+    slowed = guessed_frequency(
+        a, b, a_s, a_c, a_p, b_s, b_c, b_p, gap, rate, level, fastest, orientation
     )
+    guess = first_return(gap, rate, level, slowed)
     if guess > FAR_GUESS * limit:
         return NONE_BEFORE_LIMIT, clear
     h = refine_on_arc(a, b, age_a, age_b, guess, contact, orientation, pair, clock)
@@ -76,6 +72,35 @@ def contact_of_swings(
     if is_clear_before(h - clear, approach, level, fastest):
         return h, clear
     return NONE_BEFORE_LIMIT, clear
+
+
+@kernel
+def fastest_return(a: Flight, b: Flight) -> tuple[float, float]:
+    """Greatest frequency w (rad/s) with which the difference of the angles returns, and w^2."""
+    fastest = max(a.frequency, b.frequency)
+    return fastest, fastest * fastest
+
+
+@kernel
+def guessed_frequency(
+    a: Flight,
+    b: Flight,
+    a_s: float,
+    a_c: float,
+    a_p: float,
+    b_s: float,
+    b_c: float,
+    b_p: float,
+    gap: float,
+    rate: float,
+    level: float,
+    fastest: float,
+    orientation: float,
+) -> float:
+    """Estimate the frequency (rad/s) of the difference of the angles from the states of now."""
+    mean_s = 0.5 * (b_s + orientation * a_s)
+    mean_p = 0.5 * (b_p + a_p)
+    return frequency_of_difference(a, b, gap + level, rate, mean_s, mean_p, orientation)
 
 
 @kernel

@@ -8,16 +8,12 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.arc_root import refine_on_arc
-from vibro_cli.mechanics.contact import NONE_BEFORE_LIMIT
-from vibro_cli.mechanics.flow import angular_acceleration, flow_of_two
-from vibro_cli.mechanics.gap import half_gap_sine
-from vibro_cli.mechanics.records import Clock, Flight, PairData, PairTrack
-from vibro_cli.mechanics.swing_contact import FAR_GUESS
+from vibro_cli.mechanics.flow import angular_acceleration
+from vibro_cli.mechanics.records import Flight
 from vibro_cli.mechanics.turning_flow import pull
 from vibro_cli.numerics.elliptic import HYPERBOLIC_TINY
 from vibro_cli.numerics.engine import kernel
-from vibro_cli.numerics.first_root import first_return, is_clear_before, safe_return
+from vibro_cli.numerics.first_root import first_return
 
 # The frequency of a difference of angles is taken as no less than this share of the greatest one.
 LEAST_SHARE = 0.2
@@ -34,34 +30,29 @@ def are_alone(a: Flight, b: Flight) -> bool:
 
 
 @kernel
-def contact_of_swings(
+def fastest_return(a: Flight, b: Flight) -> tuple[float, float]:
+    """Greatest frequency W (rad/s) with which the difference of the angles returns, and W^2."""
+    square = max(a.steepest, b.steepest)
+    return math.sqrt(square), square
+
+
+@kernel
+def guessed_frequency(
     a: Flight,
     b: Flight,
-    age_a: float,
-    age_b: float,
-    touching: int,
-    limit: float,
-    contact: PairTrack,
+    a_s: float,
+    a_c: float,
+    a_p: float,
+    b_s: float,
+    b_c: float,
+    b_p: float,
+    gap: float,
+    rate: float,
+    level: float,
+    fastest: float,
     orientation: float,
-    pair: PairData,
-    clock: Clock,
-) -> tuple[float, float]:
-    """First contact of two bodies, and a time before which there is none (as at rest)."""
-    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
-    clock.evaluations += 1
-    gap = 0.0
-    rate = 2.0 * (b.frequency * b_p - a.frequency * a_p)
-    if touching == 0:
-        x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
-        gap = max(2.0 * math.atan2(x, cosine), 0.0)
-    square = max(a.steepest, b.steepest)
-    fastest = math.sqrt(square)
-    level = math.pi - contact.far_gap
-    if a.frequency != b.frequency:
-        level += _uneven_pull(a, b) / square
-    clear = safe_return(gap, rate, level, fastest)
-    if clear <= 0.0:
-        return NONE_BEFORE_LIMIT, 0.0
+) -> float:
+    """Estimate the frequency (rad/s) of the difference of the angles from the states of now."""
     second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
     # What pulls half way to where the fastest difference would return.
     half = 0.5 * first_return(gap, rate, level, fastest)
@@ -69,17 +60,8 @@ def contact_of_swings(
     frequency = _frequency_of_difference(
         a, a_s + orientation * b_s, a_c + orientation * b_c, a_p + b_p, half, middle
     )
-    share = max(frequency / square, LEAST_SHARE)
-    guess = first_return(gap, rate, level, fastest * math.sqrt(min(share, 1.0)))
-    if guess > FAR_GUESS * limit:
-        return NONE_BEFORE_LIMIT, clear
-    h = refine_on_arc(a, b, age_a, age_b, guess, contact, orientation, pair, clock)
-    if h < 0.0:
-        return NONE_BEFORE_LIMIT, clear
-    approach = 2.0 * (a.frequency * pair.a_p - b.frequency * pair.b_p)
-    if is_clear_before(h - clear, approach, level, fastest):
-        return h, clear
-    return NONE_BEFORE_LIMIT, clear
+    share = max(frequency / max(a.steepest, b.steepest), LEAST_SHARE)
+    return fastest * math.sqrt(min(share, 1.0))
 
 
 @kernel
@@ -109,7 +91,7 @@ def _frequency_of_difference(
 
 
 @kernel
-def _uneven_pull(a: Flight, b: Flight) -> float:
+def uneven_pull(a: Flight, b: Flight) -> float:
     """Bound on the difference of both pulls (rad/s^2) at one angle."""
     wa2 = a.frequency * a.frequency
     wb2 = b.frequency * b.frequency
