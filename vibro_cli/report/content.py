@@ -38,14 +38,34 @@ _COLUMNS = (
 def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any]:
     """Return the values of a report of runs whose file is to stand in the folder `beside`."""
     names = names_of(runs)
+    sections = [_run(run, name, beside) for run, name in zip(runs, names, strict=True)]
+    comparison = _comparison(runs, names) if len(runs) > 1 else None
+    return page_of(runs, names, sections, comparison, version)
+
+
+def page_of(
+    runs: Sequence[StoredRun | StoredSystemRun],
+    names: Sequence[str],
+    sections: Sequence[Mapping[str, Any]],
+    comparison: Mapping[str, Any] | None,
+    version: str,
+) -> dict[str, Any]:
+    """Return the values of a report: runs, their names, what the section of each has beside."""
     return {
         "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
         "version": version,
         "runs": [
-            _run(run, name, f"run{place}", beside)
-            for place, (run, name) in enumerate(zip(runs, names, strict=True), 1)
+            {
+                "anchor": f"run{place}",
+                "name": name,
+                "folder": str(run.folder),
+                "ending": END_CAUSES.get(run.summary["end_cause"], str(run.summary["end_cause"])),
+                "versions": versions(run.manifest),
+                **section,
+            }
+            for place, (run, name, section) in enumerate(zip(runs, names, sections, strict=True), 1)
         ],
-        "comparison": _comparison(runs, names) if len(runs) > 1 else None,
+        "comparison": comparison,
     }
 
 
@@ -57,13 +77,9 @@ def names_of(runs: Sequence[StoredRun | StoredSystemRun]) -> list[str]:
     return [f"{name} in {run.folder}" for name, run in zip(names, runs, strict=True)]
 
 
-def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]:
+def _run(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     summary = run.summary
     return {
-        "anchor": anchor,
-        "name": name,
-        "folder": str(run.folder),
-        "ending": END_CAUSES.get(summary["end_cause"], str(summary["end_cause"])),
         "key_figures": key_figures(run),
         "setting": _setting(run),
         "tables": _tables(run, name),
@@ -76,7 +92,6 @@ def _run(run: StoredRun, name: str, anchor: str, beside: Path) -> dict[str, Any]
         "accuracy": _accuracy(run),
         "sides": _sides(run),
         "logs": [_impacts(run, name, beside)],
-        "versions": versions(run.manifest),
     }
 
 

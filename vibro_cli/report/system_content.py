@@ -17,10 +17,10 @@ from vibro_cli.report.content import (
     first_rows,
     flat,
     names_of,
-    versions,
+    page_of,
 )
 from vibro_cli.report.images import figures_of_system_run
-from vibro_cli.report.words import END_CAUSES, LAWS, number
+from vibro_cli.report.words import LAWS, number
 from vibro_cli.storage.schema import table_named
 from vibro_cli.storage.stored import StoredSystemRun
 from vibro_cli.systems.table.run import TableRun
@@ -49,24 +49,13 @@ def system_page(runs: Sequence[StoredSystemRun], beside: Path, version: str) -> 
     """Return the values of a report of runs whose file is to stand in the folder `beside`."""
     names = names_of(runs)
     results = [dict(_labelled(run, _FIGURES)) for run in runs]
-    return {
-        "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
-        "version": version,
-        "runs": [
-            _run(run, name, f"run{place}", beside)
-            for place, (run, name) in enumerate(zip(runs, names, strict=True), 1)
-        ],
-        "comparison": compared(runs, names, results) if len(runs) > 1 else None,
-    }
+    sections = [_run(run, name, beside) for run, name in zip(runs, names, strict=True)]
+    comparison = compared(runs, names, results) if len(runs) > 1 else None
+    return page_of(runs, names, sections, comparison, version)
 
 
-def _run(stored: StoredSystemRun, name: str, anchor: str, beside: Path) -> dict[str, Any]:
-    summary = stored.summary
+def _run(stored: StoredSystemRun, name: str, beside: Path) -> dict[str, Any]:
     return {
-        "anchor": anchor,
-        "name": name,
-        "folder": str(stored.folder),
-        "ending": END_CAUSES.get(summary["end_cause"], str(summary["end_cause"])),
         "key_figures": _labelled(stored, _FIGURES),
         "setting": _setting(stored),
         "tables": [_bodies(stored, name)],
@@ -77,7 +66,6 @@ def _run(stored: StoredSystemRun, name: str, anchor: str, beside: Path) -> dict[
         "validity": _validity(stored),
         "accuracy": _labelled(stored, _ACCURACY),
         "logs": _logs(stored, name, beside),
-        "versions": versions(stored.manifest),
     }
 
 
