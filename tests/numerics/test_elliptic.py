@@ -51,8 +51,8 @@ def exact(root_complement: float, u: float) -> tuple[Any, Any, Any]:
     A rotation, m > 1, is reduced to 1/m: s = sn(ku)/k, c = dn(ku), d = cn(ku) with k = sqrt(m).
     """
     root = mp.mpf(root_complement)
+    mp.dps = 60 - 4 * min(int(mp.floor(mp.log10(abs(root)))), 0)
     complement = root * abs(root)
-    mp.dps = 60 - 2 * min(int(mp.floor(mp.log10(abs(complement)))), 0)
     m = 1 - complement
     if root_complement < 0.0:
         k = mp.sqrt(m)

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
 
 from vibro_cli.numerics.elliptic import (
-    PARAMETER_SPLIT,
     ThetaConstants,
     carlson_rf,
     set_theta_constants,
     theta_functions,
-    trigonometric_form,
 )
+from vibro_cli.numerics.jacobi import Jacobi
 from vibro_cli.stress.fifty_digits import multiprecision
 from vibro_cli.stress.finding import Finding, Plan, Worst
 
 CHECK = "elliptic"
 EPSILON = 2.0**-52
+LARGEST = math.log10(0.5)  # exponent of 1 - m
+PLAINLY = "relative error of cn, dn / (eps max(1, u))"
 
 
 def _exact(mp: Any, u: float, root: float) -> tuple[Any, Any, Any]:
@@ -56,60 +58,57 @@ def check(plan: Plan) -> list[Finding]:
 def _jacobi(mp: Any, rng: np.random.Generator, count: int) -> list[Finding]:
     absolute, relative, plain = Worst(), Worst(), Worst()
     for number in range(count):
-        edge = number % 3 == 0
-        exponent = rng.uniform(-300.0, -16.0) if edge else rng.uniform(-16.0, math.log10(0.5))
-        root = math.sqrt(10.0**exponent)
+        root = _root_of_complement(rng, number)
+        jacobi = Jacobi(root)
         theta = ThetaConstants()
         set_theta_constants(theta, 1.0 - root * root, root)
-        quarter = float(mp.ellipk(1 - mp.mpf(root) ** 2)) if not edge else math.log(4.0 / root)
-        u = 4.0 * quarter * float(rng.uniform(-1.0, 1.0))
+        u = 4.0 * float(jacobi.quarter_period) * float(rng.uniform(-1.0, 1.0))
         s, c, d, common = theta_functions(theta, u)
         exact = _exact(mp, u, root)
         allowed = 1.0e-14 + 2.0 * math.ulp(u)
         for found, true in zip((s, c, d), exact, strict=True):
             absolute.take(float(abs(mp.mpf(found) / common - true)) / allowed)
-        # Where cn passes zero the rounding of the parameter alone moves that zero: there its slope
-        # stands beside it.
+        # A flight's argument is rounded, which moves the zeros of cn: there its slope stands
+        # beside it.
         for found, true, slope in zip((c, d), exact[1:], reversed(exact[1:]), strict=True):
             off = abs(mp.mpf(found) / common - true) / (EPSILON * max(1.0, abs(u)))
             relative.take(float(off / (abs(true) + abs(exact[0] * slope))))
-            plain.take(float(off / abs(true)))
+        _take_plainly(mp, plain, jacobi, u, exact)
     tried = "sn, cn, dn over a period, 1 - m from 0.5 to 1e-300, against mpmath"
     return [
         Finding(CHECK, "absolute error / (1e-14 + 2 ulp(u))", tried, count, absolute.value, 1.0),
         Finding(
-            CHECK, "relative error of cn, dn / (eps max(1, u)), beside its slope", tried, count,
-            relative.value, 16.0,
+            CHECK, "relative error of cn, dn / (eps max(1, u)) in a flight, beside its slope",
+            tried, count, relative.value, 16.0,
         ),
-        Finding(
-            CHECK, "the same by itself, at the zeros of cn too", tried, count, plain.value, None
-        ),
+        Finding(CHECK, PLAINLY, tried, count, plain.value, 16.0),
     ]  # fmt: skip
 
 
-def _zeros(mp: Any, rng: np.random.Generator, count: int) -> Finding:
-    """The theta series of cn and dn hard by the zeros of cn, plainly, of an exact argument.
+def _root_of_complement(rng: np.random.Generator, number: int) -> float:
+    """Root of ``1 - m``, every third time hard by the separatrix."""
+    exponent = rng.uniform(-300.0, -16.0) if number % 3 == 0 else rng.uniform(-16.0, LARGEST)
+    return math.sqrt(10.0**exponent)
 
-    What misses the mark there is the argument alone: ``pi/(2 K)`` is a double, as ``m`` of a flight
-    is, whose own rounding moves the zeros by as much.
-    """
+
+def _take_plainly(mp: Any, worst: Worst, jacobi: Jacobi, u: float, exact: Any) -> None:
+    """Take the relative errors of cn and dn by themselves into account."""
+    for found, true in zip(jacobi.functions(u)[1:], exact[1:], strict=True):
+        worst.take(float(abs(mp.mpf(found) / true - 1) / (EPSILON * max(1.0, abs(u)))))
+
+
+def _zeros(mp: Any, rng: np.random.Generator, count: int) -> Finding:
+    """cn and dn plainly, 1e-15 to 1e-2 from the zeros of cn, on both sides of several."""
     worst = Worst()
-    for _ in range(count):
-        root = math.sqrt(10.0 ** rng.uniform(math.log10(1.0 - PARAMETER_SPLIT), math.log10(0.5)))
-        theta = ThetaConstants()
-        set_theta_constants(theta, 1.0 - root * root, root)
-        quarter = mp.ellipk(1 - mp.mpf(root) ** 2)
-        zero = float((2 * int(rng.integers(-2, 2)) + 1) * quarter)
-        u = zero * (1.0 + float(10.0 ** rng.uniform(-16.0, -3.0)))
-        z = mp.mpf(u) * mp.pi / (2 * quarter)
-        _, c, d, common = trigonometric_form(theta, float(mp.sin(z)), float(mp.cos(z)))
-        for found, true in zip((c, d), _exact(mp, u, root)[1:], strict=True):
-            off = abs(mp.mpf(found) / common - true) / abs(true)
-            worst.take(float(off / (EPSILON * max(1.0, abs(u)))))
-    return Finding(
-        CHECK, "relative error of cn, dn / (eps max(1, u)), their argument exact",
-        "hard by the zeros of cn, 1 - m from 0.2 to 0.5, against mpmath", count, worst.value, 16.0,
-    )  # fmt: skip
+    for number in range(count):
+        root = _root_of_complement(rng, number)
+        jacobi = Jacobi(root)
+        zero = (2 * int(rng.integers(-4, 4)) + 1) * jacobi.quarter_period
+        off = float(10.0 ** rng.uniform(-15.0, -2.0)) * (1.0 if rng.random() < 0.5 else -1.0)
+        u = float(zero + Decimal(off))
+        _take_plainly(mp, worst, jacobi, u, _exact(mp, u, root))
+    tried = "1e-15 to 1e-2 from the zeros of cn, 1 - m from 0.5 to 1e-300, against mpmath"
+    return Finding(CHECK, PLAINLY, tried, count, worst.value, 16.0)
 
 
 def _carlson(mp: Any, rng: np.random.Generator, count: int) -> Finding:

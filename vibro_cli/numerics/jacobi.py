@@ -1,0 +1,89 @@
+"""Jacobi's functions by themselves: every value to a few units of its own last place.
+
+Next to a zero the argument counts as measured from that zero, and so the quarter period to more
+digits than a double has: it comes from Gauss's arithmetic-geometric mean (DLMF 19.8.5) in 80, and
+the argument is reduced by it to within half of it of 0, where ``numerics.elliptic`` has all three
+functions to a few units. A flight does without: its argument is the rounded product of a frequency
+and a time, in which the zeros are no better known than its last place.
+"""
+
+from __future__ import annotations
+
+import math
+from decimal import Context, Decimal
+
+from vibro_cli.numerics.elliptic import ThetaConstants, set_theta_constants, theta_functions
+
+EXACT = Context(prec=80)
+HALF_PI = Decimal(
+    "1.57079632679489661923132169163975144209858469968755291048747229615390820314310449931402"
+)
+# Means that differ by less than this share differ by its square, after one step more.
+ALIKE = Decimal("1e-41")
+
+
+class Jacobi:
+    """The solution of ``s' = c d, c' = -s d, d' = -m s c`` from ``(0, 1, 1)``.
+
+    For ``m <= 1`` these are sn, cn, dn of parameter ``m``, for ``m > 1`` their continuation.
+
+    Parameters
+    ----------
+    root_complement
+        ``sign(1 - m) sqrt|1 - m|``, at most 1: near ``m = 1`` it knows what ``m`` does not.
+
+    Raises
+    ------
+    ValueError
+        If ``m`` would be negative, or too large.
+    """
+
+    def __init__(self, root_complement: float) -> None:
+        if not -1.0e150 <= root_complement <= 1.0:
+            raise ValueError(f"root_complement must be in -1e150 ... 1, not {root_complement!r}")
+        m = 1.0 - root_complement * abs(root_complement)
+        self._theta = ThetaConstants()
+        set_theta_constants(self._theta, m, root_complement)
+        self._root = abs(root_complement)
+        self._over = root_complement < 0.0
+        self._modulus = math.sqrt(m) if self._over else 1.0
+        self.quarter_period = _quarter_period(root_complement)
+        """K(m), for ``m > 1`` K(1/m)/sqrt m: |s| is greatest there, and c (for ``m > 1`` d) is 0.
+        Infinite for ``m = 1``."""
+
+    def functions(self, u: float) -> tuple[float, float, float]:
+        """Return ``(s, c, d)`` at any ``u`` below 1e60 in size."""
+        quarters, v = self._reduced(u)
+        s, c, d, common = theta_functions(self._theta, v)
+        changing, lasting = (d, c) if self._over else (c, d)
+        if quarters % 2 == 1:
+            # DLMF 22.4.3: a quarter period on they are cd, -k' sd, k' nd.
+            root = self._root
+            s, changing, lasting, common = (
+                changing / self._modulus, -root * s, root / self._modulus * common, lasting,
+            )  # fmt: skip
+        if quarters % 4 >= 2:
+            s, changing = -s, -changing
+        c, d = (lasting, changing) if self._over else (changing, lasting)
+        return s / common, c / common, d / common
+
+    def _reduced(self, u: float) -> tuple[int, float]:
+        """The number of quarter periods nearest to ``u``, and what is left, to its last place."""
+        if self.quarter_period.is_infinite():
+            return 0, u
+        exact = Decimal(u)
+        quarters = EXACT.divide(exact, self.quarter_period).to_integral_value()
+        return int(quarters), float(EXACT.fma(quarters.copy_negate(), self.quarter_period, exact))
+
+
+def _quarter_period(root_complement: float) -> Decimal:
+    """``pi/2`` over the mean of 1, for ``m > 1`` of sqrt m, and the root of the complement."""
+    a, b = Decimal(1), Decimal(abs(root_complement))
+    if b == 0:
+        return Decimal("inf")
+    if root_complement < 0.0:
+        a = EXACT.sqrt(EXACT.fma(b, b, a))
+    while abs(EXACT.subtract(a, b)) > ALIKE * a:
+        product = EXACT.multiply(a, b)
+        a, b = EXACT.multiply(EXACT.add(a, b), Decimal("0.5")), EXACT.sqrt(product)
+    return EXACT.divide(HALF_PI, EXACT.multiply(EXACT.add(a, b), Decimal("0.5")))
