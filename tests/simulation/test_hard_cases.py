@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,9 +10,13 @@ import numpy as np
 import pytest
 
 from tests.simulation.test_continuing import assert_same_results
+from tests.simulation.test_properties import assert_mirrored_to_the_bit
+from tests.strategies import mirrored
 from vibro_cli import load_scenario, simulate
+from vibro_cli.scenario import scenario_of
 
 CASES = sorted((Path(__file__).parent.parent / "hard_cases").glob("*.toml"))
+MIRRORED = [path for path in CASES if path.stem.startswith("mirror_")]
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
@@ -55,6 +60,14 @@ def test_taken_up_again_it_is_the_same_run(path: Path) -> None:
         assert_same_results(
             whole, simulate(scenario, "python", begun.checkpoint(), begun.history())
         )
+
+
+@pytest.mark.usefixtures("no_hang")
+@pytest.mark.parametrize("path", MIRRORED, ids=lambda path: path.stem)
+def test_the_mirror_image_is_the_same_run(path: Path) -> None:
+    document = tomllib.loads(path.read_text(encoding="utf-8"))
+    run, image = (simulate(scenario_of(one), "python") for one in (document, mirrored(document)))
+    assert_mirrored_to_the_bit(run, image)
 
 
 @pytest.mark.usefixtures("no_hang", "compiled")

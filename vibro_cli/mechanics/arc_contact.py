@@ -55,8 +55,8 @@ def contact_on_arc(
     touching
         ``PARTING`` or ``RELEASED`` if they are in contact there and going apart, else 0.
     horizon, limit
-        The search may stop at ``horizon`` (s from its begin), which decides on no step of it; the
-        first of the flights ends at ``limit``.
+        The search may stop after ``horizon`` (s from its begin), which decides on no step of it;
+        the first of the flights ends at ``limit``.
     contact, orientation
         Constants of contact on the arc; -1 if b is one lap ahead.
     pair
@@ -77,7 +77,7 @@ def contact_on_arc(
         if h >= 0.0:
             pair.searched = limit
             return h if h <= limit else NONE_BEFORE_LIMIT
-        if t >= horizon:
+        if t > horizon:
             pair.searched = t
             return NONE_BEFORE_LIMIT
     bound_2 = max(a.angular_bound + b.angular_bound, LEAST_BOUND)
@@ -95,7 +95,7 @@ def contact_on_arc(
         if touching != 0 and t == 0.0:
             if touching == RELEASED:
                 t = _released_step(a, b, a_s, a_c, a_p, b_s, b_c, b_p, rate)
-                if t >= horizon:
+                if t > horizon:
                     pair.searched = t
                     return NONE_BEFORE_LIMIT
                 continue
@@ -130,7 +130,7 @@ def contact_on_arc(
         if gap <= 0.0 and rate >= 0.0 and (touching == 0 or t > 0.0):
             # At least so long the bodies are in contact or apart by less than rounding.
             step = max(step, unresolved_step(second, bound_3, UNRESOLVED))
-        if t + step >= horizon:
+        if t + step > horizon:
             pair.searched = t + step
             return NONE_BEFORE_LIMIT
         if t + step == t and (t > 0.0 or touching == 0):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from vibro_cli.mechanics.contact import pace
 from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
 from vibro_cli.mechanics.gap import centre_position, centre_tangent
 from vibro_cli.mechanics.records import Clock, Flight, PairData, PieceData, TrackData
@@ -20,6 +21,9 @@ from vibro_cli.numerics.engine import kernel
 FAR = 0.2
 # Times the frequency; displacements of longer flights are no smaller than places.
 LONG = 1.0
+# Times the greater frequency; a bounce that ends sooner is a short one, whose end as displacements
+# tell it may come before that which places tell, and before another contact.
+SHORT = 0.001
 # Corrections of an instant below this share of it are its rounding.
 SETTLED = 1.0e-11
 MOST_STEPS = 6
@@ -48,6 +52,13 @@ def displacement(flight: Flight, t: float) -> tuple[float, float]:
     inverse = 1.0 / (c * c + sc0 * sc0)
     sine = (p0 * s * both - s0 * c0 * d * rest) * inverse
     return sine, (d * both + s0 * p0 * c0 * (s * rest)) * inverse
+
+
+@kernel
+def short_bounce(a: Flight, b: Flight) -> float:
+    """Return how long (s) a bounce of two bodies may last and be a short one."""
+    fastest = max(pace(a), pace(b))
+    return SHORT / fastest if fastest > 0.0 else 0.0
 
 
 @kernel

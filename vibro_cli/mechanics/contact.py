@@ -162,7 +162,7 @@ def contact_by_distance(
                         return 0.0
                     pair.searched = limit
                     return t + h if t + h <= limit else NONE_BEFORE_LIMIT
-        if t + step >= horizon:
+        if t + step > horizon:
             pair.searched = t + step
             return NONE_BEFORE_LIMIT
         if t + step == t:

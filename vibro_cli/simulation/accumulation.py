@@ -11,9 +11,10 @@ from vibro_cli.mechanics.contact import LEAST_BOUND
 from vibro_cli.mechanics.flow import angular_jerk, tangential_acceleration
 from vibro_cli.mechanics.gap import distance_gap
 from vibro_cli.mechanics.laws import weight_and_response
+from vibro_cli.mechanics.records import CLOSING
 from vibro_cli.numerics.engine import kernel
 from vibro_cli.numerics.first_root import safe_step_second_order
-from vibro_cli.simulation.chain import held_run
+from vibro_cli.simulation.chain import held_run, joins
 from vibro_cli.simulation.flights import state_at
 from vibro_cli.simulation.rows import SPEED_ROUNDING
 from vibro_cli.simulation.touching import (
@@ -122,9 +123,40 @@ def _undisturbed(world: World, j: int, delay: float) -> bool:
         if settings.closed == 1:
             outer %= settings.pairs
         other = settings.bodies > count + 1 and 0 <= outer < settings.pairs
-        if other and _earliest_contact(world, outer) <= delay:
+        if other and (_is_hit_now(world, outer, side) or _earliest_contact(world, outer) <= delay):
             return False
     return True
+
+
+@kernel
+def _is_hit_now(world: World, outer: int, side: int) -> bool:
+    """Tell whether the far body of an outer pair is in another impact of this very instant.
+
+    Which of the two comes first must not decide: what that body does after its impact is not known
+    yet, or will not have been known to the other pair.
+    """
+    settings = world.settings[0]
+    clock = world.clock[0]
+    pair = world.pairs[outer]
+    if pair.touching != 0:
+        return False  # it is the same impact
+    flight = world.flights[pair.a if side == 0 else pair.b]
+    if flight.t == clock.t and flight.t_low == clock.t_low:
+        return True
+    beyond = outer
+    for _ in range(settings.pairs):
+        beyond += 1 if side == 1 else -1
+        if settings.closed == 1:
+            beyond %= settings.pairs
+        if not 0 <= beyond < settings.pairs:
+            return False
+        other = world.pairs[beyond]
+        meets = other.contact_t == clock.t and other.contact_t_low == clock.t_low
+        if meets or other.touching == CLOSING:
+            return True
+        if not joins(world, beyond, True):
+            return False
+    return False
 
 
 @kernel

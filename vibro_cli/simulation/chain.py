@@ -44,7 +44,7 @@ def _run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
             if settings.closed == 0:
                 break
             left = settings.pairs - 1
-        if not _joins(world, left, touching):
+        if not joins(world, left, touching):
             break
         first = left
         count += 1
@@ -54,14 +54,14 @@ def _run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
             if settings.closed == 0:
                 break
             right -= settings.pairs
-        if not _joins(world, right, touching):
+        if not joins(world, right, touching):
             break
         count += 1
     return first, count
 
 
 @kernel
-def _joins(world: World, j: int, touching: bool) -> bool:
+def joins(world: World, j: int, touching: bool) -> bool:
     """Tell whether a pair is held, or else in contact at the present instant up to rounding."""
     clock = world.clock[0]
     pair = world.pairs[j]

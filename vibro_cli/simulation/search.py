@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.mechanics.arc_contact import contact_on_arc
-from vibro_cli.mechanics.bounce import sharpened_by_distance, sharpened_on_arc
+from vibro_cli.mechanics.bounce import sharpened_by_distance, sharpened_on_arc, short_bounce
 from vibro_cli.mechanics.contact import contact_by_distance, contact_on_line
 from vibro_cli.mechanics.flow import LINE
 from vibro_cli.mechanics.records import (
@@ -48,7 +48,7 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
         if pair.contact_t < NEVER or pair.apart == 1 or pair.held == 1:
             continue
         ahead = time_between(horizon_t, horizon_low, pair.begin_t, pair.begin_t_low)
-        if ahead > pair.searched or pair.touching == CLOSING:
+        if (ahead > 0.0 and ahead >= pair.searched) or pair.touching == CLOSING:
             _search_pair(world, j, pair, ahead)
             if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
                 first = j
@@ -82,6 +82,10 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     to_a = time_between(a.exit_t, a.exit_t_low, pair.begin_t, pair.begin_t_low)
     to_b = time_between(b.exit_t, b.exit_t_low, pair.begin_t, pair.begin_t_low)
     limit = min(to_a, to_b)
+    if pair.searched >= limit:
+        return  # to the end of a flight
+    # The end of a short bounce is known only once it is sharpened: no horizon comes before.
+    ahead = max(ahead, min(limit, short_bounce(a, b)))
     age_a = time_between(pair.begin_t, pair.begin_t_low, a.t, a.t_low)
     age_b = time_between(pair.begin_t, pair.begin_t_low, b.t, b.t_low)
     piece = world.pieces[a.piece]
