@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.simulation.test_continuing import assert_same_results
-from tests.simulation.test_properties import assert_mirrored_to_the_bit
+from tests.simulation.test_properties import assert_bodies_touch, assert_mirrored_to_the_bit
 from tests.strategies import mirrored
 from vibro_cli import load_scenario, simulate
 from vibro_cli.scenario import scenario_of
@@ -60,6 +60,12 @@ def test_taken_up_again_it_is_the_same_run(path: Path) -> None:
         assert_same_results(
             whole, simulate(scenario, "python", begun.checkpoint(), begun.history())
         )
+
+
+@pytest.mark.usefixtures("no_hang")
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_bodies_touch_at_every_impact(path: Path) -> None:
+    assert_bodies_touch(simulate(load_scenario(path), "python"))
 
 
 @pytest.mark.usefixtures("no_hang")

@@ -38,6 +38,8 @@ from vibro_cli.numerics.first_root import (
 NONE_BEFORE_LIMIT = -1.0
 # A correction below this size, relative to the time scales, is the last one.
 FINAL_CORRECTION = 1.0e-5
+# ... and below this one where the iteration is of third order, not of fourth.
+FINAL_CORRECTION_BY_DISTANCE = 1.0e-6
 # Share of the size of the places by which a gap cannot be told from contact.
 UNRESOLVED = 4.0 * 2.220446049250313e-16
 # In place of a bound that is zero, so that divisions by it have a result.
@@ -265,7 +267,7 @@ def _refine_by_distance(
         h += change
         if abs(h - guess) > 0.5 * guess + 1.0e-9:
             return NONE_BEFORE_LIMIT
-        if abs(change) * (abs(second) - fastest * rate) < -FINAL_CORRECTION * rate:
+        if abs(change) * (abs(second) - fastest * rate) < -FINAL_CORRECTION_BY_DISTANCE * rate:
             if h < -1.0e-13 or h + 1.98 * rate / bound >= safe:
                 return NONE_BEFORE_LIMIT
             a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
