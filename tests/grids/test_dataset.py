@@ -13,11 +13,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from tests.grids.conftest import Write
-from vibro_cli.grids.chunks import Chunks, group_starts
+from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.shards import MergeRefused, Shard, merge
@@ -279,14 +278,3 @@ def test_whatever_ends_the_process_the_same_command_goes_on(
     assert content(tmp_path / "cut") == content(tmp_path / "whole")
     assert killed >= 0
     assert grid.design.points == 12
-
-
-def test_groups_of_rows_share_the_rows() -> None:
-    counts = np.array([0, 90_000, 20_000, 0, 150_000, 1, 49_999, 40_000])
-    starts = group_starts(counts)
-    rows = [int(one.sum()) for one in np.split(counts, starts)]
-    assert rows == [110_000, 240_000]
-    assert list(group_starts(np.zeros(3, dtype=np.int64))) == []
-    assert list(group_starts(np.array([5_000_000, 1]))) == []
-    even = np.split(np.full(900, 1000), group_starts(np.full(900, 1000)))
-    assert [len(one) for one in even] == [100] * 9

@@ -12,11 +12,8 @@ import pytest
 from vibro_cli.api import simulate
 from vibro_cli.build import build_system
 from vibro_cli.grids.document import Grid, load_grid
-from vibro_cli.grids.impacts import impact_columns
 from vibro_cli.grids.points import Reader, scenario_at
-from vibro_cli.grids.room import Room
 from vibro_cli.grids.solving import Solver
-from vibro_cli.grids.tables import impact_table_of
 from vibro_cli.scenario import ScenarioError
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -173,8 +170,8 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
     indices = np.arange(POINTS)
     solved = Solver(grid, "numba").solve(indices)
     values = grid.design.columns(indices)
-    collisions = impact_columns(impact_table_of(grid), solved.logged, indices, Room())
-    collisions["law"] = np.array(collisions["law"].words)[collisions["law"].numbers]
+    collisions = solved.kept["collisions"]
+    scenarios = collisions["scenario"].to_numpy()
     # Without their impacts, points may be solved in another way.
     without = Solver(grid_of(tmp_path, *GRIDS[name], MORE.get(name, ()), "false"), "numba")
     summary = without.solve(indices).summary
@@ -184,7 +181,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
             key: plain(column, row) for key, column in solved.summary.items()
         }
         found = {key: plain(column, row) for key, column in solved.summary.items()}
-        impacts = np.flatnonzero(collisions["scenario"] == row + 1)
+        impacts = np.flatnonzero(scenarios == row + 1)
         try:
             scenario = scenario_at(grid.base, {path: values[path][row] for path in values})
             build_system(scenario)
@@ -198,7 +195,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
         assert found == run.summary_record()
         seen.add("contact" if found["contacts"] else "free")
         for key, column in run.collisions.items():
-            of_grid = [plain(collisions[key], i) for i in impacts.tolist()]
+            of_grid = collisions[key].take(impacts).to_pylist()
             assert of_grid == [plain(column, i) for i in range(len(column))], key
         seen.add(found["end_cause"])
     assert seen >= SEEN[name], seen

@@ -6,21 +6,12 @@ the same from any number of workers, in any order.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.room import Room
-from vibro_cli.grids.solving import Solved, Table
-from vibro_cli.grids.systems import system_of_grid
-from vibro_cli.grids.tables import impact_table_of, part_file, summary_table
-from vibro_cli.storage.files import write_file
-from vibro_cli.storage.provenance import entry
 
 # Rows of a part: what readers of parquet like (100,000 and more, also where points have fewer
 # impacts than elsewhere), and what a chunk may take of memory.
@@ -28,8 +19,6 @@ _POINTS_OF_A_PART = 100_000
 _IMPACTS_OF_A_PART = 300_000
 # However they are spread, no more than this.
 _MOST_IMPACTS_OF_A_PART = 1_500_000
-# A part has as many groups of rows as can have so many each.
-_ROWS_OF_A_GROUP = 100_000
 # Impacts that are solved at one go: between two stretches a thread can be told to stop.
 _IMPACTS_OF_A_STRETCH = 40_000
 _LONGEST_STRETCH = 8192
@@ -55,7 +44,7 @@ class Chunks:
     size: int
     """Points of a chunk; the last one may have fewer."""
     stretch: int
-    """Points that are solved at one go; the results do not depend on it."""
+    """Points that are solved at one go; groups of rows have whole stretches."""
 
     @staticmethod
     def of(grid: Grid, impacts: Expected) -> Chunks:
@@ -114,100 +103,6 @@ def file_names(grid: Grid, chunk: int) -> dict[str, str]:
     return {table: f"{table}/part-{chunk:06d}.parquet" for table in ("summary", *grid.kept_tables)}
 
 
-@dataclass(frozen=True)
-class Encoded:
-    """The parts of a chunk, ready to be written."""
-
-    files: dict[str, memoryview]
-    """Contents by their names in the folder of the grid, the summary's last."""
-    receipt: Receipt
-    """What will be on the disk, but for its files."""
-
-    def write(self, folder: Path) -> Receipt:
-        """Write the parts, each whole or not at all.
-
-        Raises
-        ------
-        OSError
-            If a part cannot be written.
-        """
-        for name, content in self.files.items():
-            write_file(folder / name, content)
-        files = {name: entry(content) for name, content in self.files.items()}
-        return replace(self.receipt, files=files)
-
-
-def encode_chunk(
-    grid: Grid, chunks: Chunks, chunk: int, solved: Iterable[Solved], room: Room
-) -> Encoded:
-    """Make the parts of a chunk.
-
-    Parameters
-    ----------
-    grid, chunks, chunk
-        The grid, how it is divided, and the number of the chunk.
-    solved
-        Its stretches, in order.
-    room
-        Memory to work in; the parts are there, until the next chunk is made.
-    """
-    stretches = list(solved)
-    indices = np.arange(*chunks.range_of(chunk))
-    impacts = sum(one.impacts for one in stretches)
-    contents, whole = _contents(grid, chunk, stretches, indices, room)
-    return Encoded(contents, receipt_of(chunk, whole["status"], whole["end_cause"], impacts, {}))
-
-
-def _contents(
-    grid: Grid, chunk: int, stretches: list[Solved], indices: Column, room: Room
-) -> tuple[dict[str, memoryview], Table]:
-    """The files of a chunk, the summary's last, and the columns of its summary."""
-    names = file_names(grid, chunk)
-    contents: dict[str, memoryview] = {}
-    logged = [logged for one in stretches for logged in one.logged]
-    for name in grid.kept_tables:
-        contents[names[name]] = _impacts_file(grid, name, chunk, logged, indices, room)
-    for one in logged:
-        one.give_back()
-    whole = _whole([one.summary for one in stretches])
-    table = summary_table(grid)
-    given = [indices + 1, *grid.design.columns(indices).values()]
-    columns = dict(zip([column.name for column in table.columns], given, strict=False))
-    groups = lambda: [{**columns, **whole}]  # noqa: E731
-    contents[names["summary"]] = part_file(grid, table, groups, len(indices), chunk, room)
-    return contents, whole
-
-
-def _impacts_file(
-    grid: Grid, name: str, chunk: int, logged: list[Any], indices: Column, room: Room
-) -> memoryview:
-    """The file of a table of the impacts of a chunk."""
-    table, system = impact_table_of(grid, name), system_of_grid(grid)
-    counts = system.impact_counts(table, logged, indices)
-    starts = group_starts(counts)
-
-    def groups() -> Iterator[Table]:
-        for points in np.split(indices, starts):
-            yield system.impact_columns(table, logged, points, room)
-
-    return part_file(grid, table, groups, int(counts.sum()), chunk, room)
-
-
-def group_starts(counts: Column) -> Column:
-    """Return the points with which further groups of rows begin, each with about as many rows."""
-    until = np.cumsum(counts)
-    groups = max(1, int(until[-1]) // _ROWS_OF_A_GROUP)
-    shares = until[-1] * np.arange(1, groups) // groups
-    starts = np.unique(np.searchsorted(until, shares, side="right"))
-    return starts[starts > 0]
-
-
-def part_bytes(grid: Grid, solved: Solved, indices: Column) -> float:
-    """Return how many bytes a point takes on the disk, judged by some of them."""
-    contents, _ = _contents(grid, 0, [solved], indices, Room())
-    return sum(map(len, contents.values())) / len(indices)
-
-
 def receipt_of(
     chunk: int, status: Any, end_cause: Any, impacts: int, files: dict[str, dict[str, Any]]
 ) -> Receipt:
@@ -221,23 +116,3 @@ def receipt_of(
         inadmissible=int(np.count_nonzero(end_cause == "inadmissible")),
         files=files,
     )
-
-
-def _joined(name: str, tables: list[Table]) -> Any:
-    """One column of several tables, freed there; null where a table does not have it."""
-    parts = []
-    for table in tables:
-        if name in table:
-            parts.append(table.pop(name))
-        else:
-            rows = len(next(iter(table.values())))
-            parts.append(np.ma.MaskedArray(np.zeros(rows, dtype=np.int64), mask=True))
-    if len(parts) == 1:
-        return parts[0]
-    if any(np.ma.isMaskedArray(part) for part in parts):
-        return np.ma.concatenate(parts)  # type: ignore[no-untyped-call]
-    return np.concatenate(parts)
-
-
-def _whole(tables: list[Table]) -> Table:
-    return {name: _joined(name, tables) for name in list(tables[0])}

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.grids.chunks import Chunks, Receipt, encode_chunk
+from vibro_cli.grids.chunks import Chunks, Receipt
 from vibro_cli.grids.document import Grid
+from vibro_cli.grids.parts import Making
 from vibro_cli.grids.room import Room
 from vibro_cli.grids.systems import Solver, system_of_grid
 from vibro_cli.grids.threads import Told
@@ -202,5 +203,8 @@ def solve_chunk(
         _of_thread.room = Room()
         _of_thread.run = run
     solver: Solver = _of_thread.solver
-    solved = (solver.solve(np.arange(*stretch)) for stretch in chunks.stretches(chunk))
-    return encode_chunk(grid, chunks, chunk, solved, _of_thread.room).write(Path(folder))
+    making = Making.of(grid, chunks, chunk, _of_thread.room)
+    for number, stretch in enumerate(chunks.stretches(chunk)):
+        made = making.add(number, solver.solve(np.arange(*stretch)))
+    assert made is not None
+    return made.write(Path(folder))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,24 +12,13 @@ from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.points import document_at, reason_of
 from vibro_cli.grids.solving import Solved
-from vibro_cli.grids.tables import ball_count
+from vibro_cli.grids.tables import ball_count, impact_table_of
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.storage.schema import Table, summary
+from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems.run import SystemRun, tables_of_runs
 
 AnySystemRun = SystemRun[Any]
-
-
-@dataclass(frozen=True)
-class LoggedRuns:
-    """Runs of points that were solved, with what their impacts are made from."""
-
-    points: Column
-    """Numbers of the points, from 0 in the grid, in order."""
-    runs: Sequence[AnySystemRun]
-
-    def give_back(self) -> None:
-        """Nothing: their logs are their own."""
 
 
 class RunSolver:
@@ -48,6 +36,7 @@ class RunSolver:
         self._grid = grid
         self._engine = engine
         self._table = summary(ball_count(grid), grid.system)
+        self._kept = {name: impact_table_of(grid, name) for name in grid.kept_tables}
 
     def compile(self) -> None:
         """Make or load the machine code now, with the first point that is valid."""
@@ -62,8 +51,11 @@ class RunSolver:
         table = _columns_of(records, self._table)
         done = np.array([isinstance(one, SystemRun) for one in found])
         runs = [one for one in found if isinstance(one, SystemRun)]
-        kept = [LoggedRuns(indices[done], runs)] if self._grid.keep.collisions and runs else []
-        return Solved(table, kept, impacts_of(table, self._grid))
+        kept = {
+            name: record_batch(of_impacts, columns_of_runs(of_impacts, indices[done], runs))
+            for name, of_impacts in self._kept.items()
+        }
+        return Solved(table, impacts_of(table, self._grid), kept)
 
     def _values(self, indices: Column) -> list[dict[Any, Any]]:
         """The values of the axes at some points, a mapping for each."""
@@ -103,40 +95,20 @@ def _columns_of(records: Sequence[dict[str, Any]], table: Table) -> dict[str, An
     return columns
 
 
-def counts_of_runs(table: Table, logged: Sequence[LoggedRuns], points: Column) -> Column:
-    """Return how many rows of a table of impacts each of some points (numbers from 0) has."""
-    counts = np.zeros(len(points), dtype=np.int64)
-    for one in logged:
-        rows = [run.impact_count(_name(table)) for run in one.runs]
-        counts[np.searchsorted(points, one.points)] = rows
-    return counts
-
-
-def columns_of_runs(table: Table, logged: Sequence[LoggedRuns], points: Column) -> dict[str, Any]:
-    """Return the columns of a table of the impacts of runs, in order of the points.
+def columns_of_runs(table: Table, points: Column, runs: Sequence[AnySystemRun]) -> dict[str, Any]:
+    """Return the columns of a table of the impacts of runs.
 
     Parameters
     ----------
     table
         Which columns there are.
-    logged
-        All runs of these points, perhaps with those of others.
-    points
-        Numbers of points, from 0, one after another.
+    points, runs
+        Numbers of points, from 0 in the grid, in order, and the run of each.
     """
-    numbered = [pair for one in logged for pair in zip(one.points.tolist(), one.runs, strict=True)]
-    numbered = sorted(
-        (pair for pair in numbered if points[0] <= pair[0] <= points[-1]), key=lambda pair: pair[0]
-    )
-    if not numbered:
+    if not runs:
         kinds = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
         return {column.name: np.zeros(0, kinds[column.type]) for column in table.columns}
-    found, run = tables_of_runs([run for _, run in numbered], _name(table))
-    scenarios = np.array([point + 1 for point, _ in numbered], dtype=np.int64)[run]
+    # The name of the table of a run.
+    found, run = tables_of_runs(runs, table.name.removeprefix("grid-"))
     wanted = [column.name for column in table.columns]
-    return {name: scenarios if name == "scenario" else found[name] for name in wanted}
-
-
-def _name(table: Table) -> str:
-    """The name of a table of runs, from that of a grid."""
-    return table.name.removeprefix("grid-")
+    return {name: points[run] + 1 if name == "scenario" else found[name] for name in wanted}

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_cli.grids.axes import Column
-from vibro_cli.grids.chunks import Expected, part_bytes
+from vibro_cli.grids.chunks import Expected
 from vibro_cli.grids.document import Grid
+from vibro_cli.grids.parts import part_bytes
 from vibro_cli.grids.systems import system_of_grid
 
 # The number of points that tell how the grid is divided; it must not depend on the machine.

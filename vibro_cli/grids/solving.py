@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.impacts import Logged, LogSpace
+from vibro_cli.grids.impacts import Logged, LogSpace, impact_columns
 from vibro_cli.grids.points import Point, Reader, is_quick
+from vibro_cli.grids.room import Lease, Pieces
 from vibro_cli.grids.setting import Setting, Starts, Systems
 from vibro_cli.grids.soundness import is_of_system
+from vibro_cli.grids.tables import impact_table_of
 from vibro_cli.mechanics.records import NEVER
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario.problems import KeyPath
@@ -27,6 +30,7 @@ from vibro_cli.simulation.stacks import Stack, own_records, stack_of
 from vibro_cli.simulation.summary import summary_columns
 from vibro_cli.simulation.world import LOG_FULL, World
 from vibro_cli.storage.schema import summary
+from vibro_cli.storage.tables import record_batch
 
 Table = dict[str, Any]
 
@@ -40,10 +44,12 @@ class Solved:
     """A stretch of points, solved."""
 
     summary: Table
-    logged: Sequence[Any]
-    """Their impacts, if they are kept, as the system's columns are made from them."""
     impacts: int
     """Number of impacts, kept or not."""
+    kept: Mapping[str, pa.RecordBatch]
+    """Rows of the tables of impacts that are kept, by their names."""
+    give_back: Callable[[], None] = lambda: None
+    """Called once these rows are not needed any more."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +107,8 @@ class Solver:
         self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
         self._room = 0.0
         self._logs = LogSpace()
+        self._table = impact_table_of(grid) if grid.keep.collisions else None
+        self._pieces = Pieces()
         self._reader = Reader(grid.base)
         self._indices: Column = np.zeros(0, dtype=np.int64)
         paths = grid.design.paths
@@ -116,13 +124,19 @@ class Solver:
     def solve(self, indices: Column) -> Solved:
         """Solve some points, given by their numbers from 0."""
         self._indices = indices
+        self._logs.clear()
         values = self._grid.design.columns(indices)
         parts = _Parts()
         for key, rows in self._groups(values, len(indices)):
             self._solve_group(key, rows, {path: values[path][rows] for path in values}, parts)
         summary = _in_order(parts.summaries, len(indices))
-        impacts = summary["collisions"]
-        return Solved(summary, parts.logged, int(np.ma.filled(impacts, 0).sum()))
+        impacts = int(np.ma.filled(summary["collisions"], 0).sum())
+        if self._table is None:
+            return Solved(summary, impacts, {})
+        lease = Lease(self._pieces)
+        columns = impact_columns(self._table, parts.logged, indices, lease)
+        kept = {"collisions": record_batch(self._table, columns)}
+        return Solved(summary, impacts, kept, lease.give_back)
 
     def _groups(
         self, values: dict[KeyPath, Column], count: int
@@ -258,8 +272,7 @@ class Solver:
             return
         # A point that is left out has no rows here.
         counts = every["kept"].copy()
-        used = int(counts.sum())
-        log: Any = results.impacts[:used]
+        log = self._logs.keep(results.impacts, int(counts.sum()))
         parts.logged.append(
             Logged(
                 system=task.system,
@@ -270,7 +283,6 @@ class Solver:
                 log=log,
                 masses=starts.mass,
                 stack=task.stack,
-                give_back=self._logs.keep(results.impacts, used),
             )
         )
 
@@ -322,6 +334,8 @@ def _row(values: dict[KeyPath, Column], at: int) -> dict[KeyPath, Any]:
 
 def _in_order(parts: list[tuple[Column, Table]], count: int) -> Table:
     """One summary for all points, in their order."""
+    if len(parts) == 1:  # which has all of them
+        return parts[0][1]
     rows = np.concatenate([rows for rows, _ in parts])
     order = np.empty(count, dtype=np.int64)
     order[rows] = np.arange(count)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
-
-import numpy as np
 
 from vibro_cli import __version__
 from vibro_cli.grids.document import Grid
@@ -14,8 +12,9 @@ from vibro_cli.grids.paths import Model, kind_of, type_of, unit_of
 from vibro_cli.grids.room import Room
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.problems import KeyPath, path_text
+from vibro_cli.storage.parts import PartFile
 from vibro_cli.storage.schema import Column, Table, summary, table_named
-from vibro_cli.storage.tables import Origin, parquet_in, to_arrow
+from vibro_cli.storage.tables import Origin, arrow_schema
 
 SUMMARY = "grid-summary"
 # Columns of impacts that readers of a few scenarios or moments look at first.
@@ -63,35 +62,16 @@ def _nullable(column: Column) -> Column:
     return Column(column.name, column.type, column.unit, column.description, nullable=True)
 
 
-def part_file(
-    grid: Grid,
-    table: Table,
-    groups: Callable[[], Iterable[dict[str, Any]]],
-    rows: int,
-    chunk: int,
-    room: Room,
-) -> memoryview:
-    """Return the file of one part: the same bytes for the same rows of the same grid.
+def part_file(grid: Grid, table: Table, chunk: int, room: Room) -> PartFile:
+    """Return the file of one part, to be filled: the same bytes for the same rows of the same grid.
 
-    Parameters
-    ----------
-    grid, table, chunk
-        What it is a part of.
-    groups, rows
-        Gives the columns of every group of rows; how many rows they have together.
-    room
-        Where the file is.
+    ``table`` and ``chunk`` are what it is a part of; the file is in the room.
     """
     resolved = grid.resolved()
     origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
     names = [column.name for column in table.columns]
     skipped_by = [name for name in names if table.name == SUMMARY or name in _ORDERED]
-    return parquet_in(
-        lambda size: room(f"file of {table.name}", (size,), np.uint8),
-        lambda: (to_arrow(table, columns, origin) for columns in groups()),
-        rows,
-        skipped_by,
-    )
+    return PartFile(partial(room, f"file of {table.name}"), arrow_schema(table, origin), skipped_by)
 
 
 def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:

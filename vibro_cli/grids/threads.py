@@ -7,52 +7,57 @@ import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from vibro_cli.grids.chunks import Chunks, Encoded, Receipt, encode_chunk
+from vibro_cli.grids.chunks import Chunks, Receipt
 from vibro_cli.grids.document import Grid
+from vibro_cli.grids.parts import Encoded, Making
 from vibro_cli.grids.room import Room
-from vibro_cli.grids.solving import Solved
 from vibro_cli.grids.systems import system_of_grid
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""
 
 
+class _Stretch(NamedTuple):
+    """A stretch to be solved."""
+
+    parts: Making
+    """Of its chunk."""
+    room: Room
+    """And where they are."""
+    number: int
+    first: int
+    last: int
+    """Its first point and the one after its last."""
+
+
 class _Work:
-    """The stretches of all chunks, handed out in order; a chunk is written when it is whole."""
+    """The stretches of all chunks, handed out in order."""
 
-    def __init__(self, chunks: Chunks, wanted: Sequence[int]) -> None:
+    def __init__(self, grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> None:
         self._lock = threading.Lock()
-        self._next = self._stretches(chunks, wanted)
-        self._solved: dict[int, list[Solved | None]] = {}
-        self._left: dict[int, int] = {}
+        self._spare: list[Room] = []
+        self._next = self._stretches(grid, chunks, wanted)
 
-    def _stretches(
-        self, chunks: Chunks, wanted: Sequence[int]
-    ) -> Iterator[tuple[int, int, int, int]]:
+    def _stretches(self, grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> Iterator[_Stretch]:
         for chunk in wanted:
-            stretches = chunks.stretches(chunk)
-            self._solved[chunk] = [None] * len(stretches)
-            self._left[chunk] = len(stretches)
-            for number, (first, last) in enumerate(stretches):
-                yield chunk, number, first, last
+            room = self._spare.pop() if self._spare else Room()
+            parts = Making.of(grid, chunks, chunk, room)
+            for number, (first, last) in enumerate(chunks.stretches(chunk)):
+                yield _Stretch(parts, room, number, first, last)
 
-    def take(self) -> tuple[int, int, int, int] | None:
-        """Return chunk, number, first point and end of the next stretch, None after the last."""
+    def take(self) -> _Stretch | None:
+        """Return the next stretch, None after the last."""
         with self._lock:
             return next(self._next, None)
 
-    def put(self, chunk: int, number: int, solved: Solved) -> list[Solved] | None:
-        """Take in a solved stretch; return all of its chunk if it was the last one missing."""
+    def give_back(self, room: Room) -> None:
+        """Take back the room of a chunk whose parts are on the disk."""
         with self._lock:
-            self._solved[chunk][number] = solved
-            self._left[chunk] -= 1
-            if self._left[chunk]:
-                return None
-            del self._left[chunk]
-            return [one for one in self._solved.pop(chunk) if one is not None]
+            self._spare.append(room)
 
 
 def solve_in_threads(
@@ -71,27 +76,27 @@ def solve_in_threads(
     """
     if engine == "numba":
         system_of_grid(grid).solver(grid, engine).compile()  # here, where it can be interrupted
-    work = _Work(chunks, wanted)
+    work = _Work(grid, chunks, wanted)
     receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
 
-    def write(parts: Encoded) -> None:
-        receipts.put(parts.write(folder))
+    def write(parts: Encoded, room: Room) -> None:
+        receipt = parts.write(folder)
+        work.give_back(room)
+        receipts.put(receipt)
 
     def serve(disk: ThreadPoolExecutor) -> None:
         try:
-            solver, room = system_of_grid(grid).solver(grid, engine), Room()
+            solver = system_of_grid(grid).solver(grid, engine)
             writing: Future[None] | None = None
             while not stop.is_set() and (taken := work.take()) is not None:
-                chunk, number, first, last = taken
-                solved = solver.solve(np.arange(first, last))
-                tell(last - first, solved.impacts)
-                whole = work.put(chunk, number, solved)
-                if whole is not None:
+                solved = solver.solve(np.arange(taken.first, taken.last))
+                tell(taken.last - taken.first, solved.impacts)
+                made = taken.parts.add(taken.number, solved)
+                if made is not None:
                     if writing is not None:
-                        writing.result()  # its parts are in the room
-                    parts = encode_chunk(grid, chunks, chunk, whole, room)
-                    writing = disk.submit(write, parts)
+                        writing.result()  # no more than one chunk of each thread waits
+                    writing = disk.submit(write, made, taken.room)
             if writing is not None:
                 writing.result()
         except BaseException as error:

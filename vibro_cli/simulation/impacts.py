@@ -39,11 +39,7 @@ IN_ORDER = (
 )
 
 
-Room = Callable[[str, tuple[int, int], type], Any]
-
-
-def _fresh(_name: str, shape: tuple[int, int], kind: type) -> Any:
-    return np.empty(shape, dtype=kind)
+Room = Callable[[tuple[int, int], type], Any]
 
 
 class ImpactTable:
@@ -56,10 +52,10 @@ class ImpactTable:
     wanted
         Names of the columns that are kept.
     room
-        Gives an array of a shape and a type, for a name.
+        Gives an array of a shape and a type.
     """
 
-    def __init__(self, rows: int, wanted: Collection[str], room: Room = _fresh) -> None:
+    def __init__(self, rows: int, wanted: Collection[str], room: Room = np.empty) -> None:
         self._rows = rows
         self._wanted = wanted
         self._memory = room
@@ -75,7 +71,7 @@ class ImpactTable:
         # An odd number of cache lines apart: else all columns would share the same few of them.
         lines = -(-self._rows * np.dtype(kind).itemsize // 64) | 1
         shape = len(kept) + 1, lines * 64 // np.dtype(kind).itemsize
-        room = self._memory(f"impacts {kind.__name__}", shape, kind)
+        room = self._memory(shape, kind)
         return room, np.array(places)
 
     def fill(

@@ -5,9 +5,10 @@ bytes: nothing of the machine or of the time goes into a table.
 """
 
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -25,13 +26,7 @@ _ARROW_TYPES = {
 }
 _ENCODINGS = {pa.float64(): "BYTE_STREAM_SPLIT", pa.int64(): "DELTA_BINARY_PACKED"}
 # Of the bytes of a double six are noise: more effort makes files smaller by a hundredth or two.
-_LEVEL = -1
-# What a file takes beside its columns, as far as it need not be guessed again.
-_OF_A_FILE = 1 << 20
-# Bytes of a page of a part, which is split, compressed and summed up before the next one.
-_PAGE = 1 << 17
-# Numbers by which it is judged whether a column has few different ones.
-_SAMPLE = 512
+_LEVEL = -5
 _JSON_LINES_AT_ONCE = 4096
 
 
@@ -47,9 +42,6 @@ class Origin:
     more: Mapping[str, str] = field(default_factory=dict)
 
 
-Room = Callable[[int], Any]
-
-
 class Words(NamedTuple):
     """A column of words as numbers, from 0, of a few different ones."""
 
@@ -59,15 +51,6 @@ class Words(NamedTuple):
 
 def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
     """The arrow schema of a table, with units and descriptions of its fields and its origin."""
-    fields = [
-        pa.field(
-            column.name,
-            _ARROW_TYPES[column.type],
-            nullable=column.nullable,
-            metadata={"unit": column.unit, "description": column.description},
-        )
-        for column in table.columns
-    ]
     scenario = json.dumps(origin.scenario, ensure_ascii=False, allow_nan=False)
     metadata = {
         "vibro:schema": table.schema_id,
@@ -76,14 +59,31 @@ def arrow_schema(table: Table, origin: Origin) -> pa.Schema:
         "vibro:units": json.dumps({column.name: column.unit for column in table.columns}),
         **origin.more,
     }
-    return pa.schema(fields, metadata=metadata)
+    return pa.schema(_arrow_fields(table), metadata=metadata)
+
+
+@cache
+def _row_schema(table: Table) -> pa.Schema:
+    return pa.schema(_arrow_fields(table))
+
+
+def _arrow_fields(table: Table) -> list[pa.Field]:
+    return [
+        pa.field(
+            column.name,
+            _ARROW_TYPES[column.type],
+            nullable=column.nullable,
+            metadata={"unit": column.unit, "description": column.description},
+        )
+        for column in table.columns
+    ]
 
 
 def _arrow_column(column: Column, values: Any) -> pa.Array:
     """One column as arrow: masked entries, None and, in a nullable float column, NaN are null."""
     if isinstance(values, Words):
         return pa.Array.from_buffers(pa.string(), len(values.numbers), [None, *_of_numbers(values)])
-    array = np.ma.getdata(values)
+    array = values if type(values) is np.ndarray else np.ma.getdata(values)
     mask = _missing(column, values, array)
     if mask is not None and not column.nullable:
         row = int(np.argmax(mask))
@@ -103,12 +103,12 @@ def _missing(column: Column, values: Any, array: Any) -> Any:
     mask: Any = np.ma.getmask(values)
     if column.type == "float64":
         # The least of numbers with a nan among them is nan: one look, no memory.
-        if array.size and np.isnan(np.min(array)):
+        if array.size and math.isnan(array.min()):
             mask = mask | np.isnan(array)
     elif column.type == "string":
         nothing: Any = None
         mask = mask | np.equal(array, nothing)
-    return mask if np.any(mask) else None
+    return mask if mask is not np.ma.nomask and np.any(mask) else None
 
 
 # Columns are put together from buffers: arrow's own conversion, of lists too, imports pandas where
@@ -154,85 +154,48 @@ def _of_numbers(column: Words) -> list[pa.Buffer]:
     return [pa.py_buffer(offsets), pa.py_buffer(content)]
 
 
-def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Table:
-    """The arrow table of `columns` (arrays of equal length).
+def record_batch(table: Table, columns: Mapping[str, Any]) -> pa.RecordBatch:
+    """Rows of a table, `columns` (arrays of equal length), with no word of where they are from.
 
-    Raises `ValueError` when names, types or missing values are not those of `table`.
+    Numbers are not copied. Raises `ValueError` when names, types or missing values are not those of
+    `table`.
     """
     names = [column.name for column in table.columns]
     if list(columns) != names:
         odd = sorted(set(names) ^ set(columns)) or ["(the order)"]
         raise ValueError(f"columns of {table.name!r} differ from its schema: {', '.join(odd)}")
     arrays = [_arrow_column(column, columns[column.name]) for column in table.columns]
-    return pa.Table.from_arrays(arrays, schema=arrow_schema(table, origin))
+    return pa.RecordBatch.from_arrays(arrays, schema=_row_schema(table))
+
+
+def to_arrow(table: Table, columns: Mapping[str, Any], origin: Origin) -> pa.Table:
+    """The arrow table of `columns` (arrays of equal length).
+
+    Raises `ValueError` when names, types or missing values are not those of `table`.
+    """
+    return pa.Table.from_batches([record_batch(table, columns)], arrow_schema(table, origin))
 
 
 def parquet_bytes(data: pa.Table) -> bytes:
     """An arrow table as a parquet file: zstd, floats split by bytes, integers by differences."""
     sink = pa.BufferOutputStream()
-    pq.write_table(data, sink, use_dictionary=_words(data.schema), **_options(data.schema))
+    pq.write_table(data, sink, use_dictionary=words_in(data.schema), **parquet_options(data.schema))
     content: bytes = sink.getvalue().to_pybytes()
     return content
 
 
-def parquet_in(
-    room: Room, groups: Callable[[], Iterable[pa.Table]], rows: int, skipped_by: Sequence[str]
-) -> memoryview:
-    """Arrow tables as one parquet file in memory that is there already, `room(bytes)`.
-
-    Each of `groups()` becomes a group of rows, `rows` together; at least one, perhaps empty. It is
-    written as in `parquet_bytes`, but numbers of which there are only a few different ones go into
-    a dictionary, and pages stay in the processor's cache. The least and largest value of row
-    groups, by which readers skip them, is there of the columns `skipped_by` only.
-    """
-    size = 0
-    while True:
-        given = iter(groups())
-        first = next(given)
-        size = 2 * size or first.nbytes // max(first.num_rows, 1) * rows * 9 // 8 + _OF_A_FILE
-        block = room(size)
-        sink = pa.FixedSizeBufferWriter(pa.py_buffer(block))
-        try:
-            _write_groups(chain([first], given), first, sink, list(skipped_by))
-            return memoryview(block)[: sink.tell()]
-        except OSError:  # there is nothing else that could fail in memory
-            continue
-
-
-def _write_groups(
-    groups: Iterable[pa.Table], first: pa.Table, sink: Any, skipped_by: list[str]
-) -> None:
-    few = [name for name in _numbers(first.schema) if _has_few(first[name])]
-    options = _options(first.schema, few)
-    with pq.ParquetWriter(
-        sink,
-        first.schema,
-        use_dictionary=[*_words(first.schema), *few],
-        write_statistics=skipped_by,
-        data_page_size=_PAGE,
-        **options,
-    ) as writer:
-        for group in groups:
-            writer.write_table(group, row_group_size=max(group.num_rows, 1))
-
-
-def _has_few(column: pa.ChunkedArray) -> bool:
-    """Whether a column seems to repeat a few numbers, judged by some of them."""
-    values = column.chunk(0).to_numpy(zero_copy_only=False)
-    step = max(1, len(values) // _SAMPLE)
-    return len(np.unique(values[::step])) <= len(values[::step]) // 8
-
-
-def _words(schema: pa.Schema) -> list[str]:
+def words_in(schema: pa.Schema) -> list[str]:
+    """Return the names of the columns of words."""
     return [field.name for field in schema if pa.types.is_string(field.type)]
 
 
-def _numbers(schema: pa.Schema) -> list[str]:
+def numbers_in(schema: pa.Schema) -> list[str]:
+    """Return the names of the columns of floats."""
     return [field.name for field in schema if pa.types.is_floating(field.type)]
 
 
-def _options(schema: pa.Schema, without: Collection[str] = ()) -> dict[str, Any]:
-    """How columns are encoded, but for those `without` an encoding of their own."""
+def parquet_options(schema: pa.Schema, without: Collection[str] = ()) -> dict[str, Any]:
+    """Return how columns are encoded, but for those `without` an encoding of their own."""
     encodings = {
         field.name: _ENCODINGS[field.type]
         for field in schema
