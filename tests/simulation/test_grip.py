@@ -142,3 +142,64 @@ def test_a_one_sided_trace_ends_the_run_there(case: str) -> None:
     assert held.events["ball"][-1] == free.events["ball"][lifted]
     first = float(free.events["t"][lifted])
     assert held.summary_record()["end_time"] == pytest.approx(first, abs=1e-12)
+
+
+# On a line a small heavy hoop holds up a large light particle, which would slide faster.
+TILT = math.asin((0.3 - 0.05) / (0.3 + 0.05))
+SHARE = 3.0 / (1.0 + 2.0 * 3.0)  # of the particle's pull down the line that the hoop takes
+STEEPEST = math.atan(1.0 / (SHARE * math.tan(TILT)))
+
+
+def pair_on_a_line(slope: float, surface: str, friction: float | None = None) -> Run:
+    document: dict[str, Any] = {
+        "gravity": 9.81,
+        "trace": {
+            "start_slope": -slope,
+            "surface": surface,
+            "arcs": [{"shape": "line", "length": 4.0}],
+        },
+        "balls": [
+            {"body": "particle", "radius": 0.3, "mass": 1.0, "arc": 1, "position": 1.0},
+            {"body": "hoop", "radius": 0.05, "mass": 3.0, "arc": 1, "touching": "previous"},
+        ],
+        "stop": {"time": 0.5},
+        "collision": {"law": "normal-impulse", "k": 0.0},
+    }
+    if friction is not None:
+        document["output"] = {"friction": friction}
+    return simulate(scenario_of(document), "python")
+
+
+@pytest.mark.parametrize("surface", ["one-sided", "two-sided"])
+@pytest.mark.parametrize("off", [-0.3, -1e-3, -1e-9, 1e-9, 1e-3, 0.3])
+def test_a_pair_in_contact_on_a_line_lifts_off_where_the_push_outweighs_it(
+    off: float, surface: str
+) -> None:
+    slope = STEEPEST + off
+    run = pair_on_a_line(slope, surface)
+    lifted = run.events["event"] == "lift_off"
+    if off < 0.0:
+        assert run.end_cause == "time"
+        assert not lifted.any()
+    else:
+        assert run.events["ball"][lifted].tolist() == [1]
+        assert run.events["t"][lifted].tolist() == [0.0]
+        assert run.end_cause == ("lift_off" if surface == "one-sided" else "time")
+    if run.end_cause == "time":
+        weight = 1.0 * 9.81
+        force = weight * (math.cos(slope) - SHARE * math.sin(slope) * math.tan(TILT))
+        found = run.summary_record()["min_normal_force"]
+        assert found == pytest.approx(force, rel=1e-13, abs=1e-14 * weight)
+
+
+@pytest.mark.parametrize("slope", [0.2, 0.6, 0.9, 1.1])
+def test_a_pair_in_contact_on_a_line_slips_beyond_its_friction(slope: float) -> None:
+    push = SHARE * 9.81 * math.sin(slope)  # along the line
+    friction = 3.0 * 9.81 * math.sin(slope) + push
+    friction *= (2.0 - 1.0) / 2.0  # of a hoop: the share (kappa - 1)/kappa of what pulls it
+    demand = friction / (3.0 * 9.81 * math.cos(slope) + push * math.tan(TILT))
+    run = pair_on_a_line(slope, "one-sided")
+    assert run.summary_record()["max_friction_demand"] == pytest.approx(demand, rel=1e-13)
+    for share, slips in ((1.0 + 1e-9, []), (1.0 - 1e-9, [2])):
+        run = pair_on_a_line(slope, "one-sided", share * demand)
+        assert run.events["ball"][run.events["event"] == "slip"].tolist() == slips
