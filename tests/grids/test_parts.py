@@ -16,7 +16,7 @@ from vibro_cli.grids import parts
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import load_grid
 from vibro_cli.grids.parts import Encoded, Making
-from vibro_cli.grids.room import Lease, Pieces, Room
+from vibro_cli.grids.room import Lease, Pieces, Rooms
 from vibro_cli.grids.solving import Solved, Solver
 
 
@@ -40,7 +40,7 @@ def test_stretches_come_in_any_order_and_are_given_back(
             found.append(Solved(one.summary, one.impacts, one.kept, own))
         return found
 
-    making = Making.of(grid, chunks, 0, Room())
+    making = Making.of(grid, chunks, 0, Rooms())
     in_order = [making.add(number, one) for number, one in enumerate(solved())]
     assert in_order[:-1] == [None] * (len(in_order) - 1)
     assert in_order[-1] is not None
@@ -53,7 +53,7 @@ def test_stretches_come_in_any_order_and_are_given_back(
     others: list[Encoded | None] = []
     mixed = list(enumerate(solved()))
     random.Random(5).shuffle(mixed)
-    making = Making.of(grid, chunks, 0, Room())
+    making = Making.of(grid, chunks, 0, Rooms())
     threads = [
         threading.Thread(
             target=lambda some: others.extend(making.add(*one) for one in some), args=(some,)

@@ -14,7 +14,7 @@ import numpy as np
 from vibro_cli.grids.chunks import Chunks, Receipt
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.parts import Making
-from vibro_cli.grids.room import Room
+from vibro_cli.grids.room import Rooms
 from vibro_cli.grids.systems import Solver, system_of_grid
 from vibro_cli.grids.threads import Told
 
@@ -200,11 +200,13 @@ def solve_chunk(
     """
     if getattr(_of_thread, "run", None) != run:
         _of_thread.solver = system_of_grid(grid).solver(grid, engine)
-        _of_thread.room = Room()
+        _of_thread.rooms = Rooms()
         _of_thread.run = run
     solver: Solver = _of_thread.solver
-    making = Making.of(grid, chunks, chunk, _of_thread.room)
+    making = Making.of(grid, chunks, chunk, _of_thread.rooms)
     for number, stretch in enumerate(chunks.stretches(chunk)):
         made = making.add(number, solver.solve(np.arange(*stretch)))
     assert made is not None
-    return made.write(Path(folder))
+    receipt = made.write(Path(folder))
+    made.give_back()
+    return receipt

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pyarrow as pa
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.room import Room
+from vibro_cli.grids.room import Room, Rooms
 from vibro_cli.grids.solving import Solved, Table
 from vibro_cli.grids.tables import impact_table_of, part_file, summary_table
 from vibro_cli.storage.files import write_file
@@ -34,6 +35,8 @@ class Encoded:
     """Contents by their names in the folder of the grid, the summary's last."""
     receipt: Receipt
     """What will be on the disk, but for its files."""
+    give_back: Callable[[], None]
+    """Called once the contents are not needed any more."""
 
     def write(self, folder: Path) -> Receipt:
         """Write the parts, each whole or not at all.
@@ -70,33 +73,36 @@ class Making:
         The grid, and the number of the chunk.
     indices, stretches
         Numbers of its points, from 0 in the grid, and how many stretches they make.
-    room
-        Memory to work in; the parts are there.
+    rooms
+        Memory for the parts; it is taken with the first group of rows.
     """
 
-    def __init__(self, grid: Grid, chunk: int, indices: Column, stretches: int, room: Room) -> None:
+    def __init__(
+        self, grid: Grid, chunk: int, indices: Column, stretches: int, rooms: Rooms
+    ) -> None:
         self._grid = grid
         self._chunk = chunk
         self._indices = indices
         self._stretches = stretches
-        self._room = room
+        self._rooms = rooms
+        self._taken: Room | None = None
         self._lock = threading.Lock()
         self._busy = False
         self._come: dict[int, Solved] = {}
         self._summaries: list[Table] = []
         self._impacts = 0
         self._parts = {
-            name: _Part(part_file(grid, impact_table_of(grid, name), chunk, room))
+            name: _Part(part_file(grid, impact_table_of(grid, name), chunk, self._room))
             for name in grid.kept_tables
         }
         # Stretches whose rows some parts still need.
         self._needed: dict[int, int] = {}
 
     @staticmethod
-    def of(grid: Grid, chunks: Chunks, chunk: int, room: Room) -> Making:
+    def of(grid: Grid, chunks: Chunks, chunk: int, rooms: Rooms) -> Making:
         """Return the parts of a chunk, with nothing in them."""
         indices = np.arange(*chunks.range_of(chunk))
-        return Making(grid, chunk, indices, len(chunks.stretches(chunk)), room)
+        return Making(grid, chunk, indices, len(chunks.stretches(chunk)), rooms)
 
     def add(self, number: int, solved: Solved) -> Encoded | None:
         """Take in a stretch, given by its number from 0, in any order and from any thread.
@@ -114,6 +120,11 @@ class Making:
             with self._lock:
                 self._busy = False
         return None
+
+    def _room(self, name: str, size: int) -> Column:
+        if self._taken is None:
+            self._taken = self._rooms.take()
+        return self._taken(name, size)
 
     def _following(self) -> list[Solved] | None:
         """The next stretches in order, for the thread that calls; none if another one is at it."""
@@ -166,12 +177,13 @@ class Making:
         file.add([record_batch(table, {**columns, **whole})])
         contents[names["summary"]] = file.finish()
         receipt = receipt_of(self._chunk, whole["status"], whole["end_cause"], self._impacts, {})
-        return Encoded(contents, receipt)
+        assert self._taken is not None
+        return Encoded(contents, receipt, partial(self._rooms.give_back, self._taken))
 
 
 def part_bytes(grid: Grid, solved: Solved, indices: Column) -> float:
     """Return how many bytes a point takes on the disk, judged by some of them."""
-    made = Making(grid, 0, indices, 1, Room()).add(0, solved)
+    made = Making(grid, 0, indices, 1, Rooms()).add(0, solved)
     assert made is not None
     return sum(map(len, made.files.values())) / len(indices)
 

@@ -35,6 +35,24 @@ class Room:
         return block[:size]
 
 
+class Rooms:
+    """Rooms that any thread may take and give back."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._spare: list[Room] = []
+
+    def take(self) -> Room:
+        """Return a room that nobody works in."""
+        with self._lock:
+            return self._spare.pop() if self._spare else Room()
+
+    def give_back(self, room: Room) -> None:
+        """Take back a room."""
+        with self._lock:
+            self._spare.append(room)
+
+
 @dataclass(eq=False)
 class _Block:
     memory: Column

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from vibro_cli import __version__
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.paths import Model, kind_of, type_of, unit_of
-from vibro_cli.grids.room import Room
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.problems import KeyPath, path_text
 from vibro_cli.storage.parts import PartFile
@@ -62,10 +62,10 @@ def _nullable(column: Column) -> Column:
     return Column(column.name, column.type, column.unit, column.description, nullable=True)
 
 
-def part_file(grid: Grid, table: Table, chunk: int, room: Room) -> PartFile:
+def part_file(grid: Grid, table: Table, chunk: int, room: Callable[[str, int], Any]) -> PartFile:
     """Return the file of one part, to be filled: the same bytes for the same rows of the same grid.
 
-    ``table`` and ``chunk`` are what it is a part of; the file is in the room.
+    ``table`` and ``chunk`` are what it is a part of; ``room(name, size)`` gives memory for it.
     """
     resolved = grid.resolved()
     origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))

@@ -14,7 +14,7 @@ import numpy as np
 from vibro_cli.grids.chunks import Chunks, Receipt
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.parts import Encoded, Making
-from vibro_cli.grids.room import Room
+from vibro_cli.grids.room import Rooms
 from vibro_cli.grids.systems import system_of_grid
 
 Told = Callable[[int, int], None]
@@ -26,8 +26,6 @@ class _Stretch(NamedTuple):
 
     parts: Making
     """Of its chunk."""
-    room: Room
-    """And where they are."""
     number: int
     first: int
     last: int
@@ -39,25 +37,19 @@ class _Work:
 
     def __init__(self, grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> None:
         self._lock = threading.Lock()
-        self._spare: list[Room] = []
+        self._rooms = Rooms()
         self._next = self._stretches(grid, chunks, wanted)
 
     def _stretches(self, grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> Iterator[_Stretch]:
         for chunk in wanted:
-            room = self._spare.pop() if self._spare else Room()
-            parts = Making.of(grid, chunks, chunk, room)
+            parts = Making.of(grid, chunks, chunk, self._rooms)
             for number, (first, last) in enumerate(chunks.stretches(chunk)):
-                yield _Stretch(parts, room, number, first, last)
+                yield _Stretch(parts, number, first, last)
 
     def take(self) -> _Stretch | None:
         """Return the next stretch, None after the last."""
         with self._lock:
             return next(self._next, None)
-
-    def give_back(self, room: Room) -> None:
-        """Take back the room of a chunk whose parts are on the disk."""
-        with self._lock:
-            self._spare.append(room)
 
 
 def solve_in_threads(
@@ -80,9 +72,9 @@ def solve_in_threads(
     receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
 
-    def write(parts: Encoded, room: Room) -> None:
+    def write(parts: Encoded) -> None:
         receipt = parts.write(folder)
-        work.give_back(room)
+        parts.give_back()
         receipts.put(receipt)
 
     def serve(disk: ThreadPoolExecutor) -> None:
@@ -96,7 +88,7 @@ def solve_in_threads(
                 if made is not None:
                     if writing is not None:
                         writing.result()  # no more than one chunk of each thread waits
-                    writing = disk.submit(write, made, taken.room)
+                    writing = disk.submit(write, made)
             if writing is not None:
                 writing.result()
         except BaseException as error:

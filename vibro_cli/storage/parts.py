@@ -91,6 +91,8 @@ def _most_bytes(group: pa.Table) -> int:
 
 def _has_few(column: pa.ChunkedArray) -> bool:
     """Whether a column seems to repeat a few numbers, judged by some of them."""
-    values = max(column.chunks, key=len).to_numpy(zero_copy_only=False)
+    longest = max(column.chunks, key=len)
+    # Arrow's own way to numpy may import pandas.
+    values = np.frombuffer(longest.buffers()[1], np.float64, len(longest), 8 * longest.offset)
     step = max(1, len(values) // _SAMPLE)
     return len(np.unique(values[::step])) <= len(values[::step]) // 8
