@@ -5,19 +5,29 @@ from __future__ import annotations
 import random
 import threading
 from itertools import pairwise
+from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import strategies as st
 
 from tests.grids.conftest import Write
-from vibro_cli.grids import parts
+from vibro_cli.grids import chunks, parts, sample
 from vibro_cli.grids.chunks import Chunks
+from vibro_cli.grids.dataset import known_division, opened
 from vibro_cli.grids.document import load_grid
 from vibro_cli.grids.parts import Encoded, Making
 from vibro_cli.grids.room import Lease, Pieces, Rooms
 from vibro_cli.grids.solving import Solved, Solver
+from vibro_cli.grids.threads import solve_in_threads
+from vibro_cli.grids.verifying import verify
+
+
+def tell(points: int, impacts: int) -> None:
+    """Nothing is told."""
 
 
 def contents(made: Encoded) -> dict[str, bytes]:
@@ -29,22 +39,22 @@ def test_stretches_come_in_any_order_and_are_given_back(
 ) -> None:
     monkeypatch.setattr(parts, "_ROWS_OF_A_GROUP", 10)
     grid = load_grid(small(), ["stop.collisions=4"])
-    chunks = Chunks(grid.design.points, grid.design.points, 1)
+    whole = Chunks(grid.design.points, grid.design.points, 1)
     back: list[int] = []
 
     def solved() -> list[Solved]:
         solver, found = Solver(grid, "python"), []
-        for number, stretch in enumerate(chunks.stretches(0)):
+        for number, stretch in enumerate(whole.stretches(0)):
             one = solver.solve(np.arange(*stretch))
             own = lambda number=number: back.append(number)  # noqa: E731
             found.append(Solved(one.summary, one.impacts, one.kept, own))
         return found
 
-    making = Making.of(grid, chunks, 0, Rooms())
+    making = Making.of(grid, whole, 0, Rooms())
     in_order = [making.add(number, one) for number, one in enumerate(solved())]
     assert in_order[:-1] == [None] * (len(in_order) - 1)
     assert in_order[-1] is not None
-    assert sorted(back) == list(range(chunks.points))
+    assert sorted(back) == list(range(whole.points))
     read = pq.ParquetFile(pa.BufferReader(contents(in_order[-1])["collisions/part-000000.parquet"]))
     sizes = [read.metadata.row_group(n).num_rows for n in range(read.num_row_groups)]
     assert len(sizes) > 1
@@ -53,7 +63,7 @@ def test_stretches_come_in_any_order_and_are_given_back(
     others: list[Encoded | None] = []
     mixed = list(enumerate(solved()))
     random.Random(5).shuffle(mixed)
-    making = Making.of(grid, chunks, 0, Rooms())
+    making = Making.of(grid, whole, 0, Rooms())
     threads = [
         threading.Thread(
             target=lambda some: others.extend(making.add(*one) for one in some), args=(some,)
@@ -90,3 +100,52 @@ def test_pieces_in_use_are_apart_and_memory_is_used_again() -> None:
         seen.add(lease((400_000, 10), np.float64).ctypes.data)
         lease.give_back()
     assert len(seen) == 1
+
+
+@hypothesis.given(
+    st.lists(st.floats(0.0, 60.0), min_size=1, max_size=300),
+    st.integers(1, 4_000_000),
+)
+def test_parts_are_cut_where_the_impacts_are(density: list[float], points: int) -> None:
+    sizes = chunks._cut(points, np.array(density))
+    assert sum(sizes) == points
+    assert min(sizes) > 0
+    # What a chunk has by the same estimate, counted point by point.
+    each = np.maximum(density, 1.0)[np.arange(points) * len(density) // points]
+    rows = np.add.reduceat(each, np.cumsum((0, *sizes[:-1])))
+    wished = max(float(each.sum()) / max(1, each.sum() // 300_000), 1.0)
+    assert np.all(np.abs(rows - wished) < 0.1 * wished + 200.0)
+
+
+def test_a_grid_of_many_parts_is_divided_the_same_way_again(
+    small: Write, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(chunks, "_IMPACTS_OF_A_PART", 5)
+    monkeypatch.setattr(chunks, "_MANY_PARTS", 2)
+    monkeypatch.setattr(sample, "_IMPACTS_OF_A_BLOCK", 4)
+    grid = load_grid(small(), ["stop.collisions=4"])
+    expected = sample.expected_impacts(grid)
+    density = sample.impact_density(grid, expected, "python")
+    compiled = sample.impact_density(grid, expected, "numba")
+    assert density is not None
+    assert compiled is not None
+    assert density.tolist() == compiled.tolist()
+    divided = Chunks.of(grid, expected, density)
+    assert isinstance(divided.division, tuple)
+    assert divided.count > 2
+    assert len(set(divided.sizes)) > 1
+    with opened(tmp_path / "data", grid, divided) as data:
+        for receipt in solve_in_threads(
+            grid, divided, data.missing, data.folder, 2, "python", tell
+        ):
+            data.add(receipt)
+        data.write_manifest()
+    found = known_division(tmp_path / "data")
+    assert found == divided.division
+    again = Chunks.of_division(grid, found, expected)
+    assert [again.stretches(n) for n in range(again.count)] == [
+        divided.stretches(n) for n in range(divided.count)
+    ]
+    with opened(tmp_path / "data", grid, again) as data:
+        assert not data.missing
+    assert verify(tmp_path / "data").sound

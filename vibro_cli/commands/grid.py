@@ -191,12 +191,13 @@ def _estimate(wishes: Wishes) -> int:
     """Say what the grid would take."""
     from vibro_cli.commands.words import duration, size
     from vibro_cli.grids.chunks import Chunks
-    from vibro_cli.grids.sample import estimate, expected_impacts
+    from vibro_cli.grids.sample import estimate, expected_impacts, impact_density
 
     found = load(wishes)
     expected = expected_impacts(found)
-    chunks = Chunks.of(found, expected)
-    one = estimate(found, engine_of(wishes, found, expected))
+    engine = engine_of(wishes, found, expected)
+    chunks = Chunks.of(found, expected, impact_density(found, expected, engine))
+    one = estimate(found, engine)
     workers = _workers(wishes)
     points = chunks.points
     seconds = points * one.seconds / min(workers, points)
@@ -204,7 +205,7 @@ def _estimate(wishes: Wishes) -> int:
         "name": found.name,
         "points": points,
         "chunks": chunks.count,
-        "chunk_points": chunks.size,
+        "chunk_points": chunks.division,
         "impacts": round(points * one.impacts),
         "bytes": round(points * one.bytes),
         "seconds": seconds,
@@ -214,13 +215,18 @@ def _estimate(wishes: Wishes) -> int:
     if wishes.as_json:
         print(json_text(told))
     say(
-        f"{found.name}: {points:,} points in {chunks.count:,} chunks of {chunks.size:,}\n"
+        f"{found.name}: {points:,} points in {chunks.count:,} chunks of {_span(chunks.sizes)}\n"
         f"  impacts    about {told['impacts']:,}\n"
         f"  disk       about {size(points * one.bytes)}\n"
         f"  time       about {duration(seconds)} with {workers} workers"
         f" (from {one.sampled:,} points)"
     )
     return DONE
+
+
+def _span(sizes: list[int]) -> str:
+    least, most = min(sizes), max(sizes)
+    return f"{least:,}" if least == most else f"{least:,} to {most:,}"
 
 
 def _sweep(wishes: Wishes) -> int:

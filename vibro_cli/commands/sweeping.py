@@ -29,7 +29,7 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     try:
         expected = expected_impacts(grid)
         engine = engine_of(wishes, grid, expected)
-        chunks = _chunks(wishes, grid, expected, folder)
+        chunks = _chunks(wishes, grid, expected, engine, folder)
         wanted = None if wishes.shard is None else wishes.shard.chunks_of(chunks)
         with opened(folder, grid, chunks, wishes.force, wanted) as dataset:
             if wishes.merge:
@@ -48,18 +48,21 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     return state
 
 
-def _chunks(wishes: "Wishes", grid: "Grid", expected: "Expected", folder: Path) -> "Chunks":
+def _chunks(
+    wishes: "Wishes", grid: "Grid", expected: "Expected", engine: str, folder: Path
+) -> "Chunks":
     """How the grid is divided: as the folder has it, if it has it already."""
     from vibro_cli.grids.chunks import Chunks
-    from vibro_cli.grids.dataset import known_chunk_size
-    from vibro_cli.grids.shards import chunk_size_of_shards
+    from vibro_cli.grids.dataset import known_division
+    from vibro_cli.grids.sample import impact_density
+    from vibro_cli.grids.shards import division_of_shards
 
-    known = None if wishes.force else known_chunk_size(folder)
+    known = None if wishes.force else known_division(folder)
     if wishes.merge and known is None:
-        known = chunk_size_of_shards(folder)
+        known = division_of_shards(folder)
     if known is not None and grid.chunk_points is None:
-        return Chunks.of_size(grid, known, expected)
-    return Chunks.of(grid, expected)
+        return Chunks.of_division(grid, known, expected)
+    return Chunks.of(grid, expected, impact_density(grid, expected, engine))
 
 
 def _drop_damaged(dataset: "Dataset") -> None:

@@ -7,14 +7,16 @@ the same from any number of workers, in any order.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibro_cli.grids.axes import Column
 from vibro_cli.grids.document import Grid
 
-# Rows of a part: what readers of parquet like (100,000 and more, also where points have fewer
-# impacts than elsewhere), and what a chunk may take of memory.
+# Rows of a part: what readers of parquet like (100,000 and more), and what a chunk may take of
+# memory.
 _POINTS_OF_A_PART = 100_000
 _IMPACTS_OF_A_PART = 300_000
 # However they are spread, no more than this.
@@ -24,6 +26,9 @@ _IMPACTS_OF_A_STRETCH = 40_000
 _LONGEST_STRETCH = 8192
 # Stretches of a small grid, for any number of threads to share.
 _FEWEST_STRETCHES = 64
+# From so many parts on they are cut where the impacts are, a chunk into so many stretches.
+_MANY_PARTS = 8
+_STRETCHES_OF_A_CHUNK = 8
 
 
 class Expected(NamedTuple):
@@ -35,49 +40,100 @@ class Expected(NamedTuple):
     """And junctions crossed, on average: they take as long."""
 
 
+def has_many_parts(grid: Grid, impacts: Expected) -> bool:
+    """Whether a grid has so many parts of impacts that they are cut where the impacts are."""
+    own_size = grid.chunk_points is not None or not grid.keep.collisions
+    return not own_size and grid.design.points * impacts.mean > _MANY_PARTS * _IMPACTS_OF_A_PART
+
+
+Division = int | tuple[int, ...]
+"""Points of a chunk, or of each: what the folder of a grid tells of its chunks."""
+
+
 @dataclass(frozen=True)
 class Chunks:
     """How the points of a grid are divided."""
 
     points: int
     """Points of the grid."""
-    size: int
-    """Points of a chunk; the last one may have fewer."""
+    division: Division
+    """Points of a chunk, where the last one may have fewer; or of each chunk."""
     stretch: int
-    """Points that are solved at one go; groups of rows have whole stretches."""
+    """Points that are solved at one go, at most; groups of rows have whole stretches."""
 
     @staticmethod
-    def of(grid: Grid, impacts: Expected) -> Chunks:
-        """Divide a grid whose points are expected to have so many impacts."""
+    def of(grid: Grid, impacts: Expected, density: Column | None = None) -> Chunks:
+        """Divide a grid.
+
+        Parameters
+        ----------
+        grid, impacts
+            The grid, and how many impacts its points are expected to have.
+        density
+            The same for points of each of some equal parts of the grid, where it has many parts.
+        """
+        if density is not None:
+            return Chunks.of_division(grid, _cut(grid.design.points, density), impacts)
         size = _POINTS_OF_A_PART
         if grid.keep.collisions:
             wished = int(_IMPACTS_OF_A_PART / max(impacts.mean, 1.0))
             possible = int(_MOST_IMPACTS_OF_A_PART / max(impacts.most, 1.0))
             size = max(1, min(size, wished, possible))
-        return Chunks.of_size(grid, grid.chunk_points or size, impacts)
+        return Chunks.of_division(grid, grid.chunk_points or size, impacts)
 
     @staticmethod
-    def of_size(grid: Grid, size: int, impacts: Expected) -> Chunks:
-        """Divide a grid into chunks of a known size."""
-        stretch = int(_IMPACTS_OF_A_STRETCH / max(impacts.mean, 1.0))
+    def of_division(grid: Grid, division: Division, impacts: Expected) -> Chunks:
+        """Divide a grid into chunks that are known."""
         points = grid.design.points
-        stretch = min(stretch, _LONGEST_STRETCH, size, points // _FEWEST_STRETCHES)
-        return Chunks(points, size, max(1, stretch))
+        if isinstance(division, tuple):
+            return Chunks(points, division, _LONGEST_STRETCH)
+        stretch = int(_IMPACTS_OF_A_STRETCH / max(impacts.mean, 1.0))
+        stretch = min(stretch, _LONGEST_STRETCH, division, points // _FEWEST_STRETCHES)
+        return Chunks(points, division, max(1, stretch))
 
     @property
     def count(self) -> int:
         """Number of chunks."""
-        return -(-self.points // self.size)
+        return len(self._ends)
+
+    @property
+    def sizes(self) -> list[int]:
+        """Points of each chunk."""
+        sizes: list[int] = np.diff(self._ends, prepend=0).tolist()
+        return sizes
+
+    @cached_property
+    def _ends(self) -> Column:
+        """The point after the last one of each chunk."""
+        if isinstance(self.division, tuple):
+            return np.cumsum(self.division)
+        return np.minimum(np.arange(0, self.points, self.division) + self.division, self.points)
 
     def range_of(self, chunk: int) -> tuple[int, int]:
         """Return the first point of a chunk and the one after its last, from 0."""
-        return chunk * self.size, min((chunk + 1) * self.size, self.points)
+        return int(self._ends[chunk - 1]) if chunk else 0, int(self._ends[chunk])
 
     def stretches(self, chunk: int) -> list[tuple[int, int]]:
         """Return the stretches of a chunk, each as its first point and the one after its last."""
         first, last = self.range_of(chunk)
-        starts = range(first, last, self.stretch)
-        return [(start, min(start + self.stretch, last)) for start in starts]
+        length = self.stretch
+        if isinstance(self.division, tuple):
+            length = min(length, -(-(last - first) // _STRETCHES_OF_A_CHUNK))
+        starts = range(first, last, length)
+        return [(start, min(start + length, last)) for start in starts]
+
+
+def _cut(points: int, density: Column) -> tuple[int, ...]:
+    """Cut points into chunks with about as many impacts each, but no more points than impacts.
+
+    ``density`` is the number of impacts of a point in each of some equal parts.
+    """
+    reached = np.concatenate([[0.0], np.cumsum(np.maximum(density, 1.0))]) * points / len(density)
+    count = max(1, int(reached[-1] / _IMPACTS_OF_A_PART))
+    shares = reached[-1] * np.arange(1, count + 1) / count
+    ends = np.interp(shares, reached, np.linspace(0.0, points, len(reached)))
+    sizes = np.diff(np.unique(np.round(ends[:-1]).astype(np.int64)), prepend=0, append=points)
+    return tuple(size for size in sizes.tolist() if size > 0)
 
 
 @dataclass(frozen=True)

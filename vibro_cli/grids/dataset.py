@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli import __version__
-from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
+from vibro_cli.grids.chunks import Chunks, Division, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
 from vibro_cli.storage.files import remove_partial_files, write_file
 from vibro_cli.storage.provenance import (
@@ -88,7 +88,7 @@ class Dataset:
             "complete": not self.missing,
             "wanted": len(self.wanted),
             "points": self.chunks.points,
-            "chunk_points": self.chunks.size,
+            "chunk_points": self.chunks.division,
             "chunks": [receipt.counts() for receipt in receipts],
         }
         return manifest_of("grid", entries, details)
@@ -96,14 +96,16 @@ class Dataset:
 
 def resolved_with(grid: Grid, chunks: Chunks) -> dict[str, Any]:
     """Return the resolved grid with its division, as ``grid.json`` has it."""
-    return {**grid.resolved(), "chunk_points": chunks.size}
+    return {**grid.resolved(), "chunk_points": chunks.division}
 
 
-def known_chunk_size(folder: Path) -> int | None:
-    """Return into chunks of how many points the grid of a folder is divided, None without one."""
-    found = _stored_grid(folder)
-    size = None if found is None else found.get("chunk_points")
-    return size if isinstance(size, int) and size > 0 else None
+def known_division(folder: Path) -> Division | None:
+    """Return how the grid of a folder is divided into chunks, None without one."""
+    found: Any = (_stored_grid(folder) or {}).get("chunk_points")
+    sizes = found if isinstance(found, list) else [found]
+    if not sizes or not all(isinstance(size, int) and size > 0 for size in sizes):
+        return None
+    return tuple(sizes) if isinstance(found, list) else found
 
 
 @contextlib.contextmanager

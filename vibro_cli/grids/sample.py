@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_cli.grids.axes import Column
-from vibro_cli.grids.chunks import Expected
+from vibro_cli.grids.chunks import Expected, has_many_parts
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.parts import part_bytes
 from vibro_cli.grids.systems import system_of_grid
@@ -16,6 +16,10 @@ from vibro_cli.grids.systems import system_of_grid
 # The number of points that tell how the grid is divided; it must not depend on the machine.
 _POINTS = 32
 _MOST_IMPACTS = 500
+# Where a grid has many parts: parts of it with about so many impacts, and points of each.
+_IMPACTS_OF_A_BLOCK = 50_000
+_MOST_BLOCKS = 4096
+_POINTS_OF_A_BLOCK = 16
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 # A point that has more is taken to have this many times as many, if its stop allows.
 _MANY = 10.0
@@ -53,6 +57,25 @@ def expected_impacts(grid: Grid) -> Expected:
     counts[counts >= _MOST_IMPACTS] = limit
     crossings = np.ma.filled(solved.get("crossings", np.zeros(1)), 0)
     return Expected(float(np.mean(counts)), float(np.max(counts)), float(np.mean(crossings)))
+
+
+def impact_density(grid: Grid, impacts: Expected, engine: str) -> Column | None:
+    """Return how many impacts a point may be expected to have, for equal parts of a grid.
+
+    None for a grid of a few parts. The same with either engine, on every machine.
+    """
+    if not has_many_parts(grid, impacts):
+        return None
+    points = grid.design.points
+    blocks = min(int(points * impacts.mean / _IMPACTS_OF_A_BLOCK), _MOST_BLOCKS, points)
+    shares = (np.arange(_POINTS_OF_A_BLOCK) * _GOLDEN) % 1.0
+    sample = ((np.arange(blocks)[:, None] + shares) * (points / blocks)).astype(np.int64)
+    distinct, places = np.unique(sample, return_inverse=True)
+    solver = system_of_grid(grid).solver(grid.without_collisions(), engine)
+    solved = solver.solve(distinct).summary
+    counts = np.sum([np.ma.filled(solved[n], 0).astype(np.float64) for n in grid.counted], axis=0)
+    density: Column = counts[places].reshape(sample.shape).mean(axis=1)
+    return density
 
 
 def engine_for(grid: Grid, impacts: Expected) -> str:

@@ -11,13 +11,13 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from vibro_cli.grids.chunks import Chunks, Receipt
+from vibro_cli.grids.chunks import Chunks, Division, Receipt
 from vibro_cli.grids.dataset import (
     GRID_NAME,
     Dataset,
     check_same,
     found_receipts,
-    known_chunk_size,
+    known_division,
     locked,
 )
 from vibro_cli.storage.files import flush_folder
@@ -65,10 +65,10 @@ def shard_folders(folder: Path) -> list[Path]:
     return sorted(found, key=lambda path: [int(n) for n in _NAME.findall(path.name)[0]])
 
 
-def chunk_size_of_shards(folder: Path) -> int | None:
-    """Return into chunks of how many points the shards are divided; None without any."""
-    sizes = [known_chunk_size(path) for path in shard_folders(folder)]
-    return next((size for size in sizes if size is not None), None)
+def division_of_shards(folder: Path) -> Division | None:
+    """Return how the grid of shards is divided into chunks; None without any."""
+    found = [known_division(path) for path in shard_folders(folder)]
+    return next((division for division in found if division is not None), None)
 
 
 def merge(dataset: Dataset) -> Iterator[Receipt]:
