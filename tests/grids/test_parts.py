@@ -123,6 +123,8 @@ def test_a_grid_of_many_parts_is_divided_the_same_way_again(
     monkeypatch.setattr(chunks, "_IMPACTS_OF_A_PART", 5)
     monkeypatch.setattr(chunks, "_MANY_PARTS", 2)
     monkeypatch.setattr(sample, "_IMPACTS_OF_A_BLOCK", 4)
+    monkeypatch.setattr(sample, "_POINTS_OF_A_BLOCK", 2)
+    monkeypatch.setattr(sample, "_LEAST_SHARE", 1)
     grid = load_grid(small(), ["stop.collisions=4"])
     expected = sample.expected_impacts(grid)
     density = sample.impact_density(grid, expected, "python")

@@ -238,20 +238,24 @@ def real_impacts(table: dict[str, Any]) -> list[int]:
 
 
 def rounding_of_release(run: Run, row: int) -> float:
-    """Change of the time of an impact (s) for one of 1 of the speeds with which a contact opened.
+    """Change of the time of an impact (s) for one of 1 of the places and speeds of its pair before.
 
-    No change of the start moves two bodies in contact against one another, so that the
-    amplification does not know how slow an impact after it is.
+    The places and speeds that an impact or the opening of a contact leaves are rounded. Beside the
+    speed of parting that may be much (bodies in contact, k near 0), and no change of the start
+    tells how much: the amplification does not know it.
     """
     table, events = run.collisions, run.events
     a, t = table["ball_a"][row], float(table["t"][row])
-    mine = (events["event"] == "contact_opened") & (events["ball"] == a) & (events["t"] < t)
-    before = table["t"][:row][table["ball_a"][:row] == a].max(initial=0.0)
-    opened = events["t"][mine].max(initial=0.0)
-    if opened < before or not np.any(mine):
-        return 0.0
     speed = float(abs(table["speed_a_pre"][row]) + abs(table["speed_b_pre"][row]))
-    return speed * (t - float(opened)) / float(table["approach_speed"][row])
+    mine = (events["event"] == "contact_opened") & (events["ball"] == a) & (events["t"] < t)
+    opened = float(events["t"][mine].max(initial=0.0))
+    before = np.flatnonzero(table["ball_a"][:row] == a)[-1:]
+    slow = before[abs(table["separation_speed"][before]) < 0.01 * speed]
+    parted = max(opened, float(table["t"][slow].max(initial=0.0)))
+    if parted == 0.0 or parted < table["t"][before].max(initial=0.0):
+        return 0.0
+    moved = speed * (t - parted) + float(table["s_a"][row])
+    return moved / float(table["approach_speed"][row])
 
 
 @SETTINGS

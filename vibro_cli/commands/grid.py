@@ -172,13 +172,17 @@ def load(wishes: Wishes) -> "Grid":
         raise CommandError(f"{wishes.source}: cannot be read: {reason(error)}") from error
 
 
-def engine_of(wishes: Wishes, found: "Grid", impacts: "Expected") -> str:
-    """The engine that was asked for, or the one that the grid needs."""
+def prospect(wishes: Wishes, found: "Grid") -> tuple["Expected", str]:
+    """What a grid is expected to have, and its engine: the one asked for, or what it needs."""
     from vibro_cli.commands.warm import tell_of_compiling
-    from vibro_cli.grids.sample import engine_for
+    from vibro_cli.grids.sample import expected_impacts, is_worth_compiling
 
     tell_of_compiling()
-    return wishes.engine if wishes.engine != "auto" else engine_for(found, impacts)
+    asked = wishes.engine != "auto"
+    compiled = wishes.engine == "numba" if asked else is_worth_compiling(found)
+    expected = expected_impacts(found, compiled)
+    compiled = compiled or (not asked and is_worth_compiling(found, expected))
+    return expected, "numba" if compiled else "python"
 
 
 def _workers(wishes: Wishes) -> int:
@@ -191,11 +195,10 @@ def _estimate(wishes: Wishes) -> int:
     """Say what the grid would take."""
     from vibro_cli.commands.words import duration, size
     from vibro_cli.grids.chunks import Chunks
-    from vibro_cli.grids.sample import estimate, expected_impacts, impact_density
+    from vibro_cli.grids.sample import estimate, impact_density
 
     found = load(wishes)
-    expected = expected_impacts(found)
-    engine = engine_of(wishes, found, expected)
+    expected, engine = prospect(wishes, found)
     chunks = Chunks.of(found, expected, impact_density(found, expected, engine))
     one = estimate(found, engine)
     workers = _workers(wishes)

@@ -16,10 +16,9 @@ if TYPE_CHECKING:
 
 def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
-    from vibro_cli.commands.grid import engine_of
+    from vibro_cli.commands.grid import prospect
     from vibro_cli.grids.cluster import ClusterError
     from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened
-    from vibro_cli.grids.sample import expected_impacts
     from vibro_cli.grids.shards import MergeRefused, merge
     from vibro_cli.storage.provenance import FolderRefused
 
@@ -27,8 +26,7 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     if wishes.shard is not None:
         folder = wishes.shard.folder_in(folder)
     try:
-        expected = expected_impacts(grid)
-        engine = engine_of(wishes, grid, expected)
+        expected, engine = prospect(wishes, grid)
         chunks = _chunks(wishes, grid, expected, engine, folder)
         wanted = None if wishes.shard is None else wishes.shard.chunks_of(chunks)
         with opened(folder, grid, chunks, wishes.force, wanted) as dataset:

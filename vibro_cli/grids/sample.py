@@ -16,10 +16,12 @@ from vibro_cli.grids.systems import system_of_grid
 # The number of points that tell how the grid is divided; it must not depend on the machine.
 _POINTS = 32
 _MOST_IMPACTS = 500
-# Where a grid has many parts: parts of it with about so many impacts, and points of each.
+# Where a grid has many parts: parts of it with about so many impacts, and points of each that are
+# solved ahead, of at least a hundred times as many.
 _IMPACTS_OF_A_BLOCK = 50_000
 _MOST_BLOCKS = 4096
 _POINTS_OF_A_BLOCK = 16
+_LEAST_SHARE = 100
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 # A point that has more is taken to have this many times as many, if its stop allows.
 _MANY = 10.0
@@ -41,8 +43,12 @@ def spread(grid: Grid, count: int) -> Column:
     return np.unique((shares * points).astype(np.int64))
 
 
-def expected_impacts(grid: Grid) -> Expected:
-    """Return how many impacts a point may be expected to have; the same on every machine."""
+def expected_impacts(grid: Grid, compiled: bool = False) -> Expected:
+    """Return how many impacts a point may be expected to have.
+
+    The same on every machine, and ``compiled`` or not: that is for grids that need the machine code
+    in any case.
+    """
     system = system_of_grid(grid)
     stop = grid.base.data.get("stop")
     given = [stop.get(name) if isinstance(stop, dict) else None for name in grid.counted]
@@ -50,7 +56,7 @@ def expected_impacts(grid: Grid) -> Expected:
     limit = sum(limits) if len(limits) == len(given) else _MANY * _MOST_IMPACTS
     free = [name for name in grid.counted if ("stop", name) not in grid.design.paths]
     limited = grid.stopped_at(min(int(limit), _MOST_IMPACTS), free)
-    solver = system.solver(limited.without_collisions(), system.sampled_by)
+    solver = system.solver(limited.without_collisions(), "numba" if compiled else system.sampled_by)
     solved = solver.solve(spread(grid, _POINTS)).summary
     each = [np.ma.filled(solved[name], 0).astype(np.float64) for name in grid.counted]
     counts = np.sum(each, axis=0)
@@ -67,7 +73,8 @@ def impact_density(grid: Grid, impacts: Expected, engine: str) -> Column | None:
     if not has_many_parts(grid, impacts):
         return None
     points = grid.design.points
-    blocks = min(int(points * impacts.mean / _IMPACTS_OF_A_BLOCK), _MOST_BLOCKS, points)
+    blocks = int(points * impacts.mean / _IMPACTS_OF_A_BLOCK)
+    blocks = max(1, min(blocks, _MOST_BLOCKS, points // (_LEAST_SHARE * _POINTS_OF_A_BLOCK)))
     shares = (np.arange(_POINTS_OF_A_BLOCK) * _GOLDEN) % 1.0
     sample = ((np.arange(blocks)[:, None] + shares) * (points / blocks)).astype(np.int64)
     distinct, places = np.unique(sample, return_inverse=True)
@@ -78,12 +85,15 @@ def impact_density(grid: Grid, impacts: Expected, engine: str) -> Column | None:
     return density
 
 
-def engine_for(grid: Grid, impacts: Expected) -> str:
-    """Return the engine for a grid: small ones are done before the kernels would be compiled."""
+def is_worth_compiling(grid: Grid, impacts: Expected | None = None) -> bool:
+    """Tell whether a grid takes longer than compiling; without any sample, whether it surely does.
+
+    Small ones are done before the kernels would be compiled.
+    """
     if system_of_grid(grid).sampled_by == "numba":
-        return "numba"
-    work = grid.design.points * (impacts.mean + impacts.crossings + _LEAST_WORK)
-    return "numba" if work > _WORTH_COMPILING else "python"
+        return True
+    each = _LEAST_WORK + (impacts.mean + impacts.crossings if impacts else 0.0)
+    return grid.design.points * each > _WORTH_COMPILING
 
 
 @dataclass(frozen=True)
