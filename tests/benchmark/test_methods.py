@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from vibro_cli.benchmark import references
-from vibro_cli.benchmark.measurement import TABLE, Row, parquet, read_rows
+from vibro_cli.benchmark import kept, references
+from vibro_cli.benchmark.measurement import PLANS, TABLE, Row, parquet, read_rows
 from vibro_cli.benchmark.motion import Motion
 from vibro_cli.benchmark.runner import Event, LegRunner, Lost, Method, Setting
 from vibro_cli.benchmark.scenes import BY_NAME, SCENES, Scene
@@ -129,6 +129,18 @@ def test_a_method_that_makes_no_progress_is_lost() -> None:
     runner.ready(3)
     with pytest.raises(Lost, match="again and again"):
         runner.go()
+
+
+def test_a_grid_and_its_kernel_alone_do_the_same_work() -> None:
+    rows = kept.measure(PLANS["quick"])
+    assert {(row.method, row.setting) for row in rows} == {
+        (method, setting)
+        for method in (kept.KERNEL, kept.GRID)
+        for setting in (kept.ROWS, kept.SUMMARIES)
+    }
+    (impacts,) = {row.impacts for row in rows}
+    assert impacts > 1000
+    assert all(row.per_impact for row in rows)
 
 
 def test_rows_come_back_from_the_table(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
+from vibro_cli.benchmark import kept
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.benchmark.skips import WITH
@@ -21,7 +22,7 @@ def conclude(rows: Sequence[Row]) -> list[str]:
     """Return the conclusions, a sentence or a few each."""
     return [
         *_of_scenes(rows), *_against_heyoka(rows), *_of_lost(rows), *_of_series(rows),
-        *_of_growth(rows), *_of_grid(rows), *_of_memory(rows), *_of_skips(rows),
+        *_of_growth(rows), *_of_grid(rows), *_of_kept(rows), *_of_memory(rows), *_of_skips(rows),
     ]  # fmt: skip
 
 
@@ -162,6 +163,21 @@ def _of_grid(rows: Sequence[Row]) -> Iterator[str]:
             ratio = (row.per_impact or 0.0) / ours.per_impact
             text += f"; {row.method} ({row.setting}) takes {ratio:.1f} times as long"
     yield f"{text}."
+
+
+def _of_kept(rows: Sequence[Row]) -> Iterator[str]:
+    """What is left of the kernel's rate when a grid goes to the disk."""
+    own = [row for row in rows if row.part == kept.PART and row.per_impact]
+    for setting, group in groupby(own, key=lambda row: row.setting):
+        pair = {row.method: row for row in group}
+        if len(pair) == 2:
+            alone, whole = pair[kept.KERNEL], pair[kept.GRID]
+            share = (alone.per_impact or 0.0) / (whole.per_impact or 1.0)
+            yield (
+                f"A grid of {whole.size:,} scenarios on {BY_NAME[whole.scene].title}, {setting}: "
+                f"{_time(whole.per_impact or 0.0)} for an impact from end to end, "
+                f"{100.0 * share:.0f} % of the rate of its kernel alone."
+            )
 
 
 def _of_memory(rows: Sequence[Row]) -> Iterator[str]:

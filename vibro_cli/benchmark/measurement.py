@@ -24,7 +24,7 @@ TABLE = Table(
             "part",
             "string",
             "",
-            "precision, bodies, arcs, scenarios, cores, grid, memory, skips or systems",
+            "precision, bodies, arcs, scenarios, cores, grid, kept, memory, skips or systems",
         ),
         Column("scene", "string", "", "name of the scene"),
         Column("method", "string", "", "what was measured"),

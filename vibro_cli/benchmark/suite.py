@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from vibro_cli.benchmark import crowd, growth, other_systems, precision, skips
+from vibro_cli.benchmark import crowd, growth, kept, other_systems, precision, skips
 from vibro_cli.benchmark.measurement import Plan, Row
 from vibro_cli.simulation.batch import Batch
 
@@ -16,5 +16,6 @@ def run(plan: Plan, scenes: Sequence[str] = ()) -> Iterator[list[Row]]:
     if not scenes:
         yield from growth.measure(plan)
         yield crowd.measure(plan)
+        yield kept.measure(plan)
         yield skips.measure(plan)
         yield other_systems.measure(plan)

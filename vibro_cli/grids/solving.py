@@ -24,7 +24,7 @@ from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.batch import Batch, make_points
 from vibro_cli.simulation.entry import empty_results
 from vibro_cli.simulation.geometry import Places
-from vibro_cli.simulation.points import Results
+from vibro_cli.simulation.points import Points, Results
 from vibro_cli.simulation.run import simulate_system
 from vibro_cli.simulation.stacks import Stack, own_records, stack_of
 from vibro_cli.simulation.summary import summary_columns
@@ -74,6 +74,16 @@ class Task:
             of_points = of_points[sure]
             stack = stack_of(systems.system, systems.count, of_points)
         return Task(starts.at(sure), systems.system, of_points, stack, points[sure])
+
+    def entries(self) -> Points:
+        """Return what a batch starts with."""
+        starts = self.starts
+        stop_t = np.where(np.isnan(starts.stop_t), NEVER, starts.stop_t)
+        most = np.where(starts.stop_collisions == 0, 2**62, starts.stop_collisions)
+        return make_points(
+            stop_t, most, starts.piece, starts.s, starts.c, starts.p, starts.mass,
+            starts.restitution,
+        )  # fmt: skip
 
     def places(self, which: Column) -> Places:
         """Return the geometry of the systems of some of the points."""
@@ -240,14 +250,8 @@ class Solver:
             self._solve_alone(row, self._reader.read(_row(values, 0)), parts)
 
     def _run(self, batch: Batch, task: Task) -> Results:
-        starts = task.starts
-        count, bodies = starts.piece.shape
-        stop_t = np.where(np.isnan(starts.stop_t), NEVER, starts.stop_t)
-        most = np.where(starts.stop_collisions == 0, 2**62, starts.stop_collisions)
-        points = make_points(
-            stop_t, most, starts.piece, starts.s, starts.c, starts.p, starts.mass,
-            starts.restitution,
-        )  # fmt: skip
+        count, bodies = task.starts.piece.shape
+        points = task.entries()
         # A little more room than the points before have needed.
         results = empty_results(count, bodies, 0)
         if self._grid.keep.collisions:

@@ -1,0 +1,185 @@
+"""A grid from end to end against its kernel alone: what planning, encoding and writing cost.
+
+Both in threads of this process, on all cores. The kernel has the points of the grid planned, and
+leaves the rows that the grid keeps as columns; without them, it has the summaries alone.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
+from vibro_cli.benchmark.scenes import BY_NAME
+from vibro_cli.build import build_system
+from vibro_cli.grids.axes import Column
+from vibro_cli.grids.chunks import Chunks
+from vibro_cli.grids.document import Grid, load_grid
+from vibro_cli.grids.impacts import Logged, LogSpace, impact_columns
+from vibro_cli.grids.room import Lease, Pieces
+from vibro_cli.grids.sample import expected_impacts, impact_density
+from vibro_cli.grids.setting import Setting
+from vibro_cli.grids.solving import Task as Planned
+from vibro_cli.grids.tables import impact_table_of
+from vibro_cli.grids.threads import solve_in_threads
+from vibro_cli.scenario import scenario_of
+from vibro_cli.simulation.batch import Batch
+from vibro_cli.simulation.entry import empty_results
+
+PART = "kept"
+KERNEL, GRID = "kernel alone", "grid on the disk"
+ROWS, SUMMARIES = "every impact", "summaries only"
+_SCENE = "three_arcs"
+_SIDE = {"quick": 12, "default": 250, "full": 1000}
+_MOST = 50
+"""Impacts of a point."""
+
+
+def measure(plan: Plan) -> list[Row]:
+    """Measure one grid, with every impact and with summaries only, and its kernel, by turns."""
+    rows: list[Row] = []
+    tasks: list[Task] = []
+    jobs: list[_Kernels | _Whole] = []
+    with _grid(_SIDE[plan.form]) as grid:
+        for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
+            expected = expected_impacts(one, compiled=True)
+            chunks = Chunks.of(one, expected, impact_density(one, expected, "numba"))
+            for method, job in ((KERNEL, _Kernels(one, chunks)), (GRID, _Whole(one, chunks))):
+                rows.append(Row(PART, _SCENE, method, setting, size=chunks.points))
+                jobs.append(job)
+                tasks.append((job.ready, job.go))
+        times = by_turns(warmed(tasks), plan)
+        for row, job, taken in zip(rows, jobs, times, strict=True):
+            row.impacts = job.impacts
+            row.take_times(taken)
+            job.ready()
+    return rows
+
+
+@contextmanager
+def _grid(side: int) -> Iterator[Grid]:
+    """A grid of so many starts of either ball, read from a folder that is there for its block."""
+    axes = [
+        {"path": "balls[1].angle", "linspace": [-1.4, -0.2, side]},
+        {"path": "balls[2].angle", "linspace": [-0.4, 1.4, side]},
+    ]
+    scene = replace(BY_NAME[_SCENE], law="hedrih", k=0.95).document | {
+        "stop": {"time": 60.0, "collisions": _MOST}
+    }
+    document = {"scenario": scene, "axes": axes, "keep": {"collisions": True}}
+    with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
+        source = Path(folder) / "grid.json"
+        source.write_text(json.dumps(document), encoding="utf-8")
+        yield load_grid(source)
+
+
+def _threads() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+class _Whole:
+    """The grid, planned, solved, encoded and written, with its checksums."""
+
+    def __init__(self, grid: Grid, chunks: Chunks) -> None:
+        self._grid = grid
+        self._chunks = chunks
+        self._folder = Path(tempfile.mkdtemp(prefix="vibro-bench-"))
+        self.impacts = 0
+
+    def ready(self) -> None:
+        """Remove the parts of the last time."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def go(self) -> None:
+        """Solve the grid."""
+        for name in ("summary", *self._grid.kept_tables):
+            (self._folder / name).mkdir(parents=True)
+        receipts = solve_in_threads(
+            self._grid, self._chunks, range(self._chunks.count), self._folder, _threads(), "numba",
+            lambda points, impacts: None,
+        )  # fmt: skip
+        self.impacts = sum(receipt.impacts for receipt in receipts)
+
+
+class _Kernels:
+    """The kernel of the grid, a batch for each thread, on points that are planned."""
+
+    def __init__(self, grid: Grid, chunks: Chunks) -> None:
+        self._kept = impact_table_of(grid) if grid.keep.collisions else None
+        scenario = scenario_of(grid.base.data)
+        self._setting = Setting(scenario, build_system(scenario))
+        self._work = [
+            (points, self._planned(grid, points))
+            for chunk in range(chunks.count)
+            for points in (np.arange(*stretch) for stretch in chunks.stretches(chunk))
+        ]
+        self._batches = [Batch(self._setting.system) for _ in range(_threads())]
+        self._memory = [(LogSpace(), Pieces()) for _ in self._batches]
+        self.impacts = 0
+
+    def _planned(self, grid: Grid, points: Column) -> Planned:
+        values = grid.design.columns(points)
+        systems = self._setting.systems(values, len(points))
+        return Planned.of(self._setting.starts(values, systems), systems, points)
+
+    def ready(self) -> None:
+        """Nothing is kept from run to run."""
+
+    def go(self) -> None:
+        """Solve all points."""
+        work, lock, done = iter(self._work), threading.Lock(), []
+
+        def serve(batch: Batch, logs: LogSpace, pieces: Pieces) -> None:
+            most = 0.0
+            while True:
+                with lock:
+                    taken = next(work, None)
+                if taken is None:
+                    return
+                found, each = self._solve(batch, logs, pieces, *taken, most)
+                most = max(most, each)
+                done.append(found)
+
+        crew = [
+            threading.Thread(target=serve, args=(batch, *memory))
+            for batch, memory in zip(self._batches, self._memory, strict=True)
+        ]
+        for thread in crew:
+            thread.start()
+        for thread in crew:
+            thread.join()
+        self.impacts = sum(done)
+
+    def _solve(
+        self, batch: Batch, logs: LogSpace, pieces: Pieces, points: Column, task: Planned,
+        most: float,
+    ) -> tuple[int, float]:  # fmt: skip
+        """Solve a stretch; return its impacts, and how many a point had."""
+        count = len(task.points)
+        results = empty_results(count, task.starts.piece.shape[1], 0)
+        if self._kept is not None:
+            logs.clear()
+            results = results._replace(impacts=logs.take(int(1.1 * most * count) + 4096))
+        results = batch.run_all(task.entries(), results)
+        outcomes: Any = results.outcomes
+        impacts = int(outcomes["collisions"].sum())
+        if self._kept is not None:
+            counts = outcomes["kept"].copy()
+            log = logs.keep(results.impacts, int(counts.sum()))
+            given = Logged(
+                task.system, batch.world, "numba", task.points, counts, log, task.starts.mass
+            )
+            lease = Lease(pieces)
+            impact_columns(self._kept, [given], points, lease)
+            lease.give_back()
+        return impacts, impacts / max(count, 1)
