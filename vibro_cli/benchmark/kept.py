@@ -40,7 +40,7 @@ PART = "kept"
 KERNEL, GRID = "kernel alone", "grid on the disk"
 ROWS, SUMMARIES = "every impact", "summaries only"
 _SCENE = "three_arcs"
-_SIDE = {"quick": 12, "default": 250, "full": 1000}
+_SIDE = {"quick": 12, "default": 700, "full": 1000}
 _MOST = 50
 """Impacts of a point."""
 
