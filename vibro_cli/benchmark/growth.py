@@ -10,9 +10,10 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from vibro_cli.benchmark.with_vibro import DriverRunner, points_of
 from vibro_cli.simulation.batch import Batch
 from vibro_cli.simulation.entry import empty_results
 from vibro_cli.storage.provenance import json_bytes
+
+Work = TypeVar("Work")
 
 _IMPACTS = 20_000
 _DENSITY = (7800.0, 2700.0)
@@ -105,6 +108,26 @@ def first_halves(numbers: Any, count: int) -> Any:
     return -0.36 - 0.05 * numbers / count
 
 
+def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -> int:
+    """Have solvers, each in a thread of its own, take work until none is left; return their sum."""
+    left, lock, done = iter(work), threading.Lock(), list[int]()
+
+    def serve(solve: Callable[[Work], int]) -> None:
+        while True:
+            with lock:
+                taken = next(left, None)
+            if taken is None:
+                return
+            done.append(solve(taken))
+
+    crew = [threading.Thread(target=serve, args=(solve,)) for solve in solvers]
+    for thread in crew:
+        thread.start()
+    for thread in crew:
+        thread.join()
+    return sum(done)
+
+
 class Crew:
     """Threads that solve a number of scenarios, a stretch at a time.
 
@@ -127,25 +150,11 @@ class Crew:
 
     def go(self) -> None:
         """Solve all scenarios."""
-        firsts = iter(range(0, self._count, _STRETCH))
-        lock, done = threading.Lock(), []
+        firsts = range(0, self._count, _STRETCH)
+        self.impacts = shared_out(firsts, [partial(self._solve, batch) for batch in self._batches])
 
-        def serve(batch: Batch) -> None:
-            while True:
-                with lock:
-                    first = next(firsts, None)
-                if first is None:
-                    return
-                done.append(self._solve(batch, first, min(_STRETCH, self._count - first)))
-
-        crew = [threading.Thread(target=serve, args=(batch,)) for batch in self._batches]
-        for thread in crew:
-            thread.start()
-        for thread in crew:
-            thread.join()
-        self.impacts = sum(done)
-
-    def _solve(self, batch: Batch, first: int, count: int) -> int:
+    def _solve(self, batch: Batch, first: int) -> int:
+        count = min(_STRETCH, self._count - first)
         points = points_of(self._scene.system, count, EACH)
         starts: Any = points.starts
         half = first_halves(np.arange(first, first + count), self._count)

@@ -10,7 +10,6 @@ import json
 import os
 import shutil
 import tempfile
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -19,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.benchmark.growth import shared_out
 from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
 from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.build import build_system
@@ -32,9 +32,11 @@ from vibro_cli.grids.setting import Setting
 from vibro_cli.grids.solving import Task as Planned
 from vibro_cli.grids.tables import impact_table_of
 from vibro_cli.grids.threads import solve_in_threads
+from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import scenario_of
 from vibro_cli.simulation.batch import Batch
 from vibro_cli.simulation.entry import empty_results
+from vibro_cli.storage.schema import Table
 
 PART = "kept"
 KERNEL, GRID = "kernel alone", "grid on the disk"
@@ -115,7 +117,6 @@ class _Kernels:
     """The kernel of the grid, a batch for each thread, on points that are planned."""
 
     def __init__(self, grid: Grid, chunks: Chunks) -> None:
-        self._kept = impact_table_of(grid) if grid.keep.collisions else None
         scenario = scenario_of(grid.base.data)
         self._setting = Setting(scenario, build_system(scenario))
         self._work = [
@@ -123,8 +124,8 @@ class _Kernels:
             for chunk in range(chunks.count)
             for points in (np.arange(*stretch) for stretch in chunks.stretches(chunk))
         ]
-        self._batches = [Batch(self._setting.system) for _ in range(_threads())]
-        self._memory = [(LogSpace(), Pieces()) for _ in self._batches]
+        table = impact_table_of(grid) if grid.keep.collisions else None
+        self._solvers = [_Solver(self._setting.system, table) for _ in range(_threads())]
         self.impacts = 0
 
     def _planned(self, grid: Grid, points: Column) -> Planned:
@@ -137,49 +138,38 @@ class _Kernels:
 
     def go(self) -> None:
         """Solve all points."""
-        work, lock, done = iter(self._work), threading.Lock(), []
+        self.impacts = shared_out(self._work, [solver.solve for solver in self._solvers])
 
-        def serve(batch: Batch, logs: LogSpace, pieces: Pieces) -> None:
-            most = 0.0
-            while True:
-                with lock:
-                    taken = next(work, None)
-                if taken is None:
-                    return
-                found, each = self._solve(batch, logs, pieces, *taken, most)
-                most = max(most, each)
-                done.append(found)
 
-        crew = [
-            threading.Thread(target=serve, args=(batch, *memory))
-            for batch, memory in zip(self._batches, self._memory, strict=True)
-        ]
-        for thread in crew:
-            thread.start()
-        for thread in crew:
-            thread.join()
-        self.impacts = sum(done)
+class _Solver:
+    """A batch, and the memory of one thread."""
 
-    def _solve(
-        self, batch: Batch, logs: LogSpace, pieces: Pieces, points: Column, task: Planned,
-        most: float,
-    ) -> tuple[int, float]:  # fmt: skip
-        """Solve a stretch; return its impacts, and how many a point had."""
+    def __init__(self, system: System, kept: Table | None) -> None:
+        self._batch = Batch(system)
+        self._kept = kept
+        self._logs, self._pieces = LogSpace(), Pieces()
+        self._most = 0.0
+
+    def solve(self, work: tuple[Column, Planned]) -> int:
+        """Solve a stretch; return how many impacts it has."""
+        points, task = work
         count = len(task.points)
         results = empty_results(count, task.starts.piece.shape[1], 0)
         if self._kept is not None:
-            logs.clear()
-            results = results._replace(impacts=logs.take(int(1.1 * most * count) + 4096))
-        results = batch.run_all(task.entries(), results)
+            self._logs.clear()
+            rows = int(1.1 * self._most * count) + 4096
+            results = results._replace(impacts=self._logs.take(rows))
+        results = self._batch.run_all(task.entries(), results)
         outcomes: Any = results.outcomes
         impacts = int(outcomes["collisions"].sum())
+        self._most = max(self._most, impacts / max(count, 1))
         if self._kept is not None:
             counts = outcomes["kept"].copy()
-            log = logs.keep(results.impacts, int(counts.sum()))
+            log = self._logs.keep(results.impacts, int(counts.sum()))
             given = Logged(
-                task.system, batch.world, "numba", task.points, counts, log, task.starts.mass
+                task.system, self._batch.world, "numba", task.points, counts, log, task.starts.mass
             )
-            lease = Lease(pieces)
+            lease = Lease(self._pieces)
             impact_columns(self._kept, [given], points, lease)
             lease.give_back()
-        return impacts, impacts / max(count, 1)
+        return impacts
