@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from vibro_cli.analysis.central_impact import CentralImpact
 
 INERTIA = st.floats(1e-3, 1e3)
-SPEED = st.floats(-50.0, 50.0)
+# Energies of slower bodies would have fewer digits than a double.
+SPEED = st.floats(-50.0, 50.0).filter(lambda speed: speed == 0.0 or abs(speed) > 1e-140)
 
 
 @given(INERTIA, INERTIA, SPEED, SPEED, st.floats(0.0, 1.0))
