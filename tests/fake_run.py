@@ -1,13 +1,15 @@
 """A run made by hand, in the shape every run has; for tests of storing and showing runs."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from vibro_cli.numerics.engine import dtype
-from vibro_cli.simulation.world import LOGS, RECORDS
+from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema
+from vibro_cli.systems import system_named
+from vibro_cli.systems.contract import System
 
 _ROWS = 3
 
@@ -46,11 +48,13 @@ def columns_of(table: schema.Table, rows: int = _ROWS) -> dict[str, Any]:
 class FakeRun:
     """A run of two bodies with three impacts."""
 
-    collisions: dict[str, Any] = field(default_factory=lambda: columns_of(schema.collisions()))
-    events: dict[str, Any] = field(default_factory=lambda: columns_of(schema.events()))
+    collisions: dict[str, Any] = field(default_factory=lambda: columns_of(of_trace.collisions()))
+    events: dict[str, Any] = field(default_factory=lambda: columns_of(of_trace.events()))
     summary: dict[str, Any] = field(default_factory=lambda: columns_of(schema.summary(2), 1))
     motion: dict[str, Any] | None = None
+    exponents: dict[str, Any] | None = None
     engine: str = "python"
+    kind: System = field(default_factory=lambda: system_named("trace"))
     skipped: list[str] = field(default_factory=lambda: ["normal forces: nothing asked for them"])
 
     def summary_record(self) -> dict[str, Any]:
@@ -74,8 +78,16 @@ class FakeRun:
             "max_friction_demand": 0.25,
         }
 
-    def history(self) -> dict[str, Any]:
-        return {name: np.zeros(_ROWS, dtype=dtype(RECORDS[name])) for name in LOGS}
+    def table(self, name: str) -> dict[str, Any] | None:
+        found: dict[str, Any] | None = getattr(self, name)
+        return found
+
+    def told_to(self, sink: Callable[[str, Any], None]) -> "FakeRun":
+        """Hand over the rows of the tables, words by their numbers, as a run does that goes on."""
+        rows = np.arange(_ROWS)
+        sink("collisions", self.collisions | {"law": rows})
+        sink("events", self.events | {"event": rows})
+        return self
 
     def checkpoint(self) -> dict[str, Any]:
         return {"t": 0.1 + 0.2}
@@ -86,6 +98,7 @@ class FakeScenario:
     """A scenario by name only."""
 
     name: str = "by-hand"
+    system: str = "trace"
 
     def resolved(self) -> dict[str, Any]:
         return {"name": self.name, "gravity": 9.81}

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.simulation.tables import collisions
 from vibro_cli.storage.provenance import json_bytes, manifest
-from vibro_cli.storage.schema import Column, Table, collisions, summary
+from vibro_cli.storage.schema import Column, Table, summary
 from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 
 SCENARIO = {

@@ -1,4 +1,4 @@
-"""Put the program's own reference into README.md and docs/: ``python -m tests.renew_reference``."""
+"""Put the program's own reference into docs/: ``python -m tests.renew_reference``."""
 
 import re
 import subprocess
@@ -6,14 +6,14 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = sorted((ROOT / "docs").glob("*.md"))
 MARKED = re.compile(r"^<!-- reference: ([\w-]+) -->\n.*?^<!-- end -->", re.MULTILINE | re.DOTALL)
 
 
 def reference(found: re.Match[str]) -> str:
     """The text between two markers, with the markers."""
     outcome = subprocess.run(
-        [sys.executable, "-m", "vibro_cli", "help", found[1]],
+        [sys.executable, "-m", "vibro_cli", "help", "--markdown", found[1]],
         cwd=ROOT,
         capture_output=True,
         text=True,

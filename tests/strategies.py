@@ -2,7 +2,8 @@
 
 All examples are drawn without a random seed (``derandomize``), so that a run of the tests repeats.
 The long form draws many more of each and runs them compiled (about an hour on one core):
-``VIBRO_EXAMPLES=5000 python -m pytest tests/simulation/test_properties.py``.
+``VIBRO_EXAMPLES=5000 python -m pytest tests/simulation/test_properties.py``, and the same with
+``tests/simulation/test_drawn_properties.py``.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ from hypothesis import strategies as st
 from vibro_cli.build import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import ScenarioError, scenario_of
+from vibro_cli.stress.drawing import draw
 
 _WANTED = os.environ.get("VIBRO_EXAMPLES")
 EXAMPLES = int(_WANTED or 60)
-ENGINE = "numba" if _WANTED else "python"
+ENGINE = "compiled" if _WANTED else "python"
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=EXAMPLES)
 # Where every example is many runs.
 FEWER = settings(SETTINGS, max_examples=EXAMPLES if _WANTED else 20)
@@ -89,6 +91,15 @@ def scenarios(
             "inadmissible": "normal-impulse",
         }
     return document
+
+
+# Of scenes of the stress suite's generator: closed traces, walls, touching starts, turning.
+NUMBERS = st.integers(0, 10**6)
+
+
+def drawn(number: int) -> dict[str, Any]:
+    """The drawn scene of a number."""
+    return draw(2, number)
 
 
 def coefficients() -> st.SearchStrategy[float]:

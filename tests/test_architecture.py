@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from vibro_cli.systems import NAMES
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "vibro_cli"
 
@@ -16,9 +18,11 @@ PACKAGE = ROOT / "vibro_cli"
 # build/ knows both.
 LAYERS = (
     "commands",
+    "results",
     "report",
     "figures",
     "benchmark",
+    "programs",
     "stress",
     "analysis",
     "grids",
@@ -26,32 +30,58 @@ LAYERS = (
     "api",
     "build",
     "scenario",
-    "systems",
     "simulation",
+    "systems",
     "mechanics",
     "numerics",
+    "kernels",
+    "compile",
+    "errors",
 )
 STRANGERS = {
     "scenario": {"systems", "simulation", "mechanics", "numerics"},
     "systems": {"scenario"},
     "simulation": {"scenario"},
     "mechanics": {"scenario"},
+    "kernels": {"scenario"},
     "numerics": {"scenario"},
+    "compile": {"scenario"},
 }
-SOLVER = ("systems", "simulation", "mechanics", "numerics")
+SOLVER = ("systems", "simulation", "mechanics", "kernels", "numerics")
 NOT_IN_THE_SOLVER = {"pydantic", "pyarrow", "matplotlib", "typer", "ruamel"}
-KERNEL_CACHE = {PACKAGE / f"numerics/{name}.py" for name in ("machine_code", "cache")}
-HALVES = {"llvmlite": "numba", "pydantic_core": "pydantic", "PIL": "pillow"}  # one release
+HALVES = {"numba": "CyRK", "pydantic_core": "pydantic", "PIL": "pillow"}  # come with
 LIGHT = ("__init__.py", "__main__.py", "commands")
-HEAVY = {"numpy", "scipy", "numba", "pyarrow", "matplotlib", "pydantic", "ruamel"}
+HEAVY = {"numpy", "scipy", "pyarrow", "matplotlib", "pydantic", "ruamel"}
 STANDS_APART = {"__init__", "__main__"}  # they hand over to other modules and are no layer
+# The objects of systems and their contract: they import what is above in their methods only.
+OBJECT = "object of a system"
+# Parts of a system's folder, each on the layer of what it is part of.
+PARTS = {
+    "scenario": "scenario",
+    "build": "build",
+    "describe": "report",
+    "stress": "stress",
+    **dict.fromkeys(("landscape", "periods", "portrait_type", "wall_orbits"), "analysis"),
+    **dict.fromkeys(
+        (
+            *("figures", "plan", "portrait", "trajectory", "courses", "wall_portrait"),
+            *("scene", "velocities"),
+        ),
+        "figures",
+    ),
+}
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 
 def layer(path: Path) -> str:
     """The layer a file belongs to."""
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    parts = path.relative_to(PACKAGE).parts
+    if parts[0] == "systems" and (parts[-1] in ("__init__.py", "contract.py")):
+        return OBJECT
+    if parts[0] == "systems" and len(parts) == 3:
+        return PARTS.get(parts[2].removesuffix(".py"), "systems")
+    return parts[0].removesuffix(".py")
 
 
 def imports(path: Path, at_module_level_only: bool = False) -> Iterator[str]:
@@ -78,8 +108,18 @@ def _loaded_at_import(tree: ast.AST) -> Iterator[ast.AST]:
 
 def own_layers(path: Path) -> set[str]:
     """The layers a file imports from, anywhere in it."""
-    parts = (name.split(".") for name in imports(path) if name.startswith("vibro_cli."))
-    return {part[1] for part in parts} - {"__version__"}
+    names = (name for name in imports(path) if name.startswith("vibro_cli."))
+    return {_layer_of(name) for name in names} - {"__version__", OBJECT}
+
+
+def _layer_of(name: str) -> str:
+    """The layer of a module, or of what is imported from it."""
+    path = PACKAGE.joinpath(*name.split(".")[1:])
+    while not path.with_suffix(".py").exists() and not path.is_dir():
+        if path.parent == PACKAGE:
+            return path.name
+        path = path.parent
+    return layer(path / "__init__.py" if path.is_dir() else path.with_suffix(".py"))
 
 
 def test_there_is_something_to_check() -> None:
@@ -91,6 +131,11 @@ def test_imports_go_down_only(path: Path) -> None:
     here = layer(path)
     if here in STANDS_APART:
         return
+    if here == OBJECT:
+        loaded = set(imports(path, at_module_level_only=True))
+        own = {name for name in loaded if name.startswith("vibro_cli.")}
+        assert all(name.startswith("vibro_cli.systems.contract") for name in own)
+        return
     below = set(LAYERS[LAYERS.index(here) :]) - STRANGERS.get(here, set())
     assert own_layers(path) <= below
 
@@ -99,8 +144,7 @@ def test_imports_go_down_only(path: Path) -> None:
 def test_the_solver_knows_no_files_and_no_figures(path: Path) -> None:
     if layer(path) in SOLVER:
         found = {name.split(".")[0] for name in imports(path)}
-        files = set() if path in KERNEL_CACHE else {"pathlib", "json", "tomllib"}
-        assert not found & (NOT_IN_THE_SOLVER | files)
+        assert not found & (NOT_IN_THE_SOLVER | {"pathlib", "json", "tomllib"})
 
 
 def test_only_build_knows_both_scenario_and_mechanics() -> None:
@@ -108,9 +152,10 @@ def test_only_build_knows_both_scenario_and_mechanics() -> None:
     both = {
         str(path.relative_to(PACKAGE))
         for path in SOURCES
-        if layer(path) not in upper and {"scenario", "mechanics"} <= own_layers(path)
+        if layer(path) not in {*upper, "build", OBJECT}
+        and {"scenario", "mechanics"} <= own_layers(path)
     }
-    assert all(path.startswith("build/") for path in both)
+    assert not both
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -119,8 +164,9 @@ def test_what_every_command_line_loads_is_light(path: Path) -> None:
     if relative.startswith(LIGHT) and relative.count("/") == (layer(path) == "commands"):
         loaded = set(imports(path, at_module_level_only=True))
         assert not {name.split(".")[0] for name in loaded} & HEAVY
+        loaded -= {"vibro_cli.systems.NAMES"}
         own = {name.split(".")[1] for name in loaded if name.startswith("vibro_cli.")}
-        assert own <= {"commands", "__version__"}
+        assert own <= {"commands", "__version__", "unsupported"}
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -132,8 +178,67 @@ def test_commands_are_imported_by_nobody(path: Path) -> None:
 def test_every_library_that_is_imported_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    required = [*project["dependencies"], *extras["dask"], *extras["stress"], *extras["peers"]]
+    required = [
+        *project["dependencies"],
+        *extras["dask"],
+        *extras["stress"],
+        *extras["peers"],
+        *extras["frames"],
+    ]
     declared = {text.split(">")[0].split("[")[0].split(".")[0] for text in required}
     found = {name.split(".")[0] for path in SOURCES for name in imports(path)}
     found = {HALVES.get(name, name) for name in found}
     assert found - set(sys.stdlib_module_names) - {"vibro_cli"} <= declared | {"dask"}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_private_name_of_another_package_is_used(path: Path) -> None:
+    own = {"vibro_cli", "__future__"}
+    for name in imports(path):
+        parts = name.split(".")
+        if parts[0] not in own:
+            assert not any(part.startswith("_") for part in parts), name
+
+
+# Documents of scenes, which name their system as a user does.
+SCENES = {"benchmark/other_systems.py"}
+OUTSIDE = [
+    path
+    for path in SOURCES
+    if path.relative_to(PACKAGE).parts[0] != "systems"
+    and path.relative_to(PACKAGE).parts[:2] not in {("kernels", name) for name in NAMES}
+]
+
+
+@pytest.mark.parametrize("path", OUTSIDE, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_nobody_asks_for_a_system_by_name_or_type(path: Path) -> None:
+    """What differs from one system to another is an attribute of its object."""
+    own = [f"vibro_cli.{home}.{name}." for name in NAMES[1:] for home in ("systems", "kernels")]
+    assert not [name for name in imports(path) if f"{name}.".startswith(tuple(own))]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Compare) and "system" in ast.unparse(node.left):
+            sides = [ast.unparse(one) for one in node.comparators]
+            assert not [one for one in sides for name in NAMES if f"'{name}'" in one], node.lineno
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
+            asked = ast.unparse(node.args[1]).rpartition(".")[2]
+            assert asked not in {"System", "Scenario", "ImpactSystem"}, node.lineno
+        if isinstance(node, ast.Constant) and node.value in NAMES[2:]:
+            assert str(path.relative_to(PACKAGE)) in SCENES, node.lineno
+
+
+def _is_of_the_kernels(node: ast.stmt) -> bool:
+    """Whether a statement declares a kernel, a struct, a named tuple of arrays or a number."""
+    if isinstance(node, ast.FunctionDef):
+        private_constant = node.name.startswith("_") and not node.args.args
+        return private_constant or "kernel" in map(ast.unparse, node.decorator_list)
+    if isinstance(node, ast.ClassDef):
+        of_arrays = [ast.unparse(base) for base in node.bases] == ["NamedTuple"]
+        return of_arrays or "struct" in map(ast.unparse, node.decorator_list)
+    plain = (ast.Import, ast.ImportFrom, ast.Assign, ast.AnnAssign)
+    return isinstance(node, plain) or ast.unparse(node).startswith(("'", '"'))
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "kernels").rglob("*.py")), ids=str)
+def test_kernels_hold_nothing_but_kernels_and_structs(path: Path) -> None:
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        assert _is_of_the_kernels(node), f"{path}:{node.lineno}"

@@ -1,26 +1,20 @@
-"""README.md tells the truth: its commands, its scenario, its Python."""
+"""README.md and docs/ tell the truth: their commands, their scenario, their Python."""
 
 import re
 import shutil
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from tests.pages import DOCS, README, ROOT, blocks, pages, text_of
 from vibro_cli.build import build_system
-from vibro_cli.commands.app import app, run_command_line
+from vibro_cli.commands.app import COMMANDS, run_command_line
 from vibro_cli.commands.reference import TOPICS
 from vibro_cli.grids.document import load_grid
 from vibro_cli.scenario import load_scenario
 
-ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = README + "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md"))
-
-
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+PAGES = pages()
 
 
 @pytest.mark.parametrize("topic", TOPICS)
@@ -28,21 +22,23 @@ def test_the_reference_is_what_the_program_says(
     topic: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """To renew it: python -m tests.renew_reference."""
+    told = "".join(text_of(page) for page in PAGES)
     (found,) = re.findall(
-        rf"^<!-- reference: {topic} -->\n\n(.*?)\n<!-- end -->", PAGES, re.MULTILINE | re.DOTALL
+        rf"^<!-- reference: {topic} -->\n\n(.*?)\n<!-- end -->", told, re.MULTILINE | re.DOTALL
     )
-    assert run_command_line(["help", topic]) == 0
+    assert run_command_line(["help", "--markdown", topic]) == 0
     assert found == capsys.readouterr().out
 
 
 def test_every_command_has_its_place() -> None:
-    described = re.findall(r"^\| `vibro (\w+)", README, re.MULTILINE)
-    assert described == [command.name for command in app.registered_commands]
+    page = text_of(DOCS / "reference-commands.md")
+    described = re.findall(r"^\| `vibro (\w+)", page, re.MULTILINE)
+    assert described == list(COMMANDS)
 
 
 def test_the_scenario_is_valid(tmp_path: Path) -> None:
-    text, _ = blocks("toml")
-    path = tmp_path / "readme.toml"
+    (text,) = blocks(DOCS / "reference-scenarios.md", "toml")
+    path = tmp_path / "scenario.toml"
     path.write_text(text)
     scenario = load_scenario(path)
     assert len(build_system(scenario).bodies) == 2
@@ -50,16 +46,8 @@ def test_the_scenario_is_valid(tmp_path: Path) -> None:
     assert set(scenario.resolved()) == set(given)
 
 
-def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(ROOT)
-    code, _ = blocks("python")
-    names: dict[str, object] = {}
-    exec(compile(code, "README.md", "exec"), names)
-    assert "run" in names
-
-
 def test_the_grid_is_understood(tmp_path: Path) -> None:
-    _, text = blocks("toml")
+    (text,) = blocks(DOCS / "grids.md", "toml")
     (tmp_path / "grid.toml").write_text(text)
     shutil.copy(ROOT / "scenarios" / "three_arcs.toml", tmp_path)
     grid = load_grid(tmp_path / "grid.toml")
@@ -67,22 +55,10 @@ def test_the_grid_is_understood(tmp_path: Path) -> None:
     assert set(grid.resolved()["keep"]["columns"]) == {"n", "t", "angle_a"}
 
 
-def test_a_dataset_is_read_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    base = ROOT / "scenarios" / "three_arcs.toml"
-    text = f'base = "{base}"\n[[axes]]\npath = "collision.k"\nvalues = [0.9, 0.8]\n'
-    Path("three_arcs_grid.toml").write_text(text)
-    assert run_command_line(["grid", "three_arcs_grid.toml", "--set", "stop.collisions=2"]) == 0
-    _, code = blocks("python")
-    names: dict[str, Any] = {}
-    exec(compile(code, "README.md", "exec"), names)
-    assert names["table"].num_rows == 2
-    assert names["table"].schema.field("end_time").metadata[b"unit"] == b"s"
-
-
 def test_the_first_commands_set_up_run_and_test() -> None:
+    lines = [block for block in blocks(README, "sh") if block.startswith("python3")]
     run_it, test_it = (
-        next(block for block in blocks("sh") if block.startswith("python3") and word in block)
+        next(block for block in lines if word in block)
         for word in ("vibro run scenarios/three_arcs.toml", "pytest")
     )
     assert run_it.count("\n") == test_it.count("\n") == 1
@@ -98,5 +74,13 @@ def test_the_version_stands_in_one_place() -> None:
 def test_every_library_has_its_reason() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     names = {re.split(r"[<>=\[]", text)[0] for text in project["dependencies"]}
-    table = README.split("## Libraries")[1]
+    table = text_of(DOCS / "libraries.md")
     assert set(re.findall(r"^\| ([\w.]+) \|", table, re.MULTILINE)) - {"library"} == names
+
+
+def test_readme_is_short_and_its_pictures_are_small() -> None:
+    assert len(text_of(README).splitlines()) <= 150
+    pictures = list((DOCS / "pictures").iterdir())
+    shown = re.findall(r"!\[.+\]\((.+)\)", text_of(README))
+    assert {ROOT / name for name in shown} == set(pictures)
+    assert sum(picture.stat().st_size for picture in pictures) < 400_000

@@ -1,41 +1,95 @@
 """Vibro-impact dynamics of bodies rolling along curvilinear traces, solved exactly.
 
-The verbs of the Python interface are loaded when they are first asked for, so that importing
-the package costs nothing::
+The names of the Python interface are loaded when they are first asked for, so that importing the
+package costs nothing::
 
     from vibro_cli import load_scenario, simulate
 
     run = simulate(load_scenario("scenarios/three_arcs.toml"))
     run.collisions["t"]
 
-`load_any` reads scenarios of every system, `load_scenario` those of a trace.
+Errors that say something about a scenario, a run, a grid or a folder are a `VibroError`.
 """
 
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from vibro_cli.api import simulate as simulate
-    from vibro_cli.scenario import load_any as load_any
-    from vibro_cli.scenario import load_scenario as load_scenario
-
-__all__ = ["__version__", "load_any", "load_scenario", "simulate"]
+    from vibro_cli.api import NotRecalled as NotRecalled
+    from vibro_cli.errors import VibroError as VibroError
+    from vibro_cli.figures.movie import NoFilm as NoFilm
+    from vibro_cli.grids.dataset import FolderInUse as FolderInUse
+    from vibro_cli.grids.dataset import GridChanged as GridChanged
+    from vibro_cli.grids.verifying import NoManifest as NoManifest
+    from vibro_cli.results import Drawing as Drawing
+    from vibro_cli.results import Grid as Grid
+    from vibro_cli.results import Run as Run
+    from vibro_cli.results import check as check
+    from vibro_cli.results import example as example
+    from vibro_cli.results import load_scenario as load_scenario
+    from vibro_cli.results import open_grid as open_grid
+    from vibro_cli.results import open_run as open_run
+    from vibro_cli.results import portrait as portrait
+    from vibro_cli.results import simulate as simulate
+    from vibro_cli.results import simulate_many as simulate_many
+    from vibro_cli.results import sweep as sweep
+    from vibro_cli.results import verify as verify
+    from vibro_cli.scenario import Scenario as Scenario
+    from vibro_cli.scenario import ScenarioError as ScenarioError
+    from vibro_cli.storage.frame import Table as Table
+    from vibro_cli.storage.provenance import FolderRefused as FolderRefused
+    from vibro_cli.storage.runs import NotContinuable as NotContinuable
+    from vibro_cli.storage.stored_grid import NotAGrid as NotAGrid
+    from vibro_cli.systems.continuing import CannotContinue as CannotContinue
+    from vibro_cli.systems.driver import TooQuiet as TooQuiet
 
 _HOME = {
-    "load_any": "vibro_cli.scenario",
-    "load_scenario": "vibro_cli.scenario",
-    "simulate": "vibro_cli.api",
+    "vibro_cli.api": ("NotRecalled",),
+    "vibro_cli.errors": ("VibroError",),
+    "vibro_cli.figures.movie": ("NoFilm",),
+    "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged"),
+    "vibro_cli.grids.verifying": ("NoManifest",),
+    "vibro_cli.results": (
+        *("Drawing", "Grid", "Run", "check", "example", "load_scenario", "open_grid", "open_run"),
+        *("portrait", "simulate", "simulate_many", "sweep", "verify"),
+    ),
+    "vibro_cli.scenario": ("Scenario", "ScenarioError"),
+    "vibro_cli.storage.frame": ("Table",),
+    "vibro_cli.storage.provenance": ("FolderRefused",),
+    "vibro_cli.storage.runs": ("NotContinuable",),
+    "vibro_cli.storage.stored_grid": ("NotAGrid",),
+    "vibro_cli.systems.continuing": ("CannotContinue",),
+    "vibro_cli.systems.driver": ("TooQuiet",),
 }
+_MODULES = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = ["__version__", *sorted(_MODULES)]
+
+
+def unsupported() -> str | None:
+    """Why the package cannot be used on this system, None where it can."""
+    import sys
+
+    system: str = sys.platform  # whatever the types are checked on
+    if system != "win32":
+        return None
+    return "vibro runs on Linux and macOS; on Windows it runs within WSL, as on Linux"
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name from the module it lives in (PEP 562)."""
-    if name not in _HOME:
+    """Load a public name from the module it lives in (PEP 562).
+
+    Raises `ImportError` on a system on which nothing would work.
+    """
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(_HOME[name]), name)
+    reason = unsupported()
+    if reason is not None:
+        raise ImportError(reason)
+    return getattr(import_module(_MODULES[name]), name)
 
 
 def __dir__() -> list[str]:

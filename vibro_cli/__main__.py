@@ -1,25 +1,32 @@
 """Entry of the `vibro` program; what needs no library is answered before any is imported."""
 
 import gc
+import os
 import sys
+
+from vibro_cli import __version__, unsupported
 
 
 def main() -> None:
     """Run the command line of this process and end it with the command's exit code."""
     if sys.argv[1:] in (["--version"], ["-V"]):
-        from vibro_cli import __version__
-
         print(f"vibro {__version__}")
         return
+    reason = unsupported()
+    if reason is not None:
+        sys.exit(reason)
     # Loading libraries makes hundreds of thousands of objects and no garbage: at Python's own
     # threshold, looking for it takes a tenth of a short run.
     gc.set_threshold(50_000, 20, 50)
+    # Looking for plug-ins of pydantic, of which none is wanted, takes another twentieth.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         from vibro_cli.commands.app import run_command_line
 
         code = run_command_line(sys.argv[1:])
     except KeyboardInterrupt:  # before there was anything to interrupt, or while cleaning up
         code = 130
+    gc.freeze()  # nor is there garbage at the end, where looking for it takes a quarter
     sys.exit(code)
 
 

@@ -1,61 +1,34 @@
-"""The Python interface: from a scenario to a finished run."""
+"""From a scenario to a finished run, of any system."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeAlias, overload
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
-from vibro_cli.build import build_system
-from vibro_cli.scenario import Scenario, load_scenario
-from vibro_cli.simulation.continuing import CannotContinue
-from vibro_cli.simulation.drive import TooQuiet
-from vibro_cli.simulation.run import Run, Wanted, simulate_system
+from vibro_cli.build import build_any
+from vibro_cli.errors import VibroError
+from vibro_cli.scenario import load_scenario
+from vibro_cli.systems import run, system_named
+from vibro_cli.systems.continuing import CannotContinue, check_continuable
+from vibro_cli.systems.contract import Sink
+from vibro_cli.systems.driver import TooQuiet
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.stream import Streamed, stream
 
 if TYPE_CHECKING:
-    from vibro_cli.scenario.springs_models import SpringsScenario
     from vibro_cli.scenario.systems import AnyScenario
-    from vibro_cli.scenario.table_models import TableScenario
-    from vibro_cli.systems.springs.run import SpringsRun
-    from vibro_cli.systems.table.run import TableRun
 
-    Values: TypeAlias = dict[str, Any]
-    AnyRun: TypeAlias = Run | TableRun | SpringsRun
-
-__all__ = ["CannotContinue", "Run", "TooQuiet", "load_scenario", "simulate"]
-
-
-@overload
-def simulate(
-    scenario: Scenario,
-    engine: str = "auto",
-    checkpoint: dict[str, Any] | None = None,
-    history: dict[str, Any] | None = None,
-) -> Run: ...
-
-
-@overload
-def simulate(
-    scenario: TableScenario,
-    engine: str = "auto",
-    checkpoint: dict[str, Any] | None = None,
-    history: dict[str, Any] | None = None,
-) -> TableRun: ...
-
-
-@overload
-def simulate(
-    scenario: SpringsScenario,
-    engine: str = "auto",
-    checkpoint: dict[str, Any] | None = None,
-    history: dict[str, Any] | None = None,
-) -> SpringsRun: ...
+__all__ = ["CannotContinue", "Run", "TooQuiet", "load_scenario", "simulate", "simulate_streamed"]
 
 
 def simulate(
     scenario: AnyScenario,
-    engine: str = "auto",
+    engine: str = "compiled",
     checkpoint: dict[str, Any] | None = None,
     history: dict[str, Any] | None = None,
-) -> AnyRun:
+) -> Run:
     """Run a scenario to its end.
 
     Parameters
@@ -63,8 +36,7 @@ def simulate(
     scenario
         From :func:`load_scenario`.
     engine
-        ``"python"`` (interpreted), ``"numba"`` (compiled) or ``"auto"``, which starts interpreted
-        and compiles once the run has proved long. All give the same bits.
+        ``"compiled"``, or ``"python"`` (interpreted); both give the same bits.
     checkpoint, history
         From ``run.checkpoint()`` and ``run.history()`` of an earlier run of this scenario with a
         nearer stop: it goes on from there, and the result is that of one run without a break.
@@ -82,43 +54,70 @@ def simulate(
     CannotContinue
         If the earlier run had ended for good, or is past the stop.
     """
-    if scenario.system == "table":
-        return _simulate_table(scenario, engine, checkpoint, history)
-    if scenario.system == "springs":
-        return _simulate_springs(scenario, engine, checkpoint, history)
-    output = scenario.output
-    wanted = Wanted(
-        times=output.times,
-        step=output.step,
-        turning_points=output.turning_points,
-        friction=output.friction,
-    )
-    system = build_system(scenario)
-    stop = scenario.stop
-    return simulate_system(system, stop.time, stop.collisions, engine, wanted, checkpoint, history)
+    kind = system_named(scenario.system)
+    return run.simulate(
+        kind, build_any(scenario), kind.limits(scenario), engine, kind.wanted(scenario),
+        checkpoint, history,
+    )  # fmt: skip
 
 
-def _simulate_table(
-    scenario: TableScenario, engine: str, checkpoint: Values | None, history: Values | None
-) -> TableRun:
-    from vibro_cli.build.table import build_table
-    from vibro_cli.systems.table.run import simulate_table
-    from vibro_cli.systems.wanted import Wanted
+def simulate_streamed(
+    scenario: AnyScenario,
+    sink: Sink,
+    engine: str = "compiled",
+    checkpoint: dict[str, Any] | None = None,
+    **more: Any,
+) -> Streamed:
+    """Run a scenario to its end; the rows of its tables are handed over as they come.
 
-    wanted = Wanted(scenario.output.times, scenario.output.step)
-    stop = scenario.stop
-    limits = stop.time, stop.collisions, stop.bounces
-    return simulate_table(build_table(scenario), *limits, engine, wanted, checkpoint, history)
+    Parameters
+    ----------
+    scenario, engine
+        As for :func:`simulate`.
+    sink
+        Takes the name of a table and more columns of it, in order of time.
+    checkpoint
+        Of an earlier run of this scenario: raises ``CannotContinue`` unless this one goes on from
+        where it stopped.
+    more
+        See ``systems.stream.stream``.
+    """
+    kind = system_named(scenario.system)
+    limits = kind.limits(scenario)
+    if checkpoint is not None:
+        check_continuable(checkpoint, limits)
+    system, wanted = build_any(scenario), kind.wanted(scenario)
+    return stream(kind, system, limits, sink, engine, wanted, **more)
 
 
-def _simulate_springs(
-    scenario: SpringsScenario, engine: str, checkpoint: Values | None, history: Values | None
-) -> SpringsRun:
-    from vibro_cli.build.springs import build_springs
-    from vibro_cli.systems.springs.run import simulate_springs
-    from vibro_cli.systems.wanted import Wanted
+class NotRecalled(VibroError, RuntimeError):
+    """A run solved again does not end as it did; the message says so."""
 
-    wanted = Wanted(scenario.output.times, scenario.output.step)
-    stop = scenario.stop
-    limits = stop.time, stop.collisions
-    return simulate_springs(build_springs(scenario), *limits, engine, wanted, checkpoint, history)
+
+def recalled(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Run:
+    """Return a run that is over, with its motion: solved again from its start, to the same bits.
+
+    Parameters
+    ----------
+    scenario, checkpoint
+        Of the run.
+
+    Raises
+    ------
+    NotRecalled
+        Where the bits are others: sines may be rounded otherwise on another machine.
+    """
+    kind = system_named(scenario.system)
+    limits = kind.limits(scenario)
+    cut = checkpoint["end_cause"] == "interrupted"
+    if cut:  # its last event may have been later than the nearest double before it
+        limits = replace(limits, time=math.nextafter(checkpoint["end_time"], math.inf))
+    again = run.simulate(kind, build_any(scenario), limits, wanted=kind.wanted(scenario))
+    if cut:
+        return again.cut_back(checkpoint)
+    if again.checkpoint()["state"] != checkpoint["state"]:
+        raise NotRecalled(
+            "solved again the run does not end in the state that is stored; expected a run of "
+            "this machine or one like it"
+        )
+    return again

@@ -54,6 +54,15 @@ def test_several_changes_between_two_values_are_all_found() -> None:
     assert [change.before + change.after for change in found] == ["01", "12", "23"]
 
 
+def test_a_type_of_one_value_is_the_change_itself() -> None:
+    def type_of(value: float) -> str:
+        return "equal" if abs(value - 0.3) < 1e-11 else "below" if value < 0.3 else "above"
+
+    (change,) = changes(type_of, [0.0, 1.0])
+    assert (change.before, change.after) == ("below", "above")
+    assert change.low < 0.3 < change.high < change.low + 1e-10
+
+
 def test_the_condition_says_which_barrier_is_too_low() -> None:
     portrait = portrait_of(three_arcs(OUTER, replace(BALL, radius=0.2)))
     short = 0.8 * (1 - math.cos(OUTER * DEGREE)) - 1.5 * (1 - math.cos(50 * DEGREE))

@@ -38,6 +38,21 @@ def test_pitchfork_is_where_turning_balances_gravity() -> None:
     assert found[-1].after == "centre, saddle, centre; figure eight"
 
 
+@pytest.mark.parametrize("beyond", [10.0**-n for n in range(1, 16)])
+def test_the_type_beyond_the_pitchfork_holds_up_to_it(beyond: float) -> None:
+    """The ends of the trace stand high above the saddle: the separatrix closes on both sides."""
+    probe = on_circle(1.0)
+    piece = probe.trace.pieces[0]
+    rate = math.sqrt(probe.gravity / probe.path_scale(piece)) * (1.0 + beyond)
+    portrait = portrait_of(on_circle(rate, piece.center[0]))
+    assert portrait.type == "centre, saddle, centre; figure eight"
+    (trigger,) = portrait.triggers
+    assert trigger.margin_left > 0.0 < trigger.margin_right
+    assert trigger.turning_left is not None
+    assert trigger.turning_right is not None
+    assert trigger.turning_left <= trigger.saddle.s <= trigger.turning_right
+
+
 def test_saddle_and_centre_meet_off_the_axis() -> None:
     # sin f = spread sin f cos f + tilt cos f; both vanish together with their derivative where
     # tilt^(2/3) + 1 = spread^(2/3) (an astroid, exchanged roles of the two terms).

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.systems.table_cases import ellipse, solve, table
-from vibro_cli.analysis.wall_orbits import focal_product, multiplier, two_bounce_orbits
 from vibro_cli.systems.table.system import Wall
+from vibro_cli.systems.table.wall_orbits import focal_product, multiplier, two_bounce_orbits
 
 
 def bounced(a: float, b: float, radius: float, angle: float, share: float) -> tuple[float, float]:
@@ -41,7 +41,7 @@ def test_the_trace_of_a_bounce_on_the_x_axis(a: float, b: float, radius: float) 
         columns.append([(turned[0] - turned[1]) / (2 * h), (ends[0][1] - ends[1][1]) / (2 * h)])
     trace = columns[0][0] + columns[1][1]
     assert abs(abs(trace) - abs(orbit.trace)) <= 1e-6 * max(abs(orbit.trace), 1.0)
-    assert orbit.kind == ("saddle" if abs(trace) > 2.0 else "center")
+    assert orbit.kind == ("saddle" if abs(trace) > 2.0 else "centre")
 
 
 def test_at_r_0_a_saddle_grows_by_its_eccentricity() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_cli.benchmark import kept, references
+from vibro_cli.benchmark import kept, references, whole
 from vibro_cli.benchmark.measurement import PLANS, TABLE, Row, parquet, read_rows
 from vibro_cli.benchmark.motion import Motion
 from vibro_cli.benchmark.runner import Event, LegRunner, Lost, Method, Setting
@@ -151,3 +151,19 @@ def test_rows_come_back_from_the_table(tmp_path: Path) -> None:
     assert read_rows(tmp_path / "t.parquet") == ([one, other], {"plan": "quick"})
     assert (one.seconds, one.per_impact, one.repeats) == (2.0, 0.2, 3)
     assert [column.name for column in TABLE.columns] == list(vars(one))
+
+
+def test_commands_are_measured_beside_their_event_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(whole, "REPEATS", 1)
+    names = ("rotating three arcs", "springs")
+    monkeypatch.setattr(whole, "DOCUMENTS", {name: whole.DOCUMENTS[name] for name in names})
+    rows = [row for found in whole.measure(PLANS["quick"]) for row in found]
+    assert [row.scene for row in rows] == [name for name in names for _ in range(4)]
+    for alone, command in zip(rows[::2], rows[1::2], strict=True):
+        assert (alone.method, command.method) == (whole.KERNEL, whole.COMMAND)
+        assert alone.impacts == command.impacts
+        # The command does more, and starts a process.
+        assert alone.seconds is not None
+        assert command.seconds is not None
+        assert 0.0 < alone.seconds < command.seconds
+        assert command.memory is None or command.memory > 2**24

@@ -76,10 +76,12 @@ class ByHand:
         self.act: Callable[[], None] = lambda: None
         self.calls: list[tuple[str, str]] = []
 
-    def simulate(self, scenario: Any, engine: str = "auto") -> FakeRun:
+    def simulate_streamed(
+        self, scenario: Any, sink: Callable[[str, Any], None], engine: str, *more: Any, **asked: Any
+    ) -> FakeRun:
         self.calls.append((scenario.name, engine))
         self.act()
-        return self.run
+        return self.run.told_to(sink)
 
 
 @pytest.fixture
@@ -88,6 +90,6 @@ def by_hand(monkeypatch: pytest.MonkeyPatch) -> ByHand:
     stand_in = ByHand()
     module: Any = types.ModuleType("vibro_cli.api")
     module.__dict__.update(vars(vibro_cli.api))
-    module.simulate = stand_in.simulate
+    module.simulate_streamed = stand_in.simulate_streamed
     monkeypatch.setitem(sys.modules, "vibro_cli.api", module)
     return stand_in

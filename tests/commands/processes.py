@@ -52,6 +52,19 @@ def call(folder: Path, *arguments: str, **changes: str) -> Outcome:
     )
 
 
+def in_shell(folder: Path, line: str) -> Outcome:
+    """Run a line of the shell in which `vibro` is the program."""
+    program = f'vibro() {{ {shlex.join(VIBRO)} "$@"; }}\n'
+    return subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", program + line],
+        cwd=folder,
+        env=environment(),
+        capture_output=True,
+        check=False,
+        timeout=300,
+    )
+
+
 def on_terminal(
     folder: Path, arguments: list[str], typed: bytes = b"", **changes: str
 ) -> tuple[int, bytes]:

@@ -19,9 +19,14 @@ def test_trace_bodies_pairs_and_law_are_shown(vibro: Vibro, scenario: Path) -> N
         "  arc 1  valley  R = 1 m, slope -90° to 90°, length 3.14159 m, ends at (2, 0) m",
         "  ball 1  ball, r = 0.1 m, m = 2 kg, κ = 1.4, J_P = 0.028 kg m²; "
         "arc 1, angle -57.2958°, speed 0 m/s",
+        "          ω² = 2g/κρ = 15.5714286 1/s², modulus k = 2.08582964; "
+        "period of small swings 2.25180426 s, of this one 2.401176 s",
         "  ball 2  disk, r = 0.1 m, m = 1 kg, κ = 1.5, J_P = 0.015 kg m²; "
         "arc 1, angle 28.6479°, speed 0 m/s",
+        "          ω² = 2g/κρ = 14.5333333 1/s², modulus k = 4.0419725; "
+        "period of small swings 2.33083885 s, of this one 2.36778855 s",
         "  pair 1-2  k = 0.9",
+        "          arc 1  β = 0.222682029 rad, λ₁ = R/r₁ = 10, λ₂ = r₂/r₁ = 1",
         "  law hedrih; inadmissible impacts: stop",
         "  stop collisions = 3",
         "  ends left = stop, right = stop",
@@ -34,7 +39,15 @@ def test_json_has_the_resolved_scenario_and_what_follows(vibro: Vibro, scenario:
     assert found["trace"]["length"] == pytest.approx(math.pi, rel=1e-15)
     assert [body["kappa"] for body in found["bodies"]] == [1.4, 1.4]
     assert found["bodies"][0]["rolling_inertia"] == pytest.approx(1.4 * 2 * 0.1**2, rel=1e-15)
-    assert found["pairs"] == [{"ball_a": 1, "ball_b": 2, "k": 0.9}]
+    (pair,) = found["pairs"]
+    (contact,) = pair.pop("contacts")
+    assert pair == {"ball_a": 1, "ball_b": 2, "k": 0.9}
+    # A (6), B (48)
+    cosine = (0.9**2 + 0.9**2 - 0.2**2) / (2.0 * 0.9**2)
+    assert contact == {
+        "arc": 1, "beta": pytest.approx(math.acos(cosine), rel=1e-13),
+        "lambda_1": pytest.approx(10.0), "lambda_2": 1.0,
+    }  # fmt: skip
     assert found["warnings"] == []
 
 
@@ -75,3 +88,74 @@ def test_mechanical_problems_are_placed_too(vibro: Vibro, scenario: Path) -> Non
     assert outcome.out == b""
     assert "small.toml:7:" in outcome.err
     assert "balls[1].radius: found 1.1, expected" in outcome.err
+
+
+GRID = """
+base = "small.toml"
+[[axes]]
+path = "balls[1].angle"
+linspace = ["-60 deg", -0.4, 3]
+[[axes]]
+path = "collision.law"
+values = ["hedrih", "normal-impulse"]
+"""
+
+
+@pytest.fixture
+def grid(tmp_path: Path, scenario: Path) -> Path:
+    path = tmp_path / "sweep.toml"
+    path.write_text(GRID)
+    return path
+
+
+def test_a_grid_is_checked_as_one(vibro: Vibro, grid: Path) -> None:
+    outcome = vibro("check", grid)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.text.splitlines() == [
+        "sweep: valid grid of 6 points",
+        "  mode product",
+        "  axis balls[1].angle: 3 values, -1.0472 to -0.4 rad",
+        "  axis collision.law: 2 values, hedrih to normal-impulse",
+        "  kept: summaries",
+    ]
+    (found,) = vibro("check", grid, "--json").lines
+    assert (found["points"], found["first_point"]) == (6, None)
+    assert found["grid"]["axes"][1]["values"] == [["hedrih"], ["normal-impulse"]]
+    outcome = vibro("check", grid, "--set", "balls[1].mass=-1")
+    assert outcome.code == 0
+    assert "warning: the first point is invalid: balls[1].mass: found -1" in outcome.text
+    grid.write_text(GRID.replace("angle", "angel"))
+    refused = vibro("check", grid)
+    assert (refused.code, refused.out) == (2, b"")
+    assert f"{grid}:4:8: axes[1].path: " in refused.err
+
+
+@pytest.mark.parametrize("command", ["run", "portrait"])
+def test_a_grid_in_the_place_of_a_scenario_is_recognised(
+    vibro: Vibro, grid: Path, command: str
+) -> None:
+    refused = vibro(command, grid)
+    assert refused.code == 2
+    assert refused.err == (
+        f"{grid}:3:3: found a grid (axes over a scenario), "
+        "expected a scenario; vibro grid solves a grid\n"
+    )
+
+
+def test_a_scenario_in_the_place_of_a_grid_is_recognised(vibro: Vibro, scenario: Path) -> None:
+    refused = vibro("grid", scenario)
+    assert refused.code == 2
+    assert refused.err == (
+        f"{scenario}:2:1: found a scenario, "
+        "expected a grid: base (or scenario) and axes; vibro run solves a scenario\n"
+    )
+
+
+def test_names_that_are_no_files_are_helped_with(vibro: Vibro, scenario: Path) -> None:
+    assert vibro("check", "smal.toml").err == (
+        "smal.toml: cannot be read: No such file or directory (did you mean 'small.toml'?)\n"
+    )
+    assert "(vibro new three_arcs writes the three_arcs of the gallery)" in (
+        vibro("run", "three_arcs").err
+    )
+    assert "(a name of your own: vibro new TEMPLATE -o FILE)" in vibro("new", "mine").err

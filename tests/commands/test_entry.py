@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -10,9 +11,9 @@ from tests.commands.conftest import Vibro
 from tests.commands.processes import VIBRO
 from tests.effort import ratio
 from vibro_cli import __version__
-from vibro_cli.commands.app import app
+from vibro_cli.commands.app import COMMANDS
 
-COMMANDS = tuple(name for command in app.registered_commands if (name := command.name))
+SCENES = Path(__file__).parents[1] / "scenes"
 
 
 def start(*arguments: str, options: tuple[str, ...] = ()) -> subprocess.CompletedProcess[str]:
@@ -43,7 +44,7 @@ def test_help_takes_little_more_than_its_library_and_no_numpy() -> None:
     assert ratio([*VIBRO, "--help"], [sys.executable, "-c", "import typer.main"]) < 4
     found = imported("--help")
     assert "typer" in found
-    assert not found & {"numpy", "scipy", "numba", "pyarrow", "matplotlib", "ruamel"}
+    assert not found & {"numpy", "scipy", "compiled", "pyarrow", "matplotlib", "ruamel"}
 
 
 def test_the_package_imports_nothing_until_asked() -> None:
@@ -52,6 +53,37 @@ def test_the_package_imports_nothing_until_asked() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert not {"numpy", "pydantic", "typer"} & set(eval(outcome.stdout))
+
+
+def test_a_short_run_without_figures_imports_nothing_it_does_not_use(tmp_path: Path) -> None:
+    scenario = tmp_path / "one.toml"
+    scenario.write_bytes((SCENES / "circle.toml").read_bytes())
+    arguments = ["run", str(scenario), "--no-figures", "-q", "--set", "stop.collisions=1"]
+    code = (
+        "import sys; from vibro_cli.commands.app import run_command_line as run; "
+        f"code = run({[*arguments, '-o', str(tmp_path / 'out')]}); "
+        "print(*sys.modules, file=sys.stderr); sys.exit(code)"
+    )
+    command = [sys.executable, "-c", code]
+    outcome = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert outcome.returncode == 0
+    found = set(outcome.stderr.split())
+    heavy = {"scipy", "matplotlib", "PIL", "pandas", "jinja2", "ruamel", "mpmath", "rich"}
+    assert not heavy & {name.partition(".")[0] for name in found}
+    own = {name for name in found if name.startswith("vibro_cli.")}
+    layers = {name.split(".")[1] for name in own}
+    assert not layers & {
+        "figures",
+        "report",
+        "analysis",
+        "grids",
+        "benchmark",
+        "stress",
+        "programs",
+    }
+    assert not own & {"vibro_cli.compile.translate", "vibro_cli.compile.build"}
+    commands = {name.split(".")[2] for name in own if name.startswith("vibro_cli.commands.")}
+    assert commands & set(COMMANDS) == {"run"}
 
 
 def test_unknown_names_of_the_package_are_attribute_errors() -> None:
@@ -91,11 +123,11 @@ def test_every_command_has_help(vibro: Vibro, command: str) -> None:
             "No such option: --fromat (did you mean '--format'",
         ),
         (
-            ["run", "a.toml", "--engine", "nmba"],
-            "vibro: --engine (or VIBRO_ENGINE): found 'nmba', expected one of auto, python, numba "
-            "(did you mean 'numba'?) (see vibro run --help)\n",
+            ["run", "a.toml", "--engine", "compild"],
+            "vibro: --engine (or VIBRO_ENGINE): found 'compild', expected one of compiled, python "
+            "(did you mean 'compiled'?) (see vibro run --help)\n",
         ),
-        (["schema", "figures"], "SUBJECT: found 'figures', expected one of scenario, tables"),
+        (["schema", "figures"], "SUBJECT: found 'figures', expected one of scenario, grid, tables"),
         (["stress", "--seed", "one"], "--seed: found 'one', expected a whole number"),
         (["run", "a.toml", "-o", ""], "--output: found an empty text, expected a name"),
         (["new", "three_arcs", "-o", ""], "--output: found an empty text, expected a name"),
@@ -126,3 +158,18 @@ def test_outputs_may_be_closed_or_poor_in_letters() -> None:
     )
     assert (poor.returncode, poor.stderr) == (0, b"")
     assert b"\\u03c6" in poor.stdout
+
+
+def test_a_system_on_which_it_cannot_run_is_told_so_at_once() -> None:
+    for code, last in (
+        ("from vibro_cli.__main__ import main; main()", "vibro runs on Linux and macOS; "),
+        ("from vibro_cli import simulate", "ImportError: vibro runs on Linux and macOS; "),
+    ):
+        before = "import sys; sys.platform, sys.argv = 'win32', ['vibro', 'check', 'a.toml']\n"
+        outcome = subprocess.run(
+            [sys.executable, "-c", before + code], capture_output=True, text=True, check=False
+        )
+        assert outcome.returncode == 1
+        assert outcome.stderr.splitlines()[-1].startswith(last)
+        assert "on Windows it runs within WSL" in outcome.stderr
+        assert ("Traceback" in outcome.stderr) == ("ImportError" in last)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 
 import pytest
 
 from tests.commands.conftest import Vibro
+from tests.two_balls import SCENARIO
 
 GRID = """
 base = "small.toml"
@@ -59,6 +61,20 @@ def test_a_grid_is_solved_verified_and_found_finished(vibro: Vibro, grid: Path) 
     assert vibro("grid", grid, "--strict").code == 3
 
 
+def test_the_summary_of_a_grid_gives_a_reason_and_the_next_command(
+    vibro: Vibro, grid: Path
+) -> None:
+    lines = vibro("grid", grid).err.splitlines()
+    assert lines[:4] == [
+        "sweep: 6 points, 7 impacts",
+        "  points     3 invalid",
+        "  such as    scenario 2 is invalid: collision.k: found 2.0, expected a number",
+        "             from 0 to 1",
+    ]
+    assert lines[4].startswith("  files      outputs/sweep (1 chunk, ")
+    assert lines[5] == "  next       vibro report outputs/sweep"
+
+
 def test_another_grid_is_refused_with_the_difference(vibro: Vibro, grid: Path) -> None:
     assert vibro("grid", grid).code == 0
     before = content(Path("outputs/sweep"))
@@ -90,6 +106,64 @@ def test_damage_is_found_and_repaired(vibro: Vibro, grid: Path) -> None:
     assert content(folder) == before
 
 
+def in_three_chunks(grid: Path) -> Path:
+    grid.write_text("chunk_points = 2\n" + GRID)
+    return grid
+
+
+def test_a_shard_of_a_finished_grid_solves_nothing(vibro: Vibro, grid: Path) -> None:
+    assert vibro("grid", in_three_chunks(grid)).code == 0
+    folder = Path("outputs/sweep")
+    before = content(folder)
+    outcome = vibro("grid", grid, "--shard", "1/2", "--json")
+    assert (outcome.code, outcome.lines[0]["points"], outcome.lines[0]["complete"]) == (0, 0, True)
+    assert "outputs/sweep has all chunks of this shard already; nothing is solved" in outcome.err
+    assert content(folder) == before
+    assert vibro("verify", folder).code == 0
+
+
+def test_shards_solve_what_the_folder_of_their_grid_lacks(vibro: Vibro, grid: Path) -> None:
+    assert vibro("grid", in_three_chunks(grid)).code == 0
+    folder = Path("outputs/sweep")
+    before = content(folder)
+    (folder / "summary/part-000002.parquet").unlink()
+    (shard,) = vibro("grid", grid, "--shard", "1/2", "--json").lines
+    assert (shard["chunks"], shard["points"]) == (1, 2)  # of the chunks 0 and 2 of this shard
+    assert vibro("verify", folder / "shard-1-of-2").code == 0
+    (again,) = vibro("grid", grid, "--shard", "1/2", "--json").lines
+    assert again == shard
+    found = vibro("verify", folder, "--json").lines[0]["findings"]
+    assert [one["file"] for one in found] == ["summary/part-000002.parquet"]
+    assert vibro("grid", grid, "--merge").code == 0
+    assert content(folder) == before
+    assert vibro("verify", folder).code == 0
+
+
+def test_a_shard_of_another_grid_is_refused(vibro: Vibro, grid: Path) -> None:
+    assert vibro("grid", grid).code == 0
+    before = content(Path("outputs/sweep"))
+    refused = vibro("grid", grid, "--set", "stop.collisions=2", "--shard", "1/2", "--force")
+    assert refused.code == 2
+    assert "scenario.stop.collisions: 3 -> 2" in refused.err
+    assert content(Path("outputs/sweep")) == before
+
+
+@pytest.mark.parametrize("table", ["summary", "collisions"])
+def test_a_damaged_grid_is_not_reported(vibro: Vibro, grid: Path, table: str) -> None:
+    assert vibro("grid", in_three_chunks(grid)).code == 0
+    part = Path(f"outputs/sweep/{table}/part-000000.parquet")
+    sound = part.read_bytes()
+    for place in (len(sound) // 3, len(sound) // 2, len(sound) - 3):
+        part.write_bytes(sound[:place] + bytes([sound[place] ^ 1]) + sound[place + 1 :])
+        refused = vibro("report", "outputs/sweep")
+        assert refused.code == 2
+        assert f"vibro: {part} is not as it was written (SHA-256" in refused.err
+        assert refused.err.endswith("; vibro grid GRID --repair solves it again\n")
+    part.unlink()
+    assert f"vibro: {part} is missing; vibro grid" in vibro("report", "outputs/sweep").err
+    assert not Path("outputs/sweep-report.html").exists()
+
+
 def test_too_many_failures_end_it(vibro: Vibro, grid: Path) -> None:
     ended = vibro("grid", grid, "--max-failures", 2)
     assert ended.code == 1
@@ -110,6 +184,23 @@ def test_a_dry_run_writes_nothing(vibro: Vibro, grid: Path, tmp_path: Path) -> N
     # All points are in the sample, so what it says of impacts and bytes is exact.
     solved = vibro("grid", grid, "--json").lines[0]
     assert (line["impacts"], line["bytes"]) == (solved["impacts"], solved["bytes"])
+
+
+def test_a_dry_run_promises_the_time_it_takes(vibro: Vibro, tmp_path: Path) -> None:
+    """To an order of magnitude: solving alone, without the start, is a fortieth of it."""
+    text = SCENARIO.replace("collisions = 3", "collisions = 300")
+    (tmp_path / "small.toml").write_text(
+        text + "[ends]\nleft = {wall = 1.0}\nright = {wall = 1.0}\n"
+    )
+    (tmp_path / "k.toml").write_text(
+        'base = "small.toml"\n[[axes]]\npath = "collision.k"\nlinspace = [0.9, 1.0, 50]\n'
+    )
+    assert vibro("grid", "k.toml", "-o", "first").code == 0  # and loads the libraries
+    promised = vibro("grid", "k.toml", "--dry-run", "--json").lines[0]["seconds"]
+    begin = time.perf_counter()
+    assert vibro("grid", "k.toml", "-o", "second").code == 0
+    taken = time.perf_counter() - begin
+    assert taken / 10 < promised < taken * 10
 
 
 def test_a_folder_of_something_else_is_left_alone(vibro: Vibro, grid: Path) -> None:

@@ -1,33 +1,80 @@
 """`vibro new` and `vibro schema`: what a user starts from."""
 
 import json
+import re
+import tomllib
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 from tests.commands.conftest import Vibro
 from tests.two_balls import SCENARIO
+from vibro_cli.grids.document import load_grid
+from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
 
 
 def test_list_names_the_gallery_with_titles(vibro: Vibro) -> None:
-    listed = [line.split(None, 1) for line in vibro("new", "--list").text.splitlines()]
+    text = vibro("new", "--list").text
+    assert max(map(len, text.splitlines())) <= 80
+    listed = [line.split(None, 1) for line in re.sub(r"\n +", " ", text).splitlines()]
     paths = sorted(
-        (path for path in GALLERY.rglob("*.toml") if path.parent.name != "grids"),
-        key=lambda path: path.stem,
+        GALLERY.rglob("*.toml"), key=lambda path: (path.parent.name == "grids", path.stem)
     )
     titles = [path.read_text().splitlines()[0].removeprefix("# ") for path in paths]
     assert listed == [[path.stem, title] for path, title in zip(paths, titles, strict=True)]
+    assert all(title.endswith(".") for title in titles)  # whole sentences
 
 
 def test_a_scenario_is_written_with_its_comments_and_is_valid(vibro: Vibro) -> None:
     outcome = vibro("new", "three_arcs")
     assert outcome.code == 0
-    assert Path("three_arcs.toml").read_bytes() == (GALLERY / "three_arcs.toml").read_bytes()
+    first, _, rest = Path("three_arcs.toml").read_text().partition("\n")
+    assert first == "#:schema ./vibro-trace.schema.json"
+    assert rest == (GALLERY / "three_arcs.toml").read_text()
     assert "vibro run three_arcs.toml" in outcome.err
     assert vibro("check", "three_arcs.toml").code == 0
+
+
+@pytest.mark.parametrize("name", ["one_circle", "billiards", "two_disks"])
+def test_the_schema_that_is_named_stands_beside_and_fits(vibro: Vibro, name: str) -> None:
+    Path("study").mkdir()
+    assert vibro("new", name, "-o", f"study/{name}.toml").code == 0
+    text = Path(f"study/{name}.toml").read_text()
+    named = Path("study", text.splitlines()[0].removeprefix("#:schema "))
+    found = json.loads(named.read_text())
+    system = tomllib.loads(text).get("system", "trace")
+    assert found == json.loads(vibro("schema", "--system", system).text)
+    jsonschema.validate(tomllib.loads(text), found)
+
+
+@pytest.mark.parametrize(
+    ("name", "base"), [("three_arcs_grid", "three_arcs"), ("billiards_grid", "billiards")]
+)
+def test_a_grid_is_written_with_its_scenario_and_is_valid(
+    vibro: Vibro, name: str, base: str
+) -> None:
+    outcome = vibro("new", name)
+    assert outcome.code == 0
+    told = f"{name}.toml and {base}.toml written; solve it with: vibro grid {name}.toml\n"
+    assert outcome.err == told
+    named = Path(Path(f"{name}.toml").read_text().splitlines()[0].removeprefix("#:schema "))
+    jsonschema.validate(
+        tomllib.loads(Path(f"{name}.toml").read_text()), json.loads(named.read_text())
+    )
+    load_grid(f"{name}.toml")
+    Path(f"{base}.toml").write_text("mine")
+    assert vibro("new", name, "--force").err.startswith(f"{name}.toml written; ")
+    assert Path(f"{base}.toml").read_text() == "mine"
+
+
+def test_a_file_of_others_in_the_place_of_the_schema_is_kept(vibro: Vibro) -> None:
+    Path("vibro-trace.schema.json").write_text('{"mine": true}')
+    assert vibro("new", "three_arcs").code == 0
+    assert Path("vibro-trace.schema.json").read_text() == '{"mine": true}'
 
 
 def test_a_dash_prints_it(vibro: Vibro) -> None:
@@ -70,7 +117,15 @@ def test_schema_is_a_json_schema_of_scenarios(vibro: Vibro) -> None:
 
 def test_schema_tables_describes_every_column(vibro: Vibro) -> None:
     found = json.loads(vibro("schema", "tables").text)
-    assert list(found) == ["collisions/1", "events/1", "motion/1", "summary/1"]
-    assert len(found["motion/1"]["columns"]) == len(schema.motion().columns)
+    assert list(found) == ["collisions/1", "events/1", "motion/1", "summary/1", "exponents/1"]
+    assert len(found["motion/1"]["columns"]) == len(of_trace.motion().columns)
     assert vibro("schema", "tables", "--markdown").text == schema.as_markdown()
     assert vibro("schema", "--markdown").code == 2
+
+
+def test_schema_describes_grids_over_every_system(vibro: Vibro) -> None:
+    for system in ("trace", "table", "springs"):
+        found = json.loads(vibro("schema", "grid", "--system", system).text)
+        assert found["$id"] == f"urn:vibro:schema:grid-{system}"
+        assert {"base", "scenario", "axes", "keep"} <= set(found["properties"])
+    assert vibro("schema", "tables", "--system", "table").code == 2

@@ -62,7 +62,10 @@ def test_a_signal_ends_a_run_in_the_middle(
     assert process.returncode == code
     assert words.splitlines()[-1].endswith("what was finished is kept")
     assert "Traceback" not in words
-    assert os.listdir(tmp_path / "all") == ["small"]
+    assert sorted(os.listdir(tmp_path / "all")) == ["long", "small"]
+    summary = json.loads((tmp_path / "all" / "long" / "summary.json").read_bytes())
+    assert summary["end_cause"] == "interrupted"
+    assert call(tmp_path, "verify", "all/long").returncode == 0
     assert code in EXIT_CODES
 
 
@@ -126,12 +129,12 @@ def completions(words: str, **changes: str) -> list[str]:
     ("words", "offered"),
     [
         ("vibro che", ["check"]),
-        ("vibro run --fo", ["--format"]),
-        ("vibro run --engine n", ["numba"]),
+        ("vibro run --fo", ["--format", "--force"]),
+        ("vibro run --engine c", ["compiled"]),
         ("vibro run scenarios/three", ["scenarios/three_arcs.toml"]),
         ("vibro run --set collision.l", ["collision.law="]),
         ("vibro check x.toml --set balls[2].an", ["balls[2].angle="]),
-        ("vibro new three", ["three_arcs"]),
+        ("vibro new three", ["three_arcs", "three_arcs_grid"]),
         ("vibro help exit", ["exit-codes"]),
     ],
 )

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from tests.commands.conftest import Vibro
 from tests.grid_folder import product, write_grid
 
@@ -31,7 +33,7 @@ def test_several_runs_have_one_page_and_a_pdf(vibro: Vibro) -> None:
     assert b"collision.k" in Path("report.html").read_bytes()
     pdf = Path("figures.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-")
-    assert pdf.count(b"/Type /Page ") == 20
+    assert pdf.count(b"/Type /Page ") == 26
     assert b"CreationDate" not in pdf
 
 
@@ -41,7 +43,7 @@ def test_each_figure_can_be_had_as_a_file(vibro: Vibro) -> None:
     assert vibro("report", "outputs/one_circle", *options).code == 0
     names = {path.name for path in Path("figures").iterdir()}
     assert {"energy.pdf", "plan.svg", "portrait_2.png", "manifest.json"} <= names
-    assert len(names) == 3 * 10 + 1
+    assert len(names) == 3 * 13 + 1
     assert vibro("report", "outputs/one_circle", *options).code == 0  # ours: replaced
     Path("figures/notes.txt").write_text("keep")
     outcome = vibro("report", "outputs/one_circle", *options)
@@ -83,6 +85,20 @@ def test_a_changed_run_is_refused(vibro: Vibro) -> None:
     outcome = vibro("report", "outputs/one_circle")
     assert outcome.code == 2
     assert "not as it was written" in outcome.err
+
+
+@pytest.mark.parametrize("name", ["collisions.parquet", "events.parquet", "summary.json"])
+def test_a_damaged_table_is_named(vibro: Vibro, name: str) -> None:
+    vibro(*RUN)
+    path = Path("outputs/one_circle", name)
+    content = path.read_bytes()
+    path.write_bytes(content[:99] + bytes([content[99] ^ 1]) + content[100:])
+    outcome = vibro("report", "outputs/one_circle")
+    assert outcome.code == 2
+    assert outcome.err.startswith(f"vibro: {path} is not as it was written (SHA-256 ")
+    path.unlink()
+    assert vibro("report", "outputs/one_circle").err == f"vibro: {path} is missing\n"
+    assert not Path("outputs/one_circle-report.html").exists()
 
 
 def test_the_motion_can_be_had_as_a_film(vibro: Vibro) -> None:

@@ -15,19 +15,23 @@ import pytest
 
 from tests.commands.conftest import ByHand, Outcome, Vibro
 from tests.two_balls import SCENARIO
+from vibro_cli.commands.boundary import Terminated
 from vibro_cli.storage.tables import read_parquet
+from vibro_cli.systems import system_named
 
+GALLERY = Path(__file__).parents[2] / "scenarios"
 INTERRUPTED = """
 import sys, time
 sys.path.insert(0, {root!r})
 from tests.fake_run import FakeRun
 import vibro_cli.api as module
-def simulate(scenario, engine):
+def simulate_streamed(scenario, sink, engine, checkpoint, names, interrupted, **options):
     if scenario.name == "second":
         print("started", flush=True)
-        time.sleep(60)
-    return FakeRun()
-module.simulate = simulate
+        while not interrupted():
+            time.sleep(0.01)
+    return FakeRun().told_to(sink)
+module.simulate_streamed = simulate_streamed
 sys.argv[0] = "vibro"
 from vibro_cli.__main__ import main
 main()
@@ -67,7 +71,7 @@ def test_several_scenarios_have_a_folder_each(
     paths = several(tmp_path, "first", "second")
     assert vibro("run", *paths, "-o", "all", "--no-figures").code == 0
     assert entries(Path("all")) == ["first", "second"]
-    assert by_hand.calls == [("first", "auto"), ("second", "auto")]
+    assert by_hand.calls == [("first", "compiled"), ("second", "compiled")]
 
 
 def test_equal_names_are_an_error_before_anything_runs(
@@ -97,10 +101,47 @@ def test_a_foreign_folder_is_refused_before_anything_runs(
     assert entries(Path("mine")) == ["thesis.tex"]
 
 
-def test_our_own_folder_is_replaced(vibro: Vibro, scenario: Path, by_hand: ByHand) -> None:
+def test_a_run_of_the_same_parameters_is_replaced(
+    vibro: Vibro, scenario: Path, by_hand: ByHand
+) -> None:
     for _ in range(2):
         assert vibro("run", scenario, "--no-figures").code == 0
     assert entries(Path("outputs")) == ["small"]
+
+
+def test_a_run_of_other_parameters_is_replaced_only_by_force(
+    vibro: Vibro, scenario: Path, by_hand: ByHand
+) -> None:
+    def kept() -> bytes:
+        return Path("outputs/small/scenario.json").read_bytes()
+
+    other = ("run", scenario, "--no-figures", "--set", "collision.k=0.5")
+    assert vibro("run", scenario, "--no-figures").code == 0
+    before = kept()
+    refused = vibro(*other, "--json")
+    assert (refused.code, refused.out, kept()) == (2, b"", before)
+    assert refused.err.splitlines() == [
+        "vibro: outputs/small holds a run with other parameters; found there and wanted now:",
+        "  collision.k[1]: 0.9 -> 0.5",
+        "(--force replaces it, -o names another folder)",
+    ]
+    assert len(by_hand.calls) == 1
+    assert vibro(*other, "--force").code == 0
+    assert json.loads(kept())["collision"]["k"] == [0.5]
+    Path("outputs/small/scenario.json").write_text("damaged")
+    refused = vibro(*other)
+    assert refused.code == 2
+    assert "with other parameters" in refused.err
+    assert vibro(*other, "--force").code == 0
+
+
+def test_force_replaces_nothing_that_is_not_a_run(
+    vibro: Vibro, scenario: Path, by_hand: ByHand
+) -> None:
+    Path("mine").mkdir()
+    Path("mine/thesis.tex").write_text("years of work")
+    assert vibro("run", scenario, "-o", "mine", "--force").code == 2
+    assert entries(Path("mine")) == ["thesis.tex"]
 
 
 @pytest.mark.parametrize("form", ["csv", "jsonl", "arrow", "parquet"])
@@ -139,7 +180,21 @@ def test_json_prints_a_summary_on_a_line_for_each_scenario(
     outcome = vibro("run", *several(tmp_path, "first", "second"), "--json", "--no-figures")
     assert [line["scenario"] for line in outcome.lines] == ["first", "second"]
     kept = json.loads(Path("outputs/first/summary.json").read_text())
-    assert outcome.lines[0] == {"scenario": "first", **kept}
+    where = {"overrides": {}, "folder": "outputs/first"}
+    assert outcome.lines[0] == {"scenario": "first", **where, **kept}
+
+
+def test_json_tells_what_was_changed_and_where_it_is(
+    vibro: Vibro, scenario: Path, by_hand: ByHand
+) -> None:
+    changes = {"collision.k": 0.5, "balls[1].angle": "-60 deg", "stop.collisions": 7}
+    options = [text for path, value in changes.items() for text in ("--set", f"{path}={value}")]
+    (line,) = vibro("run", scenario, "--json", "-o", "there", "--no-figures", *options).lines
+    assert (line["overrides"], line["folder"]) == (changes, "there")
+    (line,) = vibro("run", scenario, "--json", "-o", "there", "--set", "stop.time=inf").lines
+    assert (line["status"], line["overrides"], line["folder"]) == (
+        "invalid", {"stop.time": "inf"}, None
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -169,9 +224,12 @@ def test_the_summary_says_in_words_how_it_ended(
         "energy",
         "accuracy",
         "validity",
+        "friction",  # the end of the line before, which is broken at 80 columns
         "files",
+        "next",
     ]
-    assert rest[-1].split()[1] == "outputs/small"
+    assert rest[-2].split()[1] == "outputs/small"
+    assert rest[-1].split(None, 1)[1] == "vibro report outputs/small"
 
 
 def test_quiet_says_nothing_and_verbose_what_was_skipped(
@@ -220,7 +278,7 @@ def test_bad_scenarios_are_told_and_the_good_ones_run(
 ) -> None:
     outcome = vibro("run", *bad_and_good(tmp_path), "--json", "--no-figures")
     assert_all_told(outcome)
-    assert by_hand.calls == [("good", "auto")]
+    assert by_hand.calls == [("good", "compiled")]
     assert entries(Path("outputs")) == ["good"]
     assert [line["status"] for line in outcome.lines] == ["invalid", "invalid", "invalid", "ok"]
     first = outcome.lines[0]["problems"][0]
@@ -303,7 +361,8 @@ def test_a_fault_of_the_program_is_named_and_its_traceback_kept(
     [
         (OSError(errno.ENOSPC, "No space left on device", "a.parquet"), 1, "a.parquet: No space"),
         (MemoryError(), 1, "out of memory"),
-        (KeyboardInterrupt(), 130, "interrupted"),
+        (KeyboardInterrupt(), 130, "vibro: interrupted; nothing was written\n"),
+        (Terminated(15), 143, "vibro: terminated; nothing was written\n"),
         (BrokenPipeError(), 0, ""),
     ],
 )
@@ -333,18 +392,50 @@ def test_a_signal_keeps_what_was_finished_and_nothing_else(
 ) -> None:
     paths = several(tmp_path, "first", "second", "third")
     script = INTERRUPTED.format(root=str(Path(__file__).parents[2]))
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", script, "run", *map(str, paths), "-o", "all", "--no-figures", "-q"],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "started\n"
-    process.send_signal(number)
-    _, words = process.communicate(timeout=300)
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "started\n"
+        process.send_signal(number)
+        _, words = process.communicate(timeout=300)
     assert process.returncode == code
-    assert words.endswith("what was finished is kept\n")
+    assert words.endswith("; what was finished is kept\n")
     assert words.count("\n") == 1
-    assert entries(tmp_path / "all") == ["first"]
+    assert entries(tmp_path / "all") == ["first", "second"]
+    assert entries(tmp_path / "all" / "second") == entries(tmp_path / "all" / "first")
+
+
+FIGURES = {
+    "one_circle": ["portrait", "scene", "velocities"],
+    "springs/two_disks": ["motion", "portrait"],
+    "table/skew_impact": ["plan"],
+}
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_the_figures_that_are_named_are_drawn(vibro: Vibro, tmp_path: Path, name: str) -> None:
+    wanted = FIGURES[name]
+    path = GALLERY / f"{name}.toml"
+    few = ("--set", "stop.collisions=2", "-o", "run", "-q")
+    assert vibro("run", path, *few, "--figures", ",".join(wanted)).code == 0
+    drawn = {file.stem.rpartition("_")[0] or file.stem for file in tmp_path.glob("run/*.png")}
+    assert drawn == set(wanted)
+
+
+def test_an_unknown_figure_is_refused_before_anything_runs(vibro: Vibro, tmp_path: Path) -> None:
+    outcome = vibro("run", GALLERY / "one_circle.toml", "--figures", "velocity", "-o", "run")
+    assert outcome.code == 2
+    assert "found 'velocity' (did you mean 'velocities'?), expected all or some" in outcome.err
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_page_on_figures_names_every_kind() -> None:
+    page = (GALLERY.parent / "docs" / "figures.md").read_text(encoding="utf-8")
+    for system in ("trace", "table", "springs"):
+        names = ", ".join(f"`{name}`" for name in list(system_named(system).figures))
+        assert f"| {system} | {names} |" in page

@@ -11,7 +11,7 @@ import pytest
 from tests.commands.conftest import Vibro
 from tests.fake_run import columns_of
 from vibro_cli.commands import show
-from vibro_cli.storage import schema
+from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, to_arrow
 
 
@@ -19,8 +19,8 @@ from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, to_arr
 def table(tmp_path: Path) -> Path:
     """A table of events with 50 rows."""
     path = tmp_path / "events.parquet"
-    columns = columns_of(schema.events(), 50)
-    data = to_arrow(schema.events(), columns, Origin({"name": "x"}, "0.1.0"))
+    columns = columns_of(of_trace.events(), 50)
+    data = to_arrow(of_trace.events(), columns, Origin({"name": "x"}, "0.1.0"))
     path.write_bytes(parquet_bytes(data))
     return path
 
@@ -142,4 +142,32 @@ def test_format_and_json_exclude_each_other(vibro: Vibro, table: Path) -> None:
 
 def test_numbers_of_json_are_exact(vibro: Vibro, table: Path) -> None:
     rows = json.loads(vibro("show", table, "--json").text)["rows"]
-    assert [row["t"] for row in rows] == list(columns_of(schema.events(), 50)["t"])
+    assert [row["t"] for row in rows] == list(columns_of(of_trace.events(), 50)["t"])
+
+
+@pytest.mark.parametrize(
+    ("names", "named"),
+    [
+        (["collisions.parquet", "summary.parquet"], "a file like done/summary.parquet"),
+        (
+            ["collisions/part-000000.parquet", "summary/part-000000.parquet"],
+            "a file like done/summary/part-000000.parquet",
+        ),
+        (["motion.parquet"], "a file like done/motion.parquet"),
+        (["notes.txt"], "a parquet file, and it holds none"),
+    ],
+)
+def test_of_a_folder_a_file_is_named_that_is_there(
+    vibro: Vibro, names: list[str], named: str
+) -> None:
+    for name in names:
+        Path("done", name).parent.mkdir(parents=True, exist_ok=True)
+        Path("done", name).touch()
+    outcome = vibro("show", "done")
+    assert (outcome.code, outcome.err) == (2, f"done: found a folder, expected {named}\n")
+
+
+def test_words_begin_where_the_name_of_their_column_does(vibro: Vibro, table: Path) -> None:
+    lines = vibro("show", table, "--columns", "t,event,ball", "--rows", "10:11").text.splitlines()
+    assert [line.index("event") for line in (lines[0], *lines[2:])] == [lines[0].index("event")] * 3
+    assert {len(line) for line in (lines[0], *lines[2:])} == {len(lines[0])}

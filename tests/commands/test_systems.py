@@ -25,7 +25,7 @@ def test_the_gallery_from_end_to_end(path: Path, vibro: Vibro) -> None:
     assert vibro("check", str(path)).code == 0
     outcome = vibro("run", str(path), "-o", "out", "--set", "output.step=0.5")
     assert outcome.code == 0, outcome.err
-    found = {file.name for file in Path("out").glob("*.parquet")} - {"history.parquet"}
+    found = {file.name for file in Path("out").glob("*.parquet")}
     assert found == {f"{name}.parquet" for name in (*TABLES[system], "motion")}
     assert list(Path("out").glob("*.png"))
     assert list(Path("out").glob("*.pdf"))
@@ -66,7 +66,7 @@ def test_a_grid_from_end_to_end(base: str, vibro: Vibro) -> None:
     Path("grid.toml").write_text("\n".join(lines))
     short = ["--set", "stop={time = 2.0}"]
     assert vibro("grid", "grid.toml", "-o", "one", "--workers", "1", *short).code == 0
-    assert vibro("grid", "grid.toml", "-o", "two", "--engine", "numba", *short).code == 0
+    assert vibro("grid", "grid.toml", "-o", "two", "--engine", "compiled", *short).code == 0
     for shard in ("1/2", "2/2"):
         assert vibro("grid", "grid.toml", "-o", "three", "--shard", shard, *short).code == 0
     assert vibro("grid", "grid.toml", "-o", "three", "--merge", *short).code == 0
@@ -128,7 +128,7 @@ def test_a_run_goes_on(path: Path, vibro: Vibro) -> None:
     assert vibro("run", str(path), "-o", "part", "--no-figures", *short).code == 0
     assert vibro("run", "--continue", "part", "--no-figures", *whole).code == 0
     assert vibro("run", str(path), "-o", "whole", "--no-figures", *whole).code == 0
-    for name in ("collisions.parquet", "summary.parquet", "checkpoint.json", "history.parquet"):
+    for name in ("collisions.parquet", "summary.parquet", "checkpoint.json"):
         assert (Path("part") / name).read_bytes() == (Path("whole") / name).read_bytes()
 
 
@@ -148,9 +148,23 @@ def test_the_portrait_of_springs(vibro: Vibro) -> None:
     }  # fmt: skip
     outcome = vibro("portrait", path, "--set", "balls[1].spring.height=6", "--no-figures")
     assert "one centre" in outcome.text
-    outcome = vibro("portrait", path, "--vary", "balls[1].radius=0.1:0.2:3")
+    outcome = vibro("portrait", path, "--compare", "balls[1].radius=0.1,0.2")
     assert outcome.code == 2
-    assert "--vary and --compare are of traces" in outcome.err
+    assert "--compare is of traces" in outcome.err
+
+
+def test_a_family_of_portraits_of_a_spring(vibro: Vibro) -> None:
+    """C, part 3, a* and b*: one centre for l <= b, a saddle between two centres beyond."""
+    path = str(GALLERY / "springs/two_disks.toml")
+    vary = "balls[2].spring.length=1:2:5"
+    outcome = vibro("portrait", path, "--vary", vary, "-o", "drawn", "--json")
+    assert outcome.code == 0, outcome.err
+    family = json.loads(outcome.text)["family"]
+    one, three = "one centre", "saddle between two centres (trigger)"
+    assert [member["type"] for member in family["members"]] == [one, one, one, three, three]
+    (change,) = family["changes"]
+    assert (change["low"], change["high"]) == (1.5, math.nextafter(1.5, 2.0))
+    assert Path("drawn/family.png").exists()
 
 
 def test_the_portrait_of_a_wall(vibro: Vibro) -> None:
@@ -158,7 +172,7 @@ def test_the_portrait_of_a_wall(vibro: Vibro) -> None:
     outcome = vibro("portrait", path, "-o", "drawn", "--json")
     assert outcome.code == 0, outcome.err
     (body,) = json.loads(outcome.text)["bodies"]
-    assert [point["kind"] for point in body["points"]] == ["saddle", "center"]
+    assert [point["kind"] for point in body["points"]] == ["saddle", "centre"]
     assert Path("drawn/portrait_1.pdf").exists()
     for other, words in (("convex_wall", "ellipse among"), ("billiards", "polygon around")):
         outcome = vibro("portrait", str(GALLERY / f"table/{other}.toml"))

@@ -1,5 +1,7 @@
 """The summary in words, cause by cause."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,17 +11,55 @@ from vibro_cli.commands.words import END_CAUSES, summary_text
 
 
 def lines(**changes: Any) -> list[str]:
-    return summary_text("name", {**FakeRun().summary_record(), **changes}, None).splitlines()
+    """The lines of a summary, those that were broken put together again."""
+    record = {**FakeRun().summary_record(), **changes}
+    return re.sub(r"\n {4}\s*", " ", summary_text("name", record, None)).splitlines()
 
 
 def test_the_whole_summary() -> None:
-    assert lines() == [
+    text = summary_text("name", FakeRun().summary_record(), Path("my results/name"))
+    assert text.splitlines() == [
         "name: ended at t = 60 s: the time asked for was reached",
         "  impacts    3, from t = 0.25 s to 59.5 s; 1 crossing, 0 lasting contacts",
         "  energy     12.5 J at the start, 11.25 J at the end",
         "  accuracy   largest gap left at an impact 1e-16 m",
-        "  validity   normal force at least 3.5 N; rolling needs a coefficient of friction of 0.25",
+        "  validity   normal force at least 3.5 N; rolling needs a coefficient of",
+        "             friction of 0.25",
+        "  files      my results/name",
+        "  next       vibro report 'my results/name'",
     ]
+
+
+@pytest.mark.parametrize("changes", [{}, {"min_normal_force": -51.7324}, {"quiet_from": 1 / 3}])
+def test_every_line_fits_a_terminal(changes: dict[str, Any]) -> None:
+    long = {
+        "collisions": 2_200_000,
+        "crossings": 1_234_567,
+        "contacts": 98_765,
+        "reason": "x " * 99,
+    }
+    for status in ("ok", "invalid"):
+        record = {**FakeRun().summary_record(), **long, **changes, "status": status}
+        text = summary_text("name", {**record, "end_cause": "inadmissible"}, Path("outputs/name"))
+        assert max(map(len, text.splitlines())) <= 80
+
+
+def test_what_an_inadmissible_run_can_do_is_said() -> None:
+    text = summary_text(
+        "name", {**FakeRun().summary_record(), "end_cause": "inadmissible"}, None
+    ).splitlines()
+    assert text[-2:] == [
+        "  hint       --set collision.inadmissible=normal-impulse goes on, with Newton's",
+        "             law for such impacts",
+    ]
+
+
+def test_what_a_one_sided_trace_would_do_is_said_of_others_only() -> None:
+    record = {**FakeRun().summary_record(), "min_normal_force": -2.0}
+    for one_sided, said in ((False, True), (True, False)):
+        text = summary_text("name", record, None, one_sided)
+        assert "warning: the trace has to hold the bodies back" in text
+        assert ("would lose them" in " ".join(text.split())) == said
 
 
 @pytest.mark.parametrize("cause", sorted(END_CAUSES))
@@ -35,7 +75,7 @@ def test_every_end_cause_has_its_words(cause: str) -> None:
         ({"collisions": 1, "last_collision_time": 0.25}, 1, "1, at t = 0.25 s; 1 crossing"),
         ({"quiet_from": 12.5}, 1, "; none possible after t = 12.5 s"),
         ({"max_gap": None}, 3, "no impact to measure a gap at"),
-        ({"min_normal_force": -2.0}, 4, "normal force down to -2 N"),
+        ({"min_normal_force": -2.0}, 4, "a normal force down to -2 N; a one-sided"),
         (
             {"max_friction_demand": None, "min_normal_force": 0.0},
             4,

@@ -20,18 +20,19 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from tests.grid_folder import product, write_grid
-from vibro_cli import load_scenario, simulate
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
+from vibro_cli.api import simulate
 from vibro_cli.build import build_system
 from vibro_cli.figures.comparison import comparison
 from vibro_cli.figures.family import family
 from vibro_cli.figures.grid_kinds import draw_grid
-from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
+from vibro_cli.figures.kinds import draw_all
 from vibro_cli.figures.motion import frame_times, frames
 from vibro_cli.figures.output import render
 from vibro_cli.figures.stage import Film
 from vibro_cli.figures.structure import structure
+from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.stored_grid import open_grid
 
 BODIES = Path(__file__).parents[2] / "scenarios/ball_on_arcs.toml"
@@ -44,7 +45,7 @@ def pictures(name: str) -> Iterator[Image.Image]:
     """Every figure of a scenario of the gallery."""
     run = simulate(load_scenario(SCENARIOS / f"{name}.toml"))
     portrait = portrait_of(Landscape.of(run.system, 1))
-    figures = [one.figure for one in draw_all(run, [PORTRAIT, *KINDS], "single")]
+    figures = [one.figure for one in draw_all(run, None, "single")]
     for figure in (*figures, structure(portrait), family([(name, portrait)])):
         yield picture(figure)
     yield Image.fromarray(Film(run, frames(run, frame_times(0.0, 1.0, 1.0, 25)), 150.0).picture(25))

@@ -48,10 +48,12 @@ class HandMade:
     def flights(self) -> dict[str, Any]:
         return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
 
-    def flight_curve(self, index: int, count: int) -> tuple[Array, Array, Array]:
+    def flight_curve(
+        self, index: int, count: int, lasts: float = math.inf
+    ) -> tuple[Array, Array, Array]:
         self.sampled.append(index)
         row = self.rows[index]
-        share = np.linspace(0.0, 1.0, count)
+        share = np.linspace(0.0, min(1.0, lasts / (row["t_end"] - row["t_start"])), count)
         return (
             row["t_start"] + share * (row["t_end"] - row["t_start"]),
             row["angle_start"] + share * (row["angle_end"] - row["angle_start"]),

@@ -48,6 +48,10 @@ class Made:
             "energy_end": np.full(RUNS, 0.5),
         }
 
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        return ("valley",)
+
     def impact_columns(self) -> tuple[str, ...]:
         return ("scenario", "n", "angle_a", "speed_a_pre")
 

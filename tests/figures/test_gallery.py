@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.figures.layout import assert_texts_are_apart
-from vibro_cli import load_scenario, simulate
-from vibro_cli.api import Run
+from vibro_cli.api import Run, simulate
 from vibro_cli.figures.portrait import phase_portrait
 from vibro_cli.figures.trajectory import trajectory
+from vibro_cli.scenario import load_scenario
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 NAMES = [path.stem for path in SCENARIOS]

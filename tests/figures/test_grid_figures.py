@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
 from vibro_cli.figures.endings import COLOURS
-from vibro_cli.figures.grid_curves import curves, diagram
+from vibro_cli.figures.grid_curves import curves, diagram, place_column
 from vibro_cli.figures.grid_kinds import draw_grid
 from vibro_cli.figures.grid_maps import ending_map, quantity_map
-from vibro_cli.figures.lattice import lattice
+from vibro_cli.figures.lattice import lattice, words_of
 from vibro_cli.figures.output import has_rasters, render
 from vibro_cli.storage.stored_grid import NotAGrid, StoredGrid, is_grid, open_grid
 
@@ -68,6 +68,54 @@ def test_no_text_is_cut_off_or_overlaps_another(made: Any, name: str, width: str
         assert_texts_are_apart(one.figure)
 
 
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("largest", [1e-7, 0.03, 1.0, 12345.0, 3e9])
+@pytest.mark.parametrize("words", ["last impact [s]", "impacts"])
+def test_the_bar_of_a_map_has_room_for_its_numbers(
+    made: Any, words: str, largest: float, width: str
+) -> None:
+    grid = made(TWO)
+    for least in (0.2, 1e-6):
+        values = np.linspace(least * largest, largest, 15)
+        figure = quantity_map(grid, width, values, words)
+        assert figure is not None
+        assert_texts_are_apart(figure)
+
+
+def test_angles_of_several_arcs_have_no_common_axis(made: Any) -> None:
+    """On one arc the diagram shows angles, else arc lengths."""
+    grid = made(TWO)
+    one, several = place_column(grid), place_column(Several(grid, ("n", "angle_a", "s_a")))
+    assert one is not None
+    assert several is not None
+    assert one[0] == "angle_a"
+    assert several[0] == "s_a"
+    assert place_column(Several(grid, ("n", "angle_a"))) is None
+
+
+class Several:
+    """A grid as it is, but on a trace of three arcs."""
+
+    def __init__(self, grid: StoredGrid, columns: tuple[str, ...]) -> None:
+        self._grid, self._columns = grid, columns
+        self.shapes = ("valley", "hump", "valley")
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._grid, name)
+
+    def impact_columns(self) -> tuple[str, ...]:
+        return self._columns
+
+
+def test_words_of_axes() -> None:
+    assert words_of("balls[1].angle") == "starting angle of body 1"
+    assert words_of("collision.k") == "coefficient of restitution $k$"
+    assert words_of("trace.turning.rate") == "rate of rotation"
+    assert words_of("trace.arcs[2].radius") == "radius of arc 2"
+    assert words_of("balls[2].spring.length") == "length of spring of body 2"
+    assert words_of("gravity") == "gravity $g$"
+
+
 def test_the_map_of_endings_has_the_colour_of_each_point(made: Any) -> None:
     figure = ending_map(made(TWO, bad={4: ("invalid", "too steep")}))
     assert figure is not None
@@ -78,7 +126,8 @@ def test_the_map_of_endings_has_the_colour_of_each_point(made: Any) -> None:
         # k falls from point to point, and rises along the figure's axis
         assert colours[2 - row, column] == pytest.approx(to_rgb(COLOURS[cause])), n
     shown = {text.get_text() for text in texts(figure)}
-    assert {"time (3)", "invalid (1)", "balls[1].angle [rad]", "collision.k"} <= shown
+    assert {"time (3)", "invalid (1)", "starting angle of body 1 [rad]"} <= shown
+    assert "coefficient of restitution $k$" in shown
 
 
 def test_cells_end_halfway_between_values(made: Any) -> None:

@@ -11,8 +11,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.patches import Circle
 
 from tests.figures.layout import assert_texts_are_apart, texts
-from vibro_cli import load_scenario, simulate
-from vibro_cli.api import Run
+from vibro_cli.api import Run, simulate
 from vibro_cli.figures.chart import contact_times
 from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
 from vibro_cli.figures.output import render
@@ -20,9 +19,16 @@ from vibro_cli.figures.over_impacts import impact_map
 from vibro_cli.figures.plan import configurations
 from vibro_cli.figures.scene import scene
 from vibro_cli.figures.timeline import energy_course, energy_residuals, timeline
+from vibro_cli.scenario import load_scenario
+
+WITHOUT_PORTRAITS = [name for name in KINDS if name != PORTRAIT]
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
-TO_SCALE = ("plan", "velocities")  # pictures, with a bar of length, and values above
+TO_SCALE = (
+    "plan",
+    "velocities",
+    "contact_points",
+)  # pictures, with a bar of length, and values above
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
@@ -37,13 +43,15 @@ def run_of(name: str, *overrides: str) -> Run:
 )
 def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
     run = run_of(name, "stop.collisions=60")
-    for drawn in draw_all(run, list(KINDS), width):
+    for drawn in draw_all(run, WITHOUT_PORTRAITS, width):
         assert_texts_are_apart(drawn.figure)
 
 
 @pytest.mark.parametrize("name", ["three_arcs", "lone_particle", "closed_three_balls"])
 def test_every_axis_has_a_quantity(name: str) -> None:
-    for drawn in draw_all(run_of(name), [kind for kind in KINDS if kind not in TO_SCALE]):
+    for drawn in draw_all(
+        run_of(name), [kind for kind in WITHOUT_PORTRAITS if kind not in TO_SCALE]
+    ):
         shown = [text.get_text() for text in texts(drawn.figure)]
         for axes in (axes for axes in drawn.figure.axes if axes.get_yticks().size):
             assert axes.get_ylabel()
@@ -138,28 +146,48 @@ def test_impacts_on_one_arc_have_angles() -> None:
 
 
 def test_kinds_with_nothing_to_show_are_left_out() -> None:
-    drawn = [one.name for one in draw_all(run_of("lone_particle"), [PORTRAIT, *KINDS])]
-    assert drawn == ["portrait_1", "scene", "plan", "energy", "space_time", "accuracy"]
+    drawn = [one.name for one in draw_all(run_of("lone_particle"))]
+    assert drawn == [
+        "portrait_1",
+        "energy_portrait_1",
+        "scene",
+        "plan",
+        "energy",
+        "space_time",
+        "accuracy",
+    ]
 
 
 def test_the_same_run_gives_the_same_bytes() -> None:
     run = run_of("one_circle")
     first, second = (
-        [render(one.figure, "pdf") for one in draw_all(run, list(KINDS), "single")]
+        [render(one.figure, "pdf") for one in draw_all(run, WITHOUT_PORTRAITS, "single")]
         for _ in range(2)
     )
     assert first == second
 
 
 def test_an_unknown_kind_is_refused() -> None:
-    with pytest.raises(ValueError, match="expected some of portrait, scene"):
+    with pytest.raises(ValueError, match="expected some of portrait, energy_portrait, scene"):
         list(draw_all(run_of("lone_particle"), ["painting"]))
 
 
 def test_a_long_run_is_drawn_in_short_time_and_says_where_it_ends() -> None:
     run = run_of("one_circle", "collision.k=1", "stop.collisions=20000", "stop.time=1e6")
-    for drawn in draw_all(run, list(KINDS), "single"):
+    for drawn in draw_all(run, WITHOUT_PORTRAITS, "single"):
         assert_texts_are_apart(drawn.figure)
         if drawn.name == "space_time":
             period = 2.0 * np.pi * np.sqrt(1.0 / 9.81)
             assert drawn.figure.axes[0].get_xlim()[1] == pytest.approx(60 * period)
+
+
+def test_a_trace_that_turns_has_its_axis_on_the_scene() -> None:
+    run = run_of("turning_circle")
+    figure, turning = scene(run, "single"), run.system.turning
+    assert turning is not None
+    lines = figure.axes[0].lines
+    there = [line for line in lines if np.all(np.asarray(line.get_xdata()) == turning.x)]
+    heights = [np.asarray(line.get_ydata()).tolist() for line in there]
+    assert heights.count([0, 1]) == 1  # from edge to edge; the others are of the arc's centre
+    assert any("rad/s" in text.get_text() for text in texts(figure))
+    assert_texts_are_apart(figure)

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from tests.analysis.traces import GRAVITY, system, valley
+from tests.analysis.traces import GRAVITY, line, system, valley
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.figures.runs import (
     HandMade,
@@ -25,8 +25,8 @@ from tests.figures.runs import (
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.singular import singular_points
 from vibro_cli.figures import strokes
-from vibro_cli.figures.portrait import MOST_NUMBERS, phase_portrait
-from vibro_cli.figures.trajectory import MOST_BRANCHES, trajectory
+from vibro_cli.figures.portrait import phase_portrait
+from vibro_cli.figures.trajectory import MOST_BRANCHES, MOST_NUMBERS, trajectory
 from vibro_cli.mechanics.turning import Turning
 
 RUNS: dict[str, Callable[[], HandMade]] = {
@@ -292,3 +292,16 @@ def test_run_on_a_line_alone_has_speeds() -> None:
     run = made(0, valley(1.0, 90))
     run.fly(1, (0.2, 0.0), (-0.0, -0.6), cause_start="start", cause_end="end")
     assert len(phase_portrait(run, 1, focus="run").axes) == 1
+
+
+def test_the_separatrix_of_a_full_circle_is_named_so_and_takes_no_room() -> None:
+    run = made(-90, valley(1.0, 0), line(1.5), valley(1.0, 90))
+    hills = Landscape.of(run.system, 1)
+    first = run.system.trace.pieces[0]
+    rate = float(hills.rate(first, 0.0, float(hills.energy(first, -1.0, 0.0))))
+    run.fly(1, (-1.0, 0.0), (0.0, rate), cause_start="start", cause_end="end")
+    figure = phase_portrait(run, 1)
+    named = {text.get_text() for text in texts(figure)}
+    assert "separatrix of the full circle" in named
+    assert "separatrix" not in named
+    assert figure.axes[0].get_ylim()[1] == pytest.approx(1.08 * rate)

@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 
 from tests.analysis.traces import circle, hump, landscape, line, three_arcs, valley
 from tests.figures.layout import assert_texts_are_apart, texts
-from vibro_cli import load_scenario
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.build import build_system
 from vibro_cli.figures.family import family
 from vibro_cli.figures.structure import structure
+from vibro_cli.scenario import load_scenario
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 WAVES = [valley(1.0, 50), hump(0.5, -50), valley(1.0, 50), hump(0.5, -50), valley(1.0, 90)]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.figures.layout import assert_texts_are_apart, texts
-from vibro_cli import load_scenario, simulate
-from vibro_cli.api import Run
+from vibro_cli.api import Run, simulate
 from vibro_cli.figures.velocities import striking, touching_point, velocities
+from vibro_cli.scenario import load_scenario
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 NAMES = ["three_arcs", "unequal_hedrih", "closed_three_balls", "horizontal_line_1_3"]

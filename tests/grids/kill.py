@@ -93,7 +93,7 @@ def main() -> int:
 
         def command(folder: Path) -> list[str]:
             call = [sys.executable, "-m", "vibro_cli", "grid", str(grid), "-o", str(folder)]
-            return [*call, "-q", "--set", "stop.collisions=30", "--engine", "numba"]
+            return [*call, "-q", "--set", "stop.collisions=30", "--engine", "compiled"]
 
         begin = time.monotonic()
         subprocess.run(command(work / "whole"), check=True, cwd=ROOT)

@@ -128,7 +128,7 @@ def test_a_grid_of_many_parts_is_divided_the_same_way_again(
     grid = load_grid(small(), ["stop.collisions=4"])
     expected = sample.expected_impacts(grid)
     density = sample.impact_density(grid, expected, "python")
-    compiled = sample.impact_density(grid, expected, "numba")
+    compiled = sample.impact_density(grid, expected, "compiled")
     assert density is not None
     assert compiled is not None
     assert density.tolist() == compiled.tolist()

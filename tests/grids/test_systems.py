@@ -13,7 +13,7 @@ from vibro_cli.api import simulate
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.points import document_at, reason_of
 from vibro_cli.grids.sample import expected_impacts
-from vibro_cli.grids.systems import system_of_grid
+from vibro_cli.grids.systems import solver_of
 from vibro_cli.grids.tables import summary_table
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.scenario.loading import Document
@@ -86,7 +86,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
     base, axes, seen = GRIDS[name]
     grid = grid_of(tmp_path, base, axes)
     indices = np.arange(grid.design.points)
-    solved = system_of_grid(grid).solver(grid, "python").solve(indices)
+    solved = solver_of(grid, "python").solve(indices)
     tables = {name: kept.to_pydict() for name, kept in solved.kept.items()}
     values = grid.design.columns(indices)
     impacts = 0

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from vibro_cli.kernels.numerics.elliptic import set_theta_constants
+from vibro_cli.kernels.structs import BodyData, Flight, PairTrack, PieceData, TrackData
 from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.records import BodyData, Flight, PairTrack, PieceData, TrackData
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.numerics.elliptic import set_theta_constants
 from vibro_cli.simulation.prepare import make_world
 
 GRAVITY = 9.81

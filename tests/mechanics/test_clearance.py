@@ -16,6 +16,7 @@ from vibro_cli.mechanics.clearance import (
     fits_between,
     joined_behind,
     narrow_valleys,
+    over_others,
     overlapping_pieces,
     overreaching,
     pocket_radius,
@@ -283,7 +284,8 @@ def test_across_junctions_the_tightest_valley_decides() -> None:
 def test_on_a_closed_trace_both_ways_round_count() -> None:
     circle = chain(-180, arc("valley", 2.0, 180), closed=True)
     assert not overreaching(circle, (0.3, 0.3, 0.3, 0.3))
-    assert not overreaching(circle, (0.3, 0.02, 0.3))
+    found = overreaching(circle, (0.3, 0.02, 0.3))
+    assert [(pair.first, pair.second, pair.over) for pair in found] == [(0, 2, (1,))]
     found = overreaching(circle, (0.3, 0.3, 0.3, 0.02))
     assert [(pair.first, pair.second, pair.over) for pair in found] == [(0, 2, (3,))]
     found = overreaching(circle, (0.02, 0.3, 0.3, 0.3))
@@ -387,16 +389,42 @@ def long_trace(pieces: int) -> Trace:
 
 
 def test_long_traces_are_checked_in_reasonable_time() -> None:
-    """Every piece with every other, and no more: four times the work for twice the length."""
+    """Every piece with those near it only: twice the work for twice the length."""
 
     def check(trace: Trace) -> None:
         assert touched_pieces(trace, 0.1) == ()
         reach(trace, ball(0.1), ball(0.1))
 
     short, trace = long_trace(30), long_trace(60)
-    assert calls(lambda: check(trace)) < 4.5 * calls(lambda: check(short))
+    assert calls(lambda: check(trace)) < 2.5 * calls(lambda: check(short))
     far = reach(trace, ball(0.1), ball(0.1))
     assert all(far[i][j] == (abs(i - j) > 1) for i in range(60) for j in range(60))
+
+
+@pytest.mark.parametrize("trace", [chain(-20, arc("valley", 500.0, 20)), three_arcs()])
+def test_many_bodies_are_checked_in_reasonable_time(trace: Trace) -> None:
+    """Every two bodies once at most, whatever is between them."""
+
+    def check(count: int) -> int:
+        return calls(lambda: overreaching(trace, (0.1,) * count))
+
+    assert check(80) < 2.5 * check(40)
+
+
+def test_no_row_is_left_out_that_fits_between_two_bodies() -> None:
+    """Against all rows: bodies of any sizes, on one piece and on several."""
+    random = np.random.default_rng(4)
+    ring = chain(-180, arc("valley", 3.0, 180), closed=True)
+    hump = chain(60, arc("hump", 3.0, -60))
+    for trace in (chain(-60, arc("valley", 3.0, 60)), hump, ring, three_arcs()):
+        for _ in range(20):
+            radii = tuple((0.3 * random.random(8) ** 4 + 1e-4).tolist())
+            every = [
+                row
+                for (left, right), row in over_others(len(radii), trace.closed)
+                if fits_between(trace, (radii[left], radii[right]), tuple(radii[n] for n in row))
+            ]
+            assert [one.over for one in overreaching(trace, radii) if one.over] == every
     assert all(a < b for a, b in pairwise(p.start_s for p in trace.pieces))
 
 

@@ -9,8 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.mechanics.kernel_records import GRAVITY, Records, ball, records, three_arcs
+from vibro_cli.kernels.contact.gap import (
+    centre_position,
+    centre_tangent,
+    distance_gap,
+    half_gap_sine,
+)
 from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.gap import centre_position, centre_tangent, distance_gap, half_gap_sine
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.simulation.prepare import half_angle

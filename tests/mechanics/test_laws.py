@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import MPContext
 
-from vibro_cli.mechanics.laws import (
+from vibro_cli.kernels.impact.laws import (
     HEDRIH,
     NORMAL_IMPULSE,
     TRANSLATIONAL,
     impact_of_pair,
     separation_speed,
 )
-from vibro_cli.mechanics.records import BodyData
+from vibro_cli.kernels.structs import BodyData
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=300)
 EPSILON = 2.0**-52

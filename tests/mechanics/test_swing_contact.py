@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.mechanics.kernel_records import GRAVITY, ball, flight_on_arc
-from vibro_cli.mechanics import arc_contact
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.flow import flow, flow_of_two
-from vibro_cli.mechanics.records import Flight
-from vibro_cli.mechanics.system import InitialState, System
-from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.numerics.elliptic import (
+from vibro_cli.kernels.contact import arc_contact
+from vibro_cli.kernels.flow.flow import flow, flow_of_two
+from vibro_cli.kernels.numerics.elliptic import (
     ThetaConstants,
     set_theta_constants,
     set_two_theta_constants,
 )
+from vibro_cli.kernels.structs import Flight
+from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.simulation.run import Run, simulate_system
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=150)

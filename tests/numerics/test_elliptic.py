@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mpmath import MPContext
 
-from vibro_cli.numerics.elliptic import (
+from vibro_cli.kernels.numerics.elliptic import (
     ThetaConstants,
     carlson_rf,
     set_theta_constants,

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from vibro_cli.numerics.first_root import (
+from vibro_cli.kernels.numerics.conservative_advancement import (
     first_return,
     first_root_of_parabola,
     is_clear_before,
@@ -115,6 +115,18 @@ def test_repeated_steps_stop_at_the_first_root(curve: Curve) -> None:
     else:
         pytest.fail("no convergence")
     assert curve.positive_until(min(t, 20.0))
+
+
+@SETTINGS
+@given(g=st.floats(0.0, 3.0), rate=st.floats(-3.0, 3.0))
+def test_what_no_force_bends_is_stepped_over_whole(g: float, rate: float) -> None:
+    step = safe_step_second_order(g, rate, 0.0)
+    assert safe_step_third_order(g, rate, 0.0, 0.0, 0.0) >= step
+    longer_than_any_run = 1e20
+    if rate < -g / longer_than_any_run:
+        assert step == pytest.approx(-g / rate, rel=1e-15)
+    elif max(g, rate) > 1e-100:
+        assert step >= longer_than_any_run
 
 
 @SETTINGS

@@ -8,8 +8,7 @@ import random
 import numpy as np
 import pytest
 
-from vibro_cli.mechanics.turning import Pull
-from vibro_cli.numerics.quartic import (
+from vibro_cli.kernels.numerics.weierstrass_motion import (
     QuarticConstants,
     period_of,
     quartic_motion,
@@ -17,6 +16,7 @@ from vibro_cli.numerics.quartic import (
     squared_rate,
     time_to_place,
 )
+from vibro_cli.mechanics.turning import Pull
 from vibro_cli.stress.highprecision.taylor import ArcMotion, mp
 
 # tilt, spread, angle, P, whether the body turns over, and how near rounding may bring it.

@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 
 from tests.report.page_parser import Page
-from vibro_cli import load_scenario, simulate
+from vibro_cli.api import simulate
 from vibro_cli.report.analogy import forms
 from vibro_cli.report.content import FIRST_ROWS, energy_balance, key_figures
 from vibro_cli.report.page import is_report, report_html
 from vibro_cli.report.words import number
+from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.runs import write_run
 from vibro_cli.storage.stored import StoredRun, open_run
 
@@ -101,7 +102,7 @@ def test_the_page_can_be_read_without_seeing_it(page: Page) -> None:
 
 def test_every_kind_of_figure_is_there(page: Page) -> None:
     images = page.all("img")
-    assert len(images) == 10  # two portraits and eight others
+    assert len(images) == 13  # two portraits, two with energies, and nine others
     for image in images:
         head, _, body = image.attributes["src"].partition(";base64,")
         start = b"<?xml" if head.endswith("svg+xml") else b"\x89PNG"
@@ -124,6 +125,7 @@ def test_the_table_has_the_first_impacts_with_units(run: StoredRun, page: Page) 
 
 def test_the_link_leads_to_the_table(run: StoredRun, beside: Path, page: Page) -> None:
     (link,) = (one for one in page.all("a") if one.text == "collisions.parquet")
+    assert run.folder is not None
     assert (beside / unquote(link.attributes["href"])).resolve() == (
         run.folder / "collisions.parquet"
     ).resolve()
@@ -168,7 +170,7 @@ def test_names_with_markup_do_no_harm(beside: Path) -> None:
     page = Page(report_html([run], beside, "0"))
     assert NASTY in page.all("h1")[0].text
     assert len(page.all("script")) == 1
-    assert len(page.all("img")) == 10
+    assert len(page.all("img")) == 13
     assert not page.all("b")
     assert not any("onerror" in one.attributes for one in page.elements)
 
@@ -184,7 +186,7 @@ def test_several_runs_are_compared(run: StoredRun, beside: Path) -> None:
     assert len(page.all("article")) == 2
     regions = [one.attributes["aria-label"] for one in page.elements if one.attributes.get("role")]
     assert len(regions) == len(set(regions))
-    assert len(page.all("img")) == 20
+    assert len(page.all("img")) == 26
 
 
 def test_runs_of_the_same_name_are_told_apart(beside: Path) -> None:
@@ -210,6 +212,7 @@ def test_an_inadmissible_end_is_told(beside: Path) -> None:
 
 
 def test_equal_runs_give_equal_bytes(run: StoredRun, beside: Path, content: bytes) -> None:
+    assert run.folder is not None
     assert report_html([open_run(run.folder)], beside, "1.2.3") == content
     assert is_report(content)
 
@@ -268,11 +271,11 @@ def luminance(colour: str) -> float:
 def test_the_first_impact_stands_in_both_forms(run: StoredRun, page: Page) -> None:
     """The run used the form of rolling: its impulse, loss and velocities are those of the table."""
     table = run.collisions
-    _, rolling = forms(run, 0)
+    _, rolling = forms(run.system, run.collisions, 0)
     after = table["omega_a_post"][0], table["omega_b_post"][0]
     assert rolling.after == pytest.approx(after, rel=1e-12)
     assert rolling.impulse == pytest.approx(table["impulse_moment"][0], rel=1e-12)
     assert rolling.loss == pytest.approx(table["energy_loss"][0], rel=1e-10)
     text = page.with_id("run1-analogy").text
     assert "The run used that of rolling." in text
-    assert text.count(number(rolling.loss, "J")) == 2  # directly, and by Carnot's theorem
+    assert text.count(number(rolling.loss, "J")) == 3  # directly, by Carnot, and of all impacts

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 
 from vibro_cli.scenario import Scenario, ScenarioError, gallery, parse_any, parse_scenario
@@ -84,7 +86,7 @@ def test_the_schema_describes_every_key() -> None:
     tables = _tables(schema)
     assert set(tables) == {
         *("Scenario", "Trace", "Arc", "Turning", "Ball", "Collision"),
-        *("Stop", "Ends", "Wall", "Output"),
+        *("Stop", "Ends", "Wall", "Output", "Analysis"),
     }
     assert list(tables["Scenario"]["properties"]) == list(Scenario.model_fields)
     for table in tables.values():
@@ -92,6 +94,22 @@ def test_the_schema_describes_every_key() -> None:
         for key, value in table["properties"].items():
             assert value.get("description"), key
     assert "null" not in json.dumps(schema)
+
+
+@pytest.mark.parametrize("name", gallery.names())
+def test_the_gallery_fits_the_schema_with_and_without_its_name(name: str) -> None:
+    data = tomllib.loads(gallery.text(name))
+    schema = json_schema(data.get("system", "trace"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(data, schema)
+    text = json.dumps({"$schema": "./vibro.schema.json", **data})
+    jsonschema.validate(json.loads(text), schema)
+    assert parse_any(text, "json").resolved() == parse_any(gallery.text(name)).resolved()
+
+
+def test_the_name_of_a_schema_is_a_text() -> None:
+    with pytest.raises(ScenarioError, match=r"unknown key.*\$schema|\$schema"):
+        parse_scenario('"$schema" = 3\n' + gallery.text("three_arcs"))
 
 
 def test_the_schema_takes_units_where_there_is_a_dimension() -> None:

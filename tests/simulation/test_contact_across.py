@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
-from vibro_cli import load_scenario, simulate
+from vibro_cli.api import simulate
+from vibro_cli.scenario import load_scenario
 from vibro_cli.simulation.run import Run
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "three_arcs.toml"
@@ -83,7 +84,7 @@ class Constrained:
         return abs(mpmath.quad(inverse_rate, mpmath.linspace(start, end, 3)))
 
 
-@pytest.mark.parametrize("engine", ["python", "numba"])
+@pytest.mark.parametrize("engine", ["python", "compiled"])
 def test_time_over_the_junction_is_that_of_the_quadrature(engine: str) -> None:
     run = simulate(load_scenario(SCENARIO, ["stop.time=60"]), engine)
     assert run.end_cause == "time"

@@ -8,8 +8,8 @@ import pytest
 
 from tests.simulation.test_engines import FOLDER, NAMES, bits
 from vibro_cli.api import load_scenario, simulate
-from vibro_cli.simulation.continuing import FINAL, CannotContinue
 from vibro_cli.simulation.run import Run
+from vibro_cli.systems.continuing import FINAL, CannotContinue
 
 AT_MOST = "stop.collisions=200"
 
@@ -59,11 +59,10 @@ def test_stopped_by_collisions(name: str) -> None:
         assert_same(whole, continued(name, earlier))
 
 
-@pytest.mark.usefixtures("compiled")
 def test_the_other_engine_goes_on_to_the_same_bits() -> None:
     name = "three_arcs"
     scenario = load_scenario(FOLDER / f"{name}.toml", ["stop.collisions=50"])
-    for first, second in (("python", "numba"), ("numba", "python")):
+    for first, second in (("python", "compiled"), ("compiled", "python")):
         assert_same(whole_run(name), continued(name, simulate(scenario, first), second))
 
 

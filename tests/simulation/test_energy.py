@@ -52,10 +52,9 @@ THREE_ARCS = {
 }  # fmt: skip
 
 
-@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("document", [CIRCLE, THREE_ARCS], ids=["circle", "three arcs"])
 def test_no_drift_over_many_elastic_impacts(document: dict[str, Any]) -> None:
-    run = simulate(scenario_of(document), "numba")
+    run = simulate(scenario_of(document), "compiled")
     table, record = run.collisions, run.summary_record()
     assert len(table["n"]) == IMPACTS
     assert record["end_cause"] == "collisions"

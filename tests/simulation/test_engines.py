@@ -12,8 +12,8 @@ import pytest
 
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.scenario import scenario_of
-from vibro_cli.simulation import drive
 from vibro_cli.simulation.run import Run
+from vibro_cli.systems import driver
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
@@ -37,14 +37,13 @@ def bits(table: dict[str, Any]) -> bytes:
 
 def both(name: str) -> tuple[Run, Run]:
     scenario = load_scenario(FOLDER / f"{name}.toml", shortened(name))
-    return simulate(scenario, "python"), simulate(scenario, "numba")
+    return simulate(scenario, "python"), simulate(scenario, "compiled")
 
 
-@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("name", NAMES)
 def test_same_bits(name: str) -> None:
     interpreted, machine = both(name)
-    assert (interpreted.engine, machine.engine) == ("python", "numba")
+    assert (interpreted.engine, machine.engine) == ("python", "compiled")
     assert interpreted.end_cause == machine.end_cause
     assert bits(interpreted.collisions) == bits(machine.collisions)
     assert bits(interpreted.flights()) == bits(machine.flights())
@@ -53,27 +52,11 @@ def test_same_bits(name: str) -> None:
     assert interpreted.statistics() == machine.statistics()
 
 
-@pytest.mark.usefixtures("compiled")
-def test_a_run_that_changes_its_engine_on_the_way() -> None:
-    """Left to itself, a long run is compiled half-way; nobody can tell from its tables."""
-    overrides = ["collision.k=1", "stop.collisions=6000", "stop.time=1e5"]
-    scenario = load_scenario(FOLDER / "one_circle.toml", overrides)
-    changed, machine = simulate(scenario, "auto"), simulate(scenario, "numba")
-    assert changed.engine == "numba"
-    assert bits(changed.collisions) == bits(machine.collisions)
-    assert bits(changed.flights()) == bits(machine.flights())
-
-
-def test_a_short_run_is_never_compiled() -> None:
-    scenario = load_scenario(FOLDER / "one_circle.toml", ["stop.collisions=20"])
-    assert simulate(scenario, "auto").engine == "python"
-
-
 def test_crossings_without_end_and_without_impact_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Two equal rotations never meet again: no proof ends the run, and no log could hold it."""
-    monkeypatch.setattr(drive, "QUIET_FLIGHTS", 4000)
+    monkeypatch.setattr(driver, "QUIET_ROWS", 4000)
     balls = [{"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.0, "rate": 12.0}]
     rate = math.sqrt(12.0**2 + 2.0 * 9.81 / (1.4 * 0.9) * (math.cos(1.5) - 1.0))
     balls.append({"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 1.5, "rate": rate})
@@ -85,5 +68,5 @@ def test_crossings_without_end_and_without_impact_are_refused(
         "gravity": 9.81, "trace": trace, "balls": balls, "collision": {"k": 1.0},
         "stop": {"collisions": 5},
     }  # fmt: skip
-    with pytest.raises(drive.TooQuiet, match="no impact among the last 4,000 flights"):
+    with pytest.raises(driver.TooQuiet, match="no impact among the last 4,000 flights"):
         simulate(scenario_of(document), "python")

@@ -7,9 +7,9 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibro_cli.numerics.elliptic import quarter_period
-from vibro_cli.simulation.recall import half_period
-from vibro_cli.simulation.world import FlightRow
+from vibro_cli.kernels.flow.replay import half_period
+from vibro_cli.kernels.numerics.elliptic import quarter_period
+from vibro_cli.kernels.world import FlightRow
 
 FREQUENCY = 2.8
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from vibro_cli.build import build_system
-from vibro_cli.mechanics.records import NEVER
+from vibro_cli.kernels.ensemble.points import Points, Results
+from vibro_cli.kernels.structs import NEVER
+from vibro_cli.kernels.world import LOG_FULL
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import scenario_of
 from vibro_cli.simulation.batch import Batch, make_points
 from vibro_cli.simulation.entry import empty_results
-from vibro_cli.simulation.points import Points, Results
-from vibro_cli.simulation.world import LOG_FULL
 
 CIRCLE: dict[str, Any] = {
     "start_slope": "-160 deg",
@@ -88,7 +88,6 @@ def _assert_same(ours: Results, theirs: Results) -> None:
                 np.testing.assert_array_equal(a[name][whole], b[name][whole], name)
 
 
-@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("law", ["hedrih", "translational", "normal-impulse"])
 @pytest.mark.parametrize("radius", [0.1, 0.17])
 @pytest.mark.parametrize("trace", list(TRACES))
@@ -113,7 +112,6 @@ def test_same_bits_as_single_runs(trace: str, radius: float, law: str) -> None:
         assert outcomes["contacts"].sum() + (outcomes["end_cause"] > 2).sum() > 0
 
 
-@pytest.mark.usefixtures("compiled")
 def test_long_elastic_runs_stay_in_lanes() -> None:
     system = _system(CIRCLE, "hedrih", 0.1)
     count = 40

@@ -46,7 +46,8 @@ def law_speeds(run: Run, row: int, when: str) -> tuple[float, float]:
     table = run.collisions
     va, vb = (float(table[f"speed_{end}_{when}"][row]) for end in "ab")
     if table["law"][row] == "hedrih":
-        va, vb = (float(table[f"omega_{end}_{when}"][row]) for end in "ab")
+        bodies = [run.system.bodies[int(table[f"ball_{end}"][row]) - 1] for end in "ab"]
+        va, vb = va / bodies[0].radius, vb / bodies[1].radius
     elif table["law"][row] == "normal-impulse":
         name = "approach_speed" if when == "pre" else "separation_speed"
         sign = 1.0 if when == "pre" else -1.0
@@ -264,7 +265,8 @@ def test_mirror_image_on_one_arc_to_the_bit(document: dict[str, Any]) -> None:
     """Through joint impacts and lasting contact, pair by pair."""
     run, image = run_of(document), run_of(mirrored(document))
     assert_mirrored_to_the_bit(run, image)
-    angles = [state.sample([TIME])["angle"] for state in (run, image)]
+    end = min(TIME, float(run.summary_record()["end_time"]))
+    angles = [state.sample([end])["angle"] for state in (run, image)]
     assert angles[0].tolist() == (-angles[1][::-1]).tolist()
 
 
@@ -351,5 +353,4 @@ def test_split_run(document: dict[str, Any], share: float) -> None:
 def test_the_summary_tells_the_largest_gap_of_the_rows(document: dict[str, Any]) -> None:
     run = run_of(document)
     gaps = np.abs(run.collisions["gap"])
-    rows = gaps[: len(gaps) - (run.end_cause == "inadmissible")]
-    assert run.summary_record()["max_gap"] == (rows.max() if len(rows) else None)
+    assert run.summary_record()["max_gap"] == (gaps.max() if len(gaps) else None)

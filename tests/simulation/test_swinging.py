@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from vibro_cli.build import build_system
+from vibro_cli.kernels.world import LOGS
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import scenario_of
-from vibro_cli.simulation.drive import WORK_DONE, Driver
+from vibro_cli.simulation.drive import LOOP
 from vibro_cli.simulation.prepare import make_world
-from vibro_cli.simulation.world import LOGS
+from vibro_cli.systems.driver import Driver
 
 VALLEY = [{"shape": "valley", "radius": 1.0, "end_slope": "80 deg"}]
 CHAIN = [
@@ -40,12 +41,11 @@ def _system(arcs: list[dict[str, Any]], angles: tuple[float, float], **collision
 
 
 def _run(system: System, engine: str) -> Driver:
-    driver = Driver(make_world(system, None, 300), engine)
+    driver = Driver(LOOP, make_world(system, None, 300), engine)
     driver.run()
     return driver
 
 
-@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("law", ["hedrih", "translational", "normal-impulse"])
 @pytest.mark.parametrize("k", [1.0, 0.99])
 @pytest.mark.parametrize(
@@ -57,12 +57,12 @@ def test_rows_of_the_event_loop(
     arcs: list[dict[str, Any]], angles: tuple[float, float], k: float, law: str
 ) -> None:
     system = _system(arcs, angles, law=law, k=k)
-    ours, theirs = _run(system, "numba"), _run(system, "python")
+    ours, theirs = _run(system, "compiled"), _run(system, "python")
     for name in LOGS:
         a, b = ours.logs[name].table(), theirs.logs[name].table()
         for field in a.dtype.names:
             np.testing.assert_array_equal(a[field], b[field], f"{name}.{field}")
     assert ours.clock_value("energy_correction") == theirs.clock_value("energy_correction")
     assert ours.clock_value("collisions") == theirs.clock_value("collisions") > 10
-    for name in WORK_DONE:
+    for name in LOOP.work_done:
         assert ours.clock_value(name) == theirs.clock_value(name)

@@ -19,10 +19,10 @@ from tests.simulation.turning_scenes import (
     system,
 )
 from vibro_cli.api import simulate
-from vibro_cli.numerics.engine import symbol_of
+from vibro_cli.compile.kinds import symbol_of
+from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.scenario import load_scenario, parse_scenario
 from vibro_cli.simulation.run import Run, simulate_system
-from vibro_cli.simulation.turning import TURNING
 from vibro_cli.stress.highprecision.quantities import QUANTITIES, SPEEDS, solved
 from vibro_cli.stress.highprecision.scene import scene_of_system
 from vibro_cli.stress.highprecision.twin import Twin, happenings_of
@@ -51,8 +51,8 @@ def test_first_ten_impacts_are_those_of_fifty_digits(name: str, engine: str) -> 
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_both_engines_give_the_same_bits(name: str, compiled: None) -> None:
-    one, other = run(SCENES[name], "python"), run(SCENES[name], "numba")
+def test_both_engines_give_the_same_bits(name: str) -> None:
+    one, other = run(SCENES[name], "python"), run(SCENES[name], "compiled")
     for table in ("collisions", "events", "summary"):
         columns, others = getattr(one, table), getattr(other, table)
         for column, values in columns.items():
@@ -83,9 +83,9 @@ def test_bodies_in_wells_of_their_own_never_meet() -> None:
 
 
 @pytest.mark.parametrize("scene", [on_circle, on_three_arcs])
-def test_elastic_impacts_keep_the_energy(scene: Any, compiled: None) -> None:
+def test_elastic_impacts_keep_the_energy(scene: Any) -> None:
     stop = {"collisions": 2000, "time": 3000.0}
-    found = run(scene(collision={"k": 1.0}, stop=stop), "numba")
+    found = run(scene(collision={"k": 1.0}, stop=stop), "compiled")
     assert len(found.collisions["t"]) > 100
     assert abs(found.summary_record()["energy_drift"]) < 1e-12
 

@@ -17,18 +17,22 @@ from tests.simulation.turning_scenes import (
     on_three_arcs,
     over_the_hump,
 )
-from vibro_cli.numerics.engine import Variant, kernel
-from vibro_cli.numerics.harmonics import harmonic_value
-from vibro_cli.simulation import run as runs
-from vibro_cli.simulation.across import launch_across
-from vibro_cli.simulation.chain import contact_forces
-from vibro_cli.simulation.group_forces import limit_by_lift_off, normal_force_now, set_release
-from vibro_cli.simulation.groups import _launch_on_line, launch_group, set_group_flow
+from vibro_cli.compile.kernel import Overrides, kernel
+from vibro_cli.kernels.cluster.cluster_forces import (
+    limit_by_lift_off,
+    normal_force_now,
+    set_release,
+)
+from vibro_cli.kernels.cluster.clusters import launch_group, launch_group_on_line, set_group_flow
+from vibro_cli.kernels.cluster.collocation import launch_across
+from vibro_cli.kernels.cluster.rotating_clusters import normal_harmonics
+from vibro_cli.kernels.contact.contact_kinematics import set_normals, set_speed
+from vibro_cli.kernels.impact.impulse_chain import contact_forces
+from vibro_cli.kernels.numerics.trigonometric_polynomial import harmonic_value
+from vibro_cli.kernels.rotating import TURNING
+from vibro_cli.kernels.world import World
+from vibro_cli.simulation import turning
 from vibro_cli.simulation.run import Run
-from vibro_cli.simulation.touching import set_normals, set_speed
-from vibro_cli.simulation.turning import TURNING
-from vibro_cli.simulation.turning_groups import normal_harmonics
-from vibro_cli.simulation.world import World
 
 PLASTIC = {"law": "normal-impulse", "k": 0.4}
 FREE = {
@@ -113,6 +117,60 @@ def test_slips_are_where_friction_is_not_enough(name: str, limit: float) -> None
     assert int(np.sum(found.events["event"] == "slip")) == count
 
 
+@pytest.mark.parametrize(("angle", "rate", "limit"), [(-1.2, 1.0, 0.12), (0.3, 6.0, 0.3)])
+def test_passages_are_where_and_when_quadrature_says(
+    angle: float, rate: float, limit: float
+) -> None:
+    """Turning points, slip and lift-off of a body alone: time is the integral of df/f'."""
+    mp = pytest.importorskip("mpmath").mp.clone()
+    mp.dps = 40
+    arcs = [{"shape": "valley", "radius": 1.0, "end_slope": "170 deg"}]
+    one, turning_at = [ball(1, angle, rate=rate)], {"x": 0.2, "rate": 1.7}
+    scene = data(arcs, one, turning_at, "-170 deg", stop={"time": 4.0})
+    scene["output"] = {"turning_points": True, "friction": limit}
+    del scene["collision"], scene["ends"]
+    found = run(scene)
+    system, turning = found.system, found.system.turning
+    assert turning is not None
+    body, piece = system.bodies[0], system.trace.pieces[0]
+    rho, kappa, g = mp.mpf(piece.path_radius(body.radius)), mp.mpf(body.kappa), system.gravity
+    square, away = mp.mpf(turning.square), mp.mpf(piece.center[0]) - turning.x
+
+    def drop(f: Any) -> Any:
+        """Twice the work done from f = 0 on, over the moment of inertia."""
+        x = away + rho * mp.sin(f)
+        return 2 * (g * rho * mp.cos(f) + square * x * x / 2) / (kappa * rho * rho)
+
+    energy = mp.mpf(rate) ** 2 - drop(mp.mpf(angle))
+
+    def squared(f: Any) -> Any:
+        return energy + drop(f)
+
+    def normal(f: Any) -> Any:
+        return g * mp.cos(f) + square * (away + rho * mp.sin(f)) * mp.sin(f) + rho * squared(f)
+
+    def spare(f: Any) -> Any:
+        pull = square * (away + rho * mp.sin(f)) * mp.cos(f) - g * mp.sin(f)
+        return limit * normal(f) - (1 - 1 / kappa) * abs(pull)
+
+    zeros = {"turning": squared, "slip": spare, "lift_off": normal}
+    events = found.events
+    first, t = mp.mpf(angle), mp.mpf(0)
+    names = set()
+    for name, at, s in zip(events["event"], events["t"], events["s"], strict=True):
+        if name not in zeros or at == 0.0:
+            continue
+        guess = piece.angle_start + (s - piece.start_s) / piece.radius
+        place = mp.findroot(zeros[name], (guess - 1e-9, guess + 1e-9))
+        assert abs(place - guess) < 1e-14
+        ways = [first, (first + place) / 2, place]
+        t += abs(mp.quad(lambda f: 1 / mp.sqrt(abs(squared(f))), ways))
+        assert abs(t - at) < 2e-14 * (1 + t)
+        first = place
+        names.add(str(name))
+    assert len(names) >= 2
+
+
 @pytest.mark.parametrize("scene", [on_three_arcs(), over_the_hump()])
 def test_a_one_sided_run_ends_at_the_first_lift_off(scene: dict[str, Any]) -> None:
     events = run(scene).events
@@ -143,12 +201,12 @@ def test_a_one_sided_line_that_turns_loses_a_body() -> None:
 @pytest.fixture
 def integrated(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Run a scene with its groups integrated in short segments, by collocation."""
-    closed = {_launch_on_line, set_group_flow, set_release, limit_by_lift_off}
+    closed = {launch_group_on_line, set_group_flow, set_release, limit_by_lift_off}
     kept = {one: other for one, other in TURNING.replaced.items() if one not in closed}
-    variant = Variant("integrated", {**kept, launch_group: launch_across})
+    variant = Overrides("integrated", {**kept, launch_group: launch_across})
 
     def solved(scene: dict[str, Any]) -> Run:
-        monkeypatch.setattr(runs, "variant_of", lambda _: variant)
+        monkeypatch.setattr(turning, "overrides_of", lambda _: variant)
         return run(scene)
 
     return solved
@@ -205,8 +263,8 @@ def compared(world: World, first: int, count: int) -> None:
 
 def test_normal_forces_of_a_group_are_those_of_its_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
     COMPARED.clear()
-    variant = Variant("compared", {**TURNING.replaced, limit_by_lift_off: compared})
-    monkeypatch.setattr(runs, "variant_of", lambda _: variant)
+    variant = Overrides("compared", {**TURNING.replaced, limit_by_lift_off: compared})
+    monkeypatch.setattr(turning, "overrides_of", lambda _: variant)
     scene = up_a_loop(0.7, 2.0)
     scene["balls"].append(scene["balls"][1] | {"density": 3000})
     run(scene)

@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 
 from vibro_cli.api import simulate
+from vibro_cli.kernels.cluster.trace_forces import AT_TIME, set_forces
+from vibro_cli.kernels.structs import Flight
+from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import InitialState
 from vibro_cli.scenario import scenario_of
-from vibro_cli.simulation.contact_forces import forces_at, groups_of
 from vibro_cli.simulation.run import Run, simulate_system
 
 GRAVITY = 9.81
@@ -77,13 +79,13 @@ def test_the_trace_carries_what_statics_says(shape: str, side: str) -> None:
     run = leaning(shape, side)
     assert run.end_cause == "time"
     assert not {"lift_off", "slip"} & set(run.events["event"].tolist())
-    paths = run._paths
-    members = max(groups_of(paths), key=lambda rows: float(paths.log["t"][rows[0]]))
-    flights = [paths.flight(member) for member in members]
-    assert [flight.at_rest for flight in flights] == [1, 1, 1]
-    found = forces_at(paths, members, flights, 0.0)
-    assert [normal for normal, _ in found] == pytest.approx(statics(run, side), rel=1e-12)
-    assert [friction for _, friction in found] == [0.0, 0.0, 0.0]
+    world: World = run.trajectory._world  # type: ignore[attr-defined]
+    row = max(number for number, row in enumerate(world.log) if row.group_first == row.body)
+    assert (world.log[row].at_rest, world.log[row].group_count) == (1, 3)
+    set_forces(world, row, AT_TIME, 0.0, Flight())
+    found = world.forces[:3]
+    assert [one.normal for one in found] == pytest.approx(statics(run, side), rel=1e-12)
+    assert [one.friction for one in found] == [0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

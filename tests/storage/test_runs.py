@@ -6,13 +6,11 @@ import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from tests.fake_run import FakeRun, FakeScenario, columns_of
 from vibro_cli import __version__
-from vibro_cli.storage import schema
-from vibro_cli.storage.history import history_bytes, read_history
+from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage.provenance import FolderRefused, json_bytes, read_manifest
 from vibro_cli.storage.runs import write_run
 from vibro_cli.storage.tables import read_parquet
@@ -23,7 +21,6 @@ FILES = {
     "summary.parquet",
     "summary.json",
     "checkpoint.json",
-    "history.parquet",
     "scenario.json",
     "manifest.json",
 }
@@ -51,7 +48,7 @@ def test_a_run_holds_tables_summary_checkpoint_scenario_and_figures(tmp_path: Pa
 
 
 def test_motion_is_written_where_it_was_sampled(tmp_path: Path) -> None:
-    write(tmp_path / "run", FakeRun(motion=columns_of(schema.motion(), 7)))
+    write(tmp_path / "run", FakeRun(motion=columns_of(of_trace.motion(), 7)))
     assert read_parquet(tmp_path / "run" / "motion.parquet").num_rows == 7
 
 
@@ -128,24 +125,3 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
 def test_json_refuses_what_json_has_not() -> None:
     with pytest.raises(ValueError, match="JSON"):
         json_bytes({"x": float("nan")})
-
-
-def test_the_history_reads_back_to_the_bit_and_damage_is_seen() -> None:
-    logs = FakeRun().history()
-    for number, rows in enumerate(logs.values()):
-        rows.view(np.uint8)[:] = np.arange(rows.nbytes) % 251 + number
-    content = history_bytes(logs)
-    found = read_history(content)
-    assert {name: rows.tobytes() for name, rows in found.items()} == {
-        name: rows.tobytes() for name, rows in logs.items()
-    }
-    assert history_bytes(found) == content
-    empty = {name: rows[:0] for name, rows in logs.items()}
-    assert all(rows.size == 0 for rows in read_history(history_bytes(empty)).values())
-    middle = len(content) // 3
-    damaged = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
-    with pytest.raises(ValueError, match=r"damaged|another version"):
-        read_history(damaged)
-    del logs["segments"]
-    with pytest.raises(ValueError, match="written by another version"):
-        read_history(history_bytes(logs))

@@ -1,19 +1,23 @@
-"""The tables' description: complete, consistent, the same as the reference in README.md."""
+"""The tables' description: complete, consistent, the same as the reference in docs/."""
 
 import re
 from pathlib import Path
 
 import pytest
 
+from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs/reference-tables.md"
 COLLISIONS = """
 n, t, t_low, dt, ball_a, ball_b, arc_a, arc_b, angle_a, angle_b, s_a, s_b, x_a, y_a, x_b, y_b,
 rate_a_pre, rate_b_pre, rate_a_post, rate_b_post, omega_a_pre, omega_b_pre, omega_a_post,
 omega_b_post, speed_a_pre, speed_b_pre, speed_a_post, speed_b_post, energy_a_pre, energy_b_pre,
 energy_a_post, energy_b_post, energy_loss, impulse_moment, approach_speed, separation_speed, gap,
-law, admissible, substituted, simultaneous, grazing, contact
+law, admissible, substituted, simultaneous, grazing, contact,
+kinetic_energy_a_pre, kinetic_energy_b_pre, kinetic_energy_a_post, kinetic_energy_b_post, impulse,
+regime_a_pre, regime_b_pre, regime_a_post, regime_b_post,
+eight_a_pre, eight_b_pre, eight_a_post, eight_b_post
 """
 SUMMARY = """
 status, reason, end_cause, end_time, quiet_from, collisions, crossings, contacts,
@@ -23,16 +27,16 @@ arc_1, angle_1, s_1, speed_1, arc_2, angle_2, s_2, speed_2
 """
 EVENTS = "t, event, ball, other, arc_from, arc_to, s, speed, value"
 MOTION = "t, ball, arc, angle, s, x, y, speed, energy"
-UNITS = {"", "s", "m", "rad", "rad/s", "m/s", "J", "N", "N m s"}
+UNITS = {"", "s", "1/s", "m", "rad", "rad/s", "m/s", "J", "N", "N s", "N m s"}
 
 
 @pytest.mark.parametrize(
     ("table", "names"),
     [
-        (schema.collisions(), COLLISIONS),
+        (of_trace.collisions(), COLLISIONS),
         (schema.summary(2), SUMMARY),
-        (schema.events(), EVENTS),
-        (schema.motion(), MOTION),
+        (of_trace.events(), EVENTS),
+        (of_trace.motion(), MOTION),
     ],
     ids=["collisions", "summary", "events", "motion"],
 )
@@ -41,9 +45,9 @@ def test_columns_are_those_promised_in_their_order(table: schema.Table, names: s
 
 
 def test_side_follows_the_pair_where_there_is_one() -> None:
-    names = [column.name for column in schema.collisions(sided=True).columns]
+    names = [column.name for column in of_trace.collisions(sided=True).columns]
     assert names[4:7] == ["ball_a", "ball_b", "side"]
-    assert len(names) == len(schema.collisions().columns) + 1
+    assert len(names) == len(of_trace.collisions().columns) + 1
 
 
 @pytest.mark.parametrize("table", schema.reference(), ids=lambda table: table.name)
@@ -58,12 +62,12 @@ def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: schema.Table
 @pytest.mark.parametrize(
     "table",
     [
-        schema.collisions(),
-        schema.collisions(sided=True),
+        of_trace.collisions(),
+        of_trace.collisions(sided=True),
         schema.summary(1),
         schema.summary(7),
-        schema.events(),
-        schema.motion(),
+        of_trace.events(),
+        of_trace.motion(),
     ],
 )
 def test_a_table_is_found_from_the_names_of_its_columns(table: schema.Table) -> None:
@@ -75,5 +79,5 @@ def test_an_unknown_table_is_refused() -> None:
         schema.table_named("impacts", [])
 
 
-def test_readme_prints_the_same_description() -> None:
-    assert schema.as_markdown() in README.read_text(encoding="utf-8")
+def test_the_reference_prints_the_same_description() -> None:
+    assert schema.as_markdown() in PAGE.read_text(encoding="utf-8")

@@ -15,16 +15,17 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.fake_run import columns_of
+from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema
 from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, stream, to_arrow
 
 ROOT = Path(__file__).parents[2]
 ORIGIN = Origin({"name": "by-hand", "gravity": 9.81}, "0.1.0")
 TABLES = [
-    schema.collisions(),
-    schema.collisions(sided=True),
-    schema.events(),
-    schema.motion(),
+    of_trace.collisions(),
+    of_trace.collisions(sided=True),
+    of_trace.events(),
+    of_trace.motion(),
     schema.summary(1),
     schema.summary(5),
 ]
@@ -61,7 +62,7 @@ def test_missing_values_are_null_and_the_others_keep_their_bits(table: schema.Ta
 
 
 def test_metadata_hold_the_origin() -> None:
-    metadata = written(schema.events()).schema.metadata
+    metadata = written(of_trace.events()).schema.metadata
     assert json.loads(metadata[b"vibro:scenario"]) == ORIGIN.scenario
     assert metadata[b"vibro:version"] == b"0.1.0"
     assert metadata[b"vibro:schema"] == b"events/1"
@@ -69,17 +70,17 @@ def test_metadata_hold_the_origin() -> None:
 
 def test_special_doubles_keep_their_bits() -> None:
     special = np.array([-0.0, 5e-324, np.inf, -np.inf, np.nextafter(1.0, 2.0)])
-    columns = columns_of(schema.motion(), special.size)
+    columns = columns_of(of_trace.motion(), special.size)
     columns["speed"] = special
-    assert written(schema.motion(), columns)["speed"].to_numpy().tobytes() == special.tobytes()
+    assert written(of_trace.motion(), columns)["speed"].to_numpy().tobytes() == special.tobytes()
 
 
 def test_words_and_strided_columns_are_kept() -> None:
-    columns = columns_of(schema.events(), 3)
+    columns = columns_of(of_trace.events(), 3)
     columns["event"] = np.array(["Übergang", "", "κ→∞"], dtype=object)
     columns["t"] = np.arange(6.0)[::2]
     columns["ball"] = np.ma.MaskedArray(np.arange(6), mask=np.arange(6) == 2)[::2]
-    found = written(schema.events(), columns)
+    found = written(of_trace.events(), columns)
     assert found["event"].to_pylist() == ["Übergang", "", "κ→∞"]
     assert found["t"].to_pylist() == [0.0, 2.0, 4.0]
     assert found["ball"].to_pylist() == [0, None, 4]
@@ -89,8 +90,9 @@ def test_writing_does_not_import_pandas() -> None:
     code = """
 import sys
 from tests.fake_run import columns_of
+from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema, tables
-table = schema.events()
+table = of_trace.events()
 tables.parquet_bytes(tables.to_arrow(table, columns_of(table), tables.Origin({}, "")))
 sys.exit("pandas" in sys.modules)
 """
@@ -98,19 +100,19 @@ sys.exit("pandas" in sys.modules)
 
 
 def test_an_empty_table_is_written_with_its_schema() -> None:
-    found = written(schema.collisions(), columns_of(schema.collisions(), 0))
+    found = written(of_trace.collisions(), columns_of(of_trace.collisions(), 0))
     assert found.num_rows == 0
     assert found.schema.field("t").metadata[b"unit"] == b"s"
 
 
 def test_equal_input_gives_equal_bytes() -> None:
-    table = schema.collisions()
+    table = of_trace.collisions()
     one, other = (file_of(table, columns_of(table, 5000)) for _ in range(2))
     assert one == other
 
 
 def test_columns_are_encoded_as_declared() -> None:
-    table = schema.events()
+    table = of_trace.events()
     group = pq.ParquetFile(io.BytesIO(file_of(table)))
     chunks = group.metadata.row_group(0)
     for position, column in enumerate(table.columns):
@@ -121,7 +123,7 @@ def test_columns_are_encoded_as_declared() -> None:
 
 
 def test_every_flipped_bit_of_the_data_is_noticed() -> None:
-    table = schema.motion()
+    table = of_trace.motion()
     content = file_of(table, columns_of(table, 200))
     chunk = pq.ParquetFile(io.BytesIO(content)).metadata.row_group(0).column(0)
     page_end = chunk.data_page_offset + chunk.total_compressed_size
@@ -143,22 +145,22 @@ def test_every_flipped_bit_of_the_data_is_noticed() -> None:
     ids=["missing", "unknown", "order", "null"],
 )
 def test_columns_that_differ_from_the_schema_are_refused(change: Any, message: str) -> None:
-    columns = columns_of(schema.motion())
+    columns = columns_of(of_trace.motion())
     change(columns)
     with pytest.raises(ValueError, match=message):
-        to_arrow(schema.motion(), columns, ORIGIN)
+        to_arrow(of_trace.motion(), columns, ORIGIN)
 
 
 def test_a_column_of_another_type_is_refused() -> None:
-    columns = columns_of(schema.motion())
+    columns = columns_of(of_trace.motion())
     columns["arc"] = columns["t"]
     with pytest.raises(TypeError, match="int64"):
-        to_arrow(schema.motion(), columns, ORIGIN)
+        to_arrow(of_trace.motion(), columns, ORIGIN)
 
 
 @pytest.mark.parametrize("form", ["csv", "jsonl", "arrow", "parquet"])
 def test_streams_read_back_to_the_same_doubles(form: str) -> None:
-    table = schema.events()
+    table = of_trace.events()
     columns = columns_of(table, 10_000)
     columns["t"] = np.random.default_rng(1).standard_normal(10_000) ** 9
     sink = io.BytesIO()
@@ -177,7 +179,7 @@ def test_streams_read_back_to_the_same_doubles(form: str) -> None:
 
 
 def test_null_is_an_empty_field_of_csv_and_null_in_json_lines() -> None:
-    table = schema.events()
+    table = of_trace.events()
     data = to_arrow(table, columns_of(table, 1), ORIGIN)
     commas, lines = io.BytesIO(), io.BytesIO()
     stream(data, "csv", commas)
@@ -187,13 +189,13 @@ def test_null_is_an_empty_field_of_csv_and_null_in_json_lines() -> None:
 
 
 def test_an_unknown_form_is_refused() -> None:
-    data = to_arrow(schema.motion(), columns_of(schema.motion()), ORIGIN)
+    data = to_arrow(of_trace.motion(), columns_of(of_trace.motion()), ORIGIN)
     with pytest.raises(ValueError, match="no form 'xlsx'"):
         stream(data, "xlsx", io.BytesIO())
 
 
 def test_pandas_reads_the_file(tmp_path: Path) -> None:
-    table = schema.collisions()
+    table = of_trace.collisions()
     path = tmp_path / "collisions.parquet"
     path.write_bytes(file_of(table))
     assert list(pd.read_parquet(path)["n"]) == [0, 1, 2]

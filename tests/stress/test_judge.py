@@ -19,14 +19,12 @@ from vibro_cli.stress.flights import (
     scenario_of_flight,
 )
 from vibro_cli.stress.grazing import near_grazing
-from vibro_cli.stress.judge import COLUMNS, CONTACT, HORIZON, NO_CONTACT, judge_all, workspace
+from vibro_cli.stress.judge import COLUMNS, CONTACT, HORIZON, NO_CONTACT, judge_all
 from vibro_cli.stress.scenes import solve
 
 
 def verdicts_on(rows: Any) -> Any:
-    verdicts: Any = np.zeros((len(rows), 4))
-    judge_all(np.asarray(rows), workspace(), verdicts)
-    return verdicts
+    return judge_all(np.asarray(rows))
 
 
 def level_line(speed_a: float, speed_b: float, horizon: float) -> Any:

@@ -6,8 +6,8 @@ from typing import Any, cast
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.scenario.springs_models import SpringsScenario
-from vibro_cli.systems.springs.run import SpringsRun
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.springs.scenario import SpringsScenario
 
 Document = dict[str, Any]
 
@@ -40,5 +40,5 @@ FIGURE_FIVE = [
 """Paper C, figure 5: l = 5, b = 1 and 1.5; the rest is chosen."""
 
 
-def solve(document: Document, engine: str = "python") -> SpringsRun:
+def solve(document: Document, engine: str = "python") -> Run:
     return simulate(cast(SpringsScenario, any_scenario_of(document)), engine)

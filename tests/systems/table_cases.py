@@ -6,8 +6,8 @@ from typing import Any, cast
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.scenario.table_models import TableScenario
-from vibro_cli.systems.table.run import TableRun
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.table.scenario import TableScenario
 
 Document = dict[str, Any]
 
@@ -45,5 +45,5 @@ def table(
     return document if wall is None else {**document, "wall": wall}
 
 
-def solve(document: Document, engine: str = "python") -> TableRun:
+def solve(document: Document, engine: str = "python") -> Run:
     return simulate(cast(TableScenario, any_scenario_of(document)), engine)

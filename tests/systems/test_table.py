@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from tests.highprecision import table as twin
 from tests.systems.table_cases import Document, ball, box, ellipse, particle, solve, table
-from vibro_cli.systems.table.run import TableRun
+from vibro_cli.systems.run import Run
 
 EPSILON = 2.0**-52
 
 
-def events(run: TableRun) -> list[tuple[float, tuple[int, ...], list[tuple[float, ...]]]]:
+def events(run: Run) -> list[tuple[float, tuple[int, ...], list[tuple[float, ...]]]]:
     """Time, balls, and for each its place and velocity after, of every event in order."""
     found = []
     table = run.collisions
@@ -261,7 +261,7 @@ def test_an_inadmissible_impact_ends_the_run_or_is_substituted() -> None:
 def test_the_foci_of_an_elliptic_wall(shape: tuple[float, float]) -> None:
     """At r = 0 and k = 1 the product of the angular momenta about the foci stays."""
     a, b = shape
-    run = solve(table([particle(0.3, 0.1, 0.9, 0.7)], ellipse(a, b), bounces=100_000), "numba")
+    run = solve(table([particle(0.3, 0.1, 0.9, 0.7)], ellipse(a, b), bounces=100_000), "compiled")
     rows = run.bounces
     c = math.sqrt(abs(a * a - b * b))
     focus = (c, 0.0) if a > b else (0.0, c)
@@ -280,7 +280,7 @@ def test_the_foci_of_an_elliptic_wall(shape: tuple[float, float]) -> None:
     ids=["ellipse", "box", "circle"],
 )
 def test_no_ball_escapes_in_a_million_bounces(wall: Document) -> None:
-    run = solve(table([ball(0.3, 0.1, 0.9, 0.7)], wall, bounces=1_000_000), "numba")
+    run = solve(table([ball(0.3, 0.1, 0.9, 0.7)], wall, bounces=1_000_000), "compiled")
     assert run.end_cause == "bounces"
     x, y = np.abs(run.bounces["x"]), np.abs(run.bounces["y"])
     if wall["shape"] == "rectangle":
@@ -345,7 +345,7 @@ def test_an_angled_room_is_left_by_no_corner() -> None:
     for order in (corners, corners[::-1]):
         wall = {"shape": "polygon", "corners": order, "k": 1.0}
         for one in (ball(0.5, 0.5, 0.77, 0.59), particle(0.5, 0.5, 0.77, 0.59)):
-            run = solve(table([one], wall, bounces=20_000), "numba")
+            run = solve(table([one], wall, bounces=20_000), "compiled")
             r, (x, y) = one["radius"], (run.bounces["x"], run.bounces["y"])
             assert run.end_cause == "bounces"
             assert min(np.min(x), np.min(y)) >= r - 1e-12
@@ -385,7 +385,7 @@ def test_many_balls_in_order_by_both_engines(count: int) -> None:
     document = table(balls, box(2.6, 2.0), collisions=300, time=50.0)
     document["collision"]["law"] = "normal-impulse"
     run = solve(document)
-    other = solve(document, "numba")
+    other = solve(document, "compiled")
     for name in ("collisions", "bounces"):
         for column, values in getattr(run, name).items():
             np.testing.assert_array_equal(values, getattr(other, name)[column], column)

@@ -50,6 +50,16 @@ class CentralImpact:
         return self.before[0] - impulse / one, self.before[1] + impulse / other
 
     @property
+    def energy_before(self) -> float:
+        """Kinetic energy of both before (J): Σ ½ I u²; B (7), (18)."""
+        return sum(0.5 * one * u * u for one, u in zip(self.inertia, self.before, strict=True))
+
+    @property
+    def energy_after(self) -> float:
+        """The same after (J); B (8), (19)."""
+        return sum(0.5 * one * u * u for one, u in zip(self.inertia, self.after, strict=True))
+
+    @property
     def loss(self) -> float:
         """Lost kinetic energy (J): ½(1 − k²) I_a I_b/(I_a + I_b) (u_a − u_b)²; B (20)."""
         return 0.5 * (1.0 - self.restitution**2) * self.reduced * self.closing**2

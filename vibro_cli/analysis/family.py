@@ -8,6 +8,8 @@ from itertools import pairwise
 
 IMPOSSIBLE = "impossible"
 """Type of a member that is no valid scenario."""
+_EVENT = 1e-9
+"""Changes closer than this fraction of the parameter are one."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +19,8 @@ class Change:
     low: float
     """Largest value found with the type before."""
     high: float
-    """Least value found with the type after; the next double where there was room to bisect."""
+    """Least value found with the type after: the next double, or, where the types between are those
+    of the change itself (equal energies, a degenerate point), the end of these."""
     before: str
     after: str
 
@@ -33,7 +36,25 @@ def changes(type_of: Callable[[float], str], values: Sequence[float]) -> tuple[C
     for (low, before), (high, after) in pairwise(zip(values, types, strict=True)):
         if before != after:
             found += _bisected(type_of, (low, before), (high, after))
-    return tuple(found)
+    return _events(found)
+
+
+def _events(found: Sequence[Change]) -> tuple[Change, ...]:
+    """Return changes with those as one between which there is no room for a type of its own.
+
+    A type that takes equal energies, or vanishing ones, is found where they are so to rounding.
+    """
+    joined: list[Change] = []
+    for change in found:
+        last = joined[-1] if joined else None
+        near = last is not None and change.high - last.low <= _EVENT * max(
+            abs(last.low), abs(change.high)
+        )
+        if last is not None and near and last.after == change.before != last.before:
+            joined[-1] = Change(last.low, change.high, last.before, change.after)
+        else:
+            joined.append(change)
+    return tuple(joined)
 
 
 def _bisected(

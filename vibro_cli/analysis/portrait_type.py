@@ -36,7 +36,10 @@ class Portrait:
         return self.names[self.points.index(point)]
 
     def height(self, energy: float) -> float:
-        """Return E/(m g) (m): how high above its lowest place the body can come to rest."""
+        """Return E/(m g) (m): how high above its lowest place the body can come to rest.
+
+        On a trace that turns, the effective potential as a height above its least value.
+        """
         weight = self.landscape.body.mass * self.landscape.gravity
         return energy / weight if weight else 0.0
 

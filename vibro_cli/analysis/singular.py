@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from vibro_cli.analysis.landscape import Landscape, equilibria, half_turn, level_positions
 from vibro_cli.mechanics.trace import HUMP, VALLEY, Piece
 
+_ROUNDING = 64.0 * float(np.finfo(np.float64).eps)
 CENTRE = "centre"
 SADDLE = "saddle"
 DEGENERATE = "degenerate"
@@ -120,6 +123,10 @@ def _trend(piece: Piece, position: float) -> int:
 def _point(
     landscape: Landscape, kind: str, piece: Piece, position: float, extent: float = 0.0
 ) -> SingularPoint:
+    height = landscape.height(piece, position)
+    y = piece.body_center(position, landscape.body.radius)[1]
+    if abs(height) <= _ROUNDING * (abs(y) + abs(y - height) + abs(landscape.lowest)):
+        height = 0.0  # the lowest place, or one just as low
     return SingularPoint(
         kind=kind,
         piece=piece.index,
@@ -127,5 +134,5 @@ def _point(
         extent=extent,
         s=piece.arc_length(position),
         slope=piece.slope(position),
-        energy=landscape.body.mass * landscape.gravity * landscape.height(piece, position),
+        energy=landscape.body.mass * landscape.gravity * height,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 
 from vibro_cli.analysis.landscape import Landscape
@@ -16,6 +17,7 @@ HETEROCLINIC = "heteroclinic"
 OPEN = "open"
 """The separatrix leaves the trace, or runs round a closed one."""
 
+_ROUNDING = 4.0 * sys.float_info.epsilon
 _EQUAL = 1e-12
 """Energies closer than this fraction of the saddle's count as equal."""
 
@@ -77,14 +79,27 @@ def _trigger(
     saddle: SingularPoint,
     right: SingularPoint,
 ) -> Trigger:
-    margin_left, margin_right = _margins(landscape, points, saddle)
-    turning_left, turning_right = _turnings(landscape, saddle)
-    orbit = OPEN if turning_left is None or turning_right is None else FIGURE_EIGHT
+    margins = _margins(landscape, points, saddle)
+    closes = [_is_barrier(landscape, saddle, margin) for margin in margins]
+    turning_left, turning_right = (
+        (saddle.s if place is None else place) if closed else None
+        for place, closed in zip(_turnings(landscape, saddle), closes, strict=True)
+    )
+    orbit = FIGURE_EIGHT if all(closes) else OPEN
     if _meets_another_saddle(landscape, points, saddle, turning_left, turning_right):
         orbit = HETEROCLINIC
-    return Trigger(
-        left, saddle, right, margin_left, margin_right, turning_left, turning_right, orbit
-    )
+    return Trigger(left, saddle, right, *margins, turning_left, turning_right, orbit)
+
+
+def _is_barrier(landscape: Landscape, saddle: SingularPoint, margin: float) -> bool:
+    """Return whether a margin (J) turns the separatrix: one of rounding just does.
+
+    The margin decides, and not where the separatrix turns: next to a bifurcation, where centres and
+    saddle differ by less than rounding, that is lost while the barriers stand as high as before.
+    """
+    weight = landscape.body.mass * landscape.gravity
+    tolerance = _ROUNDING * (abs(saddle.energy) + weight * landscape.trace.length)
+    return margin >= -tolerance
 
 
 def _meets_another_saddle(
@@ -122,7 +137,10 @@ def _margins(
 
 
 def _turnings(landscape: Landscape, saddle: SingularPoint) -> tuple[float | None, float | None]:
-    """Return where the separatrix through a saddle turns (s, m), going left and going right."""
+    """Return where the separatrix through a saddle turns (s, m), going left and going right.
+
+    None where it is not found to turn.
+    """
     runs = connected_reaches(landscape, saddle.energy)
     if not runs:
         return saddle.s, saddle.s  # all below it is lost in rounding
@@ -132,7 +150,11 @@ def _turnings(landscape: Landscape, saddle: SingularPoint) -> tuple[float | None
     )
     leftmost, rightmost = run[0], run[-1]
     if not landscape.trace.closed:
-        return _turning(leftmost, rightmost)
+        left, right = _turning(leftmost, rightmost)
+        return (
+            None if left is None else min(left, saddle.s),
+            None if right is None else max(right, saddle.s),
+        )
     length = landscape.trace.length
     if left_s(leftmost) <= 0.0 and right_s(rightmost) >= length:
         return None, None  # the level runs all the way round

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from vibro_cli.benchmark import kept
+from vibro_cli.benchmark import kept, whole
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.benchmark.skips import WITH
@@ -23,6 +23,7 @@ def conclude(rows: Sequence[Row]) -> list[str]:
     return [
         *_of_scenes(rows), *_against_heyoka(rows), *_of_lost(rows), *_of_series(rows),
         *_of_growth(rows), *_of_grid(rows), *_of_kept(rows), *_of_memory(rows), *_of_skips(rows),
+        *_of_commands(rows),
     ]  # fmt: skip
 
 
@@ -197,6 +198,29 @@ def _of_skips(rows: Sequence[Row]) -> Iterator[str]:
                 f"Without skipping {skip}, on {BY_NAME[pair[True].scene].title}, a run takes "
                 f"{ratio:.2f} times as long."
             )
+
+
+def _of_commands(rows: Sequence[Row]) -> Iterator[str]:
+    """What an impact costs from the shell to the tables, beside its event loop."""
+    own = [row for row in rows if row.part == whole.PART and row.seconds]
+    for scene, group in groupby(own, key=lambda row: row.scene):
+        both = list(group)
+        command = [row for row in both if row.method == whole.COMMAND]
+        alone = [row for row in both if row.method == whole.KERNEL]
+        if len(command) < 2 or len(command) != len(alone):
+            continue
+        more = command[-1].impacts - command[0].impacts
+        cost, bare = (
+            ((each[-1].seconds or 0.0) - (each[0].seconds or 0.0)) / more
+            for each in (command, alone)
+        )
+        memory = max((row.memory or 0) for row in command) / 2**20
+        yield (
+            f"vibro run, {scene}: {command[0].seconds:.2f} s for {command[0].impacts:,} impacts, "
+            f"and {_time(cost)} for each of the next {more:,}, "
+            f"{cost / bare:.1f} times the {_time(bare)} of the event loop alone; "
+            f"at most {memory:.0f} MiB."
+        )
 
 
 def _time(seconds: float) -> str:

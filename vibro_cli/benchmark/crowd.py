@@ -6,7 +6,6 @@ heyoka calls back into Python for each impact, so that its batches need a proces
 from __future__ import annotations
 
 import multiprocessing
-import os
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -18,6 +17,7 @@ from vibro_cli.benchmark.motion import Motion
 from vibro_cli.benchmark.precision import installed_peers
 from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.benchmark.with_heyoka_batch import NAME, TOLERANCES, Lanes
+from vibro_cli.grids.threads import available_cores
 
 PART = "grid"
 _SCENE = "circle"
@@ -82,7 +82,7 @@ def _serve(end: Connection, share: range, count: int, tolerance: float) -> None:
 
 def measure(plan: Plan) -> list[Row]:
     """Measure one grid by every way there is, by turns."""
-    count, cores = _SCENARIOS[plan.form], len(os.sched_getaffinity(0))
+    count, cores = _SCENARIOS[plan.form], available_cores()
     rows = [Row(PART, _SCENE, "vibro, batch", "exact", size=count)]
     crews: list[Crew | Processes] = [Crew(cores, count)]
     if "heyoka" in installed_peers():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ from vibro_cli.benchmark.measurement import Plan, Row, by_turns, warmed
 from vibro_cli.benchmark.runner import Lost
 from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Document, Scene, ball
 from vibro_cli.benchmark.with_vibro import DriverRunner, points_of
+from vibro_cli.grids.threads import available_cores
 from vibro_cli.simulation.batch import Batch
 from vibro_cli.simulation.entry import empty_results
 from vibro_cli.storage.provenance import json_bytes
@@ -92,7 +92,7 @@ def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row
     rows = [
         Row(part, scene.name, "vibro", size=size, impacts=impacts) for size, scene in scenes.items()
     ]
-    runners = [DriverRunner(scene.system, "numba") for scene in scenes.values()]
+    runners = [DriverRunner(scene.system, "compiled") for scene in scenes.values()]
     tasks = [(lambda runner=runner: runner.ready(impacts), runner.go) for runner in runners]
     for row, runner, times in zip(rows, runners, by_turns(warmed(tasks), plan), strict=True):
         try:
@@ -166,7 +166,7 @@ class Crew:
 
 def _measure_batches(plan: Plan) -> list[Row]:
     """Batches of ever more scenarios on all cores, then one size on ever more cores."""
-    cores = len(os.sched_getaffinity(0))
+    cores = available_cores()
     size = _THREADED if plan.form != "quick" else 1000
     rows = [Row("scenarios", "circle", "vibro, batch", size=count) for count in plan.scenarios]
     crews = [Crew(1, count) for count in plan.scenarios]
@@ -202,17 +202,17 @@ def _measure_memory(plan: Plan) -> list[Row]:
             source = Path(folder) / "grid.toml"
             source.write_text(_GRID.format(count=count), encoding="utf-8")
             command = [sys.executable, "-m", "vibro_cli", "grid", str(source), "-q"]
-            command += ["-o", str(Path(folder) / "out"), "--engine", "numba"]
+            command += ["-o", str(Path(folder) / "out"), "--engine", "compiled"]
             process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
             row = Row("memory", "circle", "vibro grid", "impacts kept", count, _FEW * count)
-            row.memory = _greatest_memory(process)
+            row.memory = greatest_memory(process)
             if process.returncode:
                 row.status, row.note = "failed", f"exit code {process.returncode}"
             rows.append(row)
     return rows
 
 
-def _greatest_memory(process: subprocess.Popen[bytes]) -> int | None:
+def greatest_memory(process: subprocess.Popen[bytes]) -> int | None:
     """Wait for a process; return the greatest memory it had (B), None where nobody tells.
 
     Asked while it runs: what the system tells afterwards begins with the memory of this process.

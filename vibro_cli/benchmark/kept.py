@@ -7,7 +7,6 @@ leaves the rows that the grid keeps as columns; without them, it has the summari
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -31,7 +30,7 @@ from vibro_cli.grids.sample import expected_impacts, impact_density
 from vibro_cli.grids.setting import Setting
 from vibro_cli.grids.solving import Task as Planned
 from vibro_cli.grids.tables import impact_table_of
-from vibro_cli.grids.threads import solve_in_threads
+from vibro_cli.grids.threads import available_cores, solve_in_threads
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import scenario_of
 from vibro_cli.simulation.batch import Batch
@@ -54,8 +53,8 @@ def measure(plan: Plan) -> list[Row]:
     jobs: list[_Kernels | _Whole] = []
     with _grid(_SIDE[plan.form]) as grid:
         for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
-            expected = expected_impacts(one, compiled=True)
-            chunks = Chunks.of(one, expected, impact_density(one, expected, "numba"))
+            expected = expected_impacts(one)
+            chunks = Chunks.of(one, expected, impact_density(one, expected, "compiled"))
             for method, job in ((KERNEL, _Kernels(one, chunks)), (GRID, _Whole(one, chunks))):
                 rows.append(Row(PART, _SCENE, method, setting, size=chunks.points))
                 jobs.append(job)
@@ -86,7 +85,7 @@ def _grid(side: int) -> Iterator[Grid]:
 
 
 def _threads() -> int:
-    return len(os.sched_getaffinity(0))
+    return available_cores()
 
 
 class _Whole:
@@ -107,8 +106,8 @@ class _Whole:
         for name in ("summary", *self._grid.kept_tables):
             (self._folder / name).mkdir(parents=True)
         receipts = solve_in_threads(
-            self._grid, self._chunks, range(self._chunks.count), self._folder, _threads(), "numba",
-            lambda points, impacts: None,
+            self._grid, self._chunks, range(self._chunks.count), self._folder, _threads(),
+            "compiled", lambda points, impacts: None,
         )  # fmt: skip
         self.impacts = sum(receipt.impacts for receipt in receipts)
 
@@ -167,8 +166,9 @@ class _Solver:
             counts = outcomes["kept"].copy()
             log = self._logs.keep(results.impacts, int(counts.sum()))
             given = Logged(
-                task.system, self._batch.world, "numba", task.points, counts, log, task.starts.mass
-            )
+                task.system, self._batch.world, "compiled", task.points, counts, log,
+                task.starts.mass,
+            )  # fmt: skip
             lease = Lease(self._pieces)
             impact_columns(self._kept, [given], points, lease)
             lease.give_back()

@@ -8,15 +8,16 @@ from importlib import metadata
 from pathlib import Path
 
 from vibro_cli import __version__
+from vibro_cli.grids.threads import available_cores
 
-_LIBRARIES = ("numba", "numpy", "scipy", "heyoka", "diffrax", "jax", "CyRK")
+_LIBRARIES = ("numpy", "scipy", "heyoka", "diffrax", "jax", "CyRK")
 
 
 def describe() -> dict[str, str]:
     """Return processor, cores, system and versions, as words."""
     found = {
         "Processor": _processor(),
-        "Cores that may be used": str(len(os.sched_getaffinity(0))),
+        "Cores that may be used": str(available_cores()),
         "Load when it began (1, 5, 15 minutes)": ", ".join(f"{v:.1f}" for v in os.getloadavg()),
         "System": f"{platform.system()} {platform.release()} {platform.machine()}",
         "Python": platform.python_version(),

@@ -24,7 +24,8 @@ TABLE = Table(
             "part",
             "string",
             "",
-            "precision, bodies, arcs, scenarios, cores, grid, kept, memory, skips or systems",
+            "precision, bodies, arcs, scenarios, cores, grid, kept, memory, skips, systems or "
+            "command",
         ),
         Column("scene", "string", "", "name of the scene"),
         Column("method", "string", "", "what was measured"),

@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from vibro_cli.benchmark.measurement import Plan, Row, by_turns, warmed
 from vibro_cli.build import build_any
-from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.simulation.drive import Driver as TraceDriver
-from vibro_cli.simulation.prepare import make_world as trace_world
-from vibro_cli.simulation.turning import variant_of
-from vibro_cli.systems.driving import Driver
-from vibro_cli.systems.springs import run as springs
-from vibro_cli.systems.springs.prepare import make_world as springs_world
-from vibro_cli.systems.springs.system import SpringsSystem
-from vibro_cli.systems.table import run as table
-from vibro_cli.systems.table.prepare import make_world as table_world
-from vibro_cli.systems.table.system import TableSystem
+from vibro_cli.systems import system_named
+from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.wanted import Limits
 
 Document = dict[str, Any]
 PART = "systems"
@@ -75,36 +66,30 @@ SCENES: dict[str, Document] = {
 }  # fmt: skip
 
 
+SLOW = ("springs",)
+"""Scenes that are solved step by step, of which fewer impacts are enough."""
+
+
 class _Task:
     """Runs of one scene, so many impacts and bounces each."""
 
     def __init__(self, document: Document, impacts: int) -> None:
-        system = build_any(any_scenario_of(document))
-        self._make: Callable[[], Driver | TraceDriver]
-        if isinstance(system, System):
-            self._make = lambda: _on_trace(system, impacts)
-        elif isinstance(system, TableSystem):
-            lone = len(system.bodies) == 1
-            stops = (None, None, impacts) if lone else (None, impacts, None)
-            self._make = lambda: Driver(table.LIBRARY, table_world(system, *stops), "numba")
-        else:
-            assert isinstance(system, SpringsSystem)
-            world = springs_world
-            self._make = lambda: Driver(springs.LIBRARY, world(system, None, impacts), "numba")
+        scenario = any_scenario_of(document)
+        self._kind, self._system = system_named(scenario.system), build_any(scenario)
+        lone = len(self._system.bodies) == 1
+        self._limits = Limits(bounces=impacts) if lone else Limits(collisions=impacts)
 
     def ready(self) -> None:
         """Make the records of a run."""
-        self._driver = self._make()
+        kind = self._kind
+        world, overrides = kind.world(self._system, self._limits), kind.overrides(self._system)
+        if hasattr(world.settings[0], "keep"):
+            world.settings[0].keep = 0
+        self._driver = Driver(kind.loop, world, "compiled", None, overrides)
 
     def go(self) -> None:
         """Run."""
         self._driver.run()
-
-
-def _on_trace(system: System, impacts: int) -> TraceDriver:
-    world = trace_world(system, None, impacts)
-    world.settings[0].keep = 0
-    return TraceDriver(world, "numba", None, variant_of(system))
 
 
 def measure(plan: Plan) -> list[Row]:
@@ -112,7 +97,7 @@ def measure(plan: Plan) -> list[Row]:
     long = 5_000 if plan.form == "quick" else 200_000
     rows, tasks = [], []
     for name, document in SCENES.items():
-        impacts = long // 100 if document.get("system") == "springs" else long
+        impacts = long // 100 if name in SLOW else long
         task = _Task(document, impacts)
         rows.append(Row(PART, name, "vibro", impacts=impacts))
         tasks.append((task.ready, task.go))

@@ -49,7 +49,7 @@ class Scene:
         return build_system(scenario_of(self.document))
 
 
-def ball(angle: float, density: float, arc: int = 1, **more: Any) -> Document:
+def ball(angle: float | str, density: float, arc: int = 1, **more: Any) -> Document:
     """A ball of radius 0.1 m."""
     return {"radius": 0.1, "density": density, "arc": arc, "angle": angle, **more}
 

@@ -59,10 +59,10 @@ def _kernel_skips(impacts: int) -> list[tuple[str, Scene, Task, Task]]:
         return lambda: runner.ready(impacts), runner.go
 
     return [
-        (APART, three, task(DriverRunner(three.system, "numba")),
-         task(_Searching(three.system, "numba"))),
-        (ROWS, circle, task(DriverRunner(circle.system, "numba")),
-         task(DriverRunner(circle.system, "numba", keep=True))),
+        (APART, three, task(DriverRunner(three.system, "compiled")),
+         task(_Searching(three.system, "compiled"))),
+        (ROWS, circle, task(DriverRunner(circle.system, "compiled")),
+         task(DriverRunner(circle.system, "compiled", keep=True))),
     ]  # fmt: skip
 
 

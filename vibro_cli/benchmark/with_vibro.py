@@ -9,13 +9,14 @@ import numpy as np
 from vibro_cli.benchmark.motion import Motion
 from vibro_cli.benchmark.runner import Course, Lost, Method, Runner, Setting, course_of
 from vibro_cli.benchmark.scenes import Scene
-from vibro_cli.mechanics.records import NEVER
+from vibro_cli.kernels.ensemble.points import Points
+from vibro_cli.kernels.structs import NEVER
 from vibro_cli.mechanics.system import System
 from vibro_cli.simulation.batch import Batch, make_points
-from vibro_cli.simulation.drive import Driver
+from vibro_cli.simulation.drive import LOOP
 from vibro_cli.simulation.entry import empty_results
-from vibro_cli.simulation.points import Points
 from vibro_cli.simulation.prepare import half_angle, make_world
+from vibro_cli.systems.driver import Driver
 
 COMPILED = "vibro"
 KEPT = "vibro, all rows kept"
@@ -36,7 +37,7 @@ class DriverRunner(Runner):
     system
         What moves.
     engine
-        ``"numba"`` or ``"python"``.
+        ``"compiled"`` or ``"python"``.
     keep
         Whether the rows of impacts and flights are kept.
     most
@@ -57,7 +58,7 @@ class DriverRunner(Runner):
         for _ in range(impacts // each):
             world = make_world(self._system, None, each)
             world.settings[0].keep = int(self._keep)
-            self.drivers.append(Driver(world, self._engine))
+            self.drivers.append(Driver(LOOP, world, self._engine))
 
     def go(self) -> None:
         """Run."""
@@ -78,7 +79,7 @@ class DriverRunner(Runner):
 
     def _times(self) -> list[float]:
         """Times of the first impacts, from a run that keeps them."""
-        driver = Driver(make_world(self._system, None, _FIRST), self._engine)
+        driver = Driver(LOOP, make_world(self._system, None, _FIRST), self._engine)
         driver.run()
         rows: Any = driver.logs["impacts"].table()
         return [float(t) for t in rows["t"]]
@@ -88,7 +89,7 @@ class DriverRunner(Runner):
         pieces, y = [], []
         for ball in range(len(self._system.bodies)):
             flight: Any = driver.world.flights[ball]
-            read = flight.__getitem__ if driver.engine == "numba" else flight.__getattribute__
+            read = flight.__getitem__ if driver.engine == "compiled" else flight.__getattribute__
             piece = int(read("piece"))
             s, c, p = (float(read(name)) for name in "scp")
             on_valley = self._motion.arcs[piece].sign > 0.0
@@ -172,8 +173,8 @@ def methods() -> list[Method]:
         return True
 
     return [
-        Method(COMPILED, EXACT, anywhere, lambda s, _: _driver("numba", False, s), 20_000, True),
-        Method(KEPT, EXACT, anywhere, lambda s, _: _driver("numba", True, s), 20_000),
+        Method(COMPILED, EXACT, anywhere, lambda s, _: _driver("compiled", False, s), 20_000, True),
+        Method(KEPT, EXACT, anywhere, lambda s, _: _driver("compiled", True, s), 20_000),
         Method(BATCH, EXACT, anywhere, lambda s, _: BatchRunner(s.system, s.most), 20_000, True),
         Method(INTERPRETED, EXACT, anywhere, lambda s, _: _driver("python", False, s), 300, True),
     ]

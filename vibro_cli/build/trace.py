@@ -11,7 +11,7 @@ from vibro_cli.build.findings import Findings, Given
 from vibro_cli.mechanics import clearance, placement
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.system import InitialState, System
-from vibro_cli.mechanics.trace import Trace
+from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.mechanics.turning import Turning
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
@@ -146,22 +146,25 @@ def _check_fit(
 
 def _check_contacts(trace: Trace, bodies: tuple[Body, ...], findings: Findings) -> None:
     """Check that bodies touch only as neighbours do."""
+    known: dict[tuple[float, float], tuple[int, ...]] = {}
     for a, b in combinations(range(len(bodies)), 2):
-        behind = clearance.joined_behind(trace, bodies[a].radius, bodies[b].radius)
-        for index in behind:
+        pair = bodies[a].radius, bodies[b].radius
+        if pair not in known:
+            known[pair] = clearance.joined_behind(trace, *pair)
+        for index in known[pair]:
             piece = trace.pieces[index]
             sweep = math.degrees(piece.angle_end - piece.angle_start)
             expected = f"one on which bodies {a + 1} and {b + 1} cannot touch through its gap"
             path = f"trace.arcs[{index + 1}].end_slope"
             findings.add(path, f"an arc of {sweep:.9g} deg", expected)
-    for pair in clearance.overreaching(trace, tuple(body.radius for body in bodies)):
-        first, second = pair.first + 1, pair.second + 1
-        if pair.pieces is not None:
-            arcs = f"arcs {pair.pieces[0] + 1} and {pair.pieces[1] + 1}"
+    for over in clearance.overreaching(trace, tuple(body.radius for body in bodies)):
+        first, second = over.first + 1, over.second + 1
+        if over.pieces is not None:
+            arcs = f"arcs {over.pieces[0] + 1} and {over.pieces[1] + 1}"
             found = f"bodies that from {arcs} may touch body {first} across a gap of the trace"
             findings.add(f"balls[{second}].radius", found, "contacts of neighbours only")
             continue
-        small = min(pair.over, key=lambda index: bodies[index].radius)
+        small = min(over.over, key=lambda index: bodies[index].radius)
         expected = f"one so large that bodies {first} and {second} cannot touch over it"
         findings.add(f"balls[{small + 1}].radius", repr(bodies[small].radius), expected)
 
@@ -250,6 +253,21 @@ def _check_order(
             findings.add(path, found, "bodies that do not overlap")
 
 
+def _check_over_outermost(
+    piece: Piece, bodies: tuple[Body, ...], at_right: bool, findings: Findings
+) -> None:
+    """Check that no inner body reaches a wall over those between it and the wall."""
+    side, outer = ("right", len(bodies) - 1) if at_right else ("left", 0)
+    row = bodies[::-1] if at_right else bodies
+    for step, body in enumerate(row[1:], 1):
+        between = (other.radius for other in row[:step])
+        if all(placement.fits_at_wall(piece, body.radius, r, at_right) for r in between):
+            number = outer - step if at_right else step
+            reach = f"body {number + 1} cannot reach the {side} wall over it"
+            found = repr(bodies[outer].radius)
+            findings.add(f"balls[{outer + 1}].radius", found, f"one so large that {reach}")
+
+
 def _check_walls(
     scenario: Scenario,
     trace: Trace,
@@ -257,7 +275,7 @@ def _check_walls(
     states: list[InitialState | None],
     findings: Findings,
 ) -> None:
-    """Check that the outer bodies can meet their walls, and do not start within them."""
+    """Check that the outer bodies, and none else, can meet their walls, and start free of them."""
     for side, index, piece in (
         ("left", 0, trace.pieces[0]),
         ("right", len(bodies) - 1, trace.pieces[-1]),
@@ -270,6 +288,7 @@ def _check_walls(
             found = f"a wall that body {index + 1} cannot meet on arc {piece.index + 1}"
             findings.add(f"ends.{side}", found, "an end piece with room for the body at its wall")
             continue
+        _check_over_outermost(piece, bodies, at_right, findings)
         state = states[index]
         if state is None or state.piece != piece.index:
             continue

@@ -1,43 +1,45 @@
 """The application: its commands, and how a command line becomes an exit code."""
 
 import os
+from collections.abc import Sequence
 from functools import partial
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
 from vibro_cli import __version__
-from vibro_cli.commands.bench import bench
 from vibro_cli.commands.boundary import perform
-from vibro_cli.commands.check import check
-from vibro_cli.commands.grid import grid
-from vibro_cli.commands.help import help_command
-from vibro_cli.commands.new import new
+from vibro_cli.commands.examples import epilog
 from vibro_cli.commands.options import with_common_options
-from vibro_cli.commands.portrait import portrait
-from vibro_cli.commands.report import report
-from vibro_cli.commands.run import run
-from vibro_cli.commands.schema import schema
-from vibro_cli.commands.show import show
-from vibro_cli.commands.stress import stress
 from vibro_cli.commands.usage import usage_error
-from vibro_cli.commands.verify import verify
-from vibro_cli.commands.warm import warm
 
-app = typer.Typer(
-    name="vibro",
-    help="Vibro-impact dynamics of bodies rolling along curvilinear traces, solved exactly.",
-    epilog="Exit codes: 0 done, 1 failed, 2 wrong usage or invalid scenario, 3 not strict "
-    "(--strict), 129, 130 and 143 interrupted. More: vibro help",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-)
-for command in (
-    run, grid, portrait, report, check, show, verify, schema, new, stress, bench, warm,
-):  # fmt: skip
-    app.command(command.__name__)(with_common_options(command))
-app.command("help")(with_common_options(help_command))
+COMMANDS = (
+    "run", "grid", "orbit", "portrait", "report", "check", "show", "verify", "schema", "new",
+    "stress", "bench", "help",
+)  # fmt: skip
+"""Each is a function of a module of its own, both of this name (help: `help_command`)."""
+
+
+def application(commands: Sequence[str] = COMMANDS) -> typer.Typer:
+    """Return the application with some commands, whose modules are imported."""
+    app = typer.Typer(
+        name="vibro",
+        help="Vibro-impact dynamics of bodies rolling along curvilinear traces, solved exactly.",
+        epilog="\b\nTo begin with:\n  vibro new three_arcs\n  vibro run three_arcs.toml\n"
+        "  vibro report outputs/three_arcs\n\n"
+        "Exit codes: 0 done, 1 failed, 2 wrong usage or invalid scenario, 3 with --strict: a run "
+        "was inadmissible or invalid, 129, 130 and 143 interrupted. More: vibro help",
+        context_settings={"help_option_names": ["-h", "--help"]},
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        callback=main,
+    )
+    for name in commands:
+        module = import_module(f"vibro_cli.commands.{name}")
+        command = getattr(module, "help_command" if name == "help" else name)
+        app.command(name, epilog=epilog(name))(with_common_options(command))
+    return app
 
 
 def _print_version(asked: bool) -> None:
@@ -46,7 +48,6 @@ def _print_version(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def main(
     version: Annotated[
         bool,
@@ -60,6 +61,9 @@ def main(
 
 def _parse_and_run(arguments: list[str]) -> int:
     """Read the command line, then do what it says; the commands only say what is to be done."""
+    # A command needs nothing of the others, whose modules take a tenth of a short run to import.
+    alone = arguments[0] in COMMANDS and arguments[0] != "help"
+    app = application(arguments[:1] if alone else COMMANDS)
     try:
         task: Any = app(arguments, prog_name="vibro", standalone_mode=False)
     except typer.TyperException as error:

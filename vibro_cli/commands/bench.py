@@ -11,7 +11,6 @@ import typer
 from vibro_cli.commands.boundary import DONE, CommandError, say
 from vibro_cli.commands.options import Quiet, Task
 from vibro_cli.commands.streams import json_text
-from vibro_cli.commands.warm import tell_of_compiling
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
@@ -57,7 +56,7 @@ def bench(
     ] = False,
     quiet: Quiet = False,
 ) -> Task:
-    """Measure run time against error, of this solver and of others that are installed."""
+    """Measure run time against error. Of this solver and of others that are installed."""
     if quick and full:
         raise typer.BadParameter("--quick does not go with --full")
     if references is not None:
@@ -82,12 +81,11 @@ def _measure(wishes: _Wishes) -> int:
     from vibro_cli.storage.provenance import FolderRefused, check_replaceable
 
     _check_scenes(wishes.scenes)
-    tell_of_compiling()
     details = {"machine": machine.describe(), "plan": wishes.form}
     missing = sorted(set(precision.PEERS.values()) - set(precision.installed_peers()))
     if missing and not wishes.quiet:
         names = ", ".join(missing)
-        say(f"vibro: not measured, for want of it: {names} (pip install 'vibro[peers]')")
+        say(f"vibro: not measured because not installed: {names} (pip install 'vibro-cli[peers]')")
     rows: list[Row] = []
     try:
         check_replaceable(Path(wishes.output), "benchmark")
@@ -169,7 +167,7 @@ def _renew(target: str, names: tuple[str, ...]) -> int:
             folder.write(MANIFEST_NAME, json_bytes(manifest("references", files, {})))
     except ModuleNotFoundError as error:
         raise CommandError(
-            "vibro: mpmath is missing; install it with: pip install 'vibro[stress]'"
+            "vibro: mpmath is missing; install it with: pip install 'vibro-cli[stress]'"
         ) from error
     except FolderRefused as error:
         raise CommandError(f"vibro: {error}") from error

@@ -1,14 +1,15 @@
 """The one place where errors, signals and closed pipes become words and exit codes.
 
 What the exit codes mean is said once, in `EXIT_CODES`: `--help`, `vibro help exit-codes` and
-README's table come from it.
+the table in docs/ come from it.
 """
 
+import contextlib
 import errno
 import signal
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import FrameType
 from typing import Any
 
@@ -88,17 +89,32 @@ def perform(task: Task, log_format: str = "text") -> int:
         return attempt(lambda: _flushed(task()))
     except BrokenPipeError:  # whoever read our results has enough of them
         return DONE
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as end:
         silence(sys.stdout)  # who does not read any more must not be waited for
-        say("vibro: interrupted; what was finished is kept", "error")
+        say(f"vibro: interrupted; {_left(end)}", "error")
         return INTERRUPTED
     except Terminated as end:
         silence(sys.stdout)
         how = "hung up" if end.exit_code == HUNG_UP else "terminated"
-        say(f"vibro: {how}; what was finished is kept", "error")
+        say(f"vibro: {how}; {_left(end)}", "error")
         return end.exit_code
     finally:
         drain_standard_output()
+
+
+@contextlib.contextmanager
+def leaving(text: str) -> Iterator[None]:
+    """Have it said what is left on the disk when a signal ends the block."""
+    try:
+        yield
+    except (KeyboardInterrupt, Terminated) as end:
+        end.add_note(text)
+        raise
+
+
+def _left(end: BaseException) -> str:
+    """What is left on the disk after a signal; without a word from where it struck, as always."""
+    return next(iter(getattr(end, "__notes__", ())), "what was finished is kept")
 
 
 def reason(error: OSError) -> str:

@@ -39,10 +39,10 @@ def _paths(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
 
 
 def gallery_names(incomplete: str) -> list[str]:
-    """Scenarios of the gallery that begin so."""
-    from vibro_cli.scenario.gallery import names
+    """Scenarios and grids of the gallery that begin so."""
+    from vibro_cli.scenario.gallery import grid_names, names
 
-    return [name for name in names() if name.startswith(incomplete)]
+    return [name for name in [*names(), *grid_names()] if name.startswith(incomplete)]
 
 
 def scenario_keys(incomplete: str) -> list[str]:

@@ -12,13 +12,15 @@ if TYPE_CHECKING:
 CHANGEABLE = ("stop", "output")
 
 
-def read_earlier(folder: Path, overrides: Sequence[str]) -> "EarlierRun":
-    """What a folder keeps of its run.
+def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, EarlierRun | None]":
+    """The scenario that goes on, and what a folder keeps of its run.
+
+    That is None where a run was killed on its way there: it is solved from its start.
 
     Raises `CommandError` when it holds no run that can be continued, and for overrides that would
     make it another run.
     """
-    from vibro_cli.storage.runs import NotContinuable, read_earlier_run
+    from vibro_cli.storage.runs import NotContinuable, read_earlier_run, scenario_of_killed_run
 
     for text in overrides:
         section = text.partition("=")[0].strip().partition(".")[0]
@@ -27,7 +29,11 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "EarlierRun":
                 f"--set {text}: found a value of {section!r}, expected one of stop or output "
                 "(with --continue the rest of the scenario stays as it was)"
             )
+    killed = scenario_of_killed_run(folder)
+    if killed is not None:
+        return killed, None
     try:
-        return read_earlier_run(folder)
+        found = read_earlier_run(folder)
+        return found.scenario, found
     except NotContinuable as error:
         raise CommandError(f"vibro: {error}") from error

@@ -10,6 +10,7 @@ from vibro_cli.commands.boundary import CommandError
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.portrait_type import Portrait
+    from vibro_cli.systems.contract import System
 
 MOST_COMPARED = 6
 Draw = Callable[[str, Any], dict[str, bytes]]
@@ -40,6 +41,16 @@ class Source:
 
         try:
             return self.portrait(path, value)
+        except ScenarioError:
+            return None
+
+    def system(self, path: str, value: Any) -> Any:
+        """The system with one more override; None where the scenario is not possible."""
+        from vibro_cli.build import build_any
+        from vibro_cli.scenario import ScenarioError, load_any
+
+        try:
+            return build_any(load_any(self.name, [*self.overrides, f"{path}={value}"]))
         except ScenarioError:
             return None
 
@@ -83,15 +94,38 @@ def parsed_values(compare: str) -> tuple[str, list[str]]:
 
 def varied(source: Source, vary: str, draw: Draw | None) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The types of a family, where they change, and the figure of its portraits."""
+    record, shown = _varied(vary, source.member, lambda one: one.type)
+    if draw is None or not shown:
+        return record, {}
+    from vibro_cli.figures.family import family
+
+    return record, draw("family", family(shown, source.width))
+
+
+def varied_systems(
+    kind: "System", source: Source, vary: str, draw: Draw | None
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The same of a system that tells the type of a body's portrait (C, part 3: l ≶ b)."""
+    ball = ball_of(vary)
+    record, shown = _varied(vary, source.system, lambda one: str(kind.family_type(one, ball)))
+    if draw is None or not shown:
+        return record, {}
+    return record, draw("family", kind.family_figure(shown, ball, source.width))
+
+
+def _varied(
+    vary: str, member: "Callable[[str, Any], Any]", type_of_member: "Callable[[Any], str]"
+) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
+    """The types of a family and where they change; titles and members that are possible."""
     from vibro_cli.analysis.family import IMPOSSIBLE, changes
 
     path, low, high, number = parsed_range(vary)
     values = [low + (high - low) * step / (number - 1) for step in range(number)]
-    members = {value: source.member(path, repr(value)) for value in values}
+    members = {value: member(path, repr(value)) for value in values}
 
     def type_of(value: float) -> str:
-        one = members[value] if value in members else source.member(path, repr(value))
-        return IMPOSSIBLE if one is None else one.type
+        one = members[value] if value in members else member(path, repr(value))
+        return IMPOSSIBLE if one is None else type_of_member(one)
 
     found = changes(type_of, values)
     record = {
@@ -101,11 +135,7 @@ def varied(source: Source, vary: str, draw: Draw | None) -> tuple[dict[str, Any]
         "changes": [vars(change) for change in found],
     }
     shown = [(f"{path} = {value:.6g}", one) for value, one in members.items() if one is not None]
-    if draw is None or not shown:
-        return record, {}
-    from vibro_cli.figures.family import family
-
-    return record, draw("family", family(shown, source.width))
+    return record, shown
 
 
 def compared(

@@ -13,7 +13,6 @@ from vibro_cli.commands.options import Engine, Overrides, Strict, Task
 from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
-    from vibro_cli.grids.chunks import Expected
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.shards import Shard
 
@@ -64,7 +63,7 @@ def grid(
         bool,
         typer.Option(
             "--dry-run",
-            help="Only tell points, chunks, bytes and time, judged by a timed sample.",
+            help="Only estimate points, chunks, bytes and time, from a timed sample.",
         ),
     ] = False,
     workers: Annotated[
@@ -76,7 +75,7 @@ def grid(
             envvar="VIBRO_WORKERS",
         ),
     ] = 0,
-    engine: Engine = "auto",
+    engine: Engine = "compiled",
     max_failures: Annotated[
         int | None,
         typer.Option(
@@ -121,7 +120,7 @@ def grid(
         bool, typer.Option("--json", help="Print what was done as one JSON object.")
     ] = False,
 ) -> Task:
-    """Sweep parameters of a scenario: a dataset of summaries, and of every impact if kept."""
+    """Sweep parameters of a scenario into a dataset. Summaries, and every impact if kept."""
     if merge and (shard is not None or dask is not None or repair or force):
         raise typer.BadParameter("--merge goes with none of --shard, --dask, --repair and --force")
     wishes = Wishes(
@@ -172,38 +171,29 @@ def load(wishes: Wishes) -> "Grid":
         raise CommandError(f"{wishes.source}: cannot be read: {reason(error)}") from error
 
 
-def prospect(wishes: Wishes, found: "Grid") -> tuple["Expected", str]:
-    """What a grid is expected to have, and its engine: the one asked for, or what it needs."""
-    from vibro_cli.commands.warm import tell_of_compiling
-    from vibro_cli.grids.sample import expected_impacts, is_worth_compiling
-
-    tell_of_compiling()
-    asked = wishes.engine != "auto"
-    compiled = wishes.engine == "numba" if asked else is_worth_compiling(found)
-    expected = expected_impacts(found, compiled)
-    compiled = compiled or (not asked and is_worth_compiling(found, expected))
-    return expected, "numba" if compiled else "python"
-
-
 def _workers(wishes: Wishes) -> int:
-    import os
+    from vibro_cli.grids.threads import available_cores
 
-    return wishes.workers or len(os.sched_getaffinity(0))
+    return wishes.workers or available_cores()
 
 
 def _estimate(wishes: Wishes) -> int:
-    """Say what the grid would take."""
-    from vibro_cli.commands.words import duration, size
-    from vibro_cli.grids.chunks import Chunks
-    from vibro_cli.grids.sample import estimate, impact_density
+    """Say what the grid would take: the start, which is made here too, and the solving."""
+    import time
 
+    from vibro_cli.commands.words import count, duration, lines_of, size
+    from vibro_cli.grids.chunks import Chunks
+    from vibro_cli.grids.sample import estimate, expected_impacts, impact_density
+
+    begin = time.perf_counter()
     found = load(wishes)
-    expected, engine = prospect(wishes, found)
-    chunks = Chunks.of(found, expected, impact_density(found, expected, engine))
-    one = estimate(found, engine)
+    expected = expected_impacts(found)
+    chunks = Chunks.of(found, expected, impact_density(found, expected, wishes.engine))
+    start = time.perf_counter() - begin
+    one = estimate(found, wishes.engine, chunks.stretch)
     workers = _workers(wishes)
     points = chunks.points
-    seconds = points * one.seconds / min(workers, points)
+    seconds = start + points * one.seconds / min(workers, points)
     told = {
         "name": found.name,
         "points": points,
@@ -217,12 +207,17 @@ def _estimate(wishes: Wishes) -> int:
     }
     if wishes.as_json:
         print(json_text(told))
+    divided = count(chunks.count, "chunk", "chunks")
     say(
-        f"{found.name}: {points:,} points in {chunks.count:,} chunks of {_span(chunks.sizes)}\n"
-        f"  impacts    about {told['impacts']:,}\n"
-        f"  disk       about {size(points * one.bytes)}\n"
-        f"  time       about {duration(seconds)} with {workers} workers"
-        f" (from {one.sampled:,} points)"
+        lines_of(
+            f"{found.name}: {points:,} points in {divided} of {_span(chunks.sizes)}",
+            {
+                "impacts": f"about {told['impacts']:,}",
+                "disk": f"about {size(points * one.bytes)}",
+                "time": f"about {duration(seconds)} with {count(workers, 'worker', 'workers')} "
+                f"(from {one.sampled:,} points)",
+            },
+        )
     )
     return DONE
 

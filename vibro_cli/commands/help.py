@@ -10,6 +10,7 @@ from vibro_cli.commands.options import Task
 from vibro_cli.commands.reference import TOPICS, commands
 from vibro_cli.commands.streams import json_text
 from vibro_cli.commands.suggesting import suggestion
+from vibro_cli.commands.terminal import as_terminal_text, terminal_width
 
 
 def help_topics(incomplete: str) -> list[str]:
@@ -25,15 +26,20 @@ def help_command(
             help="A topic, or a command.", show_default=False, autocompletion=help_topics
         ),
     ] = None,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print a topic as Markdown, not for the terminal.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print topic and text as JSON.")] = False,
 ) -> Task:
-    """Print the reference of a topic, the help of a command, or the topics there are."""
+    """Print the reference of a topic, or the help of a command. Without either: the topics."""
     assert context.parent is not None
-    return partial(_print, topic, context.parent, as_json)
+    return partial(_print, topic, context.parent, markdown, as_json)
 
 
-def _print(topic: str | None, program: Any, as_json: bool) -> int:
+def _print(topic: str | None, program: Any, markdown: bool, as_json: bool) -> int:
     text = _text(topic, program)
+    if topic in TOPICS and not markdown:
+        text = as_terminal_text(text, terminal_width())
     if as_json:
         print(json_text({"topic": topic, "text": text}))
     else:
@@ -42,9 +48,10 @@ def _print(topic: str | None, program: Any, as_json: bool) -> int:
 
 
 def _text(topic: str | None, program: Any) -> str:
-    """What is known of a topic."""
+    """What is known of a topic, Markdown, or of a command, as `--help` prints it."""
     if topic is None:
-        return "".join(f"vibro help {name:12} {what}\n" for name, (what, _) in TOPICS.items())
+        listed = [f"vibro help {name:14} {what}\n" for name, (what, _) in TOPICS.items()]
+        return "".join(listed) + "vibro help COMMAND        as vibro COMMAND --help\n"
     if topic in TOPICS:
         text = TOPICS[topic][1]
         return commands(program) if text is None else text()

@@ -3,12 +3,16 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from vibro_cli.commands.boundary import CommandError, reason
+from vibro_cli.commands.completing import scenario_files
+from vibro_cli.commands.suggesting import closest
 
 if TYPE_CHECKING:
     from vibro_cli.build import AnySystem
+    from vibro_cli.grids.document import Grid
     from vibro_cli.mechanics.system import System
     from vibro_cli.scenario import Scenario
     from vibro_cli.scenario.systems import AnyScenario
@@ -65,8 +69,41 @@ def _refusals_told(source: str, read: Callable[[], Loaded]) -> Loaded:
         raise CommandError(str(error), problems=problems) from error
     except OSError as error:
         text = f"cannot be read: {reason(OSError(error.errno, error.strerror))}"
+        if isinstance(error, FileNotFoundError):
+            text += _file_meant(source)
         problem = {"path": "", "message": text, "file": source}
         raise CommandError(f"{source}: {text}", problems=[problem]) from error
+
+
+def _file_meant(source: str) -> str:
+    """A suggestion in the place of a file that is not there: one beside it of a name like its."""
+    beside = scenario_files(str(Path(source).parent / "_")[:-1])
+    stems = {Path(name).stem: name for name in beside if not name.endswith("/")}
+    close = closest(Path(source).stem, stems)
+    return "" if close is None else f" (did you mean {stems[close]!r}?)"
+
+
+def load_scenario_or_grid(
+    source: str, overrides: Sequence[str]
+) -> "tuple[AnyScenario, AnySystem] | Grid":
+    """A scenario with what it describes, or a grid, whichever the file holds.
+
+    Raises `CommandError` with every problem of it.
+    """
+    from vibro_cli.build import build_any
+    from vibro_cli.scenario import any_scenario_of
+    from vibro_cli.scenario.loading import is_grid, load_document
+
+    def read() -> "tuple[AnyScenario, AnySystem] | Grid":
+        document = load_document(source)
+        if is_grid(document.data):
+            from vibro_cli.grids.document import grid_of
+
+            return grid_of(document, Path() if source == "-" else Path(source).parent, overrides)
+        scenario = any_scenario_of(document, overrides)
+        return scenario, build_any(scenario)
+
+    return _refusals_told(source, read)
 
 
 def load_each(

@@ -1,5 +1,6 @@
-"""`vibro new`: a commented scenario to start from."""
+"""`vibro new`: a commented scenario or grid to start from, and its schema for editors."""
 
+import json
 import sys
 from functools import partial
 from pathlib import Path
@@ -10,14 +11,16 @@ import typer
 from vibro_cli.commands.boundary import DONE, CommandError, say
 from vibro_cli.commands.completing import gallery_names
 from vibro_cli.commands.options import Task
-from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.streams import json_text, printable
 
 
 def new(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="Scenario of the gallery.", show_default=False, autocompletion=gallery_names
+            help="Scenario or grid of the gallery.",
+            show_default=False,
+            autocompletion=gallery_names,
         ),
     ] = None,
     listing: Annotated[bool, typer.Option("--list", help="Print the gallery's names.")] = False,
@@ -32,46 +35,80 @@ def new(
         bool, typer.Option("--json", help="Print the names, or the file written, as JSON.")
     ] = False,
 ) -> Task:
-    """Write a commented scenario to start from."""
+    """Write a commented scenario or grid to start from."""
     if listing:
         return partial(_print_names, as_json)
     if name is None:
         raise typer.BadParameter("expected the NAME of a scenario, or --list")
-    return partial(_write_scenario, name, output, force, as_json)
+    return partial(_write, name, output, force, as_json)
 
 
 def _print_names(as_json: bool) -> int:
-    """Print each name with the title of its scenario, which is its first comment."""
-    from vibro_cli.scenario.gallery import names, text
+    """Print each name with the title of its scenario or grid."""
+    from vibro_cli.commands.words import wrapped
+    from vibro_cli.scenario.gallery import grid_names, names, title
 
-    titles = {name: text(name).partition("\n")[0].lstrip("# ") for name in names()}
-    width = max(map(len, titles))
-    for name, title in titles.items():
+    listed = [*names(), *grid_names()]
+    width = max(map(len, listed))
+    for name in listed:
         if as_json:
-            print(json_text({"name": name, "title": title}))
+            print(json_text({"name": name, "title": title(name)}))
         else:
-            print(f"{name:{width}}  {title}")
+            print("\n".join(wrapped(title(name), f"{name:{width}}  ", " " * (width + 2))))
     return DONE
 
 
-def _write_scenario(name: str, output: str | None, force: bool, as_json: bool) -> int:
-    """Write a scenario of the gallery to a file or to standard output."""
+def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
+    """Write a scenario or grid of the gallery to a file or to standard output."""
     from vibro_cli.scenario import ScenarioError
     from vibro_cli.scenario.gallery import text
-    from vibro_cli.storage.files import write_file
 
     try:
         content = text(name)
     except ScenarioError as error:
-        raise CommandError(str(error)) from error
+        raise CommandError(f"{error} (a name of your own: vibro new TEMPLATE -o FILE)") from error
     if output == "-":
         sys.stdout.write(content)
         return DONE
     path = Path(f"{name}.toml" if output is None else output)
     if path.exists() and not force:
         raise CommandError(f"vibro: {path} exists; --force replaces it")
-    write_file(path, content.encode())
+    command, files = _write_files(name, content, path)
     if as_json:
-        print(json_text({"file": str(path)}))
-    say(f"{path} written; solve it with: vibro run {path}")
+        print(json_text({"file": str(path), "files": [str(one) for one in files]}))
+    told = " and ".join(printable(str(one)) for one in files)
+    say(f"{told} written; solve it with: vibro {command} {printable(str(path))}")
     return DONE
+
+
+def _write_files(name: str, content: str, path: Path) -> tuple[str, list[Path]]:
+    """Write a file of the gallery, and beside a grid its scenario unless it is there already.
+
+    Returns the command that solves it, and the files.
+    """
+    from vibro_cli.scenario.gallery import base_of, grid_names, system_of, text
+
+    if name not in grid_names():
+        _write_with_schema(path, content, system_of(name))
+        return "run", [path]
+    base = base_of(name)
+    beside, files = path.with_name(f"{base}.toml"), [path]
+    if not beside.exists():
+        _write_with_schema(beside, text(base), system_of(base))
+        files.append(beside)
+    _write_with_schema(path, content, f"grid-{system_of(base)}")
+    return "grid", files
+
+
+def _write_with_schema(path: Path, content: str, kind: str) -> None:
+    """Write a file whose first line names its schema to editors, and the schema beside it."""
+    from vibro_cli.grids.json_schema import grid_schema
+    from vibro_cli.scenario.json_schema import json_schema
+    from vibro_cli.storage.files import write_file
+
+    system = kind.removeprefix("grid-")
+    schema = json_schema(system) if kind == system else grid_schema(system)
+    beside = path.with_name(f"vibro-{kind}.schema.json")
+    if not beside.exists() or f'"$id": "{schema["$id"]}"' in beside.read_text(encoding="utf-8"):
+        write_file(beside, (json.dumps(schema, indent=2, ensure_ascii=False) + "\n").encode())
+    write_file(path, f"#:schema ./{beside.name}\n{content}".encode())

@@ -35,11 +35,11 @@ Overrides = Annotated[
     ),
 ]
 Engine = Annotated[
-    Literal["auto", "python", "numba"],
+    Literal["compiled", "python"],
     typer.Option(
         "--engine",
         envvar="VIBRO_ENGINE",
-        help="Kernels: interpreted, compiled, or as the scenario needs.",
+        help="Kernels: compiled, or interpreted by Python; the results are the same to the bit.",
     ),
 ]
 CollisionStream = Annotated[

@@ -17,17 +17,15 @@ from vibro_cli.commands.families import (
     parsed_range,
     parsed_values,
     varied,
+    varied_systems,
 )
 from vibro_cli.commands.options import Overrides, Quiet, Task
-from vibro_cli.commands.portrait_systems import lines_of, portrait_of_system
 from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vibro_cli.analysis.portrait_type import Portrait
-    from vibro_cli.mechanics.system import System
-    from vibro_cli.scenario import Scenario
+    from vibro_cli.scenario.systems import AnyScenario
 
 _FORMS = ("png", "pdf")
 
@@ -64,8 +62,7 @@ def portrait(
         str | None,
         typer.Option(
             metavar="PATH=A,B,…",
-            help="A few portraits one over the other, e.g. "
-            "--compare balls[1].body=particle,disk,ball.",
+            help="A few portraits one over the other, e.g. --compare balls[1].body=particle,ball.",
         ),
     ] = None,
     output: Annotated[
@@ -85,7 +82,7 @@ def portrait(
     ] = False,
     quiet: Quiet = False,
 ) -> Task:
-    """Phase portrait of each body on the whole trace: singular points, separatrices, their type."""
+    """Draw phase portraits without a run. Singular points, separatrices and type of each body."""
     wishes = _Wishes(scenario, overrides, vary, compare, output, width, figures, as_json, quiet)
     if vary is not None:
         parsed_range(vary)  # a wrong usage is told before anything is read
@@ -97,8 +94,6 @@ def portrait(
 def _portray(wishes: _Wishes) -> int:
     """Analyse, draw, write and print."""
     from vibro_cli.commands.loading import load_any
-    from vibro_cli.mechanics.system import System
-    from vibro_cli.scenario import Scenario
     from vibro_cli.storage.portraits import check_portrait_folder, write_portraits
     from vibro_cli.storage.provenance import FolderRefused
 
@@ -113,12 +108,7 @@ def _portray(wishes: _Wishes) -> int:
     try:
         if folder is not None:
             check_portrait_folder(folder)
-        if isinstance(scenario, Scenario) and isinstance(system, System):
-            found, drawn = _analysed(wishes, scenario, system)
-            lines = _lines
-        else:
-            found, drawn = _of_other_system(wishes, scenario.name, system)
-            lines = lines_of
+        found, drawn = _analysed(wishes, scenario, system)
         if folder is not None:
             write_portraits(scenario, found, folder, drawn)
     except FolderRefused as error:
@@ -126,45 +116,42 @@ def _portray(wishes: _Wishes) -> int:
     if wishes.as_json:
         print(json_text(found))
     elif not wishes.quiet:
-        print("\n".join(lines(found)))
+        print("\n".join(_lines(scenario, found)))
     if folder is not None and not wishes.quiet:
         say(f"{scenario.name}: files in {folder}")
     return DONE
 
 
 def _analysed(
-    wishes: _Wishes, scenario: "Scenario", system: "System"
+    wishes: _Wishes, scenario: "AnyScenario", system: Any
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The table of the singular points of each body, and the figures' files."""
-    from vibro_cli.analysis.landscape import Landscape
-    from vibro_cli.analysis.portrait_type import as_record, portrait_of
+    """The singular points of each body, and the figures' files."""
+    from vibro_cli.systems import system_named
+    from vibro_cli.systems.contract import NoPortrait
 
-    portraits = [portrait_of(Landscape.of(system, n + 1)) for n in range(len(system.bodies))]
-    bodies = [{"ball": n, **as_record(one)} for n, one in enumerate(portraits, 1)]
-    found: dict[str, Any] = {"name": scenario.name, "bodies": bodies}
-    drawn = _drawn(portraits, wishes.width) if wishes.figures else {}
+    kind = system_named(scenario.system)
+    if wishes.compare and not kind.has_families:
+        raise CommandError(f"vibro: {scenario.name}: --compare is of traces")
+    if wishes.vary and not kind.has_families and kind.family_type(system, 1) is None:
+        raise CommandError(f"vibro: {scenario.name}: --vary is of traces and springs")
+    try:
+        table, figures = kind.portrait(system, wishes.width, wishes.figures)
+    except NoPortrait as error:
+        raise CommandError(f"vibro: {scenario.name}: {error}") from error
+    found: dict[str, Any] = {"name": scenario.name, **table}
+    drawn = {
+        name: file for stem, one in figures.items() for name, file in _files(stem, one).items()
+    }
     source = Source(wishes.source, tuple(wishes.overrides), wishes.width)
     draw = _files if wishes.figures else None
     if wishes.vary is not None:
-        found["family"], more = varied(source, wishes.vary, draw)
+        of_kind = varied if kind.has_families else partial(varied_systems, kind)
+        found["family"], more = of_kind(source, wishes.vary, draw)
         drawn |= more
     if wishes.compare is not None:
         found["comparison"], more = compared(source, wishes.compare, draw)
         drawn |= more
     return found, drawn
-
-
-def _of_other_system(
-    wishes: _Wishes, name: str, system: Any
-) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The singular points of a system other than the trace, and the figures' files."""
-    if wishes.vary or wishes.compare:
-        raise CommandError(f"vibro: {name}: --vary and --compare are of traces")
-    found, figures = portrait_of_system(name, system, wishes.width, wishes.figures)
-    files: dict[str, bytes] = {}
-    for stem, figure in figures.items():
-        files |= _files(stem, figure)
-    return found, files
 
 
 def _files(stem: str, figure: "Figure") -> dict[str, bytes]:
@@ -174,35 +161,11 @@ def _files(stem: str, figure: "Figure") -> dict[str, bytes]:
     return {f"{stem}.{form}": render(figure, form) for form in _FORMS}
 
 
-def _drawn(portraits: "Sequence[Portrait]", width: str) -> dict[str, bytes]:
-    """The portraits; bodies of equal radius and inertia share theirs."""
-    from vibro_cli.figures.structure import structure
-
-    groups: dict[tuple[float, float], list[int]] = {}
-    for ball, one in enumerate(portraits, 1):
-        body = one.landscape.body
-        groups.setdefault((body.radius, body.kappa), []).append(ball)
-    files: dict[str, bytes] = {}
-    for balls in groups.values():
-        index = ",".join(map(str, balls))
-        figure = structure(portraits[balls[0] - 1], width, index if len(groups) > 1 else "")
-        files |= _files(f"portrait_{index.replace(',', '_')}", figure)
-    return files
-
-
-def _lines(found: dict[str, Any]) -> Iterator[str]:
+def _lines(scenario: "AnyScenario", found: dict[str, Any]) -> Iterator[str]:
     """The table as text."""
-    for body in found["bodies"]:
-        yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
-        yield "  point  kind        arc  angle [rad]     s [m]      E [J]   E/(m g) [m]"
-        for point in body["points"]:
-            angle = "         -" if point["angle"] is None else f"{point['angle']:10.6f}"
-            yield (
-                f"  {point['name']:5}  {point['kind']:10}  {point['arc']:3}  {angle}  "
-                f"{point['s']:9.6f}  {point['energy']:9.6g}  {point['height']:9.6g}"
-            )
-        for trigger in body["triggers"]:
-            yield f"  {trigger['points']}: {trigger['orbit']}; {trigger['condition']}"
+    from vibro_cli.systems import system_named
+
+    yield from system_named(scenario.system).portrait_lines(found)
     if "family" in found:
         yield from family_lines(found["family"])
     if "comparison" in found:

@@ -1,6 +1,6 @@
 """The reference: commands, scenario keys, tables, exit codes, environment; said once, as Markdown.
 
-`vibro help TOPIC` prints it and README.md holds it between markers; a test keeps them equal.
+`vibro help TOPIC` prints it, and docs/ holds it between markers; a test keeps them equal.
 """
 
 import re
@@ -9,19 +9,19 @@ from functools import partial
 from typing import Any
 
 from vibro_cli.commands.boundary import EXIT_CODES
+from vibro_cli.systems import NAMES as SYSTEMS
 
 COMMON = ("quiet", "verbose", "log_format")
 """Options that every command has."""
 
 ENVIRONMENT = {
     "VIBRO_ENGINE": "`--engine` of every command that has it",
-    "VIBRO_FIGURES": "`0`: as with `--no-figures`",
+    "VIBRO_FIGURES": "`--figures` of `vibro run`; `0`: as with `--no-figures`",
     "VIBRO_STRICT": "`1`: as with `--strict`",
     "VIBRO_WORKERS": "`--workers` of `vibro grid`",
     "VIBRO_DASK": "`--dask` of `vibro grid`",
     "VIBRO_LOG_FORMAT": "`--log-format` of every command",
-    "VIBRO_CACHE_DIR": "where compiled kernels are kept, instead of the platform's cache folder",
-    "NO_COLOR": "nothing is coloured, so nothing changes",
+    "NO_COLOR": "has no effect: the output is never coloured",
 }
 
 
@@ -80,7 +80,11 @@ def scenario(system: str = "trace", below: str = "") -> str:
     """Every key of a system's scenarios, or those below a path, from their JSON Schema."""
     from vibro_cli.scenario.json_schema import json_schema
 
-    schema = json_schema(system)
+    return _keys_of(json_schema(system), below)
+
+
+def _keys_of(schema: dict[str, Any], below: str = "") -> str:
+    """Every key that a JSON Schema has, or those below a path, with default and meaning."""
     lines = ["| key | default | meaning |", "|---|---|---|"]
     for path, node, required in _keys(schema, schema, ""):
         if not path.startswith(below):
@@ -128,10 +132,96 @@ def tables() -> str:
 
 def of_system(system: str) -> str:
     """Every key of a system's scenarios, and every column of its tables."""
-    from vibro_cli.storage.schema import markdown_of
-    from vibro_cli.storage.system_schema import system_reference
+    from vibro_cli.storage.schema import markdown_of, reference
 
-    return f"{scenario(system)}\n{markdown_of(system_reference(system))}"
+    return f"{scenario(system)}\n{markdown_of(reference(system))}"
+
+
+_GRID = """A grid file (TOML, JSON or YAML) names a scenario, or has one inline, and the axes that
+change it. Any scalar of the scenario may be on an axis, numbers and words; numbers may carry their
+unit.
+
+```toml
+base = "three_arcs.toml"   # from the folder of this file
+
+[[axes]]                   # of a product, the last axis changes fastest
+path = "balls[1].angle"
+linspace = ["-80 deg", "-50 deg", 61]
+
+[[axes]]
+path = "collision.k"
+values = [1.0, 0.9, 0.8]
+
+[keep]
+collisions = true          # every impact too, not only summaries
+```
+
+"""
+
+
+def grid_file() -> str:
+    """What a grid file is, and every key of it, without those of an inline scenario."""
+    from vibro_cli.grids.json_schema import grid_schema
+
+    schema = grid_schema()
+    schema["properties"]["scenario"] = {
+        "description": schema["properties"]["scenario"]["description"]
+    }
+    return _GRID + _keys_of(schema)
+
+
+LAWS = {
+    "hedrih": "the papers' law: the moments of momentum about the contact points, J_Pa ω_a + "
+    "J_Pb ω_b with J_P = κ m r², are conserved, and ω_b⁺ − ω_a⁺ = k (ω_a⁻ − ω_b⁻)",
+    "normal-impulse": "an impulse along the line of centres, Newton's restitution on the speed of "
+    "approach, rolling kept; it always separates the bodies, and equals `hedrih` for equal radii "
+    "on one piece of the trace",
+    "translational": "the classical central impact: as `hedrih`, with m for J_P and v for ω; with "
+    "bodies of unequal κ it does not conserve the energy of rolling, not even at k = 1",
+}
+
+
+def laws() -> str:
+    """The impact laws, and what happens at an impact that they do not allow."""
+    rows = [f"| `{name}` | {text} |" for name, text in LAWS.items()]
+    return f"""Two neighbours collide when their centres are r_a + r_b apart and approach.
+`collision.law` is one of these, `collision.k` the coefficient of restitution from 0 to 1; ⁻ is
+before the impact, ⁺ after it, ω the angular velocity of rolling, v the speed of the centre,
+κ = 1 + J_C/(m r²).
+
+{chr(10).join(["| law | what it says |", "|---|---|", *rows])}
+
+Under `hedrih` and `translational` bodies of unequal radii, or of equal radii on two pieces of the
+trace, may approach each other still after the impact: they would go through one another. Every
+impact is tested for it. Such an impact is inadmissible: the run ends there
+(`collision.inadmissible = "stop"`, the default), or `normal-impulse` is used for that impact, which
+is marked (`collision.inadmissible = "normal-impulse"`).
+"""
+
+
+def units() -> str:
+    """The units that numbers may be given in."""
+    from vibro_cli.grids.paths import UNITS as SI
+    from vibro_cli.scenario.units import DIMENSIONS, UNITS
+
+    lines = ["| quantity | SI | also |", "|---|---|---|"]
+    for quantity, dimension in DIMENSIONS.items():
+        own = [name for name, unit in UNITS.items() if unit.dimension == dimension]
+        names = " ".join(f"`{name}`" for name in own if name != SI[quantity])
+        lines.append(f"| {quantity} | `{SI[quantity]}` | {names} |")
+    dimensions = set(DIMENSIONS.values())
+    others = [name for name, unit in UNITS.items() if unit.dimension not in dimensions]
+    return f"""A number without a unit is in SI units, an angle in radians. A number with a
+dimension may also be a text with its unit, such as `"60 deg"`, `"7.8 g/cm^3"`, `"30 rpm"`; it is
+converted exactly and rounded once. On the command line it needs no quotation marks of its own:
+`--set "balls[1].angle=-60 deg"`.
+
+{chr(10).join(lines)}
+
+Units are combined by a space, `*` or `/`, which divides by the next unit only, with powers such as
+`s^-2`, `s**-2` or `s⁻²`: `9.81 m s^-2` and `9.81 m/s^2` are the same. For that there are also
+{", ".join(f"`{name}`" for name in others)}.
+"""
 
 
 def exit_codes() -> str:
@@ -146,13 +236,25 @@ def environment() -> str:
     return "\n".join(["| variable | meaning |", "|---|---|", *rows]) + "\n"
 
 
+def _papers() -> str:
+    from vibro_cli.commands.papers import papers
+
+    return papers()
+
+
 TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
     "commands": ("every command and its options", None),
     "scenario": ("the keys of a scenario", scenario),
+    "grid-file": ("the keys of a grid file", grid_file),
+    "units": ("the units that numbers may be given in", units),
+    "laws": ("the impact laws, and inadmissible impacts", laws),
     "tables": ("the columns of the tables", tables),
     "turning": ("keys of a trace that turns", partial(scenario, below="trace.turning")),
-    "table": ('keys and tables of `system = "table"`', partial(of_system, "table")),
-    "springs": ('keys and tables of `system = "springs"`', partial(of_system, "springs")),
+    **{
+        f"{name}-system": (f'keys and tables of system = "{name}"', partial(of_system, name))
+        for name in SYSTEMS[1:]
+    },
+    "papers": ("which command shows what of the papers", _papers),
     "exit-codes": ("what the exit codes mean", exit_codes),
     "environment": ("the variables of the environment that are read", environment),
 }

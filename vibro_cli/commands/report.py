@@ -17,10 +17,10 @@ from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.figures.kinds import Drawn
-    from vibro_cli.storage.stored import StoredRun, StoredSystemRun
+    from vibro_cli.storage.stored import StoredRun
     from vibro_cli.storage.stored_grid import StoredGrid
 
-    Runs = list[StoredRun] | list[StoredSystemRun]
+    Runs = list[StoredRun]
     Subject = Runs | StoredGrid
 
 
@@ -67,14 +67,14 @@ def report(
     ] = None,
     width: Annotated[
         Literal["single", "double"],
-        typer.Option(help="Of --pdf and --figures: one column (85 mm) or two (170 mm)."),
+        typer.Option(help="Width of --pdf and --figures: one column (85 mm) or two (170 mm)."),
     ] = "double",
     maps: Annotated[
         list[str],
         typer.Option(
             "--map",
             metavar="COLUMN",
-            help="Of a grid: also the map of this column of the summary over two axes; repeatable.",
+            help="For a grid: also a map of this column of the summary over two axes; repeatable.",
             show_default=False,
         ),
     ] = [],  # noqa: B006 (typer copies it)
@@ -89,21 +89,22 @@ def report(
     span: Annotated[
         str | None,
         typer.Option(
-            metavar="FROM:TO", help="Of --animate: times in s [default: the first 30 s of film]."
+            metavar="FROM:TO",
+            help="Times shown by --animate, in s [default: the first 30 s of film].",
         ),
     ] = None,
     pace: Annotated[
         float,
-        typer.Option(min=1e-6, help="Of --animate: motion's time in s in a second of the film."),
+        typer.Option(min=1e-6, help="Seconds of motion in a second of the film (--animate)."),
     ] = 1.0,
     fps: Annotated[
-        int, typer.Option(min=1, max=100, help="Of --animate: frames in a second of the film.")
+        int, typer.Option(min=1, max=100, help="Frames per second of the film (--animate).")
     ] = 25,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print what was written as one JSON object.")
     ] = False,
 ) -> Task:
-    """Write a self-contained HTML page of a run, of several runs compared, or of a grid."""
+    """Write an HTML page of a run, of runs compared, or of a grid. It needs no other file."""
     film = None if animate is None else FilmWishes(animate, span, pace, fps)
     if film is not None and len(folders) > 1:
         raise typer.BadParameter("--animate: found several runs, expected one")
@@ -125,7 +126,6 @@ def _target(wishes: _Wishes) -> Path:
 def _report(wishes: _Wishes) -> int:
     from vibro_cli.report.page import is_report
     from vibro_cli.storage.files import write_file
-    from vibro_cli.storage.stored import StoredRun
 
     _check(wishes)
     target = _target(wishes)
@@ -148,7 +148,6 @@ def _report(wishes: _Wishes) -> int:
     if wishes.film is not None:
         assert isinstance(subject, list)
         (run,) = subject
-        assert isinstance(run, StoredRun)
         write_film(run, wishes.film)
     if wishes.as_json:
         film = None if wishes.film is None else wishes.film.target
@@ -176,22 +175,17 @@ def _subject(wishes: _Wishes) -> "Subject":
 
 def _runs(wishes: _Wishes) -> "Runs":
     """The runs of the folders, all of one system; raises `CommandError` where that is not so."""
-    from vibro_cli.storage.stored import StoredRun, StoredSystemRun
-
     found = [_opened(folder) for folder in wishes.folders]
     systems = [run.scenario.system for run in found]
     for folder, system in zip(wishes.folders, systems, strict=True):
         if system != systems[0]:
             first = f"{wishes.folders[0]} of {systems[0]}"
             raise CommandError(f"vibro: {folder} is of {system} and {first}; expected one system")
-    runs = [run for run in found if isinstance(run, StoredRun)]
-    if not runs:
-        if wishes.film is not None:
-            raise CommandError(f"vibro: --animate: found {systems[0]}, expected a run of a trace")
-        return [run for run in found if isinstance(run, StoredSystemRun)]
     if wishes.film is not None:
-        check_film(runs[0], wishes.film)
-    return runs
+        if not found[0].kind.has_film:
+            raise CommandError(f"vibro: --animate: found {systems[0]}, expected a run of a trace")
+        check_film(found[0], wishes.film)
+    return found
 
 
 def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
@@ -210,25 +204,20 @@ def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
 
 
 def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
-    from vibro_cli.report.page import grid_html, report_html, system_html
-    from vibro_cli.storage.stored import StoredRun, StoredSystemRun
+    from vibro_cli.report.page import grid_html, report_html
 
     if isinstance(subject, list):
-        of_trace = [run for run in subject if isinstance(run, StoredRun)]
-        if of_trace:
-            return report_html(of_trace, beside, __version__)
-        others = [run for run in subject if isinstance(run, StoredSystemRun)]
-        return system_html(others, beside, __version__)
+        return report_html(subject, beside, __version__)
     return grid_html(subject, beside, __version__, maps)
 
 
-def _opened(folder: Path) -> "StoredRun | StoredSystemRun":
+def _opened(folder: Path) -> "StoredRun":
     """The run of a folder; raises `CommandError` when there is none."""
     from vibro_cli.storage.runs import NotContinuable
-    from vibro_cli.storage.stored import open_any_run
+    from vibro_cli.storage.stored import open_run
 
     try:
-        return open_any_run(folder)
+        return open_run(folder)
     except NotContinuable as error:
         raise CommandError(f"vibro: {error}") from error
 
@@ -250,20 +239,14 @@ def _check(wishes: _Wishes) -> None:
 def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tuple[str, Drawn]]":
     """Every figure of what is reported, with the stem of its files."""
     from vibro_cli.figures.grid_kinds import draw_grid
-    from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
-    from vibro_cli.figures.system_kinds import draw_system
-    from vibro_cli.storage.stored import StoredRun, StoredSystemRun
+    from vibro_cli.figures.kinds import draw_all
 
     if not isinstance(subject, list):
         yield from ((drawn.name, drawn) for drawn in draw_grid(subject, width, maps))
         return
     for place, run in enumerate(subject, 1):
-        assert isinstance(run, StoredRun | StoredSystemRun)
         prefix = f"{place}_{run.scenario.name}_" if len(subject) > 1 else ""
-        if isinstance(run, StoredRun):
-            each = draw_all(run, [PORTRAIT, *KINDS], width)
-        else:
-            each = draw_system(run.run, width)
+        each = draw_all(run.run, None, width)
         yield from ((f"{prefix}{drawn.name}", drawn) for drawn in each)
 
 

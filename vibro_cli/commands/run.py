@@ -45,6 +45,16 @@ Earlier = Annotated[
         "never stopped; the results replace DIR unless -o says otherwise.",
     ),
 ]
+FiguresWanted = Annotated[
+    str,
+    typer.Option(
+        "--figures",
+        metavar="all|NAME,…",
+        envvar="VIBRO_FIGURES",
+        help="Draw these kinds of figures, or all there are; docs/figures.md names them. default: "
+        "of a trace the phase portraits, of table and springs what shows their motion; 0: none.",
+    ),
+]
 
 
 def run(
@@ -52,19 +62,22 @@ def run(
     output: OutputFolder = None,
     overrides: Overrides = [],  # noqa: B006
     earlier: Earlier = None,
-    figures: Annotated[
-        bool,
-        typer.Option(
-            "--figures/--no-figures", envvar="VIBRO_FIGURES", help="Draw the phase portraits."
-        ),
-    ] = True,
-    engine: Engine = "auto",
+    figures: FiguresWanted = "default",
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw nothing.")] = False,
+    engine: Engine = "compiled",
     stream: CollisionStream = None,
     summary_as_json: Annotated[
-        bool, typer.Option("--json", help="Print each summary to standard output as a JSON line.")
+        bool,
+        typer.Option(
+            "--json",
+            help="Print a JSON line for each run: scenario, overrides, folder and summary.",
+        ),
     ] = False,
     strict: Strict = False,
     fail_fast: FailFast = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace a run in DIR that has other parameters.")
+    ] = False,
 ) -> Task:
     """Solve scenarios: tables, phase portraits and a summary of each."""
     if (earlier is None) == (not scenarios):
@@ -87,9 +100,10 @@ def run(
         output=output,
         stream=stream,
         summary_as_json=summary_as_json,
-        figures=figures,
+        figures="0" if no_figures else figures,
         strict=strict,
         fail_fast=fail_fast,
+        force=force,
     )
     return partial(_run_all if earlier is None else _continue, wishes)
 
@@ -99,6 +113,8 @@ def _run_all(wishes: Wishes) -> int:
     from vibro_cli.commands.loading import check_names, load_each, together
 
     loaded, refused = load_each(wishes.sources, wishes.overrides)
+    for scenario, _ in loaded:
+        wishes.kinds_of(scenario.system)
     check_names([scenario for scenario, _ in loaded])
     if refused and (wishes.fail_fast or not loaded):
         _print_refused(wishes, refused)
@@ -122,8 +138,9 @@ def _continue(wishes: Wishes) -> int:
     from vibro_cli.commands.loading import load_any
 
     assert wishes.earlier is not None
-    found = read_earlier(wishes.earlier, wishes.overrides)
-    scenario, _ = load_any(str(found.scenario), wishes.overrides)
+    source, found = read_earlier(wishes.earlier, wishes.overrides)
+    scenario, _ = load_any(str(source), wishes.overrides)
+    wishes.kinds_of(scenario.system)
     _check_folders(wishes, [scenario])
     return solve(wishes, scenario, found)
 
@@ -142,7 +159,7 @@ def _check_folders(wishes: Wishes, scenarios: "Sequence[AnyScenario]") -> None:
         folder = wishes.folder_of(scenario.name)
         try:
             if folder is not None:
-                check_run_folder(folder)
+                check_run_folder(folder, scenario, wishes.may_replace(folder))
         except FolderRefused as error:
             raise CommandError(f"vibro: {error}") from error
 
@@ -152,7 +169,7 @@ def _print_refused(wishes: Wishes, refused: "list[Refused]") -> None:
     if wishes.summary_as_json:
         for one in refused:
             line = {
-                "scenario": one.source,
+                **wishes.line_head(one.source, None),
                 "status": "invalid",
                 "reason": str(one.error),
                 "problems": one.error.problems,

@@ -124,7 +124,7 @@ def _read(file: Path) -> "pyarrow.Table":
     from vibro_cli.storage.tables import read_parquet
 
     if file.is_dir():
-        raise CommandError(f"{file}: found a folder, expected a file like {file}/summary.parquet")
+        raise CommandError(f"{file}: found a folder, expected {_file_like(file)}")
     try:
         return read_parquet(file)
     except FileNotFoundError as error:
@@ -133,6 +133,15 @@ def _read(file: Path) -> "pyarrow.Table":
         raise CommandError(f"{file}: cannot be read: {reason(error)}", FAILED) from error
     except pyarrow.ArrowException as error:
         raise CommandError(f"{file}: no parquet table: {' '.join(str(error).split())}") from error
+
+
+def _file_like(folder: Path) -> str:
+    """A parquet file in a folder, the summary of a run or grid before others, or what one is."""
+    found = sorted(folder.glob("*.parquet")) + sorted(folder.glob("*/*.parquet"))
+    if not found:
+        return "a parquet file, and it holds none"
+    first = min(found, key=lambda path: "summary" not in path.relative_to(folder).parts[0])
+    return f"a file like {printable(str(first))}"
 
 
 def _meta(data: "pyarrow.Table", name: str, key: bytes) -> str:
@@ -166,13 +175,14 @@ def _text(value: Any) -> str:
 
 def _blocks(data: "pyarrow.Table", first: int, width: int | None) -> Iterator[str]:
     """The table as lines, in blocks of as many columns as fit the width, rows numbered from 1."""
-    number = _aligned(["row", "", *(str(first + 1 + row) for row in range(data.num_rows))])
+    number = _aligned(["row", "", *(str(first + 1 + row) for row in range(data.num_rows))], True)
     block: list[list[str]] = [number]
     used = len(number[0])
     for name in data.column_names:
-        values = (_text(value) for value in data[name].to_pylist())
+        values = data[name].to_pylist()
         head = (printable(name), printable(_meta(data, name, b"unit")))
-        column = _aligned([*head, *values])
+        words = any(isinstance(value, str) for value in values)
+        column = _aligned([*head, *map(_text, values)], not words)
         needed = len(column[0]) + 2
         if width is not None and used + needed > width and len(block) > 1:
             yield from _joined(block)
@@ -183,10 +193,10 @@ def _blocks(data: "pyarrow.Table", first: int, width: int | None) -> Iterator[st
     yield from _joined(block)
 
 
-def _aligned(cells: list[str]) -> list[str]:
-    """Cells of one column, all as wide as the widest."""
+def _aligned(cells: list[str], right: bool) -> list[str]:
+    """Cells of one column, all as wide as the widest: numbers end, words begin in one line."""
     width = max(map(len, cells))
-    return [cell.rjust(width) for cell in cells]
+    return [cell.rjust(width) if right else cell.ljust(width) for cell in cells]
 
 
 def _joined(columns: list[list[str]]) -> Iterator[str]:

@@ -19,6 +19,7 @@ class _Wishes:
     full: bool
     seed: int
     only: tuple[str, ...]
+    cases: int | None
     as_json: bool
     output: str | None
     quiet: bool
@@ -33,6 +34,15 @@ def stress(
         list[str],
         typer.Option("--only", metavar="NAME", help="Only this check; repeatable."),
     ] = [],  # noqa: B006 (typer copies it)
+    cases: Annotated[
+        int | None,
+        typer.Option(
+            "--cases",
+            metavar="N",
+            min=1,
+            help="How many scenes the checks drawn and digits draw (else as many as they think).",
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print it as JSON, a line for each finding.")
     ] = False,
@@ -47,8 +57,8 @@ def stress(
     ] = None,
     quiet: Quiet = False,
 ) -> Task:
-    """Try to break the solver: every mark, what was tried, the worst found. Exit code 1: missed."""
-    wishes = _Wishes(full, seed, tuple(only), as_json, output, quiet)
+    """Try to break the solver. Every mark, what was tried, the worst found. Exit code 1: missed."""
+    wishes = _Wishes(full, seed, tuple(only), cases, as_json, output, quiet)
     return partial(_run_suite, wishes)
 
 
@@ -62,7 +72,7 @@ def _run_suite(wishes: _Wishes) -> int:
     if unknown:
         expected = ", ".join(suite.NAMES)
         raise CommandError(f"vibro: --only: no check {unknown[0]!r}; expected one of {expected}")
-    plan = Plan(wishes.seed, wishes.full)
+    plan = Plan(wishes.seed, wishes.full, wishes.cases)
     findings = []
     try:
         if wishes.output is not None:

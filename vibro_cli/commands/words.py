@@ -1,10 +1,20 @@
 """Numbers and causes in words, for people at a terminal."""
 
+import shlex
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from vibro_cli.commands.streams import printable
+
+COLUMNS = 80
+"""Width of what is said, which the narrowest usual terminal has."""
+
+_COPIED = ("files", "next")
+_INADMISSIBLE = (
+    "--set collision.inadmissible=normal-impulse goes on, with Newton's law for such impacts"
+)
 
 END_CAUSES = {
     "time": "the time asked for was reached",
@@ -28,8 +38,8 @@ def quantity(value: float | None, unit: str = "", digits: int = 6) -> str:
 
 
 def count(number: int, one: str, several: str) -> str:
-    """A number of things: `1 impact`, `3 impacts`."""
-    return f"{number} {one if number == 1 else several}"
+    """A number of things: `1 impact`, `3 impacts`, `24,000 impacts`."""
+    return f"{number:,} {one if number == 1 else several}"
 
 
 def size(number: float) -> str:
@@ -51,18 +61,53 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
-def summary_text(name: str, record: Mapping[str, Any], folder: Path | None) -> str:
-    """The summary of a run in a few lines; `record` has the columns of the summary table."""
-    lines = [f"{name}: {_ending(record)}"]
-    if record["status"] == "ok":
-        lines.append(f"  impacts    {_impacts(record)}")
-        lines.append(f"  energy     {_energy(record)}")
-        lines.append(f"  accuracy   {_accuracy(record)}")
-        if "min_normal_force" in record:
-            lines.append(f"  validity   {_validity(record)}")
-    if folder is not None:
-        lines.append(f"  files      {printable(str(folder))}")
+def lines_of(title: str, items: Mapping[str, str]) -> str:
+    """A title and what there is to say below it, each item by its label, in lines of 80 columns.
+
+    What is to be copied, the name of a folder and the next command, is never broken.
+    """
+    lines = wrapped(title, "", " " * 4)
+    for label, text in items.items():
+        first = f"  {label:10} "
+        lines += [first + text] if label in _COPIED else wrapped(text, first, " " * len(first))
     return "\n".join(lines)
+
+
+def wrapped(text: str, first: str, others: str) -> list[str]:
+    """A text in lines of 80 columns, what the first and the others begin with included."""
+    return textwrap.wrap(
+        text,
+        COLUMNS,
+        initial_indent=first,
+        subsequent_indent=others,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def report_command(folder: Path) -> str:
+    """The command that comes after one that has filled a folder, to be typed as it stands."""
+    return f"vibro report {shlex.quote(printable(str(folder)))}"
+
+
+def summary_text(
+    name: str, record: Mapping[str, Any], folder: Path | None, one_sided: bool = False
+) -> str:
+    """The summary of a run in a few lines; `record` has the columns of the summary table."""
+    items = {}
+    if record["status"] == "ok":
+        items = {
+            "impacts": _impacts(record),
+            "energy": _energy(record),
+            "accuracy": _accuracy(record),
+        }
+        if "min_normal_force" in record:
+            items["validity"] = _validity(record, one_sided)
+    if folder is not None:
+        items |= {"files": printable(str(folder)), "next": report_command(folder)}
+    if record["end_cause"] == "inadmissible":
+        items["hint"] = _INADMISSIBLE
+    return lines_of(f"{name}: {_ending(record)}", items)
 
 
 def _ending(record: Mapping[str, Any]) -> str:
@@ -73,7 +118,7 @@ def _ending(record: Mapping[str, Any]) -> str:
 
 
 def _impacts(record: Mapping[str, Any]) -> str:
-    impacts = str(record["collisions"])
+    impacts = f"{record['collisions']:,}"
     if record["collisions"]:
         first, last = record["first_collision_time"], record["last_collision_time"]
         until = f" to {quantity(last, 's')}" if last != first else ""
@@ -102,16 +147,15 @@ def _accuracy(record: Mapping[str, Any]) -> str:
     return f"largest gap left at an impact {quantity(record['max_gap'], 'm', digits=2)}"
 
 
-def _validity(record: Mapping[str, Any]) -> str:
+def _validity(record: Mapping[str, Any], one_sided: bool) -> str:
     force, friction = record["min_normal_force"], record["max_friction_demand"]
     if force < 0:
-        return (
-            f"the trace has to hold the bodies back: normal force down to {quantity(force, 'N')}; "
-            "a one-sided trace would lose them"
-        )
-    if friction is None:
-        return f"normal force at least {quantity(force, 'N')}; rolling is not possible everywhere"
-    return (
-        f"normal force at least {quantity(force, 'N')}; rolling needs a coefficient of friction "
-        f"of {quantity(friction, digits=4)}"
-    )
+        pulled = "warning: the trace has to hold the bodies back, with a normal force down to "
+        lost = "" if one_sided else "; a one-sided trace would lose them"
+        return f"{pulled}{quantity(force, 'N')}{lost}"
+    least = f"normal force at least {quantity(force, 'N')}"
+    if friction is not None:
+        needed = quantity(friction, digits=4)
+        return f"{least}; rolling needs a coefficient of friction of {needed}"
+    # With a force everywhere some friction suffices: there is none to tell of where nothing rolls.
+    return least if force > 0 else f"{least}; rolling is not possible everywhere"

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import stacked, value_axis
 from vibro_cli.figures.dots import draw_dots
-from vibro_cli.figures.grid_curves import PLACES
+from vibro_cli.figures.grid_curves import place_column
 from vibro_cli.figures.lattice import Swept, lattice, set_axis
 
 LAST = 20
@@ -24,7 +24,7 @@ def bifurcation(grid: Swept, width: str = "single") -> Figure | None:
     None where no run kept more impacts than the last ones, or no axis of numbers changes.
     """
     kept = grid.impact_columns()
-    place = next((one for one in PLACES if one[0] in kept), None)
+    place = place_column(grid)
     panels = [one for one in (place, _SPEED) if one is not None and one[0] in kept]
     shown = lattice(grid, 1, numbers_first=True)
     if not panels or shown is None or "n" not in kept:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,18 +11,27 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vibro_cli.figures import strokes, style
+from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import CHARACTER, Ticks, number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import (
+    CHARACTER,
+    Ticks,
+    number_ticks,
+    vertical_angle_ticks,
+    vertical_ticks,
+)
 
 LEFT = 13.0
 """Room for a vertical axis' label and numbers (mm)."""
-_RIGHT = 3.0
+RIGHT = 3.0
 _BETWEEN = 3.0
 _BOTTOM = 8.5
 MOST_VECTOR_POINTS = 20000
 """Of more points than this a curve is rasterised in PDF and SVG."""
 _MOST_NAMED = 6
+MOST_LOOKS = 12
+"""Bodies that have a look of their own."""
 _LINE = 5.5
 """Least distance of two numbers of a logarithmic axis (mm)."""
 _DASHES: tuple[Any, ...] = ("solid", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
@@ -50,25 +59,28 @@ class HasBodies(Protocol):
 
 
 def stacked(
-    width: str, heights: Sequence[float], above: float = 5.5
+    width: str, heights: Sequence[float], above: float = 5.5, entries: Sequence[Entry] = ()
 ) -> tuple[Figure, list[Axes], list[float]]:
     """Return a figure with panels of the given heights (mm), top to bottom, and their widths (mm).
 
-    `above` is the room for the legend (mm). Raises ValueError for a width that is neither
-    `single` nor `double`.
+    `above` is the room for a line of legend (mm), `entries` the legend if it may have more.
+    Raises ValueError for a width that is neither `single` nor `double`.
     """
     if width not in WIDTHS:
         raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
     wide = WIDTHS[width]
+    rows = rows_of(entries, wide - RIGHT) if entries else []
+    above += LINE * max(len(rows) - 1, 0)
     total = above + sum(heights) + _BETWEEN * (len(heights) - 1) + _BOTTOM
     figure = Figure(figsize=(wide * MM, total * MM))
-    inner = wide - LEFT - _RIGHT
+    inner = wide - LEFT - RIGHT
     panels = []
     top = total - above
     for high in heights:
         box = (LEFT / wide, (top - high) / total, inner / wide, high / total)
         panels.append(figure.add_axes(box))
         top -= high + _BETWEEN
+    draw_legend(figure, rows)
     return figure, panels, [inner] * len(heights)
 
 
@@ -88,7 +100,7 @@ def _number(
     """Write the numbers of a horizontal axis, without those that would reach over the edge."""
     labels = []
     for place, text in zip(ticks.places, ticks.labels, strict=True):
-        room = (span[1] - place) / (span[1] - span[0]) * width + _RIGHT
+        room = (span[1] - place) / (span[1] - span[0]) * width + RIGHT
         labels.append(text if labelled and room > 0.6 * CHARACTER * len(text) else "")
     axes.set_xticks(ticks.places, labels)
 
@@ -107,12 +119,16 @@ def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
 
 
 def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, unit: str) -> None:
-    """Set a vertical axis with round numbers, in units of a power of ten where they are long."""
+    """Set a vertical axis with round numbers, in units of a power of ten where they are long.
+
+    Angles (rad) have parts of π.
+    """
     if not high > low:
         low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
     room = 0.06 * (high - low)
     axes.set_ylim(low - room, high + room)
-    ticks = vertical_ticks(low - room, high + room, height)
+    ticked = vertical_angle_ticks if unit == "rad" else vertical_ticks
+    ticks = ticked(low - room, high + room, height)
     axes.set_yticks(ticks.places, ticks.labels)
     scaled = rf"$10^{{{ticks.power}}}$ {unit}" if ticks.power else unit
     axes.set_ylabel(f"{symbol} [{scaled}]" if scaled else symbol, labelpad=1.0)
@@ -170,16 +186,20 @@ def contact_times(run: Recorded) -> list[tuple[float, float]]:
     """Return from when to when (s) bodies are in lasting contact, joined where they follow on."""
     flights = run.flights()
     rows = np.flatnonzero(np.asarray(flights["contact"], dtype=np.bool_))
-    spans = sorted(
+    return joined(
         zip(flights["t_start"][rows].tolist(), flights["t_end"][rows].tolist(), strict=True)
     )
-    joined: list[tuple[float, float]] = []
-    for start, end in spans:
-        if joined and start <= joined[-1][1]:
-            joined[-1] = (joined[-1][0], max(end, joined[-1][1]))
+
+
+def joined(spans: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return spans of time in order, those as one that follow on one another or overlap."""
+    found: list[tuple[float, float]] = []
+    for start, end in sorted(spans):
+        if found and start <= found[-1][1]:
+            found[-1] = (found[-1][0], max(end, found[-1][1]))
         else:
-            joined.append((start, end))
-    return joined
+            found.append((start, end))
+    return found
 
 
 def draw_contacts(axes: Axes, spans: Sequence[tuple[float, float]]) -> None:
@@ -194,9 +214,9 @@ def band_entry(spans: Sequence[tuple[float, float]]) -> list[tuple[str, dict[str
     return [(CONTACT_LABEL, look)] if spans else []
 
 
-def body_entries(run: HasBodies) -> list[tuple[str, dict[str, Any]]]:
-    """Return the legend's entries of the bodies; of very many only the first."""
+def body_entries(run: HasBodies, most: int = _MOST_NAMED) -> list[tuple[str, dict[str, Any]]]:
+    """Return the legend's entries of the bodies; of more than `most` only the first."""
     number = len(run.system.bodies)
-    shown = range(1, min(number, _MOST_NAMED) + 1)
+    shown = range(1, min(number, most) + 1)
     entries = [(f"body {ball}" if number <= 3 else str(ball), body_look(ball)) for ball in shown]
-    return entries if number <= _MOST_NAMED else [*entries, ("…", {"linestyle": "none"})]
+    return entries if number <= most else [*entries, ("…", {"linestyle": "none"})]

@@ -17,16 +17,17 @@ from vibro_cli.figures.lattice import Lattice, Swept, lattice, set_axis
 from vibro_cli.figures.legend import LINE, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import WIDTHS
+from vibro_cli.mechanics.trace import HUMP, VALLEY
 
 _HIGH = {"single": (26.0,) * 4, "double": (34.0,) * 4}
 _DIAGRAM = {"single": 58.0, "double": 80.0}
 _WIDE_RANGE = 50.0
-PLACES = (
-    ("angle_a", r"angle at impact, body $a$", "rad"),
-    ("s_a", r"$s$ at impact, body $a$", "m"),
-    ("x_a", r"$x$ at impact, body $a$", "m"),
+_PLACES = (
+    ("s_a", "$s$ of the left body", "m"),
+    ("x_a", "$x$ of the left body", "m"),
 )
-"""Columns of the place of an impact, the first of them that was kept is shown."""
+"""Columns of the place of an impact, on whatever arc it is."""
+_ANGLES = {VALLEY: r"$\varphi$ of the left body", HUMP: r"$\psi$ of the left body"}
 
 
 def curves(grid: Swept, width: str = "single") -> Figure | None:
@@ -101,12 +102,23 @@ def _value(axes: Axes, values: Array, high: float, symbol: str, unit: str) -> No
         value_axis(axes, low if unit else min(low, 0.0), top, high, symbol, unit)
 
 
+def place_column(grid: Swept) -> tuple[str, str, str] | None:
+    """Return column, symbol and unit of the place of the impacts that were kept, if one was.
+
+    The angle on a trace that is one arc; those of several arcs are not of one axis.
+    """
+    kept = grid.impact_columns()
+    if len(grid.shapes) == 1 and grid.shapes[0] in _ANGLES and "angle_a" in kept:
+        return "angle_a", _ANGLES[grid.shapes[0]], "rad"
+    return next((one for one in _PLACES if one[0] in kept), None)
+
+
 def diagram(grid: Swept, width: str = "single") -> Figure | None:
     """Return the places of all impacts over the axis with most values, coloured by their number.
 
     None where no impact was kept with its number and place, or no axis of numbers changes.
     """
-    place = next((one for one in PLACES if one[0] in grid.impact_columns()), None)
+    place = place_column(grid)
     shown = lattice(grid, 1, numbers_first=True)
     if place is None or shown is None or "n" not in grid.impact_columns():
         return None

@@ -99,6 +99,20 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
 _DIMENSIONS = {"curves": 1, "diagram": 1, "bifurcation": 1}
 
 
+def draw_grid_kind(grid: Swept, name: str, width: str = "double") -> Figure | None:
+    """Return one figure of a grid, None where it has nothing to show.
+
+    `name` is one of `GRID_KINDS`, or a column of numbers of the summary, for its map over two axes.
+    Raises ValueError for another one.
+    """
+    if name in GRID_KINDS:
+        return GRID_KINDS[name].draw(grid, width)
+    if name in mapped_columns(grid):
+        return column_map(grid, width, name)
+    known = ", ".join([*GRID_KINDS, *mapped_columns(grid)])
+    raise ValueError(f"found the kind of figure {name!r}, expected one of {known}")
+
+
 def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -> Iterator[Drawn]:
     """Draw every kind of figure of a grid that has something to show.
 

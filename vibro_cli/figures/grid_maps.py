@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -14,19 +15,24 @@ from vibro_cli.figures import strokes, style
 from vibro_cli.figures.dots import draw_dots
 from vibro_cli.figures.endings import Endings
 from vibro_cli.figures.lattice import Lattice, Swept, lattice, set_axis
-from vibro_cli.figures.legend import LINE, wrapped_legend
+from vibro_cli.figures.legend import LINE, text_width, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.ticks import Ticks, vertical_ticks
 
 _HIGH = {"single": 52.0, "double": 72.0}
 _TOP = 3.0
 _BOTTOM = 9.0
 _RIGHT = 4.0
-_BAR = (2.5, 16.0)
-"""Width of the bar of colours, and the room it takes with its numbers and label (mm)."""
+_BAR = 10.5
+"""Room for the bar of colours with its label, beside its numbers (mm)."""
+_THICK = 2.5
+"""Width of the bar (mm)."""
 _LABEL = 6.5
 """Room for the label of the vertical axis and the ticks (mm)."""
 _WIDE_RANGE = 50.0
+_LINE = 6.0
+"""Least distance of two numbers of the bar (mm)."""
 
 
 def ending_map(grid: Swept, width: str = "single") -> Figure | None:
@@ -40,7 +46,7 @@ def ending_map(grid: Swept, width: str = "single") -> Figure | None:
     endings = Endings.of(grid, shown.rows)
     with style.journal():
         lines = wrapped_legend(None, endings.entries(), WIDTHS[width])
-        figure, axes = _panel(shown, width, lines * LINE, bar=False)
+        figure, axes = _panel(shown, width, lines * LINE, _RIGHT)
         _fill(axes, shown, endings.code.astype(np.float64), endings.colours(), endings.norm())
         wrapped_legend(figure, endings.entries(), WIDTHS[width])
     return figure
@@ -60,11 +66,17 @@ def quantity_map(
         return None
     own = values[shown.rows]
     with style.journal():
-        figure, axes = _panel(shown, width, 0.0, bar=True)
         norm = _norm(own, least_log)
+        ticks = _bar_ticks(norm, _HIGH[width])
+        words = label
+        if ticks.power:
+            quantity, _, unit = label.partition(" [")
+            words = f"{quantity} [$10^{{{ticks.power}}}${' ' + unit if unit else ']'}"
+        room = _BAR + max(text_width(text) for text in ticks.labels)
+        figure, axes = _panel(shown, width, 0.0, room)
         colours = strokes.time_colours()
         _fill(axes, shown, own, colours, norm)
-        _draw_bar(figure, axes, ScalarMappable(norm, colours), label)
+        _draw_bar(figure, axes, ScalarMappable(norm, colours), words, ticks)
     return figure
 
 
@@ -76,14 +88,14 @@ def _norm(values: Array, least_log: float) -> Normalize:
     return Normalize(low, high if high > low else low + 1.0)
 
 
-def _panel(shown: Lattice, width: str, legend: float, bar: bool) -> tuple[Figure, Axes]:
-    """Return a figure with its one panel, labelled."""
+def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Figure, Axes]:
+    """Return a figure with its one panel, labelled, `right` mm left free beside it."""
     wide, high = WIDTHS[width], _HIGH[width]
     across, along = shown.coordinates
     edges = along.edges()
     ticks = along.ticks(float(edges[0]), float(edges[-1]), high, vertical=True)
     left = _LABEL + along.label_width(ticks)
-    inner = wide - left - (_BAR[1] if bar else _RIGHT)
+    inner = wide - left - right
     total = _TOP + legend + high + _BOTTOM
     figure = Figure(figsize=(wide * MM, total * MM))
     axes = figure.add_axes((left / wide, _BOTTOM / total, inner / wide, high / total))
@@ -111,10 +123,26 @@ def _fill(axes: Axes, shown: Lattice, values: Array, colours: Any, norm: Normali
     axes.set_axisbelow(False)
 
 
-def _draw_bar(figure: Figure, axes: Axes, mappable: ScalarMappable, label: str) -> None:
+def _bar_ticks(norm: Normalize, height: float) -> Ticks:
+    """Return the ticks of the bar: round numbers or, of logarithmic colours, powers of ten."""
+    low, high = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
+    if not isinstance(norm, LogNorm):
+        return vertical_ticks(low, high, height)
+    powers = range(math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9) + 1)
+    if len(powers) < 2:
+        return vertical_ticks(low, high, height)
+    chosen = powers[:: max(1, math.ceil(len(powers) / (height / _LINE)))]
+    return Ticks(tuple(10.0**n for n in chosen), tuple(rf"$10^{{{n}}}$" for n in chosen))
+
+
+def _draw_bar(
+    figure: Figure, axes: Axes, mappable: ScalarMappable, label: str, ticks: Ticks
+) -> None:
+    """Draw the bar of colours at the right of a panel."""
     box = axes.get_position()
     wide = figure.get_figwidth() / MM
-    bar = figure.add_axes((box.x1 + 1.5 / wide, box.y0, _BAR[0] / wide, box.height))
+    bar = figure.add_axes((box.x1 + 1.5 / wide, box.y0, _THICK / wide, box.height))
     drawn = figure.colorbar(mappable, cax=bar)
+    drawn.set_ticks(ticks.places, labels=list(ticks.labels))
     drawn.set_label(label, labelpad=2.0)
     drawn.ax.tick_params(which="both", direction="out", left=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -10,11 +11,47 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from vibro_cli.figures.legend import text_width
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.ticks import CHARACTER, Ticks, number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import (
+    Ticks,
+    angle_ticks,
+    number_ticks,
+    vertical_angle_ticks,
+    vertical_ticks,
+)
 
 Column = NDArray[Any]
 _MOST_WORDS = 20
+
+
+_ENTRY = re.compile(r"(balls|bodies|arcs|pairs)\[(\d+)\]")
+_ENTRIES = {"balls": "body", "bodies": "body", "arcs": "arc", "pairs": "pair"}
+_WORDS = {
+    "k": "coefficient of restitution $k$",
+    "gravity": "gravity $g$",
+    "angle": "starting angle",
+    "position": "starting position",
+    "speed": "starting speed",
+    "omega": "starting angular velocity",
+    "end_slope": "final slope",
+    "start_slope": "slope at the left end",
+    "rate": "rate",
+    "turning": "rotation",
+}
+_LEFT_OUT = ("collision", "trace")
+
+
+def words_of(path: str) -> str:
+    """Return the key path of an axis in words: `balls[1].angle`, starting angle of body 1."""
+    names = []
+    for part in reversed(path.split(".")):
+        entry = _ENTRY.fullmatch(part)
+        if entry is not None:
+            names.append(f"{_ENTRIES[entry[1]]} {entry[2]}")
+        elif part not in _LEFT_OUT or not names:
+            names.append(_WORDS.get(part, part.replace("_", " ")))
+    return " of ".join(names)
 
 
 class Swept(Protocol):
@@ -31,6 +68,10 @@ class Swept(Protocol):
     @property
     def summary(self) -> Mapping[str, Column]:
         """A row for each point."""
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Shapes of the pieces of the trace, none for another system."""
 
     def impact_columns(self) -> tuple[str, ...]:
         """Columns of the table of impacts, none where none was kept."""
@@ -53,7 +94,7 @@ class Coordinate:
     @property
     def label(self) -> str:
         """The label of the figure's axis."""
-        return f"{self.path} [{self.unit}]" if self.unit else self.path
+        return f"{words_of(self.path)} [{self.unit}]" if self.unit else words_of(self.path)
 
     @property
     def different(self) -> Array:
@@ -76,11 +117,13 @@ class Coordinate:
         """Return ticks for a figure's axis of a length (mm)."""
         if self.words:
             return Ticks(tuple(map(float, range(len(self.words)))), self.words)
-        return vertical_ticks(low, high, length) if vertical else number_ticks(low, high, length)
+        if self.unit == "rad":
+            return (vertical_angle_ticks if vertical else angle_ticks)(low, high, length)
+        return (vertical_ticks if vertical else number_ticks)(low, high, length)
 
     def label_width(self, ticks: Ticks) -> float:
         """Return how wide the numbers or words of an axis are (mm)."""
-        return CHARACTER * max((len(text) for text in ticks.labels), default=0)
+        return max((text_width(text) for text in ticks.labels), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -176,8 +219,10 @@ def _coordinate(grid: Swept, path: str, rows: NDArray[np.int64]) -> Coordinate:
     values, unit = grid.summary[path][rows], grid.units[path]
     if values.dtype != object:
         return Coordinate(path, unit, values.astype(np.float64), ())
-    words, code = np.unique(values.astype(str), return_inverse=True)
-    return Coordinate(path, unit, code.astype(np.float64), tuple(map(str, words[:_MOST_WORDS])))
+    words, first, code = np.unique(values.astype(str), return_index=True, return_inverse=True)
+    order = np.argsort(first)  # as they come in the grid
+    place = np.argsort(order)[code].astype(np.float64)
+    return Coordinate(path, unit, place, tuple(map(str, words[order][:_MOST_WORDS])))
 
 
 def set_axis(axes: Axes, one: Coordinate, length: float, vertical: bool) -> Ticks:
@@ -186,7 +231,7 @@ def set_axis(axes: Axes, one: Coordinate, length: float, vertical: bool) -> Tick
     low, high = float(edges[0]), float(edges[-1])
     ticks = one.ticks(low, high, length, vertical)
     scaled = rf" [$10^{{{ticks.power}}}$ {one.unit}]" if ticks.power else None
-    text = f"{one.path}{scaled}" if scaled else one.label
+    text = f"{words_of(one.path)}{scaled}" if scaled else one.label
     if vertical:
         axes.set_ylim(low, high)
         axes.set_yticks(ticks.places, ticks.labels)

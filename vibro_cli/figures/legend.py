@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
+from matplotlib.textpath import TextPath
 
 from vibro_cli.figures import strokes, style
 from vibro_cli.figures.background import Background
@@ -19,33 +22,106 @@ _MIDDLE = 2.2
 """Distance of the line from the top of the figure (mm)."""
 _CHARACTER = 1.25
 """Mean width of a character of a legend (mm)."""
-_HANDLE = 6.5
+_HANDLE = 6.7
 """Width of a mark of a legend with the room around it (mm)."""
 LINE = 3.4
 """Height of a line of a legend (mm)."""
-_CROWDED = 5
-"""Entries from which they stand closer."""
 _BAR = (16.0, 1.6)
 """Width and height of the bar of colours (mm)."""
+_BAR_WORDS = "$t$ [s]: 0"
+
+Entry = tuple[str, dict[str, Any]]
+"""What is written, and the looks of its line or mark."""
 
 
-def draw_legend(figure: Figure, path: Trajectory, behind: Background, marked: bool) -> None:
-    """Draw the legend: marks as they occur and, where branches are not marked, the bar of time."""
-    handles = [Line2D([], [], label=text, **look) for text, look in _entries(path, behind, marked)]
+def legend_of(
+    path: Trajectory, behind: Background, marked: bool, others: Sequence[Entry] = ()
+) -> list[Entry]:
+    """Return names and looks of everything on a portrait, `others` after what is of the run."""
+    jumps = path.jumps
+    entries = [("start", strokes.START)]
+    if np.any(path.first.made):
+        first = "" if marked else f" 1–{path.first.number[-1]}"
+        entries += [("before", strokes.BEFORE), (f"after impact{first}", strokes.AFTER)]
+    if not marked and np.any(jumps.made):
+        share = f" (1 in {path.every})" if path.every > 1 else ""
+        entries.append((f"jump{share}", strokes.many_jumps(1)))
+    if not np.all(jumps.made):
+        entries.append(("inadmissible", strokes.NOT_MADE))
+    if any(np.any(branches.contact) for branches in path.branches):
+        entries.append(("lasting contact", strokes.CONTACT))
+    return [*entries, *others, *behind_entries(behind)]
+
+
+def behind_entries(behind: Background) -> list[Entry]:
+    """Return names and looks of what stands behind the branches."""
+    entries: list[Entry] = []
+    if behind.separatrices:
+        entries.append(("separatrix", strokes.SEPARATRIX))
+    if behind.arc_separatrices:
+        entries.append(("separatrix of the full circle", strokes.ARC_SEPARATRIX))
+    if behind.levels:
+        entries.append(("level", strokes.LEVEL))
+    for kind, marker in strokes.MARKER.items():
+        if any(point.kind == kind for point in behind.points):
+            entries.append((kind, strokes.POINT | {"marker": marker}))
+    return entries
+
+
+def last_time(path: Trajectory) -> float:
+    """Return the time (s) with which the colours of time end: of the body's last impact."""
+    made = path.jumps.time[path.jumps.made]
+    return float(np.max(made)) if len(made) else path.end
+
+
+def rows_of(entries: Sequence[Entry], width: float, bar: float = 0.0) -> list[list[Entry]]:
+    """Return entries in as many rows as a width (mm) asks for, `bar` mm of the first taken."""
+    rows: list[list[Entry]] = [[]]
+    room = width - bar
+    for entry in entries:
+        needed = _HANDLE + text_width(entry[0])
+        if rows[-1] and needed > room:
+            rows.append([])
+            room = width
+        rows[-1].append(entry)
+        room -= needed
+    return rows
+
+
+@cache
+def text_width(text: str) -> float:
+    """Return the width of a text of a legend (mm)."""
+    font = FontProperties(family="STIXGeneral", size=style.SMALL)
+    points: float = TextPath((0.0, 0.0), text, prop=font).get_extents().width
+    return points * 25.4 / 72.0
+
+
+def bar_width(path: Trajectory) -> float:
+    """Return the room that the bar of time takes in the first row (mm)."""
+    return 2.0 * RIGHT + _BAR[0] + text_width(_BAR_WORDS) + text_width(_number(last_time(path)))
+
+
+def draw_legend(
+    figure: Figure, rows: Sequence[Sequence[Entry]], path: Trajectory | None = None
+) -> None:
+    """Draw the rows of a legend over the panels, with the bar of time of a path at the right."""
     width, height = figure.get_size_inches() / MM
-    figure.legend(
-        handles=handles,
-        loc="center" if marked else "center left",
-        bbox_to_anchor=(0.5 if marked else 0.0, 1.0 - _MIDDLE / height),
-        ncols=len(handles),
-        borderaxespad=0.0,
-        borderpad=0.2,
-        handlelength=1.8,
-        handletextpad=0.4,
-        columnspacing=1.2 if len(handles) < _CROWDED else 0.7,
-    )
-    if not marked:
-        _draw_time(figure, width, height, path.end)
+    for number, row in enumerate(rows):
+        beside = path is not None and number == 0
+        middle = _MIDDLE + number * LINE
+        figure.legend(
+            handles=[Line2D([], [], label=text, **look) for text, look in row],
+            loc="center left" if beside else "center",
+            bbox_to_anchor=(0.0 if beside else 0.5, 1.0 - middle / height),
+            ncols=len(row),
+            borderaxespad=0.0,
+            borderpad=0.2,
+            handlelength=1.6,
+            handletextpad=0.4,
+            columnspacing=0.7,
+        )
+    if path is not None:
+        _draw_time(figure, width, height, last_time(path))
 
 
 def line_of_entries(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]]) -> None:
@@ -88,31 +164,10 @@ def wrapped_legend(
     return -(-len(entries) // columns)
 
 
-def _entries(
-    path: Trajectory, behind: Background, marked: bool
-) -> list[tuple[str, dict[str, Any]]]:
-    jumps = path.jumps
-    refused = not np.all(jumps.made)
-    entries = [("start", strokes.START)]
-    if marked and np.any(jumps.made):
-        after = "after" if refused else "after impact"
-        entries += [("before", strokes.BEFORE), (after, strokes.AFTER)]
-    elif np.any(jumps.made):
-        share = f" (1 in {path.every})" if path.every > 1 else ""
-        entries.append((f"jump{share}", strokes.JUMP | {"linestyle": "solid"}))
-    if refused:
-        entries.append(("inadmissible", strokes.NOT_MADE))
-    if behind.separatrices:
-        entries.append(("separatrix", strokes.SEPARATRIX))
-    elif behind.arc_separatrices:
-        entries.append(("separatrix", strokes.ARC_SEPARATRIX))  # of the full circles
-    return entries
-
-
 def _draw_time(figure: Figure, width: float, height: float, end: float) -> None:
-    """Draw the bar of time, from 0 to the end of the run, at the right."""
-    until, length = _number(end)
-    left = width - RIGHT - _BAR[0] - 1.3 * length - 1.0
+    """Draw the bar of time, from 0 to the last impact, at the right."""
+    until = _number(end)
+    left = width - RIGHT - _BAR[0] - text_width(until) - 1.0
     middle = height - _MIDDLE
     bar = figure.add_axes(
         (left / width, (middle - 0.5 * _BAR[1]) / height, _BAR[0] / width, _BAR[1] / height)
@@ -121,15 +176,15 @@ def _draw_time(figure: Figure, width: float, height: float, end: float) -> None:
     bar.set_xticks([])
     bar.set_yticks([])
     before: dict[str, Any] = {"ha": "right", "va": "center_baseline", "fontsize": style.SMALL}
-    figure.text((left - 0.8) / width, middle / height, "$t$ [s]: 0", **before)
+    figure.text((left - 0.8) / width, middle / height, _BAR_WORDS, **before)
     after = before | {"ha": "left"}
     figure.text((left + _BAR[0] + 0.8) / width, middle / height, until, **after)
 
 
-def _number(value: float) -> tuple[str, int]:
-    """Return a number with four digits as text, and the length of the text in characters."""
+def _number(value: float) -> str:
+    """Return a number with four digits as text."""
     plain = f"{value:.4g}"
     if "e" not in plain:
-        return plain, len(plain)
+        return plain
     digits, power = plain.split("e")
-    return rf"${digits}\times 10^{{{int(power)}}}$", len(digits) + 4
+    return rf"${digits}\times 10^{{{int(power)}}}$"

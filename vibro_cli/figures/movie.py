@@ -8,10 +8,12 @@ import tempfile
 from io import BytesIO
 from pathlib import Path
 
+from vibro_cli.errors import VibroError
 from vibro_cli.figures.motion import Frames
 from vibro_cli.figures.source import Recorded
 from vibro_cli.figures.stage import Film
 
+FORMS = ("gif", "mp4")
 _DPI = {"mp4": 200.0, "gif": 100.0}
 _COLOURS = 64
 # One thread and nothing of time or machine in the file: equal input gives equal bytes.
@@ -22,7 +24,7 @@ _ENCODING = [
 ]
 
 
-class NoFilm(Exception):
+class NoFilm(VibroError):
     """A film cannot be made; the message says why and what else there is."""
 
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
 
+from vibro_cli.figures import style
 from vibro_cli.figures.source import Array
 
 _CHARACTER = 1.25
@@ -28,15 +33,20 @@ _FORBIDDEN = 1e6
 
 
 def place_numbers(
-    texts: Sequence[str], anchors: Sequence[Array], obstacles: Array, size: tuple[float, float]
+    texts: Sequence[str],
+    anchors: Sequence[Array],
+    obstacles: Array,
+    size: tuple[float, float],
+    reserved: Sequence[tuple[float, float, float]] = (),
 ) -> list[tuple[float, float]]:
     """Return where to centre each text so that it covers as little as possible.
 
     All in mm from the lower left corner of a panel of the given size: `anchors` holds for each text
     the points it may stand beside, shape (k, 2), the preferred one first; `obstacles` are points of
-    everything drawn, shape (n, 2). Greedy, in the order of the texts.
+    everything drawn, shape (n, 2); `reserved` are the middles and half widths of texts that stand
+    already. Greedy, in the order of the texts.
     """
-    taken: list[tuple[float, float, float]] = []
+    taken = [*reserved]
     places = []
     for number, (text, points) in enumerate(zip(texts, anchors, strict=True)):
         half = 0.5 * _CHARACTER * len(text) + 0.15
@@ -105,3 +115,55 @@ def _outside(candidates: Array, half: float, size: tuple[float, float]) -> Array
     beyond = (candidates < margin) | (candidates > np.array(size) - margin)
     outside: Array = beyond.any(axis=1).astype(np.float64)
     return outside
+
+
+@dataclass(frozen=True)
+class Named:
+    """A point of a drawing with its name."""
+
+    text: str
+    """As it is written, perhaps a formula."""
+    point: tuple[float, float]
+    """In the panel's units."""
+    colour: str = style.BLACK
+
+
+def write_names(
+    axes: Axes,
+    names: Sequence[Named],
+    obstacles: Array,
+    size: tuple[float, float],
+    figures: Sequence[tuple[float, float]] = (),
+) -> None:
+    """Write names beside their points, where they cover least of `obstacles`, shape (n, 2).
+
+    Points in the units of the axes, `size` of the panel in mm. Names that stand far get lines.
+    `figures` are the middles of single figures that are written already.
+    """
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    corner = np.array([left, low])
+    scale = np.array([size[0] / (right - left), size[1] / (high - low)])
+    anchors = [((np.array([name.point]) - corner) * scale) for name in names]
+    marks = np.concatenate([*anchors, *anchors, *anchors]) if anchors else np.zeros((0, 2))
+    covered = np.concatenate([(np.reshape(obstacles, (-1, 2)) - corner) * scale, marks])
+    plain = [_plain(name.text) for name in names]
+    halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
+    written = (np.reshape(figures, (-1, 2)) - corner) * scale
+    reserved = [(float(x), float(y), _CHARACTER) for x, y in written]
+    places = place_numbers(plain, anchors, covered, size, reserved)
+    for name, place, anchor in zip(names, places, anchors, strict=True):
+        line = leader(place, anchor)
+        if line is not None:
+            ends = line / scale + corner
+            axes.plot(ends[:, 0], ends[:, 1], color=name.colour, linewidth=0.35, zorder=4.5)
+        at = np.array(place) / scale + corner
+        axes.text(
+            float(at[0]), float(at[1]), name.text, color=name.colour, path_effects=halo,
+            fontsize=style.SMALL, ha="center", va="center", zorder=5.0,
+        )  # fmt: skip
+
+
+def _plain(text: str) -> str:
+    """Return about as many characters as a formula is wide."""
+    bare = re.sub(r"\\(?:mathrm|dot|,|;)|[${}_^]", "", text)
+    return re.sub(r"\\[a-zA-Z]+", "w", bare)

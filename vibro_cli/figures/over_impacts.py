@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
-from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.source import Array, Recorded, Table
 from vibro_cli.figures.ticks import angle_ticks, number_ticks
 from vibro_cli.figures.timeline import energy_residuals
 from vibro_cli.mechanics.trace import VALLEY, Piece
@@ -44,12 +46,30 @@ def impact_map(run: Recorded, width: str = "single") -> Figure | None:
     The place is the arc length of the left body's contact point or, where all impacts are on one
     arc, its angle there. None without an impact.
     """
-    table = run.collisions
-    number = np.asarray(table["n"])
-    if not len(number):
+    if not len(run.collisions["n"]):
         return None
     arc = _only_arc(run)
-    place = np.asarray(table["s_a" if arc is None else "angle_a"], dtype=np.float64)
+    place = np.asarray(run.collisions["s_a" if arc is None else "angle_a"], dtype=np.float64)
+    return speed_map(run.collisions, place, width, partial(_place_axis, run=run, arc=arc))
+
+
+def speed_map(
+    table: Table, place: Array, width: str, set_places: Callable[[Axes, Array, float], None]
+) -> Figure:
+    """Return approach speed against the places of impacts, coloured by their numbers.
+
+    Parameters
+    ----------
+    table
+        The impacts, at least one.
+    place
+        Of each, shape (impacts,).
+    width
+        ``"single"`` or ``"double"``.
+    set_places
+        Sets the horizontal axis, of a length in mm, for these places.
+    """
+    number = np.asarray(table["n"])
     speed = np.asarray(table["approach_speed"], dtype=np.float64)
     made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
         table["substituted"], dtype=np.bool_
@@ -64,7 +84,7 @@ def impact_map(run: Recorded, width: str = "single") -> Figure | None:
             axes.plot(place[~made], speed[~made], zorder=2.2, label="inadmissible", **REFUSED)
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
         _speed_axis(axes, speed, _HIGH[width])
-        _place_axis(axes, run, arc, place, across)
+        set_places(axes, place, across)
         number_bar(figure, len(number))
     return figure
 
@@ -76,7 +96,7 @@ def _only_arc(run: Recorded) -> Piece | None:
     return None if len(pieces) > 1 or piece.is_line else piece
 
 
-def _place_axis(axes: Axes, run: Recorded, arc: Piece | None, place: Array, across: float) -> None:
+def _place_axis(axes: Axes, place: Array, across: float, run: Recorded, arc: Piece | None) -> None:
     """Set the horizontal axis of the places of impacts, of a length (mm)."""
     extent = run.system.trace.length if arc is None else arc.angle_end - arc.angle_start
     room = 0.08 * float(np.ptp(place)) or 0.05 * extent

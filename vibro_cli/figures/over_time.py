@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,23 +10,27 @@ from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
+    MOST_LOOKS,
     MOST_VECTOR_POINTS,
     TOTAL,
+    HasBodies,
     band_entry,
     body_entries,
     body_look,
     contact_times,
     draw_contacts,
-    legend,
     log_axis,
     stacked,
     time_axis,
     value_axis,
 )
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.timeline import energy_course, shown_until, timeline
+from vibro_cli.figures.timeline import calm_until, energy_course, shown_until, timeline
 
-_HIGH = {"single": (34.0, 20.0), "double": (44.0, 24.0)}
+HIGH = {"single": (34.0, 20.0), "double": (44.0, 24.0)}
+_ROOM = 0.01
+"""Of the axis of time, room after an impact that ends the run."""
+_EPSILON = float(np.finfo(np.float64).eps)
 MOST_STEMS = 2000
 """Of more losses than this only the points are drawn."""
 LOSS: dict[str, Any] = {"color": style.VERMILLION, "marker": "o", "markersize": 1.8}
@@ -46,29 +51,55 @@ def energies(run: Recorded, width: str = "single") -> Figure | None:
     """
     if run.system.turning is not None:
         return None
+    until = calm_until(run)
+    courses = [energy_course(run, ball, until) for ball in range(1, len(run.system.bodies) + 1)]
     table = run.collisions
-    losses = np.asarray(table["energy_loss"], dtype=np.float64)
+    losses = np.asarray(table["t"]), np.asarray(table["energy_loss"], dtype=np.float64)
+    return energy_chart(run, courses, losses, contact_times(run), until, width)
+
+
+def energy_chart(
+    run: HasBodies,
+    courses: Sequence[tuple[Array, Array]],
+    losses: tuple[Array, Array],
+    contacts: Sequence[tuple[float, float]],
+    until: float,
+    width: str,
+) -> Figure:
+    """Return energies of bodies and of all against time up to one (s), and losses below if any.
+
+    `courses` are times (s) and energies (J) of each body, `losses` times and losses of the impacts
+    (J), `contacts` when there is lasting contact. Raises ValueError for an unknown width.
+    """
+    within = (losses[0] <= until) & (losses[1] > 0.0)
+    shown = within & (losses[1] >= _EPSILON * sum(energy[0] for _, energy in courses))
+    lossy, hidden = bool(np.any(shown)), int(np.sum(within & ~shown))
+    total = [("sum", TOTAL)] if len(courses) > 1 else []
+    words = f"loss ({hidden} below rounding not shown)" if hidden else "loss"
+    lost = [(words, LOSS | {"linestyle": "none"})] if lossy else []
+    entries = [*body_entries(run, MOST_LOOKS), *total, *lost, *band_entry(contacts)]
     with style.journal():
-        lossy = bool(np.any(losses > 0.0))
-        figure, panels, across = stacked(width, _HIGH[width][: 2 if lossy else 1])
-        end = float(np.max(run.flights()["t_end"]))
-        spans = contact_times(run)
+        heights = HIGH.get(width, HIGH["single"])[: 1 + lossy]
+        figure, panels, across = stacked(width, heights, entries=entries)
         for axes in panels:
-            draw_contacts(axes, spans)
-        highest = _draw_energies(panels[0], run)
-        time_axis(panels[0], end, across[0], labelled=len(panels) == 1)
-        value_axis(panels[0], 0.0, highest, _HIGH[width][0], "$E$", "J")
+            draw_contacts(axes, [span for span in contacts if span[0] < until])
+        highest = _draw_energies(panels[0], courses)
+        end = _room_after(until, losses[0])
+        time_axis(panels[0], end, across[0], labelled=not lossy)
+        value_axis(panels[0], 0.0, highest, HIGH[width][0], "$E$", "J")
         if lossy:
-            _draw_losses(panels[1], np.asarray(table["t"]), losses)
+            _draw_losses(panels[1], losses[0][shown], losses[1][shown])
             time_axis(panels[1], end, across[1], labelled=True)
-        total = [("sum", TOTAL)] if len(run.system.bodies) > 1 else []
-        legend(figure, [*body_entries(run), *total, *band_entry(spans)])
     return figure
 
 
-def _draw_energies(axes: Any, run: Recorded) -> float:
+def _room_after(until: float, impacts: Array) -> float:
+    """Return the end (s) of the axis of time, so that an impact at the end is not cut in half."""
+    return until * (1.0 + _ROOM) if len(impacts) and np.max(impacts) == until else until
+
+
+def _draw_energies(axes: Any, courses: Sequence[tuple[Array, Array]]) -> float:
     """Draw the steps of each body and of the sum; return the highest energy (J)."""
-    courses = [energy_course(run, ball) for ball in range(1, len(run.system.bodies) + 1)]
     for ball, (time, energy) in enumerate(courses, 1):
         axes.plot(time, energy, zorder=2.0, **body_look(ball))
     highest = max(float(np.max(energy)) for _, energy in courses)
@@ -85,12 +116,11 @@ def _draw_energies(axes: Any, run: Recorded) -> float:
 
 def _draw_losses(axes: Any, times: Array, losses: Array) -> None:
     """Draw the losses at the impacts on a logarithmic axis, where none has no place."""
-    shown = losses > 0.0
     log_axis(axes, losses, r"$\Delta E$", "J")
     bottom = axes.get_ylim()[0]
     if len(times) <= MOST_STEMS:
-        axes.vlines(times[shown], bottom, losses[shown], linewidth=0.4, color=style.LEVEL_GREY)
-    axes.plot(times[shown], losses[shown], linestyle="none", **LOSS)
+        axes.vlines(times, bottom, losses, linewidth=0.4, color=style.LEVEL_GREY)
+    axes.plot(times, losses, linestyle="none", **LOSS)
     for artist in (*axes.lines, *axes.collections):
         artist.set_rasterized(len(times) > MOST_VECTOR_POINTS)
 
@@ -101,11 +131,14 @@ def space_time(run: Recorded, width: str = "single") -> Figure | None:
     Of a long run, the first part only.
     """
     until = shown_until(run)
-    high = 1.5 * _HIGH[width][0]
+    high = 1.5 * HIGH[width][0]
     low, high_s = run.system.trace.length, 0.0
+    spans = contact_times(run)
+    struck = bool(np.any(np.asarray(run.collisions["t"]) <= until))
+    marks = [("impact", IMPACT)] if struck else []
+    entries = [*body_entries(run, MOST_LOOKS), *marks, *band_entry(spans)]
     with style.journal():
-        figure, (axes,), across = stacked(width, [high])
-        spans = contact_times(run)
+        figure, (axes,), across = stacked(width, [high], entries=entries)
         draw_contacts(axes, [span for span in spans if span[0] < until])
         for piece in run.system.trace.pieces[1:]:
             axes.axhline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
@@ -114,15 +147,13 @@ def space_time(run: Recorded, width: str = "single") -> Figure | None:
             (drawn,) = axes.plot(line.time, line.s, zorder=2.0, **body_look(ball))
             drawn.set_rasterized(len(line.time) > MOST_VECTOR_POINTS)
             low, high_s = min(low, float(np.nanmin(line.s))), max(high_s, float(np.nanmax(line.s)))
-        struck = _draw_impacts(axes, run, until)
+        _draw_impacts(axes, run, until)
         time_axis(axes, until, across[0], labelled=True)
         value_axis(axes, low, high_s, high, "$s$", "m")
-        marks = [("impact", IMPACT)] if struck else []
-        legend(figure, [*body_entries(run), *marks, *band_entry(spans)])
     return figure
 
 
-def _draw_impacts(axes: Any, run: Recorded, until: float) -> bool:
+def _draw_impacts(axes: Any, run: Recorded, until: float) -> None:
     """Mark both bodies at each impact, as long as the marks can be told apart."""
     table = run.collisions
     times = np.asarray(table["t"], dtype=np.float64)
@@ -132,4 +163,3 @@ def _draw_impacts(axes: Any, run: Recorded, until: float) -> bool:
     for side in "ab":
         places = np.asarray(table[f"s_{side}"], dtype=np.float64)
         axes.plot(times[shown], places[shown], zorder=2.3, **look)
-    return bool(np.any(shown))

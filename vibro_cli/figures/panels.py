@@ -98,23 +98,25 @@ class Panel:
 
 
 def lay_out(
-    windows: Sequence[Window], width: str, below: float = 0.0
+    windows: Sequence[Window], width: str, below: float = 0.0, legend: float = 0.0
 ) -> tuple[Figure, tuple[Panel, ...]]:
     """Return an empty figure with a panel for each window, in the order given.
 
     `width` is `single` (85 mm) or `double` (170 mm). The panels are as wide as their arcs are in
     angle; neighbours stand close together, with room between where the unit changes (arc to line).
-    `below` is the room (mm) left free under them. Raises ValueError for another width.
+    `below` is the room (mm) left free under them, `legend` that for more than one line of legend
+    over them. Raises ValueError for another width.
     """
     if width not in WIDTHS:
         raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
     rows = _rows(windows, WIDTHS[width])
     high = _HEIGHT[width] if len(rows) == 1 else 0.75 * _HEIGHT[width]
-    total = TOP + len(rows) * (high + BOTTOM) + (len(rows) - 1) * ROW_TOP + below
+    above = TOP + legend
+    total = above + len(rows) * (high + BOTTOM) + (len(rows) - 1) * ROW_TOP + below
     figure = Figure(figsize=(WIDTHS[width] * MM, total * MM))
     panels: list[Panel] = []
     for row, members in enumerate(rows):
-        bottom = total - TOP - high - row * (high + BOTTOM + ROW_TOP)
+        bottom = total - above - high - row * (high + BOTTOM + ROW_TOP)
         for window, left, wide, labelled in _across(members, windows, WIDTHS[width]):
             axes = figure.add_axes(
                 (left / WIDTHS[width], bottom / total, wide / WIDTHS[width], high / total)

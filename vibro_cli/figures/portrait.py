@@ -11,14 +11,20 @@ from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.figures import strokes, style
 from vibro_cli.figures.background import Background, background
 from vibro_cli.figures.frame import label
-from vibro_cli.figures.legend import draw_legend
-from vibro_cli.figures.panels import Panel, lay_out
+from vibro_cli.figures.legend import (
+    LINE,
+    Entry,
+    bar_width,
+    draw_legend,
+    last_time,
+    legend_of,
+    rows_of,
+)
+from vibro_cli.figures.panels import RIGHT, Panel, lay_out
 from vibro_cli.figures.scope import windows
 from vibro_cli.figures.source import Recorded
-from vibro_cli.figures.trajectory import Trajectory, trajectory
-
-MOST_NUMBERS = 12
-"""Impacts up to which they are numbered and marked one by one."""
+from vibro_cli.figures.style import WIDTHS
+from vibro_cli.figures.trajectory import MOST_NUMBERS, Trajectory, trajectory
 
 
 def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str = "auto") -> Figure:
@@ -37,14 +43,24 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str =
     behind = _behind(run, ball, path)
     shown = windows(run.system.trace.pieces, path, behind, focus)
     with style.journal():
-        figure, panels = lay_out(shown, width)
-        _draw(panels, path, behind)
+        rows = legend_rows(path, behind, width)
+        figure, panels = lay_out(shown, width, legend=LINE * (len(rows) - 1))
+        draw_motion(panels, path, behind)
         label(panels, ball)
-        draw_legend(figure, path, behind, marked=_few(path))
+        draw_legend(figure, rows, None if few(path) else path)
     return figure
 
 
-def _few(path: Trajectory) -> bool:
+def legend_rows(
+    path: Trajectory, behind: Background, width: str, others: Sequence[Entry] = ()
+) -> list[list[Entry]]:
+    """Return the rows of the legend of a portrait; the first has room for the bar of time."""
+    entries = legend_of(path, behind, few(path), others)
+    return rows_of(entries, WIDTHS.get(width, 0.0) - RIGHT, 0.0 if few(path) else bar_width(path))
+
+
+def few(path: Trajectory) -> bool:
+    """Return whether there are so few impacts that they are numbered and marked one by one."""
     return len(path.jumps.number) <= MOST_NUMBERS
 
 
@@ -59,19 +75,24 @@ def _behind(run: Recorded, ball: int, path: Trajectory) -> Background:
     return background(landscape, highest)
 
 
-def _draw(panels: Sequence[Panel], path: Trajectory, behind: Background) -> None:
-    few = _few(path)
-    times = None if few else (0.0, path.end)
+def draw_motion(panels: Sequence[Panel], path: Trajectory, behind: Background) -> None:
+    """Draw what a body ran through on the panels of a portrait, over what stands behind it."""
+    marked = few(path)
+    until = None if marked else last_time(path)
     start_piece, position, rate = path.start
     for one in panels:
         strokes.draw_background(one, behind)
-        strokes.draw_branches(one, path, times)
-        strokes.draw_jumps(one, path.jumps, marked=few and not one.window.overview)
+        strokes.draw_branches(one, path, until)
+        close = not one.window.overview
+        if not (marked and close):
+            strokes.draw_jumps(one, path.jumps, marked=False)
+        if close:
+            strokes.draw_jumps(one, path.first, marked=True)
         start = np.empty((0, 2))
         if one.piece.index == start_piece:
             strokes.draw_start(one, position, rate)
             start = one.millimetres(np.array([position]), np.array([rate]))
         if one.window.overview:
             strokes.draw_window(one, panels[0].window)
-        elif few:
-            strokes.draw_numbers(one, path.branches[one.piece.index], path.jumps, start)
+        else:
+            strokes.draw_numbers(one, path.branches[one.piece.index], path.first, start)

@@ -12,11 +12,13 @@ from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.numbering import Named, write_names
 from vibro_cli.figures.plan import trace_points
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks
 from vibro_cli.mechanics.trace import Piece
+from vibro_cli.mechanics.turning import Turning
 
 _LEFT = 11.0
 _RIGHT = 3.0
@@ -32,6 +34,11 @@ _LEAST = 0.5
 """Least radius of a body that is drawn (mm)."""
 _SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
 _JUNCTION: dict[str, Any] = {"color": style.BLACK, "marker": "o", "markersize": 2.2}
+_AXIS: dict[str, Any] = {
+    "color": style.FRAME_GREY,
+    "linewidth": 0.6,
+    "linestyle": (0, (8.0, 2.0, 1.5, 2.0)),
+}
 _ARROW: dict[str, Any] = {
     "arrowstyle": "-|>",
     "color": style.BLACK,
@@ -39,11 +46,22 @@ _ARROW: dict[str, Any] = {
     "shrinkA": 0.0,
     "shrinkB": 0.0,
 }
+_POINT: dict[str, Any] = {"color": style.BLACK, "marker": "o", "markersize": 1.6}
+_RADIUS: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.35}
+_UPRIGHT: dict[str, Any] = _RADIUS | {"linestyle": (0, (6.0, 1.5, 1.0, 1.5))}
+_LETTERED = 3
+"""Bodies up to which centres, contact points and angles are named."""
+_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 24)) for f in (np.cos, np.sin)])
+Extent = tuple[Array, Array]
+"""Lower left and upper right corner (m)."""
 _SAY: dict[str, Any] = {"fontsize": style.SMALL, "ha": "center", "va": "center"}
 
 
 def scene(run: Recorded, width: str = "single") -> Figure:
-    """Return the trace to scale, its pieces and bodies numbered, the bodies at the start.
+    """Return the trace to scale with its pieces numbered and the bodies at the start.
+
+    The centres O and radii R of the arcs are drawn, of a few bodies the centres C, contact points
+    P and angles φ, ψ too.
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
@@ -61,17 +79,53 @@ def scene(run: Recorded, width: str = "single") -> Figure:
         axes = figure.add_axes(box)
         _set_axes(axes, 0.5 * (low + high), np.array([inner, tall]), scale)
         axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_SURFACE)
-        for piece in run.system.trace.pieces:
-            _draw_piece(axes, piece, scale)
+        within = low, high
+        named = [
+            name
+            for piece in run.system.trace.pieces
+            for name in _draw_piece(axes, piece, scale, within)
+        ]
         axes.plot(*surface[-1], zorder=2.2, linestyle="none", **_JUNCTION)
-        _draw_bodies(axes, run, scale)
+        if run.system.turning is not None:
+            _draw_axis(axes, run.system.turning)
+        named = [*_draw_bodies(axes, run, scale, within), *named]
+        numbers = [_number_place(piece, scale) for piece in run.system.trace.pieces]
+        write_names(axes, named, _obstacles(run, surface, scale), (inner, tall), numbers)
     return figure
 
 
+def _obstacles(run: Recorded, surface: Array, scale: float) -> Array:
+    """Return points that names should not cover: the trace and the bodies."""
+    found = [surface]
+    for piece in run.system.trace.pieces:
+        line = np.linspace(0.0, 1.0, 60)[:, None]
+        start, end = np.array(piece.start), np.array(piece.end)
+        found += [start + line * (end - start)] if piece.is_line else []
+    for body, state in zip(run.system.bodies, run.system.initial, strict=True):
+        centre = run.system.trace.pieces[state.piece].body_center(state.position, body.radius)
+        radius = max(body.radius, _LEAST / scale)
+        found += [np.array(centre) + radius * share * _RING for share in (0.4, 0.7, 1.0)]
+    return np.concatenate(found)
+
+
+def _draw_axis(axes: Axes, turning: Turning) -> None:
+    """Draw the vertical about which the trace turns, with its rate."""
+    axes.axvline(turning.x, zorder=1.5, **_AXIS)
+    words = rf"$\Omega = {turning.rate:.4g}$ rad/s"
+    halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
+    axes.annotate(
+        words, (turning.x, 1.0), (3.0, -4.0), xycoords=("data", "axes fraction"),
+        textcoords="offset points", va="top", fontsize=style.SMALL, path_effects=halo, zorder=3.0,
+    )  # fmt: skip
+
+
 def _extent(run: Recorded, surface: Array) -> tuple[Array, Array]:
+    turning = run.system.turning
+    reach = surface if turning is None else np.append(surface, [[turning.x, surface[0, 1]]], axis=0)
+    low, high = reach.min(axis=0), reach.max(axis=0)
     room = 2.1 * max(body.radius for body in run.system.bodies)
     room = max(room, 0.04 * float(np.max(np.ptp(surface, axis=0))))
-    return surface.min(axis=0) - room, surface.max(axis=0) + room
+    return low - room, high + room
 
 
 def _set_axes(axes: Axes, middle: Array, size: Array, scale: float) -> None:
@@ -89,37 +143,87 @@ def _set_axes(axes: Axes, middle: Array, size: Array, scale: float) -> None:
     axes.set_ylabel(f"$y$ [{scaled}]", labelpad=1.0)
 
 
-def _draw_piece(axes: Axes, piece: Piece, scale: float) -> None:
-    """Mark where a piece begins, and write its number below the trace at its middle."""
-    begins = piece.contact_point(piece.angle_start)
-    axes.plot(*begins, zorder=2.2, linestyle="none", **_JUNCTION)
+def _number_place(piece: Piece, scale: float) -> tuple[float, float]:
+    """Return where the number of a piece stands (m): below the trace at its middle."""
     middle = 0.5 * (piece.angle_start + piece.angle_end)
     slope = piece.slope(middle)
     below = np.array([np.sin(slope), -np.cos(slope)]) * _AWAY / scale
-    place = np.array(piece.contact_point(middle)) + below
+    return pair(np.array(piece.contact_point(middle)) + below)
+
+
+def _draw_piece(axes: Axes, piece: Piece, scale: float, within: Extent) -> list[Named]:
+    """Mark where a piece begins, write its number below it; return centre and radius to be named.
+
+    The centre of an arc and its radius at the middle are left out where they are off the figure.
+    """
+    begins = piece.contact_point(piece.angle_start)
+    axes.plot(*begins, zorder=2.2, linestyle="none", **_JUNCTION)
+    place = _number_place(piece, scale)
     halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
     look = _SAY | {"color": style.FRAME_GREY, "fontstyle": "italic"}
     words = str(piece.index + 1)
-    axes.text(float(place[0]), float(place[1]), words, path_effects=halo, zorder=3.0, **look)
+    axes.text(*place, words, path_effects=halo, zorder=3.0, **look)
+    centre = np.array(piece.center)
+    if piece.is_line or np.any(centre < within[0]) or np.any(centre > within[1]):
+        return []
+    # Not at the middle: there the number is, and the upright from which angles count.
+    aside = piece.angle_start + 0.2 * (piece.angle_end - piece.angle_start)
+    rim = np.array(piece.contact_point(aside))
+    axes.plot(*np.transpose([centre, rim]), zorder=1.4, **_RADIUS)
+    axes.plot(*centre, zorder=2.2, linestyle="none", **_POINT)
+    half = 0.5 * (centre + rim)
+    number = piece.index + 1
+    named = [Named(rf"$O_{{{number}}}$", pair(centre), style.FRAME_GREY)]
+    return [*named, Named(rf"$R_{{{number}}}$", pair(half), style.FRAME_GREY)]
 
 
-def _draw_bodies(axes: Axes, run: Recorded, scale: float) -> None:
+def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> list[Named]:
+    """Draw the bodies at the start, their angles and speeds; return points to be named."""
     pieces = run.system.trace.pieces
+    named: list[Named] = []
+    lettered = len(run.system.bodies) <= _LETTERED
     for number, (body, state) in enumerate(
         zip(run.system.bodies, run.system.initial, strict=True), 1
     ):
         piece = pieces[state.piece]
         centre = np.array(piece.body_center(state.position, body.radius))
+        colour = str(body_look(number)["color"])
         radius = max(body.radius, _LEAST / scale)
-        look: dict[str, Any] = {"facecolor": body_look(number)["color"], "linewidth": 0.5}
-        axes.add_patch(Circle(tuple(centre), radius, edgecolor=style.BLACK, zorder=2.5, **look))
+        look: dict[str, Any] = {"facecolor": colour, "linewidth": 0.5}
+        axes.add_patch(Circle(pair(centre), radius, edgecolor=style.BLACK, zorder=2.5, **look))
+        named.append(Named(rf"$C_{{{number}}}$" if lettered else str(number), pair(centre)))
         slope = piece.slope(state.position)
-        inside = np.array([-np.sin(slope), np.cos(slope)])
-        place = centre + inside * (radius + 2.0 / scale)
-        halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
-        where = float(place[0]), float(place[1])
-        axes.text(*where, str(number), path_effects=halo, zorder=3.0, **_SAY)
+        if lettered:
+            resting = np.array(piece.contact_point(state.position))
+            axes.plot(*resting, zorder=2.7, linestyle="none", **_POINT)
+            named.append(Named(rf"$P_{{{number}}}$", pair(resting)))
+            named += _draw_position(axes, piece, state.position, number, centre, within)
         if state.speed:
             along = np.sign(state.speed) * np.array([np.cos(slope), np.sin(slope)])
             tip = centre + along * (radius + 4.0 / scale)
-            axes.annotate("", tuple(tip), tuple(centre), arrowprops=_ARROW, zorder=2.6)
+            axes.annotate("", pair(tip), pair(centre), arrowprops=_ARROW, zorder=2.6)
+    return named
+
+
+def _draw_position(
+    axes: Axes, piece: Piece, position: float, number: int, centre: Array, within: Extent
+) -> list[Named]:
+    """Draw the angle φ or ψ of a body at the centre of its arc; return its name."""
+    origin = np.array(piece.center)
+    if piece.is_line or np.any(origin < within[0]) or np.any(origin > within[1]):
+        return []
+    axes.plot(*np.transpose([origin, centre]), zorder=1.4, **_RADIUS)
+    upright = np.array([0.0, -piece.sign])
+    reach = (0.3 + 0.08 * (number % 3)) * piece.path_radius(0.0)
+    axes.plot(*np.transpose([origin, origin + 1.1 * reach * upright]), zorder=1.4, **_UPRIGHT)
+    angles = np.linspace(0.0, position, 60)
+    arc = origin + reach * np.column_stack([np.sin(angles), -piece.sign * np.cos(angles)])
+    colour = str(body_look(number)["color"])
+    axes.plot(*arc.T, color=colour, linewidth=0.6, zorder=1.6)
+    symbol = r"\varphi" if piece.sign > 0.0 else r"\psi"
+    return [Named(rf"${symbol}_{{{number}}}$", pair(arc[len(arc) // 2]), colour)]
+
+
+def pair(point: Array) -> tuple[float, float]:
+    """Return a point as two numbers."""
+    return float(point[0]), float(point[1])

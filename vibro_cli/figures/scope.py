@@ -87,9 +87,8 @@ def _reached(path: Trajectory, members: Sequence[int]) -> float:
 
 
 def _separatrix(behind: Background, members: Sequence[int]) -> float:
-    """Return the greatest rate of the separatrices on some pieces."""
-    curves = (*behind.separatrices, *behind.arc_separatrices)
-    return _highest([curve.rate for curve in curves if curve.piece in members])
+    """Return the greatest rate of the trace's separatrices on some pieces."""
+    return _highest([curve.rate for curve in behind.separatrices if curve.piece in members])
 
 
 def _highest(rates: Sequence[Array]) -> float:

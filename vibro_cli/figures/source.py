@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Protocol
 
@@ -28,23 +29,7 @@ class Recorded(Protocol):
     def flights(self) -> Table:
         """The flights of every ball between events, with their first and last states."""
 
-    def flight_curve(self, index: int, count: int) -> tuple[Array, Array, Array]:
-        """Times, positions and rates along one flight."""
-
-
-class Remembered:
-    """A finished run whose tables are asked for once, however many figures are drawn of it."""
-
-    def __init__(self, run: Recorded) -> None:
-        self._run = run
-        self.system = run.system
-        self.collisions = run.collisions
-        self._flights = run.flights()
-
-    def flights(self) -> Table:
-        """Return the flights of every ball between events."""
-        return self._flights
-
-    def flight_curve(self, index: int, count: int) -> tuple[Array, Array, Array]:
-        """Return times, positions and rates along one flight."""
-        return self._run.flight_curve(index, count)
+    def flight_curve(
+        self, index: int, count: int, lasts: float = math.inf
+    ) -> tuple[Array, Array, Array]:
+        """Times, positions and rates along one flight, of its first seconds."""

@@ -124,7 +124,8 @@ class Film(Stage):
     def _past(self, frame: int, body: int) -> tuple[Array, Array]:
         """Return the last part of a body's trail (m, m/s)."""
         way, times = self._trails[body], self.frames.time
-        first = int(np.searchsorted(way.time, times[max(0, frame - TRAIL)]))
+        begins = max(times[max(0, frame - TRAIL)], times[frame] - self.frames.between.span)
+        first = int(np.searchsorted(way.time, begins))
         last = int(np.searchsorted(way.time, times[frame], side="right"))
         return way.s[first:last], way.speed[first:last]
 

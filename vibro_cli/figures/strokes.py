@@ -19,7 +19,7 @@ from vibro_cli.figures.panels import Panel, Window
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.trajectory import Branches, Jumps, Trajectory
 
-_MOST_VECTOR_POINTS = 20000
+MOST_VECTOR_POINTS = 20000
 """Of more points than this a curve is rasterised in PDF and SVG."""
 _HAIR = 0.008
 """How far a curve that is drawn may lie from the true one (mm)."""
@@ -30,6 +30,8 @@ _THINNEST = 0.3
 _MANY = 150
 _FAINTEST = 0.15
 _OVERVIEW = 0.6
+_HINDERING = 200
+"""Branches that numbers keep clear of; of more an even choice."""
 
 SEPARATRIX: dict[str, Any] = {
     "color": style.SEPARATRIX_GREY,
@@ -43,6 +45,7 @@ ARC_SEPARATRIX: dict[str, Any] = {
     "linestyle": (0, (1.0, 2.0)),
 }
 BRANCH: dict[str, Any] = {"color": style.BLUE, "linewidth": 0.9}
+CONTACT: dict[str, Any] = BRANCH | {"color": "#CC79A7", "linewidth": 1.1}
 JUMP: dict[str, Any] = {
     "color": style.VERMILLION,
     "linewidth": 0.8,
@@ -85,6 +88,12 @@ def time_colours() -> Colormap:
     return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, 256)))
 
 
+def by_time(look: dict[str, Any], times: Array, until: float) -> dict[str, Any]:
+    """Return the look of lines in the colours of their times (s), from 0 to a last one."""
+    coloured = {"array": times, "cmap": time_colours(), "norm": Normalize(0.0, until)}
+    return {name: value for name, value in look.items() if name != "color"} | coloured
+
+
 def thinner(width: float, lines: int) -> float:
     """Return the width (pt) of one of many lines, for the width of one of a few."""
     return float(np.clip(width * math.sqrt(_FEW / max(lines, 1)), _THINNEST, width))
@@ -114,22 +123,32 @@ def draw_background(one: Panel, behind: Background) -> None:
             one.axes.plot(point.position, 0.0, marker=marker, zorder=1.3, **POINT)
 
 
-def draw_branches(one: Panel, path: Trajectory, times: tuple[float, float] | None) -> None:
-    """Draw branches in one colour, or coloured by time; the thinner, the more there are in all."""
+def draw_branches(one: Panel, path: Trajectory, until: float | None) -> None:
+    """Draw branches, those of lasting contact in a colour of their own.
+
+    The others have one colour or, with `until`, those of the time at which they begin, from 0 to
+    then (s). The more there are in all, the thinner they are.
+    """
     branches = path.branches[one.piece.index]
     if not len(branches.time):
         return
     order, lines = _thinned(one, branches)
-    look: dict[str, Any] = dict(BRANCH)
-    if times is not None:
-        total = sum(len(each.time) for each in path.branches)
-        look = {"array": branches.time[order], "cmap": time_colours(), "norm": Normalize(*times)}
-        look |= {"linewidth": thinner(BRANCH["linewidth"], total), "alpha": fainter(total)}
-    if one.window.overview:
-        look["linewidth"] *= _OVERVIEW
-    collection = LineCollection(lines, zorder=2.0, **look)
-    collection.set_rasterized(sum(map(len, lines)) > _MOST_VECTOR_POINTS)
-    one.axes.add_collection(collection, autolim=False)
+    total = sum(len(each.time) for each in path.branches)
+    contact = branches.contact[order]
+    for chosen, own in ((~contact, BRANCH), (contact, CONTACT)):
+        rows = np.flatnonzero(chosen)
+        if not len(rows):
+            continue
+        look: dict[str, Any] = dict(own)
+        if until is not None:
+            look |= {"linewidth": thinner(own["linewidth"], total), "alpha": fainter(total)}
+            if own is BRANCH:
+                look = by_time(look, branches.time[order][rows], until)
+        if one.window.overview:
+            look["linewidth"] *= _OVERVIEW
+        collection = LineCollection([lines[n] for n in rows], zorder=2.0, **look)
+        collection.set_rasterized(sum(len(lines[n]) for n in rows) > MOST_VECTOR_POINTS)
+        one.axes.add_collection(collection, autolim=False)
 
 
 def _thinned(one: Panel, branches: Branches) -> tuple[list[int], list[Array]]:
@@ -177,9 +196,7 @@ def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:
     )
     collection = LineCollection(list(ends), zorder=2.2, **JUMP)
     if not marked:
-        width = thinner(JUMP["linewidth"], len(jumps.made)) * 0.7
-        alpha = 0.5 * fainter(len(jumps.made))
-        collection.set(linewidth=width, linestyle="solid", alpha=alpha, zorder=1.9)
+        collection.set(zorder=1.9, **many_jumps(len(jumps.made)))
         collection.set_rasterized(True)
     one.axes.add_collection(collection, autolim=False)
     if marked:
@@ -187,6 +204,12 @@ def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:
         one.axes.plot(position[made], jumps.after[made], zorder=2.4, **AFTER)
     refused = here & ~jumps.made
     one.axes.plot(position[refused], jumps.before[refused], zorder=2.5, **NOT_MADE)
+
+
+def many_jumps(number: int) -> dict[str, Any]:
+    """Return the look of jumps that are too many to be marked one by one."""
+    width = thinner(JUMP["linewidth"], number) * 0.7
+    return JUMP | {"linewidth": width, "linestyle": "solid", "alpha": 0.5 * fainter(number)}
 
 
 def draw_start(one: Panel, position: float, rate: float) -> None:
@@ -211,7 +234,8 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, start: Array) -> 
     after = one.millimetres(jumps.position[here], arrived)
     shares = np.linspace(0.0, 1.0, 25)[None, :, None]
     segments = (before[:, None, :] * (1.0 - shares) + after[:, None, :] * shares).reshape(-1, 2)
-    curves = one.millimetres(branches.position.ravel(), branches.rate.ravel())
+    some = slice(None, None, -(-len(branches.time) // _HINDERING) or 1)
+    curves = one.millimetres(branches.position[some].ravel(), branches.rate[some].ravel())
     obstacles = np.concatenate([curves, segments, *_around([before, after, start])])
     texts = [str(number) for number in jumps.number[here]]
     anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]

@@ -108,7 +108,10 @@ def _words(portrait: Portrait, width: float) -> list[str]:
     said = said or ["no trigger of coupled singular points"]
     named = zip(portrait.names, portrait.points, strict=True)
     heights = ", ".join(f"{name} {portrait.height(point.energy):.4g} m" for name, point in named)
-    values = [f"E/(m g), height above the lowest place: {heights}"] if heights else []
+    meant = "height above the lowest place"
+    if portrait.landscape.turning is not None:
+        meant = "effective potential above its least value"
+    values = [f"E/(m g), {meant}: {heights}"] if heights else []
     return [*_wrapped(said, width), *_wrapped(values, width)]
 
 

@@ -13,6 +13,8 @@ CHARACTER = 1.15
 """Mean width of a character of a tick label (mm)."""
 _BETWEEN = 1.6
 """Least room between two tick labels (mm)."""
+_INTERVAL = 17.0
+"""Distance of two tick labels side by side (mm) where an axis has room for many."""
 _LINE = 7.0
 """Least distance of two tick labels one above the other (mm)."""
 
@@ -62,10 +64,30 @@ def angle_ticks(low: float, high: float, width: float) -> Ticks:
     return chosen if len(chosen.places) > 1 else number_ticks(low, high, width)
 
 
+def vertical_angle_ticks(low: float, high: float, height: float) -> Ticks:
+    """Return ticks (rad) at multiples of π/2ⁿ for a vertical axis `height` mm high.
+
+    Angles too small for parts of π get decimal numbers.
+    """
+    edge = _EDGE / height * (high - low)
+    chosen = Ticks((), ())
+    for part in _PARTS_OF_PI:
+        step = float(part) * math.pi
+        if step / (high - low) * height < _LINE:
+            break
+        first, last = math.ceil((low + edge) / step), math.floor((high - edge) / step)
+        numbers = range(first, last + 1)
+        labels = tuple(part_of_pi(part * number) for number in numbers)
+        chosen = Ticks(tuple(number * step for number in numbers), labels)
+        if len(chosen.places) >= _ENOUGH:
+            break
+    return chosen if len(chosen.places) > 1 else vertical_ticks(low, high, height)
+
+
 def number_ticks(low: float, high: float, width: float) -> Ticks:
     """Return ticks at round numbers for a horizontal axis from `low` to `high`, `width` mm wide."""
     chosen = Ticks((), ())
-    for bins in range(1, 6):
+    for bins in range(1, max(6, round(width / _INTERVAL) + 1)):
         ticks = _round_numbers(low, high, bins)
         step = ticks.places[1] - ticks.places[0] if len(ticks.places) > 1 else high - low
         if chosen.places and not _fits(ticks.labels, step * width / (high - low)):

@@ -9,14 +9,15 @@ import numpy as np
 
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.mechanics.trace import Piece
 
 MOST_FLIGHTS = 3000
 """Of more flights than this, of all bodies together, only the first are drawn over time."""
 MOST_PERIODS = 60
 """Of more small oscillations than this only the first are drawn over time."""
 _POINTS = 40000
-_PER_SECOND = 40.0
-"""Points of energies in lasting contact."""
+_PER_PERIOD = 64
+"""Points of energies in one of the periods of lasting contact."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,7 @@ def shown_until(run: Recorded) -> float:
     end = float(np.max(flights["t_end"]))
     if len(starts) > MOST_FLIGHTS:
         end = float(starts[MOST_FLIGHTS])
-    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
-    if radii and run.system.gravity > 0.0:
-        period = 2.0 * math.pi * math.sqrt(max(radii) / run.system.gravity)
-        end = min(end, MOST_PERIODS * period)
-    return end
+    return min(end, _periods(run))
 
 
 def timeline(run: Recorded, ball: int, until: float) -> Timeline:
@@ -74,14 +71,43 @@ def _least(flights: int) -> float:
     return float(np.clip(_POINTS / 4 / max(flights, 1), 2.0, 16.0))
 
 
-def energy_course(run: Recorded, ball: int) -> tuple[Array, Array]:
-    """Return times (s) and the energy (J) of a body (from 1) then; at a jump a time stands twice.
+def calm_until(run: Recorded) -> float:
+    """Return the time (s) up to which energies are drawn.
 
-    Constant on a free flight; in lasting contact, where bodies exchange energy, sampled.
+    The end of the run, but lasting contact without an impact only for as many periods as can be
+    told apart.
+    """
+    flights = run.flights()
+    end = float(np.max(flights["t_end"]))
+    struck = np.asarray(run.collisions["t"], dtype=np.float64)
+    contact = np.asarray(flights["contact"], dtype=np.bool_)
+    begun = np.asarray(flights["t_start"])[contact & (np.asarray(flights["t_end"]) == end)]
+    if not len(begun):
+        return end
+    joined = np.asarray(flights["cause_start"], dtype=object) == "contact_closed"
+    closed = np.asarray(flights["t_start"])[joined]
+    return min(end, float(np.max(np.concatenate([struck, closed, [0.0]]))) + _periods(run))
+
+
+def _periods(run: Recorded) -> float:
+    """Return the time (s) of as many slow oscillations as can be told apart; infinite on lines."""
+    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
+    if not radii or run.system.gravity <= 0.0:
+        return math.inf
+    return MOST_PERIODS * 2.0 * math.pi * math.sqrt(max(radii) / run.system.gravity)
+
+
+def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Array, Array]:
+    """Return times (s) up to one and the energy (J) of a body (from 1) then.
+
+    Constant on a free flight; in lasting contact, where bodies exchange energy, sampled. At a jump
+    a time stands twice.
     """
     flights = run.flights()
     hills = Landscape.of(run.system, ball)
-    mine = np.flatnonzero(np.asarray(flights["ball"]) == ball)
+    mine = np.flatnonzero(
+        (np.asarray(flights["ball"]) == ball) & (np.asarray(flights["t_start"]) <= until)
+    )
     contact = np.asarray(flights["contact"], dtype=np.bool_)[mine]
     rows, times, energies = [], [], []
     for piece in run.system.trace.pieces:
@@ -89,18 +115,26 @@ def energy_course(run: Recorded, ball: int) -> tuple[Array, Array]:
         free = mine[here & ~contact]
         energy = hills.energy(piece, flights["angle_start"][free], flights["rate_start"][free])
         rows += [free, free]
-        times += [flights["t_start"][free], flights["t_end"][free]]
+        times += [flights["t_start"][free], np.minimum(flights["t_end"][free], until)]
         energies += [energy, energy]
         for row in mine[here & contact].tolist():
-            lasts = float(flights["t_end"][row] - flights["t_start"][row])
-            count = int(np.clip(lasts * _PER_SECOND, 1, 4000)) + 1
-            time, position, rate = run.flight_curve(row, count)
+            start, end = float(flights["t_start"][row]), float(flights["t_end"][row])
+            lasts = min(end, until) - start
+            count = max(2, math.ceil(lasts * _pace(run, ball, piece)) + 1)
+            time, position, rate = run.flight_curve(row, count, lasts)
             rows.append(np.full(count, row))
             times.append(time)
             energies.append(hills.energy(piece, position, rate))
     time, energy = np.concatenate(times), np.concatenate(energies)
     order = np.lexsort((time, np.concatenate(rows)))
     return np.maximum.accumulate(time[order]), energy[order]
+
+
+def _pace(run: Recorded, ball: int, piece: Piece) -> float:
+    """Return the points a second that the energy of a body wants, in contact on a piece."""
+    body = run.system.bodies[ball - 1]
+    radius = run.system.trace.length if piece.is_line else piece.path_radius(body.radius)
+    return _PER_PERIOD * math.sqrt(run.system.gravity / (body.kappa * radius)) / (2.0 * math.pi)
 
 
 def energy_residuals(run: Recorded) -> tuple[Array, Array]:

@@ -16,12 +16,17 @@ from vibro_cli.mechanics.trace import Piece
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+MOST_NUMBERS = 12
+"""Impacts that are numbered and marked one by one."""
 MOST_BRANCHES = 4000
 """Of more branches than this an even choice is drawn; more would only make a stain."""
 
 _PER_PERIOD = 64
-"""Points of a small oscillation in lasting contact; up to the number below."""
-_MOST_POINTS = 8192
+"""Points of a small oscillation in lasting contact."""
+_LEAST = 32
+"""Points of any flight on an arc that is sampled."""
+_FIRST_PERIODS = 3.0
+"""Of a long flight at first, then twice as many, until it has come round."""
 _TURNS = 2
 """Turning points after which, at the next, an oscillation has come round."""
 
@@ -41,6 +46,8 @@ class Branches:
     """φ̇ or ψ̇ (rad/s), speed on a line (m/s); the same shape."""
     time: Array
     """Time (s) at which each begins; shape (branches,)."""
+    contact: Flags
+    """Whether each is one of lasting contact."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +69,11 @@ class Jumps:
     made: Flags
     """Whether the bodies did so: not at an inadmissible impact that ended the run."""
 
+    def some(self, chosen: slice) -> Jumps:
+        """Return some of the jumps."""
+        fields = Jumps.__dataclass_fields__
+        return Jumps(**{name: getattr(self, name)[chosen] for name in fields})
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -70,6 +82,8 @@ class Trajectory:
     branches: tuple[Branches, ...]
     """One entry for each piece of the trace."""
     jumps: Jumps
+    first: Jumps
+    """The jumps at the first impacts, which are marked and numbered one by one."""
     start: tuple[int, float, float]
     """Index of the piece, position and rate at the start."""
     end: float
@@ -88,7 +102,7 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
     mine = np.flatnonzero(np.asarray(flights["ball"]) == ball)
     first, last = strands(flights, mine)
     every = max(1, math.ceil(len(first) / MOST_BRANCHES))
-    count = _points(len(first[::every]))
+    count = points_each(len(first[::every]))
     free = _free(run, ball, flights, first)[::every]
     branches = tuple(
         _branches(run, flights, ball, piece, (first[::every], last[::every]), free, count)
@@ -100,7 +114,9 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
         float(flights["rate_start"][mine[0]]),
     )
     end = float(np.max(flights["t_end"][mine]))
-    return Trajectory(branches, jumps_of(run, ball, every), start, end, every)
+    jumps = jumps_of(run, ball)
+    firsts = jumps.some(slice(0, MOST_NUMBERS))
+    return Trajectory(branches, jumps.some(slice(None, None, every)), firsts, start, end, every)
 
 
 def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
@@ -118,9 +134,9 @@ def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
     return mine[begins], mine[ends]
 
 
-def _points(branches: int) -> int:
+def points_each(branches: int) -> int:
     """Return the points of each branch, one more than a power of 2: fewer where there are many."""
-    return int(2 ** np.clip(round(math.log2(40000 / max(branches, 1))), 5, 7)) + 1
+    return int(2 ** np.clip(round(math.log2(160000 / max(branches, 1))), 6, 8)) + 1
 
 
 def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
@@ -174,6 +190,7 @@ def _branches(
         np.concatenate([position, *(curve[None, :, 0] for curve in sampled)]),
         np.concatenate([rate, *(curve[None, :, 1] for curve in sampled)]),
         flights["t_start"][np.concatenate([rows, first[bound]])].astype(np.float64),
+        np.asarray(flights["contact"], dtype=np.bool_)[np.concatenate([rows, first[bound]])],
     )
 
 
@@ -182,7 +199,8 @@ def _pace(run: Recorded, ball: int, piece: Piece) -> float:
     if piece.is_line:
         return 0.0
     body = run.system.bodies[ball - 1]
-    rate = math.sqrt(run.system.gravity / (body.kappa * piece.path_radius(body.radius)))
+    turning = 0.0 if run.system.turning is None else run.system.turning.square
+    rate = math.sqrt(turning + run.system.gravity / (body.kappa * piece.path_radius(body.radius)))
     return _PER_PERIOD * rate / (2.0 * math.pi)
 
 
@@ -192,26 +210,42 @@ def _sampled(run: Recorded, flights: Table, rows: range, pace: float, count: int
     An oscillation in lasting contact may go on for long: of its closed curve one period is drawn.
     """
     times = flights["t_end"][rows.start : rows.stop] - flights["t_start"][rows.start : rows.stop]
+    if len(rows) == 1:
+        return _sampled_flight(run, rows.start, float(times[0]), pace, count)
     share = times / max(float(np.sum(times)), float(np.finfo(np.float64).tiny))
-    wanted = np.maximum(count * share, np.minimum(pace * times, _MOST_POINTS))
+    wanted = np.maximum(count * share, pace * times)
     curves = [
         np.column_stack(run.flight_curve(row, math.ceil(number) + 1)[1:])
         for row, number in zip(rows, wanted.tolist(), strict=True)
     ]
-    points = np.concatenate(curves)
-    if len(rows) == 1:
+    return _chosen(np.concatenate(curves), count)
+
+
+def _sampled_flight(run: Recorded, row: int, time: float, pace: float, count: int) -> Array:
+    """Return `count` states of the run along one flight, of its closed curve one period."""
+    lasts = min(time, _FIRST_PERIODS * _PER_PERIOD / pace if pace > 0.0 else math.inf)
+    while True:
+        number = max(_LEAST if pace > 0.0 else count - 1, math.ceil(pace * lasts))
+        points = np.column_stack(run.flight_curve(row, number + 1, lasts)[1:])
         turns = np.flatnonzero(points[1:, 1] * points[:-1, 1] < 0.0)
         if len(turns) > _TURNS:
-            points = points[: turns[_TURNS] + 2]
-    states: Array = points[np.linspace(0.0, len(points) - 1.0, count).round().astype(np.int64)]
-    return states
+            return _chosen(points[: turns[_TURNS] + 2], count)
+        if lasts >= time:
+            return _chosen(points, count)
+        lasts = min(time, 2.0 * lasts)
 
 
-def jumps_of(run: Recorded, ball: int, every: int = 1) -> Jumps:
-    """Return the jumps of a body (from 1) at its impacts, or at one in n, in the order of time."""
+def _chosen(points: Array, count: int) -> Array:
+    """Return `count` points of the line through points, evenly, with both ends."""
+    place, known = np.linspace(0.0, len(points) - 1.0, count), np.arange(len(points))
+    return np.column_stack([np.interp(place, known, column) for column in points.T])
+
+
+def jumps_of(run: Recorded, ball: int) -> Jumps:
+    """Return the jumps of a body (from 1) at its impacts, in the order of time."""
     parts = [_jumps_as(run, ball, side) for side in ("a", "b")]
     number = np.concatenate([part.number for part in parts])
-    order = np.argsort(number, kind="stable")[::every]
+    order = np.argsort(number, kind="stable")
 
     def merged(name: str) -> NDArray[np.generic]:
         values: NDArray[np.generic] = np.concatenate([getattr(part, name) for part in parts])

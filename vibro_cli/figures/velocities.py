@@ -13,7 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look, legend
+from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
+from vibro_cli.figures.numbering import Named, write_names
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.mechanics.body import Body
@@ -22,8 +24,9 @@ from vibro_cli.mechanics.trace import Piece
 _IMPACTS = {"single": 2, "double": 4}
 _BESIDE = {"single": 1, "double": 2}
 """Impacts side by side, each with its two panels."""
-_HIGH = 30.0
-_TOP = 5.5
+_HIGH = 33.0
+_TOP = 5.0
+"""Room for the first line of the legend (mm)."""
 _WORDS = 10.5
 """Room for the words above a panel (mm)."""
 _COLUMNS = (0.0, 17.0)
@@ -44,11 +47,16 @@ _TINY = 2e-3
 """An arrow shorter than this share of the panel is left out."""
 _HEAD = 0.05
 """Length of an arrow's head, as a share of the panel."""
+_SCALE = 8.0
+"""Length of the arrow of the scale at most (mm)."""
+_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 90)) for f in (np.cos, np.sin)])
 _SLIM = 0.36
 """Half its width, as a share of its length."""
 _BUTT: dict[str, Any] = {"solid_capstyle": "butt", "dash_capstyle": "butt"}
 CENTRE: dict[str, Any] = {"linewidth": 1.1, "linestyle": "solid"}
 TOUCHING: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (2.5, 1.2))}
+ROLLING: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (0.9, 0.9))}
+TURNING: dict[str, Any] = {"linewidth": 0.9, "linestyle": "solid"}
 NORMAL: dict[str, Any] = {"linewidth": 1.8, "linestyle": "solid"}
 _SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7}
 _AXIS: dict[str, Any] = {
@@ -56,6 +64,16 @@ _AXIS: dict[str, Any] = {
     "linewidth": 0.4,
     "linestyle": (0, (6, 1.5, 1, 1.5)),
 }
+_LEGEND: list[Entry] = [
+    (words, look | {"color": style.BLACK})
+    for words, look in (
+        ("centre $C$", CENTRE),
+        ("part of rolling at $T$", ROLLING),
+        ("touching point $T$", TOUCHING),
+        ("along the line of centres", NORMAL),
+        (r"$\omega$", TURNING),
+    )
+]
 _SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 
 
@@ -74,7 +92,7 @@ class Striking:
     speed: tuple[float, float]
     """Speed of the centre before and after (m/s)."""
     omega: tuple[float, float]
-    """Angular velocity about the contact point before and after (rad/s)."""
+    """Angular velocity about the contact point before and after (rad/s); nan of a particle."""
 
     def velocity(self, point: Array, when: int) -> Array:
         """Return the velocity (m/s) of the body's point there, before (0) or after (1)."""
@@ -83,13 +101,18 @@ class Striking:
         reach = point - self.resting
         return self.speed[when] / self.body.radius * np.array([reach[1], -reach[0]])
 
+    def rolling(self, point: Array, when: int) -> Array:
+        """Return what turning about the centre adds to its velocity (m/s) at a point."""
+        return self.velocity(point, when) - self.speed[when] * self.tangent
+
 
 def velocities(run: Recorded, width: str = "single") -> Figure | None:
     """Return the velocities before and after the first impacts, of centres and touching points.
 
     Arrows at the centres are their velocities; where the bodies touch, those of the touching points
-    (as points of the rolling bodies) and their components along the line of centres. None without
-    an impact. Raises ValueError for a width that is neither `single` nor `double`.
+    (as points of the rolling bodies), what rolling adds to those of the centres, and the components
+    along the line of centres. Arcs around the centres are angular velocities. None without an
+    impact. Raises ValueError for a width that is neither `single` nor `double`.
     """
     if width not in WIDTHS:
         raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
@@ -97,7 +120,8 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     if not rows:
         return None
     with style.journal():
-        figure, panels = _sheet(width, len(rows))
+        lines = rows_of(_LEGEND, WIDTHS[width])
+        figure, panels = _sheet(width, len(rows), _TOP + LINE * (len(lines) - 1))
         surface = _surface(run)
         for row in rows:
             pair = striking(run, row)
@@ -106,7 +130,8 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
                 axes = panels[2 * row + when]
                 _draw(axes, surface, pair, when, scale)
                 _say(axes, run, row, pair, when)
-        _draw_legend(figure)
+            _draw_scale(panels[2 * row + 1], scale)
+        draw_legend(figure, lines)
     return figure
 
 
@@ -156,19 +181,19 @@ def _arrow_scale(pair: Sequence[Striking]) -> float:
     return _LONGEST * largest / (max(lengths) or 1.0)
 
 
-def _sheet(width: str, impacts: int) -> tuple[Figure, list[Axes]]:
+def _sheet(width: str, impacts: int, top: float) -> tuple[Figure, list[Axes]]:
     """Return a figure with two empty panels for each impact, in the order of the impacts."""
     beside = min(_BESIDE[width], impacts)
     rows = math.ceil(impacts / beside)
     wide = WIDTHS[width]
     cell = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
-    total = _TOP + rows * (_WORDS + _HIGH + _GAP) + _BOTTOM
+    total = top + rows * (_WORDS + _HIGH + _GAP) + _BOTTOM
     figure = Figure(figsize=(wide * MM, total * MM))
     panels = []
     for place in range(2 * impacts):
         row, column = divmod(place, 2 * beside)
         left = _GAP + column * (cell + _GAP)
-        bottom = total - _TOP - (row + 1) * (_WORDS + _HIGH) - row * _GAP
+        bottom = total - top - (row + 1) * (_WORDS + _HIGH) - row * _GAP
         axes = figure.add_axes((left / wide, bottom / total, cell / wide, _HIGH / total))
         axes.set_xticks([])
         axes.set_yticks([])
@@ -195,15 +220,84 @@ def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale
     along = np.array([touch - _AROUND * largest * normal, touch + _AROUND * largest * normal])
     axes.plot(along[:, 0], along[:, 1], zorder=1.5, **_AXIS)
     across = np.array([-normal[1], normal[0]]) * _APART * largest
+    fastest = max(abs(omega) for one in pair for omega in one.omega)
+    drawn = [along]
     for one, offset in zip(pair, (across, -across), strict=True):
         colour = body_look(one.number)["color"]
         _draw_body(axes, one, colour)
-        _arrow(axes, one.centre, scale * one.velocity(one.centre, when), colour, CENTRE)
-        there = one.velocity(touch, when)
-        _arrow(axes, touch, scale * there, colour, TOUCHING)
-        component = float(there @ normal) * normal
-        _arrow(axes, touch + offset, scale * component, colour, NORMAL)
+        arrows = [
+            (one.centre, one.velocity(one.centre, when), CENTRE),
+            (touch, one.rolling(touch, when), ROLLING),
+            (touch, one.velocity(touch, when), TOUCHING),
+            (touch + offset, float(one.velocity(touch, when) @ normal) * normal, NORMAL),
+        ]
+        for tail, velocity, look in arrows:
+            arrow(axes, tail, scale * velocity, colour, look)
+            drawn.append(np.linspace(tail, tail + scale * velocity, 20))
+        drawn.append(_draw_turning(axes, one, when, fastest, colour))
     axes.plot(*touch, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+    _name_points(axes, pair, touch, np.concatenate(drawn))
+
+
+def _draw_turning(axes: Axes, one: Striking, when: int, fastest: float, colour: str) -> Array:
+    """Draw the angular velocity as an arc around the centre; return its points.
+
+    It begins above the centre; three quarters of a turn are the fastest of the impact.
+    """
+    omega = one.omega[when]
+    if not omega or math.isnan(omega) or abs(omega) < _TINY * fastest:
+        return np.zeros((0, 2))
+    reach = -1.5 * math.pi * omega / fastest  # rolling to the right is clockwise
+    angles = 0.5 * math.pi + np.linspace(0.0, reach, 60)
+    radius = 0.45 * one.body.radius
+    points: Array = one.centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    low, high = axes.get_xlim()
+    head = min(0.7 * _HEAD * (high - low), 0.6 * radius * abs(reach))
+    last = int(np.searchsorted(np.abs(angles - angles[0]), abs(reach) - head / radius))
+    axes.plot(*points[: last + 1].T, color=colour, zorder=2.8, **TURNING, **_BUTT)
+    along = points[-1] - points[last]
+    draw_head(axes, points[-1], along / float(np.hypot(*along)), head, colour)
+    return points
+
+
+def _name_points(axes: Axes, pair: Sequence[Striking], touch: Array, drawn: Array) -> None:
+    """Write the papers' names of centres, contact points and the touching point."""
+    rings = [one.centre + one.body.radius * _RING for one in pair]
+    names = [
+        Named(f"${letter}_{{{one.number}}}$", (float(point[0]), float(point[1])))
+        for one in pair
+        for letter, point in (("C", one.centre), ("P", one.resting))
+    ]
+    names.append(Named("$T$", (float(touch[0]), float(touch[1]))))
+    write_names(axes, names, np.concatenate([drawn, *rings]), panel_size(axes))
+
+
+def panel_size(axes: Axes) -> tuple[float, float]:
+    """Return width and height of a panel (mm)."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    box = axes.get_position()
+    return box.width * figure.get_figwidth() / MM, box.height * figure.get_figheight() / MM
+
+
+def _draw_scale(axes: Axes, scale: float) -> None:
+    """Draw an arrow of a round speed above the right end of a panel."""
+    wide, high = panel_size(axes)
+    low, end = axes.get_xlim()
+    each = scale * wide / (end - low)  # mm for 1 m/s
+    power = 10.0 ** math.floor(math.log10(_SCALE / each))
+    speed = next(f * power for f in (5.0, 2.0, 1.0) if f * power * each <= _SCALE)
+    text = f"{speed:g} m/s"
+    right = wide - 1.4 * len(text) - 0.5
+    level = 1.0 + (1.9 + 3.3 * 2) / high
+    ends = np.array([(right - speed * each - 0.8) / wide, (right - 0.8) / wide])
+    look: dict[str, Any] = {"transform": axes.transAxes, "clip_on": False, "color": style.BLACK}
+    axes.plot(ends, [level, level], linewidth=CENTRE["linewidth"], **look)
+    tip = np.array([[ends[1] + 0.6 / wide, level], [ends[1] - 1.2 / wide, level]])
+    side = np.array([0.0, 0.55 / high])
+    corners = np.array([tip[0], tip[1] + side, tip[1] - side])
+    axes.add_patch(Polygon(corners, linewidth=0.0, **look))
+    axes.text(1.0, level, text, ha="right", va="center", transform=axes.transAxes, **_SAY)
 
 
 def _frame(axes: Axes, middle: Array, largest: float) -> None:
@@ -236,17 +330,22 @@ def _draw_body(axes: Axes, one: Striking, colour: str) -> None:
     axes.plot(*one.resting, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
 
 
-def _arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: dict[str, Any]) -> None:
+def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: dict[str, Any]) -> None:
     """Draw an arrow, its head whole whatever the dashes of its shaft."""
     low, high = axes.get_xlim()
     length = float(np.hypot(*reach))
     if length < _TINY * (high - low):
         return
     along = reach / length
-    side = np.array([-along[1], along[0]])
     head = min(_HEAD * (high - low), 0.6 * length)
     tip, neck = tail + reach, tail + reach - head * along
     axes.plot(*np.transpose([tail, neck]), color=colour, zorder=3.0, **look, **_BUTT)
+    draw_head(axes, tip, along, head, colour)
+
+
+def draw_head(axes: Axes, tip: Array, along: Array, head: float, colour: str) -> None:
+    """Draw the head of an arrow that points along a unit vector."""
+    neck, side = tip - head * along, np.array([-along[1], along[0]])
     corners = np.array([tip, neck + _SLIM * head * side, neck - _SLIM * head * side])
     axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=3.1))
 
@@ -263,6 +362,8 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
     for line, symbol, unit in ((1, "v", "m/s"), (0, r"\omega", "rad/s")):
         for one, left in zip(pair, _COLUMNS, strict=True):
             value = one.speed[when] if symbol == "v" else one.omega[when]
+            if math.isnan(value):  # a particle slides
+                continue
             _write(axes, left, line, f"${symbol}_{{{one.number}}}$")
             after = f" {unit}" if one is pair[1] else ""
             _write(axes, left + _SYMBOL, line, f"= {_number(value)}{after}")
@@ -283,15 +384,3 @@ def _write(axes: Axes, left: float, line: int, text: str) -> None:
 def _number(value: float) -> str:
     """Return a number with three digits, the minus a minus."""
     return f"{value:.3g}".replace("-", "−")
-
-
-def _draw_legend(figure: Figure) -> None:
-    black = {"color": style.BLACK}
-    legend(
-        figure,
-        [
-            ("centre", CENTRE | black),
-            ("touching point", TOUCHING | black),
-            ("along the line of centres", NORMAL | black),
-        ],
-    )

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.errors import VibroError
 from vibro_cli.grids.chunks import Chunks, Receipt
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.parts import Making
 from vibro_cli.grids.room import Rooms
-from vibro_cli.grids.systems import Solver, system_of_grid
+from vibro_cli.grids.systems import Solver, solver_of
 from vibro_cli.grids.threads import Told
 
 # Chunks that wait at the scheduler for each thread that solves.
@@ -25,7 +26,7 @@ _CONNECT = "30s"
 _TRIES = 5
 
 
-class ClusterError(Exception):
+class ClusterError(VibroError):
     """The cluster cannot be used, or has not solved every chunk; the message says why."""
 
 
@@ -199,7 +200,7 @@ def solve_chunk(
     ``run`` tells chunks of one grid from those of another.
     """
     if getattr(_of_thread, "run", None) != run:
-        _of_thread.solver = system_of_grid(grid).solver(grid, engine)
+        _of_thread.solver = solver_of(grid, engine)
         _of_thread.rooms = Rooms()
         _of_thread.run = run
     solver: Solver = _of_thread.solver

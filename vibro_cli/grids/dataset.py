@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli import __version__
+from vibro_cli.errors import VibroError
 from vibro_cli.grids.chunks import Chunks, Division, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
 from vibro_cli.storage.files import remove_partial_files, write_file
@@ -27,6 +28,7 @@ from vibro_cli.storage.provenance import (
     MANIFEST_NAME,
     FolderRefused,
     check_replaceable,
+    differences,
     entry,
     json_bytes,
     manifest_of,
@@ -35,17 +37,18 @@ from vibro_cli.storage.provenance import (
 
 GRID_NAME = "grid.json"
 _LOCK_NAME = ".lock"
-_SHARD = re.compile(r"shard-\d+-of-\d+")
+SHARD = re.compile(r"shard-(\d+)-of-(\d+)")
+"""The name of the folder of a shard within that of its grid."""
 _FOLDERS = ("summary", "collisions", "bounces")
 # The manifest is written at most once in this time (s), and at the end.
 _EVERY = 5.0
 
 
-class GridChanged(Exception):
+class GridChanged(VibroError):
     """The folder holds another grid; the message shows the differences."""
 
 
-class FolderInUse(Exception):
+class FolderInUse(VibroError):
     """Another process works on the folder."""
 
 
@@ -165,7 +168,7 @@ def check_grid_folder(folder: Path) -> None:
     if not (folder / GRID_NAME).exists():
         entries = {one.name for one in folder.iterdir()} if folder.is_dir() else set()
         # An empty folder of a run that was stopped at once is ours.
-        entries = {name for name in entries if not _SHARD.fullmatch(name)}
+        entries = {name for name in entries if not SHARD.fullmatch(name)}
         if not folder.exists() or entries <= {_LOCK_NAME, *_FOLDERS, MANIFEST_NAME}:
             return
         check_replaceable(folder, "grid")
@@ -182,8 +185,13 @@ def _stored_grid(folder: Path) -> dict[str, Any] | None:
     return found if isinstance(found, dict) and "axes" in found else None
 
 
-def check_same(folder: Path, grid: Grid, chunks: Chunks) -> None:
-    """Raise `GridChanged` if the folder holds another grid than this one."""
+def check_same(
+    folder: Path,
+    grid: Grid,
+    chunks: Chunks,
+    remedy: str = "--force starts anew, -o names another folder",
+) -> None:
+    """Raise `GridChanged` if the folder holds another grid than this one; it ends with a remedy."""
     stored = _stored_grid(folder)
     wanted = json.loads(json_bytes(resolved_with(grid, chunks)))
     # Parts of two versions of the program do not belong into one dataset.
@@ -195,33 +203,8 @@ def check_same(folder: Path, grid: Grid, chunks: Chunks) -> None:
     raise GridChanged(
         f"{folder} holds another grid; found there and wanted now:\n"
         + "\n".join(lines)
-        + "\n(--force starts anew, -o names another folder)"
+        + f"\n({remedy})"
     )
-
-
-def differences(before: Any, now: Any, path: str = "") -> list[str]:
-    """Return where two pieces of plain data differ, a line each."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        keys = [*before, *(key for key in now if key not in before)]
-        return [
-            line
-            for key in keys
-            for line in differences(
-                before.get(key), now.get(key), f"{path}.{key}" if path else str(key)
-            )
-        ]
-    if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
-        return [
-            line
-            for number, pair in enumerate(zip(before, now, strict=True), 1)
-            for line in differences(*pair, f"{path}[{number}]")
-        ]
-    return [] if before == now else [f"{path}: {_short(before)} -> {_short(now)}"]
-
-
-def _short(value: Any) -> str:
-    text = "nothing" if value is None else json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 @contextlib.contextmanager

@@ -11,7 +11,9 @@ import numpy as np
 from vibro_cli.grids.axes import Axis, Column
 from vibro_cli.scenario.problems import KeyPath
 
-MODES = ("product", "zip", "latin-hypercube", "sobol")
+SAMPLED = ("latin-hypercube", "sobol")
+"""Modes that draw a number of points from the axes."""
+MODES = ("product", "zip", *SAMPLED)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli.grids.axes import Axis, Wrong, read_axis
-from vibro_cli.grids.design import MODES, Design
+from vibro_cli.grids.design import MODES, SAMPLED, Design
 from vibro_cli.scenario import loading
 from vibro_cli.scenario.base import ScenarioTable
 from vibro_cli.scenario.loading import Document, load_document, located
@@ -27,6 +27,7 @@ from vibro_cli.scenario.problems import (
 from vibro_cli.scenario.source import Source
 from vibro_cli.scenario.systems import model_of, system_of
 from vibro_cli.storage.schema import Column, table_named
+from vibro_cli.systems import system_named
 
 _KEYS = ("name", "base", "scenario", "mode", "n", "seed", "axes", "keep", "chunk_points")
 _KEEP = ("collisions", "columns")
@@ -66,12 +67,12 @@ class Grid:
     @property
     def counted(self) -> tuple[str, ...]:
         """The columns of the summary that count impacts, each with a stop of its name."""
-        return impact_tables(self.system)
+        return system_named(self.system).impact_tables
 
     @property
     def kept_tables(self) -> tuple[str, ...]:
         """Names of the tables of impacts that are kept."""
-        return impact_tables(self.system) if self.keep.collisions else ()
+        return system_named(self.system).impact_tables if self.keep.collisions else ()
 
     def resolved(self) -> dict[str, Any]:
         """Return the grid as plain data: two grids with equal data give equal tables."""
@@ -105,8 +106,22 @@ def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
     OSError
         If a file cannot be read.
     """
-    document = load_document(source)
     folder = Path() if str(source) == "-" else Path(source).parent
+    return grid_of(load_document(source), folder, overrides)
+
+
+def grid_of(document: Document, folder: Path, overrides: Sequence[str] = ()) -> Grid:
+    """Return the grid of a document; paths in it start from a folder.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with the grid, each with its place.
+    """
+    if _is_scenario(document.data):
+        place = document.source.place((next(iter(document.data)),), on_key=True)
+        expected = "a grid: base (or scenario) and axes; vibro run solves a scenario"
+        raise ScenarioError([Problem.at(place, "", "a scenario", expected)])
     problems: list[Problem] = []
 
     def collect(error: Wrong) -> None:
@@ -129,6 +144,11 @@ def load_grid(source: str | Path, overrides: Sequence[str] = ()) -> Grid:
     assert base is not None
     name = document.data.get("name", document.name)
     return Grid(name, base, design, keep, document.data.get("chunk_points"))
+
+
+def _is_scenario(data: dict[str, Any]) -> bool:
+    """Whether the data of a file are those of a scenario, with nothing of a grid."""
+    return bool(data) and "balls" in data and not {"base", "scenario", "axes"} & set(data)
 
 
 def _check_keys(table: dict[str, Any], known: Sequence[str], loc: KeyPath, collect: Any) -> None:
@@ -195,14 +215,9 @@ def _error(source: Source, fault: Fault) -> ScenarioError:
     return ScenarioError(located([fault], source))
 
 
-def impact_tables(system: str) -> tuple[str, ...]:
-    """Return the names of the tables of a system's impacts: on a table the wall has one too."""
-    return ("collisions", "bounces") if system == "table" else ("collisions",)
-
-
 def impact_columns_of(system: str) -> tuple[Column, ...]:
     """Return all columns of the tables of a system's impacts, each once."""
-    tables = [table_named(name, ("side",), system) for name in impact_tables(system)]
+    tables = [table_named(name, ("side",), system) for name in system_named(system).impact_tables]
     return tuple({column.name: column for table in tables for column in table.columns}.values())
 
 
@@ -263,7 +278,7 @@ def _design(document: Document, folder: Path, base: Document | None, collect: An
 
 
 def _check_count(mode: str, count: Any) -> None:
-    sampled = mode in ("latin-hypercube", "sobol")
+    sampled = mode in SAMPLED
     if sampled and (not isinstance(count, int) or isinstance(count, bool) or count < 1):
         found = "nothing" if count is None else shown(count)
         where: KeyPath = ("n",) if count is not None else ()

@@ -10,12 +10,12 @@ import numpy as np
 
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.room import Lease
-from vibro_cli.mechanics.laws import LAW_NAMES
+from vibro_cli.kernels.ensemble.stacks import Stack
+from vibro_cli.kernels.statistics.impact_columns import WORDS
+from vibro_cli.kernels.world import ImpactRow, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.simulation.entry import zeros
 from vibro_cli.simulation.impacts import ImpactTable, runs_of, sidedness
-from vibro_cli.simulation.stacks import Stack
-from vibro_cli.simulation.world import ImpactRow, World
 from vibro_cli.storage.schema import Table
 from vibro_cli.storage.tables import Words
 
@@ -99,8 +99,8 @@ def impact_columns(
         runs = runs_of(one.system, one.points + 1, one.counts, firsts, one.masses)
         filled.fill(one.world, one.engine, one.log, runs, sidedness(one.system), one.stack)
     columns = filled.columns()
-    if "law" in columns:
-        columns["law"] = Words(columns["law"], LAW_NAMES)
+    for name in columns.keys() & WORDS.keys():
+        columns[name] = Words(columns[name], WORDS[name])
     if "side" in columns:
         columns["side"] = np.ma.masked_equal(columns["side"], 0)
     return columns

@@ -16,9 +16,8 @@ from vibro_cli.grids.tables import ball_count, impact_table_of
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.storage.schema import Table, summary
 from vibro_cli.storage.tables import record_batch
-from vibro_cli.systems.run import SystemRun, tables_of_runs
-
-AnySystemRun = SystemRun[Any]
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.tables import impacts_of_runs
 
 
 class RunSolver:
@@ -29,28 +28,22 @@ class RunSolver:
     grid
         The grid, of a system other than the trace.
     engine
-        ``"numba"`` or ``"python"``; both give the same bits.
+        ``"compiled"`` or ``"python"``; both give the same bits.
     """
 
-    def __init__(self, grid: Grid, engine: str = "numba") -> None:
+    def __init__(self, grid: Grid, engine: str = "compiled") -> None:
         self._grid = grid
         self._engine = engine
         self._table = summary(ball_count(grid), grid.system)
         self._kept = {name: impact_table_of(grid, name) for name in grid.kept_tables}
 
-    def compile(self) -> None:
-        """Make or load the machine code now, with the first point that is valid."""
-        for index in range(self._grid.design.points):
-            if isinstance(self._run(self._values(np.array([index]))[0]), SystemRun):
-                return
-
     def solve(self, indices: Column) -> Solved:
         """Solve some points, given by their numbers from 0."""
         found = [self._run(values) for values in self._values(indices)]
-        records = [one.summary_record() if isinstance(one, SystemRun) else one for one in found]
+        records = [one.summary_record() if isinstance(one, Run) else one for one in found]
         table = _columns_of(records, self._table)
-        done = np.array([isinstance(one, SystemRun) for one in found])
-        runs = [one for one in found if isinstance(one, SystemRun)]
+        done = np.array([isinstance(one, Run) for one in found])
+        runs = [one for one in found if isinstance(one, Run)]
         kept = {
             name: record_batch(of_impacts, columns_of_runs(of_impacts, indices[done], runs))
             for name, of_impacts in self._kept.items()
@@ -62,7 +55,7 @@ class RunSolver:
         columns = {path: c.tolist() for path, c in self._grid.design.columns(indices).items()}
         return [{path: c[row] for path, c in columns.items()} for row in range(len(indices))]
 
-    def _run(self, values: dict[Any, Any]) -> AnySystemRun | dict[str, Any]:
+    def _run(self, values: dict[Any, Any]) -> Run | dict[str, Any]:
         """The run of a point, or a summary that says why there is none."""
         try:
             scenario = any_scenario_of(document_at(self._grid.base, values))
@@ -71,7 +64,6 @@ class RunSolver:
             return {"status": "invalid", "reason": reason_of(error)}
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
             return {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
-        assert isinstance(run, SystemRun)
         return run
 
 
@@ -95,7 +87,7 @@ def _columns_of(records: Sequence[dict[str, Any]], table: Table) -> dict[str, An
     return columns
 
 
-def columns_of_runs(table: Table, points: Column, runs: Sequence[AnySystemRun]) -> dict[str, Any]:
+def columns_of_runs(table: Table, points: Column, runs: Sequence[Run]) -> dict[str, Any]:
     """Return the columns of a table of the impacts of runs.
 
     Parameters
@@ -109,6 +101,8 @@ def columns_of_runs(table: Table, points: Column, runs: Sequence[AnySystemRun]) 
         kinds = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
         return {column.name: np.zeros(0, kinds[column.type]) for column in table.columns}
     # The name of the table of a run.
-    found, run = tables_of_runs(runs, table.name.removeprefix("grid-"))
+    kept = runs[0].kind.impact_logs[table.name.removeprefix("grid-")]
+    logs = [run.history()[kept.log] for run in runs]
+    found, run = impacts_of_runs(kept, [run.system for run in runs], logs)
     wanted = [column.name for column in table.columns]
     return {name: points[run] + 1 if name == "scenario" else found[name] for name in wanted}

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_cli.grids.axes import Column
-from vibro_cli.grids.chunks import Expected, has_many_parts
+from vibro_cli.grids.chunks import Chunks, Division, Expected, has_many_parts
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.parts import part_bytes
-from vibro_cli.grids.systems import system_of_grid
+from vibro_cli.grids.systems import solver_of
 
 # The number of points that tell how the grid is divided; it must not depend on the machine.
 _POINTS = 32
@@ -25,10 +25,6 @@ _LEAST_SHARE = 100
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 # A point that has more is taken to have this many times as many, if its stop allows.
 _MANY = 10.0
-# Impacts for which compiling is worth its time, and how many a point without any counts for: a
-# few seconds of the interpreter, in which machine code made before is loaded and done.
-_WORTH_COMPILING = 8_000
-_LEAST_WORK = 10.0
 # Least time (s) of a sample that is timed.
 _TIMED = 0.3
 
@@ -43,21 +39,15 @@ def spread(grid: Grid, count: int) -> Column:
     return np.unique((shares * points).astype(np.int64))
 
 
-def expected_impacts(grid: Grid, compiled: bool = False) -> Expected:
-    """Return how many impacts a point may be expected to have.
-
-    The same on every machine, and ``compiled`` or not: that is for grids that need the machine code
-    in any case.
-    """
-    system = system_of_grid(grid)
+def expected_impacts(grid: Grid) -> Expected:
+    """Return how many impacts a point may be expected to have: the same on every machine."""
     stop = grid.base.data.get("stop")
     given = [stop.get(name) if isinstance(stop, dict) else None for name in grid.counted]
     limits = [float(most) for most in given if isinstance(most, int) and most > 0]
     limit = sum(limits) if len(limits) == len(given) else _MANY * _MOST_IMPACTS
     free = [name for name in grid.counted if ("stop", name) not in grid.design.paths]
     limited = grid.stopped_at(min(int(limit), _MOST_IMPACTS), free)
-    solver = system.solver(limited.without_collisions(), "numba" if compiled else system.sampled_by)
-    solved = solver.solve(spread(grid, _POINTS)).summary
+    solved = solver_of(limited.without_collisions()).solve(spread(grid, _POINTS)).summary
     each = [np.ma.filled(solved[name], 0).astype(np.float64) for name in grid.counted]
     counts = np.sum(each, axis=0)
     counts[counts >= _MOST_IMPACTS] = limit
@@ -78,22 +68,19 @@ def impact_density(grid: Grid, impacts: Expected, engine: str) -> Column | None:
     shares = (np.arange(_POINTS_OF_A_BLOCK) * _GOLDEN) % 1.0
     sample = ((np.arange(blocks)[:, None] + shares) * (points / blocks)).astype(np.int64)
     distinct, places = np.unique(sample, return_inverse=True)
-    solver = system_of_grid(grid).solver(grid.without_collisions(), engine)
+    solver = solver_of(grid.without_collisions(), engine)
     solved = solver.solve(distinct).summary
     counts = np.sum([np.ma.filled(solved[n], 0).astype(np.float64) for n in grid.counted], axis=0)
     density: Column = counts[places].reshape(sample.shape).mean(axis=1)
     return density
 
 
-def is_worth_compiling(grid: Grid, impacts: Expected | None = None) -> bool:
-    """Tell whether a grid takes longer than compiling; without any sample, whether it surely does.
-
-    Small ones are done before the kernels would be compiled.
-    """
-    if system_of_grid(grid).sampled_by == "numba":
-        return True
-    each = _LEAST_WORK + (impacts.mean + impacts.crossings if impacts else 0.0)
-    return grid.design.points * each > _WORTH_COMPILING
+def chunks_of(grid: Grid, known: Division | None, engine: str) -> Chunks:
+    """Return how a grid is divided: as a folder has it already, or by its expected impacts."""
+    expected = expected_impacts(grid)
+    if known is not None and grid.chunk_points is None:
+        return Chunks.of_division(grid, known, expected)
+    return Chunks.of(grid, expected, impact_density(grid, expected, engine))
 
 
 @dataclass(frozen=True)
@@ -109,19 +96,19 @@ class Estimate:
     """Bytes of a point on the disk."""
 
 
-def estimate(grid: Grid, engine: str) -> Estimate:
-    """Time points spread over the grid for about half a second."""
-    solver = system_of_grid(grid).solver(grid, engine)
-    if engine == "numba":
-        solver.compile()
+def estimate(grid: Grid, engine: str, stretch: int) -> Estimate:
+    """Time points spread over the grid for about half a second, as many at one go as it solves."""
+    solver = solver_of(grid, engine)
     count = 16
     while True:
         points = spread(grid, count)
         begin = time.perf_counter()
-        solved = solver.solve(points)
+        for first in range(0, len(points), stretch):
+            solver.solve(points[first : first + stretch])
         taken = time.perf_counter() - begin
         if taken >= _TIMED or len(points) == grid.design.points:
             break
         count *= 4
+    solved = solver.solve(points)
     size = part_bytes(grid, solved, points)
     return Estimate(len(points), solved.impacts / len(points), taken / len(points), size)

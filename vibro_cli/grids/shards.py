@@ -11,21 +11,22 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from vibro_cli.errors import VibroError
 from vibro_cli.grids.chunks import Chunks, Division, Receipt
 from vibro_cli.grids.dataset import (
     GRID_NAME,
+    SHARD,
     Dataset,
     check_same,
     found_receipts,
     known_division,
     locked,
 )
+from vibro_cli.grids.document import Grid
 from vibro_cli.storage.files import flush_folder
 
-_NAME = re.compile(r"shard-(\d+)-of-(\d+)")
 
-
-class MergeRefused(Exception):
+class MergeRefused(VibroError):
     """Shards that cannot be put together; the message says which and why."""
 
 
@@ -58,11 +59,24 @@ class Shard:
         """Return the numbers of the chunks of this shard."""
         return range(self.number - 1, chunks.count, self.count)
 
+    def wanted_of(self, folder: Path, grid: Grid, chunks: Chunks) -> list[int]:
+        """Return the chunks of this shard that the folder of the grid does not have already.
+
+        Raises
+        ------
+        GridChanged
+            If that folder holds another grid, to which no shard of this one could be added.
+        """
+        check_same(folder, grid, chunks, "-o names another folder")
+        done = found_receipts(folder, grid, chunks)
+        own = found_receipts(self.folder_in(folder), grid, chunks)
+        return [one for one in self.chunks_of(chunks) if one in own or one not in done]
+
 
 def shard_folders(folder: Path) -> list[Path]:
     """Return the folders of shards within the folder of a grid, in order."""
-    found = [path for path in folder.glob("shard-*-of-*") if _NAME.fullmatch(path.name)]
-    return sorted(found, key=lambda path: [int(n) for n in _NAME.findall(path.name)[0]])
+    found = [path for path in folder.glob("shard-*-of-*") if SHARD.fullmatch(path.name)]
+    return sorted(found, key=lambda path: [int(n) for n in SHARD.findall(path.name)[0]])
 
 
 def division_of_shards(folder: Path) -> Division | None:

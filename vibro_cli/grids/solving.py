@@ -17,18 +17,20 @@ from vibro_cli.grids.points import Point, Reader, is_quick
 from vibro_cli.grids.room import Lease, Pieces
 from vibro_cli.grids.setting import Setting, Starts, Systems
 from vibro_cli.grids.soundness import is_of_system
-from vibro_cli.grids.tables import impact_table_of
-from vibro_cli.mechanics.records import NEVER
+from vibro_cli.grids.tables import impact_table_of, is_followed
+from vibro_cli.kernels.ensemble.points import Points, Results
+from vibro_cli.kernels.ensemble.stacks import Stack
+from vibro_cli.kernels.structs import NEVER
+from vibro_cli.kernels.world import LOG_FULL, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.batch import Batch, make_points
 from vibro_cli.simulation.entry import empty_results
 from vibro_cli.simulation.geometry import Places
-from vibro_cli.simulation.points import Points, Results
-from vibro_cli.simulation.run import simulate_system
-from vibro_cli.simulation.stacks import Stack, own_records, stack_of
+from vibro_cli.simulation.run import Wanted, simulate_system
+from vibro_cli.simulation.stacks import own_records, stack_of
 from vibro_cli.simulation.summary import summary_columns
-from vibro_cli.simulation.world import LOG_FULL, World
+from vibro_cli.simulation.tangents import exponent_columns, time_scale
 from vibro_cli.storage.schema import summary
 from vibro_cli.storage.tables import record_batch
 
@@ -85,6 +87,11 @@ class Task:
             starts.restitution,
         )  # fmt: skip
 
+    def time_scales(self) -> Any:
+        """Return the scale of time (s) of the tangent map of each point."""
+        scales = time_scale(self.system)
+        return scales if self.of_points is None or np.ndim(scales) == 0 else scales[self.of_points]
+
     def places(self, which: Column) -> Places:
         """Return the geometry of the systems of some of the points."""
         return Places(self.system, None if self.of_points is None else self.of_points[which])
@@ -107,10 +114,10 @@ class Solver:
     grid
         The grid.
     engine
-        ``"numba"``, or ``"python"``: every point by itself, interpreted. Both give the same bits.
+        ``"compiled"``, or ``"python"``: every point by itself, interpreted, to the same bits.
     """
 
-    def __init__(self, grid: Grid, engine: str = "numba") -> None:
+    def __init__(self, grid: Grid, engine: str = "compiled") -> None:
         self._grid = grid
         self._engine = engine
         self._settings: OrderedDict[tuple[Any, ...], Setting] = OrderedDict()
@@ -119,17 +126,13 @@ class Solver:
         self._logs = LogSpace()
         self._table = impact_table_of(grid) if grid.keep.collisions else None
         self._pieces = Pieces()
+        self._wanted = Wanted(lyapunov=is_followed(grid))
+        self._sums: Any = None
         self._reader = Reader(grid.base)
         self._indices: Column = np.zeros(0, dtype=np.int64)
         paths = grid.design.paths
         self._of_systems = [path for path in paths if is_of_system(path)]
         self._slow = [path for path in paths if not is_quick(path) and not is_of_system(path)]
-
-    def compile(self) -> None:
-        """Make or load the machine code now."""
-        two = len(self._grid.base.data.get("balls", ())) == 2
-        in_lanes = two and not self._grid.keep.collisions
-        Batch.compile(in_lanes, stacked=bool(self._of_systems))
 
     def solve(self, indices: Column) -> Solved:
         """Solve some points, given by their numbers from 0."""
@@ -239,6 +242,10 @@ class Solver:
             self._batches[key] = Batch(setting.system, next(iter(self._batches.values()), None))
         task = Task.of(starts, systems, self._indices[rows])
         results = self._run(self._batches[key], task)
+        if self._wanted.lyapunov:
+            self._sums = self._batches[key].follow(
+                task.entries(), results, task.time_scales(), task.stack
+            )
         outcomes: Any = results.outcomes
         # What a batch leaves out: runs too long for its logs.
         whole = outcomes["end_cause"] != LOG_FULL
@@ -257,6 +264,8 @@ class Solver:
         if self._grid.keep.collisions:
             rows = int(self._room * count) + _ROWS_AT_FIRST
             results = results._replace(impacts=self._logs.take(rows))
+        if self._wanted.lyapunov and not self._grid.keep.collisions:
+            return results  # they come with the tangent maps
         results = batch.run_all(points, results, task.stack)
         taken: Any = results.outcomes
         self._room = max(self._room, 1.1 * float(np.mean(taken["kept"])))
@@ -271,6 +280,8 @@ class Solver:
         states: Any = results.finals
         outcomes, finals = every[whole], states.reshape(-1, bodies)[whole]
         table = summary_columns(task.places(whole), starts.restitution[whole], outcomes, finals)
+        if self._wanted.lyapunov:
+            table |= exponent_columns(self._sums[whole], outcomes["end_t"])
         parts.summaries.append((rows[whole], table))
         if not self._grid.keep.collisions:
             return
@@ -295,16 +306,19 @@ class Solver:
         row = np.array([number])
         bodies = len(self._grid.base.data.get("balls", ()))
         if point.system is None or point.scenario is None:
-            parts.summaries.append((row, not_solved("invalid", point.reason, bodies)))
+            invalid = not_solved("invalid", point.reason, bodies, self._wanted.lyapunov)
+            parts.summaries.append((row, invalid))
             return
         stop = point.scenario.stop
-        engine = "python" if self._engine == "python" else "auto"
         try:
-            run = simulate_system(point.system, stop.time, stop.collisions, engine)
+            run = simulate_system(
+                point.system, stop.time, stop.collisions, self._engine, self._wanted
+            )
             summary = run.summary
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
             text = f"{type(error).__name__}: {error}"
-            parts.summaries.append((row, not_solved("failed", text, bodies)))
+            failed = not_solved("failed", text, bodies, self._wanted.lyapunov)
+            parts.summaries.append((row, failed))
             return
         parts.summaries.append((row, summary))
         if self._grid.keep.collisions:
@@ -313,10 +327,10 @@ class Solver:
             parts.logged.append(Logged(run.system, run.world, run.engine, points, counts, log))
 
 
-def not_solved(status: str, reason: str | None, bodies: int) -> Table:
+def not_solved(status: str, reason: str | None, bodies: int, followed: bool = False) -> Table:
     """Return the summary of a point without a run."""
     table: Table = {}
-    for column in summary(bodies).columns:
+    for column in summary(bodies, grown=followed).columns:
         if column.type == "string":
             table[column.name] = np.array([None], dtype=object)
         elif column.type == "int64":

@@ -21,8 +21,8 @@ from vibro_cli.grids.axes import Column
 from vibro_cli.grids.changing import changed
 from vibro_cli.grids.paths import kind_of
 from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.clearance import contact_angle, fits_between, not_neighbours
-from vibro_cli.mechanics.placement import wall_position
+from vibro_cli.mechanics.clearance import contact_angle, fits_between, not_neighbours, over_others
+from vibro_cli.mechanics.placement import fits_at_wall, wall_position
 from vibro_cli.mechanics.separation import Path, Window, surely_clear
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Trace
@@ -159,13 +159,13 @@ def _touch_nothing_else(trace: Trace, bodies: tuple[Body, ...], count: int) -> A
 
 
 def _only_neighbours_touch(trace: Trace, bodies: tuple[Body, ...], count: int) -> Any:
-    """Where bodies that are not neighbours never touch, over those between them or else."""
+    """Where bodies never touch but as neighbours, over those between them or else."""
     fit: Any = True
-    for first, second, sides in not_neighbours(len(bodies), trace.closed):
-        for (left, right), between in sides:
-            outer = bodies[left].radius, bodies[right].radius
-            row = tuple(bodies[n].radius for n in between)
-            fit = fit & np.logical_not(fits_between(trace, outer, row))
+    for (left, right), between in over_others(len(bodies), trace.closed):
+        outer = bodies[left].radius, bodies[right].radius
+        row = tuple(bodies[n].radius for n in between)
+        fit = fit & np.logical_not(fits_between(trace, outer, row))
+    for first, second in not_neighbours(len(bodies), trace.closed):
         a, b = bodies[first].radius, bodies[second].radius
         for i, j in permutations(range(len(trace.pieces)), 2):
             if i < j or trace.closed:
@@ -175,7 +175,7 @@ def _only_neighbours_touch(trace: Trace, bodies: tuple[Body, ...], count: int) -
 
 
 def _walls_fit(system: System) -> Any:
-    """Where the outer bodies can meet the walls."""
+    """Where the outer bodies can meet the walls, and no other."""
     fit: Any = True
     pieces = system.trace.pieces
     ends = (system.left_end, pieces[0], 0), (system.right_end, pieces[-1], -1)
@@ -187,4 +187,7 @@ def _walls_fit(system: System) -> Any:
             return False
         room = SURE * (1.0 + np.abs(touch))
         fit = fit & (touch > piece.angle_start + room) & (touch < piece.angle_end - room)
+        for body in system.bodies[1:] if outer == 0 else system.bodies[:-1]:
+            between = system.bodies[outer].radius
+            fit = fit & np.logical_not(fits_at_wall(piece, body.radius, between, outer != 0))
     return fit

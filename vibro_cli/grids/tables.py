@@ -32,7 +32,7 @@ def axis_column(path: KeyPath, root: Model) -> Column:
 def summary_table(grid: Grid) -> Table:
     """Return the table of summaries of a grid's scenarios."""
     axes = [axis_column(path, grid.root) for path in grid.design.paths]
-    of_runs = summary(ball_count(grid), grid.system).columns
+    of_runs = summary(ball_count(grid), grid.system, is_followed(grid)).columns
     return Table(SUMMARY, "one scenario", (_NUMBER, *axes, *of_runs))
 
 
@@ -49,6 +49,12 @@ def ball_count(grid: Grid) -> int:
     """Return the number of bodies of every scenario of a grid."""
     balls = grid.base.data.get("balls", ())
     return len(balls) if isinstance(balls, list) else 0
+
+
+def is_followed(grid: Grid) -> bool:
+    """Whether exponents of every point are wanted."""
+    analysis = grid.base.data.get("analysis", {})
+    return isinstance(analysis, dict) and analysis.get("lyapunov") is True
 
 
 def _may_be_sided(grid: Grid) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import queue
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -15,7 +16,7 @@ from vibro_cli.grids.chunks import Chunks, Receipt
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.parts import Encoded, Making
 from vibro_cli.grids.room import Rooms
-from vibro_cli.grids.systems import system_of_grid
+from vibro_cli.grids.systems import solver_of
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""
@@ -52,6 +53,13 @@ class _Work:
             return next(self._next, None)
 
 
+def available_cores() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):  # Linux
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def solve_in_threads(
     grid: Grid,
     chunks: Chunks,
@@ -66,8 +74,6 @@ def solve_in_threads(
     What goes wrong in a thread (a full disk) stops all of them and is raised here. When the caller
     stops, every thread drops its chunk after the stretch at hand.
     """
-    if engine == "numba":
-        system_of_grid(grid).solver(grid, engine).compile()  # here, where it can be interrupted
     work = _Work(grid, chunks, wanted)
     receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
@@ -79,7 +85,7 @@ def solve_in_threads(
 
     def serve(disk: ThreadPoolExecutor) -> None:
         try:
-            solver = system_of_grid(grid).solver(grid, engine)
+            solver = solver_of(grid, engine)
             writing: Future[None] | None = None
             while not stop.is_set() and (taken := work.take()) is not None:
                 solved = solver.solve(np.arange(taken.first, taken.last))

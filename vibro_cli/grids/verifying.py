@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from vibro_cli.errors import VibroError
+from vibro_cli.grids.dataset import SHARD
+from vibro_cli.storage.checking import Finding, check_files
 from vibro_cli.storage.provenance import MANIFEST_NAME, read_manifest
 
-_AT_ONCE = 1 << 20
 
-
-class NoManifest(Exception):
+class NoManifest(VibroError):
     """The folder is none of ours, or its manifest cannot be read."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One file that is not as it was written."""
-
-    file: str
-    state: str
-    """missing, damaged or unknown."""
-    detail: str
 
 
 @dataclass(frozen=True)
@@ -46,6 +36,8 @@ class Verdict:
 def verify(folder: Path) -> Verdict:
     """Check every file of a folder against size and SHA-256 of the manifest.
 
+    The folders of shards that wait to be put together have manifests of their own.
+
     Raises
     ------
     NoManifest
@@ -56,15 +48,12 @@ def verify(folder: Path) -> Verdict:
     found = read_manifest(folder)
     if found is None:
         raise NoManifest(f"{folder} has no {MANIFEST_NAME} of vibro, or a damaged one")
-    findings = []
-    for name, described in found["files"].items():
-        finding = _check(folder, name, described)
-        if finding is not None:
-            findings.append(finding)
+    findings = list(check_files(folder, found["files"]))
     known = {*found["files"], MANIFEST_NAME}
     for path in sorted(folder.rglob("*")):
         name = str(path.relative_to(folder))
-        if path.is_file() and not path.name.startswith(".") and name not in known:
+        hidden, of_shard = path.name.startswith("."), SHARD.fullmatch(Path(name).parts[0])
+        if path.is_file() and not hidden and not of_shard and name not in known:
             findings.append(Finding(name, "unknown", "not in the manifest"))
     size = sum(one["bytes"] for one in found["files"].values())
     missing = _missing_chunks(found)
@@ -74,24 +63,3 @@ def verify(folder: Path) -> Verdict:
 
 def _missing_chunks(manifest: dict[str, Any]) -> int:
     return int(manifest["wanted"] - len(manifest["chunks"])) if "wanted" in manifest else 0
-
-
-def _check(folder: Path, name: str, described: dict[str, Any]) -> Finding | None:
-    path = folder / name
-    try:
-        size = path.stat().st_size
-    except FileNotFoundError:
-        return Finding(name, "missing", "not there")
-    if size != described["bytes"]:
-        return Finding(name, "damaged", f"{size} bytes, expected {described['bytes']}")
-    digest = hashlib.sha256()
-    with open(path, "rb") as file:
-        while block := file.read(_AT_ONCE):
-            digest.update(block)
-    if digest.hexdigest() != described["sha256"]:
-        return Finding(
-            name,
-            "damaged",
-            f"SHA-256 {digest.hexdigest()[:12]}…, expected {described['sha256'][:12]}…",
-        )
-    return None

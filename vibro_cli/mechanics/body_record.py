@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from vibro_cli.kernels.structs import BodyData
 from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.records import BodyData
 
 
 def body_record(body: Body, gravity: float = 0.0) -> BodyData:

@@ -15,15 +15,15 @@ What lies beyond such a stretch is searched by branch and bound (``mechanics.sep
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache, reduce
-from itertools import pairwise
+from itertools import combinations, pairwise
 from operator import and_
 from typing import Any
 
 from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.separation import Answer, Path, Window, search, whole
+from vibro_cli.mechanics.separation import Answer, Path, Window, near, search, whole
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import alike
 
@@ -62,9 +62,9 @@ def touched_pieces(trace: Trace, radius: float) -> tuple[tuple[int, int], ...]:
     pieces = [Path.of(piece, 0.0) for piece in trace.pieces]
     return tuple(
         (i, j)
-        for i, path in enumerate(paths)
-        for j, other in enumerate(pieces)
-        if i != j and search(path, other, Window.of(trace, i, j), radius) is not Answer.CLEAR
+        for i, j in near(paths, pieces, radius)
+        if i != j
+        and search(paths[i], pieces[j], Window.of(trace, i, j), radius) is not Answer.CLEAR
     )
 
 
@@ -84,14 +84,13 @@ def reach(trace: Trace, body_a: Body, body_b: Body) -> tuple[tuple[bool, ...], .
     paths_a = [Path.of(piece, body_a.radius) for piece in trace.pieces]
     paths_b = [Path.of(piece, body_b.radius) for piece in trace.pieces]
     needed = body_a.radius + body_b.radius
-    return tuple(
-        tuple(
+    far = [[True] * len(paths_b) for _ in paths_a]
+    for i, j in near(paths_a, paths_b, needed):
+        far[i][j] = (
             not _adjacent(trace, i, j)
-            and search(path_a, path_b, whole(trace.pieces[j]), needed) is Answer.CLEAR
-            for j, path_b in enumerate(paths_b)
+            and search(paths_a[i], paths_b[j], whole(trace.pieces[j]), needed) is Answer.CLEAR
         )
-        for i, path_a in enumerate(paths_a)
-    )
+    return tuple(map(tuple, far))
 
 
 def contact_angle(piece: Piece, radius_a: float, radius_b: float) -> float:
@@ -139,12 +138,11 @@ def touch_across(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, i
     paths_a = [Path.of(piece, radius_a) for piece in trace.pieces]
     paths_b = [Path.of(piece, radius_b) for piece in trace.pieces]
     needed = radius_a + radius_b
-    for i, path_a in enumerate(paths_a):
-        for j, path_b in enumerate(paths_b):
-            if i == j or (i > j and not trace.closed):
-                continue
-            if search(path_a, path_b, Window.of(trace, i, j), needed) is not Answer.CLEAR:
-                return i, j
+    for i, j in near(paths_a, paths_b, needed):
+        if i == j or (i > j and not trace.closed):
+            continue
+        if search(paths_a[i], paths_b[j], Window.of(trace, i, j), needed) is not Answer.CLEAR:
+            return i, j
     return None
 
 
@@ -189,7 +187,7 @@ Between = tuple[tuple[int, int], tuple[int, ...]]
 
 @dataclass(frozen=True)
 class Overreach:
-    """Two bodies that are not neighbours and that may be able to touch."""
+    """Two bodies that may be able to touch, but not as neighbours do."""
 
     first: int
     """Index of the body on the left."""
@@ -201,31 +199,71 @@ class Overreach:
     """Pieces on which they touch across a gap."""
 
 
-def not_neighbours(count: int, closed: bool) -> Iterator[tuple[int, int, list[Between]]]:
-    """Give every two bodies that are not neighbours, and what is between them on either side."""
-    for first in range(count):
-        for second in range(first + 2, count):
-            if closed and first == 0 and second == count - 1:
-                continue  # neighbours over the seam
-            sides: list[Between] = [((first, second), tuple(range(first + 1, second)))]
-            if closed:
-                sides.append(((second, first), (*range(second + 1, count), *range(first))))
-            yield first, second, sides
+def not_neighbours(count: int, closed: bool) -> Iterator[tuple[int, int]]:
+    """Give every two bodies that are not neighbours."""
+    for first, second in combinations(range(count), 2):
+        if 1 < second - first < (count - 1 if closed else count):
+            yield first, second
+
+
+def over_others(
+    count: int, closed: bool, too_long: Callable[[int, tuple[int, ...]], bool] | None = None
+) -> Iterator[Between]:
+    """Give every two bodies with others between them.
+
+    On a closed trace neighbours too, which have all the others between them the other way round.
+    `too_long` tells of a body and a row right of it that no longer row needs to be given.
+    """
+    for left in range(count):
+        row: tuple[int, ...] = ()
+        for steps in range(2, count if closed else count - left):
+            row = (*row, (left + steps - 1) % count)
+            yield (left, (left + steps) % count), row
+            if too_long is not None and too_long(left, row):
+                break
+
+
+@dataclass(frozen=True)
+class _Room:
+    """What a body and any other leave between them at most: what the largest one leaves."""
+
+    trace: Trace
+    radii: tuple[float, ...]
+    largest: float
+
+    def is_left_by(self, left: int, row: tuple[int, ...]) -> bool:
+        """Whether a row right of a body is too long for it, and so every longer one."""
+        radius, more_than_rounding = self.radii[left], 1.0 + 1e-9
+        if len(self.trace.pieces) > 1:
+            bends = (1.0 / p.radius for p in self.trace.pieces if p.sign > 0.0)
+            pocket = pocket_radius(max(bends, default=0.0), radius, self.largest)
+            return max(self.radii[n] for n in row) > pocket * more_than_rounding
+        piece = self.trace.pieces[0]
+        if contact_angle(piece, self.largest, self.largest) == math.inf:
+            return False
+        sizes = (radius, *(self.radii[n] for n in row))
+        taken = sum(contact_angle(piece, a, b) for a, b in pairwise(sizes))
+        return taken > contact_angle(piece, radius, self.largest) * more_than_rounding
 
 
 def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...]:
-    """Return the pairs of bodies, not neighbours, that may be able to touch one another.
+    """Return the pairs of bodies that may be able to touch, but not as neighbours do.
 
     `radii` in m, in order along the trace. An empty answer certifies that only neighbours ever
-    touch (on a line: no body smaller than a quarter of two equal ones around it).
+    touch, with nothing between them (on a line: no body smaller than a quarter of two equal ones
+    around it).
     """
     across: dict[tuple[float, float], tuple[int, int] | None] = {}
     found: list[Overreach] = []
-    for first, second, sides in not_neighbours(len(radii), trace.closed):
-        for (left, right), side in sides:
-            row = tuple(radii[n] for n in side)
-            if fits_between(trace, (radii[left], radii[right]), row):
-                found.append(Overreach(first, second, side))
+    largest = max(radii, default=0.0)
+    room = _Room(trace, radii, largest)
+    for (left, right), row in over_others(len(radii), trace.closed, room.is_left_by):
+        if fits_between(trace, (radii[left], radii[right]), tuple(radii[n] for n in row)):
+            found.append(Overreach(min(left, right), max(left, right), row))
+    # The largest body encloses, where it touches the trace, all the others there.
+    if len(radii) < 3 or touch_across(trace, largest, largest) is None:
+        return tuple(found)
+    for first, second in not_neighbours(len(radii), trace.closed):
         pair = (radii[first], radii[second])
         if pair not in across:
             across[pair] = touch_across(trace, *pair)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.clearance import contact_angle
@@ -198,3 +199,24 @@ def wall_position(piece: Piece, radius: float, right: bool) -> float | None:
     if not alike.occurs(offset <= piece.angle_end - piece.angle_start):
         return None
     return piece.angle_end - offset if right else piece.angle_start + offset
+
+
+def fits_at_wall(piece: Piece, radius: float, between: float, right: bool) -> Any:
+    """Tell whether a body may stand at a wall with a smaller one between it and the wall.
+
+    Radii in m. Both at the wall, in the corner with the trace, they do not overlap then.
+    """
+    if wall_position(piece, radius, right) is None:
+        return False
+    over = _height_at_wall(piece, radius) - _height_at_wall(piece, between)
+    reach = radius + between
+    return (radius - between) * (radius - between) + over * over >= reach * reach
+
+
+def _height_at_wall(piece: Piece, radius: float) -> float:
+    """How far (m) from the trace's tangent at its end the centre of a body at the wall is."""
+    if piece.is_line:
+        return radius
+    rho = piece.path_radius(radius)
+    along = alike.square_root(alike.greatest((rho - radius) * (rho + radius), 0.0))
+    return piece.sign * (piece.radius - along)

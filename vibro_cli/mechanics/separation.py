@@ -9,6 +9,7 @@ between the two that turns by less than π there are better reasons (see ``mecha
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -129,6 +130,34 @@ def search(path: Path, other: Path, window: Window, needed: float) -> Answer:
         pending.append((low, middle))
         pending.append((middle, high))
     return Answer.UNDECIDED
+
+
+def near(paths: Sequence[Path], others: Sequence[Path], needed: float) -> list[tuple[int, int]]:
+    """Return the pairs (i, j) of paths that may come within a distance (m), in order.
+
+    Of all others a bound certifies that they stay further apart: a path stays within half its
+    length of its middle.
+    """
+    sizes = sum(max((path.size for path in row), default=0.0) for row in (paths, others))
+    reach = needed + 256.0 * _EPSILON * (sizes + needed)
+    edges = []
+    for side, row in enumerate((paths, others)):
+        for index, path in enumerate(row):
+            middle, half = 0.5 * (path.low + path.high), 0.5 * (path.high - path.low) * path.rate
+            aside = middle * path.along[0] if path.is_line else path.rate * math.sin(middle)
+            x = path.origin[0] + aside
+            edges.append((x - half, x + half + reach, side, index))
+    found = []
+    open_ones: tuple[dict[int, float], dict[int, float]] = ({}, {})
+    for left, right, side, index in sorted(edges):
+        beside = open_ones[1 - side]
+        for other, end in list(beside.items()):
+            if end < left:
+                del beside[other]
+            else:
+                found.append((index, other) if side == 0 else (other, index))
+        open_ones[side][index] = right
+    return sorted(found)
 
 
 def surely_clear(path: Path, other: Path, window: Window, needed: Any, count: int) -> Any:

@@ -1,6 +1,7 @@
 """A trace that turns about a vertical axis: its potential on each piece, for one body.
 
-``V = S^2 - tilt S C - spread S^2 C^2`` on an arc (see ``mechanics.turning_flow``): a trigonometric
+``V = S^2 - tilt S C - spread S^2 C^2`` on an arc (see ``kernels.flow.rotating_flow``): a
+trigonometric
 polynomial of degree 2 in the angle, whose stationary points are found as roots of a polynomial in
 ``exp(i f)``. D, perspectives.
 """

@@ -2,7 +2,8 @@
 
 Next to a zero the argument counts as measured from that zero, and so the quarter period to more
 digits than a double has: it comes from Gauss's arithmetic-geometric mean (DLMF 19.8.5) in 80, and
-the argument is reduced by it to within half of it of 0, where ``numerics.elliptic`` has all three
+the argument is reduced by it to within half of it of 0, where ``kernels.numerics.elliptic`` has
+all three
 functions to a few units. A flight does without: its argument is the rounded product of a frequency
 and a time, in which the zeros are no better known than its last place.
 """
@@ -12,7 +13,7 @@ from __future__ import annotations
 import math
 from decimal import Context, Decimal
 
-from vibro_cli.numerics.elliptic import ThetaConstants, set_theta_constants, theta_functions
+from vibro_cli.kernels.numerics.elliptic import ThetaConstants, set_theta_constants, theta_functions
 
 EXACT = Context(prec=80)
 HALF_PI = Decimal(

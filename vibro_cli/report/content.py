@@ -11,22 +11,20 @@ from urllib.parse import quote
 
 import numpy as np
 
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.portrait_type import portrait_of
-from vibro_cli.analysis.sides import side
-from vibro_cli.analysis.trigger import FIGURE_EIGHT
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.caveats import mechanics_warnings
+from vibro_cli.mechanics.system import System
 from vibro_cli.report.analogy import analogy
 from vibro_cli.report.images import figures_of_run
+from vibro_cli.report.series import series_rows
 from vibro_cli.report.words import END_CAUSES, LAWS, number, validity
-from vibro_cli.storage.schema import Column, collisions
-from vibro_cli.storage.stored import StoredRun, StoredSystemRun
+from vibro_cli.storage.schema import Column, table_named
+from vibro_cli.storage.stored import StoredRun
 
 FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""
 MOST_JUMPS = 40
-"""Jumps across the figure eight that stand in the report, about."""
+"""Jumps across the figure eight, or between regimes, that stand in the report, about."""
 _COLUMNS = (
     "n", "t", "dt", "ball_a", "ball_b", "arc_a", "arc_b", "angle_a", "angle_b", "s_a", "s_b",
     "omega_a_pre", "omega_a_post", "omega_b_pre", "omega_b_post", "energy_a_post",
@@ -38,19 +36,7 @@ _COLUMNS = (
 def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any]:
     """Return the values of a report of runs whose file is to stand in the folder `beside`."""
     names = names_of(runs)
-    sections = [_run(run, name, beside) for run, name in zip(runs, names, strict=True)]
-    comparison = _comparison(runs, names) if len(runs) > 1 else None
-    return page_of(runs, names, sections, comparison, version)
-
-
-def page_of(
-    runs: Sequence[StoredRun | StoredSystemRun],
-    names: Sequence[str],
-    sections: Sequence[Mapping[str, Any]],
-    comparison: Mapping[str, Any] | None,
-    version: str,
-) -> dict[str, Any]:
-    """Return the values of a report: runs, their names, what the section of each has beside."""
+    sections = [run.kind.report(run, name, beside) for run, name in zip(runs, names, strict=True)]
     return {
         "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
         "version": version,
@@ -58,18 +44,18 @@ def page_of(
             {
                 "anchor": f"run{place}",
                 "name": name,
-                "folder": str(run.folder),
+                "folder": run.folder and str(run.folder),
                 "ending": END_CAUSES.get(run.summary["end_cause"], str(run.summary["end_cause"])),
                 "versions": versions(run.manifest),
                 **section,
             }
             for place, (run, name, section) in enumerate(zip(runs, names, sections, strict=True), 1)
         ],
-        "comparison": comparison,
+        "comparison": compared(runs, names, sections) if len(runs) > 1 else None,
     }
 
 
-def names_of(runs: Sequence[StoredRun | StoredSystemRun]) -> list[str]:
+def names_of(runs: Sequence[StoredRun]) -> list[str]:
     """Return names that tell the runs apart: those of the scenarios, else with the folders'."""
     names = [run.scenario.name for run in runs]
     if len(set(names)) == len(names):
@@ -77,20 +63,26 @@ def names_of(runs: Sequence[StoredRun | StoredSystemRun]) -> list[str]:
     return [f"{name} in {run.folder}" for name, run in zip(names, runs, strict=True)]
 
 
-def _run(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
+def section(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
+    """Return what a report says of a run on a trace."""
     summary = run.summary
     return {
         "key_figures": key_figures(run),
         "setting": _setting(run),
         "tables": _tables(run, name),
         "figures": list(figures_of_run(run, name)),
-        "analogy": analogy(run),
+        "series": series_rows(run),
+        "analogy": analogy(run.system, run.collisions),
         "energy": energy_balance(run),
         "validity": validity(
-            summary, _refused(run), mechanics_warnings(run.system, summary["end_time"])
+            summary,
+            any(body.kappa > 1.0 for body in run.system.bodies),
+            _refused(run),
+            mechanics_warnings(run.system, summary["end_time"]),
         ),
         "accuracy": _accuracy(run),
-        "sides": _sides(run),
+        "sides": _jumps(run, "eight"),
+        "regimes": _jumps(run, "regime"),
         "logs": [_impacts(run, name, beside)],
     }
 
@@ -117,6 +109,15 @@ def key_figures(run: StoredRun) -> list[tuple[str, str]]:
     return [(label, value) for label, value in found if value != "–"]
 
 
+def _rotation(system: System) -> list[tuple[str, str]]:
+    """Return how the trace turns, if it does."""
+    turning = system.turning
+    if turning is None:
+        return []
+    axis = f"about the vertical at x = {number(turning.x, 'm')}"
+    return [("Rotation of the trace", f"Ω = {number(turning.rate, 'rad/s')} {axis}")]
+
+
 def _setting(run: StoredRun) -> list[tuple[str, str]]:
     system, scenario = run.system, run.scenario
     kind = "closed" if system.trace.closed else "open"
@@ -127,6 +128,7 @@ def _setting(run: StoredRun) -> list[tuple[str, str]]:
     ]
     found = [
         ("Trace", f"{kind}, {system.surface}, length {number(system.trace.length, 'm')}"),
+        *_rotation(system),
         ("Gravity", number(system.gravity, "m/s²")),
         ("Impact law", f"{system.law}: {LAWS.get(system.law, '')}"),
         ("Coefficient of restitution k", ", ".join(number(k) for k in system.restitution) or "–"),
@@ -202,25 +204,16 @@ def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
     ]
 
 
-def _sides(run: StoredRun) -> list[list[str]]:
-    """The first impacts at which a body jumps from one side of its figure eight to another."""
-    portraits = [
-        portrait_of(Landscape.of(run.system, n + 1)) for n in range(len(run.system.bodies))
-    ]
-    if not any(trigger.orbit == FIGURE_EIGHT for one in portraits for trigger in one.triggers):
-        return []
+def _jumps(run: StoredRun, column: str) -> list[list[str]]:
+    """The first impacts at which a body jumps from one word of a column to another."""
     table, found = run.collisions, []
     for row in range(len(table["n"])):
-        for name in "ab":
-            ball = int(table[f"ball_{name}"][row])
-            s = float(table[f"s_{name}"][row])
-            before, after = (
-                side(portraits[ball - 1], s, float(table[f"energy_{name}_{when}"][row]))
-                for when in ("pre", "post")
-            )
-            if before is not None and after is not None and before != after:
+        for end in "ab":
+            before, after = (str(table[f"{column}_{end}_{when}"][row]) for when in ("pre", "post"))
+            if before != after:
                 time = number(float(table["t"][row]), "s")
-                found.append([str(int(table["n"][row])), time, str(ball), before, after])
+                ball = str(int(table[f"ball_{end}"][row]))
+                found.append([str(int(table["n"][row])), time, ball, before, after])
         if len(found) >= MOST_JUMPS:
             break
     return found
@@ -243,7 +236,7 @@ def _accuracy(run: StoredRun) -> list[tuple[str, str]]:
 
 
 def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
-    known = {column.name: column for column in collisions().columns}
+    known = {column.name: column for column in table_named("collisions", ()).columns}
     columns = [known[name] for name in _COLUMNS]
     words = {
         "words": "impacts",
@@ -251,21 +244,28 @@ def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
         "label": f"Impacts of {name}",
         "caption": f"Impacts of {name}, a to the left of b",
     }
-    return words | first_rows(run.collisions, columns, run.folder / "collisions.parquet", beside)
+    return words | first_rows(run.collisions, columns, run.folder, "collisions", beside)
 
 
 def first_rows(
-    table: Mapping[str, Any], columns: Sequence[Column], file: Path, beside: Path
+    table: Mapping[str, Any],
+    columns: Sequence[Column],
+    folder: Path | None,
+    name: str,
+    beside: Path,
 ) -> dict[str, Any]:
-    """Return the first rows of a table, with what each column means and where the others are."""
+    """Return the first rows of a table, with what each column means and where the others are.
+
+    `folder` is that of the file of the table `name`, None where there is none.
+    """
     total = len(table["n"])
     rows = range(min(total, FIRST_ROWS))
     return {
         "columns": columns,
         "rows": [[cell(table, column, row) for column in columns] for row in rows],
         "total": total,
-        "file": file.name,
-        "link": link(file, beside),
+        "file": f"{name}.parquet",
+        "link": folder and link(folder / f"{name}.parquet", beside),
     }
 
 
@@ -291,18 +291,11 @@ def versions(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(program["name"], program["version"]), *environment.items()]
 
 
-def _comparison(runs: Sequence[StoredRun], names: Sequence[str]) -> dict[str, Any]:
-    """Return the key figures of several runs side by side, and what differs in the scenarios."""
-    results = [dict(key_figures(run)) for run in runs]
-    return compared(runs, names, results)
-
-
 def compared(
-    runs: Sequence[StoredRun | StoredSystemRun],
-    names: Sequence[str],
-    results: Sequence[Mapping[str, str]],
+    runs: Sequence[StoredRun], names: Sequence[str], sections: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Return results of several runs side by side, by their labels, and what differs else."""
+    """Return the key figures of several runs side by side, and what differs in the scenarios."""
+    results = [dict(section["key_figures"]) for section in sections]
     labels = list(dict.fromkeys(label for result in results for label in result))
     settings = [flat(run.scenario.resolved()) for run in runs]
     paths = list(dict.fromkeys(path for setting in settings for path in setting))

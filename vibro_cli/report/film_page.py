@@ -41,6 +41,7 @@ def film_html(run: Recorded, frames: Frames, rate: int, name: str, version: str)
             "plan": stage.place(stage.plan),
             "phase": stage.place(stage.phase),
             "past": TRAIL,
+            "span": frames.between.span,
             "bodies": [_body(run, frames, stage, body) for body in range(len(stage.radii))],
         },
     }

@@ -9,30 +9,18 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.grid_kinds import draw_grid
-from vibro_cli.figures.kinds import KINDS, PORTRAIT, Drawn, draw_all
+from vibro_cli.figures.kinds import Drawn, draw_all
 from vibro_cli.figures.output import has_rasters, render
-from vibro_cli.figures.source import Recorded
-from vibro_cli.figures.system_kinds import draw_system
 from vibro_cli.storage.stored_grid import StoredGrid
-from vibro_cli.systems.springs.run import SpringsRun
-from vibro_cli.systems.table.run import TableRun
 
 _DPI = 192.0
 """Resolution of figures with too many points for SVG: two pixels for each of a plain screen."""
 _TYPES = {"png": "png", "svg": "svg+xml"}
 
 
-def figures_of_run(run: Recorded, name: str) -> Iterator[dict[str, Any]]:
+def figures_of_run(run: Any, name: str) -> Iterator[dict[str, Any]]:
     """Return every figure of a run as the page has it, with its words."""
-    kinds = [PORTRAIT, *KINDS]
-    both = zip(draw_all(run, kinds, "double"), draw_all(run, kinds, "single"), strict=True)
-    for wide, narrow in both:
-        yield _as_shown(wide, narrow, f"run {name}")
-
-
-def figures_of_system_run(run: TableRun | SpringsRun, name: str) -> Iterator[dict[str, Any]]:
-    """Return every figure of a run of another system as the page has it, with its words."""
-    for wide, narrow in zip(draw_system(run, "double"), draw_system(run, "single"), strict=True):
+    for wide, narrow in zip(*(draw_all(run, None, w) for w in ("double", "single")), strict=True):
         yield _as_shown(wide, narrow, f"run {name}")
 
 

@@ -13,10 +13,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vibro_cli.report.content import page
 from vibro_cli.report.grid_content import grid_page
-from vibro_cli.report.system_content import system_page
 from vibro_cli.report.words import method_of
-from vibro_cli.storage.stored import StoredRun, StoredSystemRun
+from vibro_cli.storage.stored import StoredRun
 from vibro_cli.storage.stored_grid import StoredGrid
+from vibro_cli.systems import system_named
 
 GENERATOR = "vibro report"
 
@@ -27,15 +27,10 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
     `beside` is the folder in which the file is to stand, for its links to the tables.
     """
     values = page(runs, beside, version)
-    values |= {"generator": GENERATOR, "method": method_of("trace")}
-    return rendered("report", values)
-
-
-def system_html(runs: Sequence[StoredSystemRun], beside: Path, version: str) -> bytes:
-    """Return the report of runs of another system than the trace, else as :func:`report_html`."""
-    values = system_page(runs, beside, version)
-    values |= {"generator": GENERATOR, "method": method_of(runs[0].scenario.system)}
-    return rendered("report", values)
+    method = dict.fromkeys(
+        line for run in runs for line in method_of(run.kind, run.scenario.resolved())
+    )
+    return rendered("report", values | {"generator": GENERATOR, "method": tuple(method)})
 
 
 def grid_html(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str] = ()) -> bytes:
@@ -44,7 +39,8 @@ def grid_html(grid: StoredGrid, beside: Path, version: str, columns: Sequence[st
     `columns` are those of the summary whose maps are shown too.
     """
     values = grid_page(grid, beside, version, columns)
-    values |= {"generator": GENERATOR, "method": method_of(grid.system)}
+    method = method_of(system_named(grid.system), grid.definition["scenario"])
+    values |= {"generator": GENERATOR, "method": method}
     return rendered("grid", values, assets="report")
 
 

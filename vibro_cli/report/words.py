@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from vibro_cli.systems.contract import System
+
 END_CAUSES = {
     "time": "The time asked for was reached.",
     "collisions": "The number of impacts asked for was reached.",
@@ -30,38 +32,55 @@ LAWS = {
     "restitution on the speed of approach",
     "translational": "classical central impact of bodies in translation: B (1)–(12)",
 }
-_METHODS = {
-    "trace": "Between impacts each body moves in closed form (Jacobi elliptic functions on arcs), "
-    "impacts are the certified first zeros of the distance of the surfaces, and there is no time "
-    "step.",
-    "table": "Between impacts each ball moves straight on; impacts on one another and on the wall "
-    "are certified first contacts in closed form, in the order of an event queue, and there is no "
-    "time step.",
-    "springs": "Between impacts the bodies move by Taylor series of order 24 within proved radii; "
-    "impacts are the certified first zeros of the distance within each step.",
-}
-_REFERENCES = (
-    "K. R. (Stevanović) Hedrih: Vibro-impact dynamics of two rolling balls along curvilinear "
+REFERENCES = {
+    "A": "K. R. (Stevanović) Hedrih: Vibro-impact dynamics of two rolling balls along curvilinear "
     "trace. Procedia Engineering 199 (2017) 663–668. doi:10.1016/j.proeng.2017.09.120 (A)",
-    "K. R. (Stevanović) Hedrih: Central collision of two rolling balls: theory and examples. "
-    "Advances in Theoretical and Applied Mechanics 10 (2017) 33–79. doi:10.12988/atam.2017.765 (B)",
-    "K. R. (Stevanović) Hedrih: Non-linear dynamics of a heavy mass particle and rolling ball "
+    "B": "K. R. (Stevanović) Hedrih: Central collision of two rolling balls: theory and examples. "
+    "Advances in Theoretical and Applied Mechanics 10 (2017) 33–79. "
+    "doi:10.12988/atam.2017.765 (B)",
+    "C": "K. R. (Stevanović) Hedrih: From geometry, kinematics and dynamics of billiards to the "
+    "extended theory of skew collision between two rolling bodies and methodology of "
+    "vibro-impact dynamics (C)",
+    "D": "K. R. (Stevanović) Hedrih: Non-linear dynamics of a heavy mass particle and rolling ball "
     "along curvilinear trace of series of circle arcs: phase trajectory portraits, some analogies "
     "and vibro-impacts (D)",
-)
+}
+KEYS = {
+    "x": ("x", "m"),
+    "y": ("y", "m"),
+    "position": ("position", "m"),
+    "speed": ("speed", "m/s"),
+    "direction": ("direction", "rad"),
+    "velocity_x": ("velocity along x", "m/s"),
+    "velocity_y": ("velocity along y", "m/s"),
+    "spring.stiffness": ("stiffness c of the spring", "N/m"),
+    "spring.length": ("natural length l", "m"),
+    "spring.height": ("height b of its foot", "m"),
+    "spring.foot": ("place of its foot", "m"),
+    "semi_axis_x": ("semi-axis along x", "m"),
+    "semi_axis_y": ("semi-axis along y", "m"),
+    "radius": ("radius", "m"),
+    "width": ("width", "m"),
+    "depth": ("depth", "m"),
+    "k": ("coefficient of restitution k", ""),
+    "time": ("time", "s"),
+    "collisions": ("impacts", ""),
+    "bounces": ("impacts on the wall", ""),
+}
+"""Keys of springs and tables in words, with their units."""
 
 
-_BILLIARDS = (
-    "K. R. (Stevanović) Hedrih: From geometry, kinematics and dynamics of billiards to the "
-    "extended theory of skew collision between two rolling bodies and methodology of "
-    "vibro-impact dynamics (C)"
-)
+def named(key: str, value: Any) -> tuple[str, str]:
+    """Return a key of a scenario in words and its value with the unit; an unknown key as it is."""
+    words, unit = KEYS.get(key, (key, "m" if key.startswith("corners") else ""))
+    if isinstance(value, list | tuple):
+        return words, ", ".join(number(one, unit) for one in value)
+    return words, number(value, unit)
 
 
-def method_of(system: str) -> tuple[str, ...]:
-    """Return how a system is solved, and the references."""
-    given = _REFERENCES if system == "trace" else (*_REFERENCES[:2], _BILLIARDS)
-    return (_METHODS[system], *given)
+def method_of(kind: System, scenario: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return how a scenario of a system is solved, and the references."""
+    return (kind.method(scenario), *(REFERENCES[letter] for letter in kind.papers))
 
 
 def number(value: float | None, unit: str = "", digits: int = 6) -> str:
@@ -83,8 +102,13 @@ def _raised(power: int) -> str:
     return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-def validity(summary: Mapping[str, Any], refused: int, warnings: tuple[str, ...]) -> list[str]:
-    """Return what there is to say on whether the motion is possible as it was computed."""
+def validity(
+    summary: Mapping[str, Any], rolls: bool, refused: int, warnings: tuple[str, ...]
+) -> list[str]:
+    """Return what there is to say on whether the motion is possible as it was computed.
+
+    `rolls`: whether any body rolls; else no friction is told of.
+    """
     said = []
     force, friction = summary["min_normal_force"], summary["max_friction_demand"]
     if force is not None and force < 0.0:
@@ -96,7 +120,7 @@ def validity(summary: Mapping[str, Any], refused: int, warnings: tuple[str, ...]
         said.append(f"The normal force is at least {number(force, 'N')}: no body lifts off.")
     if friction is not None:
         said.append(f"Rolling needs a coefficient of friction of {number(friction, digits=4)}.")
-    elif force is not None and force <= 0.0:
+    elif rolls and force is not None and force <= 0.0:
         said.append("Where the normal force vanishes no friction is enough for rolling.")
     if refused:
         said.append(f"Inadmissible impacts: {refused}.")

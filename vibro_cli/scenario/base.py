@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Self
+from collections.abc import Iterator, Mapping
+from html import escape
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import (
     BaseModel,
@@ -18,6 +20,9 @@ from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import Fault, KeyPath, Place
 from vibro_cli.scenario.source import Source
 
+if TYPE_CHECKING:
+    from vibro_cli.scenario.systems import AnyScenario
+
 
 def as_tuple(value: object) -> object:
     """Return a list of a file as a tuple, which does not change."""
@@ -25,14 +30,17 @@ def as_tuple(value: object) -> object:
 
 
 class Table(BaseModel):
-    """A table of the scenario file: unknown keys are errors, and nothing changes afterwards."""
+    """A table of the scenario file: unknown keys are errors, and nothing changes afterwards.
+
+    The text below a field describes it (see `fields.descriptions`); it is read from the source
+    when it is asked for, which takes longer than all the rest of declaring the models.
+    """
 
     model_config = ConfigDict(
         strict=True,
         extra="forbid",
         frozen=True,
         allow_inf_nan=False,
-        use_attribute_docstrings=True,
         defer_build=True,
     )
 
@@ -70,12 +78,73 @@ class ScenarioTable(Table):
             raise ValidationError.from_exception_data(cls.__name__, own)
         return model
 
+    def given(self) -> dict[str, Any]:
+        """Return the data the scenario was read from, after all changes, before any default."""
+        return self.resolved() if self._source.data is None else self._source.data
+
     def resolved(self) -> dict[str, Any]:
         """Return the scenario as plain data, in SI units and with every default.
 
         Keys without a value are left out; reading the data again gives an equal scenario.
         """
         return self.model_dump(mode="json", exclude_none=True)
+
+    @staticmethod
+    def from_dict(data: Mapping[str, Any]) -> AnyScenario:
+        """Return the scenario of plain data with the keys of a scenario file.
+
+        Parameters
+        ----------
+        data
+            Dictionaries, lists, texts and numbers, of Python or numpy. Numbers are in SI units and
+            radians; texts may have units, such as ``"0.4 m"`` and ``"-60 deg"``. The key
+            ``system`` says what is solved: ``"trace"`` (or none), ``"table"``, ``"springs"``.
+
+        Raises
+        ------
+        ScenarioError
+            With everything that is wrong, each with its path.
+        """
+        from vibro_cli.scenario.loading import any_scenario_of
+
+        return any_scenario_of(data)
+
+    def replace(self, changes: Mapping[str, Any]) -> Self:
+        """Return the scenario with other values, as ``--set`` gives them on the command line.
+
+        Parameters
+        ----------
+        changes
+            Values by their paths, counted from 1: ``{"collision.k": 0.8, "balls[1].angle": "-60
+            deg"}``. Numbers are in SI units and radians. Of keys that exclude one another, such as
+            ``mass`` and ``density``, the new one takes the place of the other.
+
+        Raises
+        ------
+        ScenarioError
+            With every path that does not exist, or with everything that is wrong afterwards.
+        """
+        from vibro_cli.scenario.loading import replaced
+
+        return replaced(self, changes)
+
+    def _repr_html_(self) -> str:
+        """Show the resolved scenario in a notebook: each value by its path."""
+        rows = "".join(
+            f"<tr><th>{escape(path)}</th><td>{escape(str(value))}</td></tr>"
+            for path, value in _flat(self.resolved())
+        )
+        return f"<table><caption>{escape(str(self))}</caption>{rows}</table>"
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self}>"
+
+    def __str__(self) -> str:
+        data = self.resolved()
+        pieces = len(data.get("trace", {}).get("arcs", ()))
+        where = f"{pieces} pieces of a trace, " if pieces > 1 else ""
+        bodies = len(data.get("balls", ()))
+        return f"{self.name}: {where}{bodies} {'body' if bodies == 1 else 'bodies'}"
 
     def place(self, key_path: str | KeyPath) -> Place:
         """Return where a key such as `balls[2].radius` was given, or the nearest table to it."""
@@ -93,11 +162,13 @@ class ScenarioTable(Table):
 
 
 def plain(value: Any) -> Any:
-    """Return data in which models are replaced by dictionaries, and tuples by lists."""
+    """Return data in which models are dictionaries, and tuples and arrays are lists."""
     if isinstance(value, BaseModel):
         return value.model_dump(exclude_none=True)
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):  # a number or an array of numpy, which is not imported for this
+        return value.tolist()
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     return value
@@ -120,3 +191,15 @@ def _details(error: ValidationError) -> list[InitErrorDetails]:
             }
         )
     return details
+
+
+def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values of plain data with their paths, counted from 1."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _flat(inner, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
+        for number, inner in enumerate(value, 1):
+            yield from _flat(inner, f"{path}[{number}]")
+    else:
+        yield path, value

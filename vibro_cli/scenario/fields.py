@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import lru_cache
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterator, Mapping
+from functools import cache, lru_cache
+from itertools import pairwise
 from typing import Any, get_args
 
 from pydantic import BaseModel
@@ -35,12 +39,24 @@ def model_at(path: KeyPath, root: Model = Scenario) -> Model | None:
     return model
 
 
+@cache
+def descriptions(model: Model) -> Mapping[str, str]:
+    """Return what the text below each field of a model says."""
+    found = dict(descriptions(model.__base__)) if model.__base__ is not BaseModel else {}
+    (declared,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
+    assert isinstance(declared, ast.ClassDef)
+    for field, below in pairwise(declared.body):
+        if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr):
+            found[ast.unparse(field.target)] = inspect.cleandoc(ast.literal_eval(below.value))
+    return found
+
+
 def description(path: KeyPath, root: Model = Scenario) -> str:
     """Return the first sentence that describes a field, or an empty text."""
     model, key = model_at(path[:-1], root), path[-1]
     if model is None or not isinstance(key, str) or key not in model.model_fields:
         return ""
-    words = " ".join((model.model_fields[key].description or "").split())
+    words = " ".join(descriptions(model).get(key, "").split())
     return words.split("; ")[0].rstrip(".")
 
 
@@ -48,18 +64,18 @@ def description(path: KeyPath, root: Model = Scenario) -> str:
 def _homes(root: Model) -> dict[str, list[str]]:
     """Return for each key the tables it belongs to."""
     homes: dict[str, list[str]] = {}
-    for table, model in _tables(root, ""):
+    for table, model in tables(root, ""):
         for key in model.model_fields:
             homes.setdefault(key, []).append(table)
     return homes
 
 
-def _tables(model: Model, path: str) -> Iterator[tuple[str, Model]]:
+def tables(model: Model, path: str) -> Iterator[tuple[str, Model]]:
     """Return every table of a scenario by its path, a list's entries without their number."""
     yield path, model
     for key, field in model.model_fields.items():
         for below in _models_in(field.annotation):
-            yield from _tables(below, f"{path}.{key}" if path else key)
+            yield from tables(below, f"{path}.{key}" if path else key)
 
 
 def known_keys(table: KeyPath, root: Model = Scenario) -> list[str]:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from vibro_cli.scenario.models import SYSTEMS
 from vibro_cli.scenario.problems import Place, Problem, ScenarioError, listing, shown, suggestion
+from vibro_cli.scenario.systems import system_of as system_of_data
+from vibro_cli.systems import NAMES
+
+_GRIDS = "grids"
+_BASE = re.compile(r'^base = "(?:[^"]*/)?([^"/]+)\.toml"', re.MULTILINE)
 
 
 def _folder() -> Traversable:
@@ -18,27 +24,52 @@ def _folder() -> Traversable:
 
 def names() -> list[str]:
     """Return the names of the scenarios, sorted."""
-    return sorted(_entries())
+    return sorted(_entries("", *NAMES))
 
 
-def _entries() -> dict[str, Traversable]:
-    """Return the scenarios by name: those of a trace, and those of other systems in folders."""
-    folders = [_folder(), *(_folder() / system for system in SYSTEMS)]
+def grid_names() -> list[str]:
+    """Return the names of the grids over scenarios of the gallery, sorted."""
+    return sorted(_entries(_GRIDS))
+
+
+def _entries(*parts: str) -> dict[str, Traversable]:
+    """Return the files of some folders by name; the traces are in the gallery's own."""
+    folders = [_folder() / part if part else _folder() for part in parts]
     entries = [entry for folder in folders if folder.is_dir() for entry in folder.iterdir()]
     return {e.name.removesuffix(".toml"): e for e in entries if e.name.endswith(".toml")}
 
 
 def text(name: str) -> str:
-    """Return the text (TOML, with comments) of a scenario of the gallery.
+    """Return the text (TOML, with comments) of a scenario or grid of the gallery.
+
+    A grid has its scenario beside it, as `base_of` names it.
 
     Raises
     ------
     ScenarioError
-        If there is no scenario of that name.
+        If there is none of that name.
     """
-    entries = _entries()
+    entries = _entries("", *NAMES, _GRIDS)
     known = sorted(entries)
     if name not in known:
         expected = listing(known) + suggestion(name, known)
         raise ScenarioError([Problem.at(Place("gallery"), "", shown(name), expected)])
-    return entries[name].read_text(encoding="utf-8")
+    found = entries[name].read_text(encoding="utf-8")
+    return _BASE.sub(r'base = "\1.toml"', found) if name in grid_names() else found
+
+
+def title(name: str) -> str:
+    """Return what a scenario or grid of the gallery is: its first comment."""
+    return text(name).partition("\n")[0].lstrip("# ")
+
+
+def system_of(name: str) -> str:
+    """Return the system of a scenario of the gallery."""
+    return system_of_data(tomllib.loads(text(name)))
+
+
+def base_of(name: str) -> str:
+    """Return the name of the scenario that a grid of the gallery is over."""
+    found = _BASE.search(text(name))
+    assert found is not None
+    return found[1]

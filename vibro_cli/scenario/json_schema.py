@@ -4,13 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
+from vibro_cli.scenario.base import ScenarioTable
+from vibro_cli.scenario.fields import descriptions, tables
 from vibro_cli.scenario.rules import AXIS, KIND, MASS, MOTION, SAMPLES, START
 from vibro_cli.scenario.systems import model_named
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def _exactly_one(*keys: str) -> dict[str, Any]:
+# A JSON file may name its schema, for editors; not among the keys, as it says nothing of the scene.
+SCHEMA_KEY: dict[str, Any] = {"patternProperties": {r"^\$schema$": {"type": "string"}}}
+
+
+def identifier(name: str) -> str:
+    """Return the `$id` of a schema of this name."""
+    return f"urn:vibro:schema:{name}"
+
+
+def exactly_one(*keys: str) -> dict[str, Any]:
+    """Return the rule that a table has one of these keys, and no other of them."""
     return {"oneOf": [{"required": [key]} for key in keys]}
 
 
@@ -25,7 +37,7 @@ def _shape(words: list[str], needed: list[str], unfit: list[str]) -> dict[str, A
 
 
 _BODY = [
-    _exactly_one(*MASS),
+    exactly_one(*MASS),
     _at_most_one(*KIND),
     _at_most_one("inertia_ratio", "density"),
 ]
@@ -36,10 +48,10 @@ _RULES: dict[str, list[dict[str, Any]]] = {
     ],
     "Ball": [
         *_BODY,
-        _exactly_one(*START),
+        exactly_one(*START),
         _at_most_one(*MOTION),
     ],
-    "Turning": [_exactly_one(*AXIS)],
+    "Turning": [exactly_one(*AXIS)],
     "Stop": [{"anyOf": [{"required": ["time"]}, {"required": ["collisions"]}]}],
     "Output": [_at_most_one(*SAMPLES)],
     "Sampling": [_at_most_one(*SAMPLES)],
@@ -49,7 +61,7 @@ _RULES: dict[str, list[dict[str, Any]]] = {
     ],
     "SpringBall": [
         *_BODY,
-        _exactly_one("position", "touching"),
+        exactly_one("position", "touching"),
         _at_most_one("speed", "omega"),
     ],
 }
@@ -58,7 +70,7 @@ _RULES: dict[str, list[dict[str, Any]]] = {
 
 def json_schema(system: str = "trace") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a system's scenarios as plain data."""
-    schema: dict[str, Any] = _cleaned(model_named(system).model_json_schema())
+    schema: dict[str, Any] = _cleaned(_described(model_named(system)))
     for table, rules in _RULES.items():
         if table in schema["$defs"]:
             schema["$defs"][table]["allOf"] = rules
@@ -66,7 +78,20 @@ def json_schema(system: str = "trace") -> dict[str, Any]:
         part = schema["$defs"].get(table) if table else schema
         if part is not None:
             del part["properties"][key]["default"]  # these depend on the file and on its bodies
-    return {"$schema": DIALECT, **schema, "title": "vibro scenario"}
+    head = {"$schema": DIALECT, "$id": identifier(system)}
+    return {**head, **schema, **SCHEMA_KEY, "title": "vibro scenario"}
+
+
+def _described(root: type[ScenarioTable]) -> dict[str, Any]:
+    """Return the schema of a model and those below it, with the descriptions of their fields."""
+    schema = root.model_json_schema()
+    for _, model in tables(root, ""):
+        part = schema if model is root else schema["$defs"][model.__name__]
+        for key, words in descriptions(model).items():
+            if key in part["properties"]:  # `system` is no key of the trace's own
+                described = {**part["properties"][key], "description": words}
+                part["properties"][key] = dict(sorted(described.items()))
+    return schema
 
 
 def _cleaned(value: Any) -> Any:

@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from pydantic import ValidationError
 
 from vibro_cli.scenario import limits, translate
-from vibro_cli.scenario.base import plain
+from vibro_cli.scenario.base import ScenarioTable, plain
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.nodes import FormError, Node, line_and_column
-from vibro_cli.scenario.overrides import OverrideError, apply, parse
+from vibro_cli.scenario.overrides import Override, OverrideError, apply, given, parse
 from vibro_cli.scenario.problems import (
     Fault,
     KeyPath,
     Place,
     Problem,
     ScenarioError,
-    override_place,
     path_text,
+    shortened,
     shown,
 )
 from vibro_cli.scenario.source import Source
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 FORMS = {".toml": "toml", ".json": "json", ".yaml": "yaml", ".yml": "yaml"}
 """The form of a file by its suffix."""
+
+Changed = TypeVar("Changed", bound=ScenarioTable)
 
 _STANDARD_INPUT = "<stdin>"
 
@@ -118,8 +121,8 @@ def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str]
     ScenarioError
         With everything that is wrong with the scenario, or if it is of another system.
     """
-    scenario = any_scenario_of(document, overrides)
-    if isinstance(scenario, Scenario):
+    scenario, model = any_scenario_of(document, overrides), Scenario
+    if isinstance(scenario, model):
         return scenario
     found = shown(scenario.system)
     expected = '"trace": what was asked for is not there for other systems'
@@ -138,9 +141,32 @@ def any_scenario_of(
     """
     if not isinstance(document, Document):
         document = Document(plain(dict(document)))
-    data, given, problems = overridden(document.data, overrides)
-    source = replace(document.source, overrides=tuple(given))
-    data.setdefault("name", document.name)
+    if is_grid(document.data):
+        place = document.source.place(("axes",), on_key=True)
+        found = "a grid (axes over a scenario)"
+        raise ScenarioError([Problem.at(place, "", found, "a scenario; vibro grid solves a grid")])
+    data, paths, problems = overridden(document.data, overrides)
+    source = replace(document.source, overrides=(*document.source.overrides, *paths))
+    return _validated(data, source, document.name, problems)
+
+
+def replaced(scenario: Changed, changes: Mapping[str, Any]) -> Changed:
+    """Return a scenario with other values by their paths; else as :func:`any_scenario_of`."""
+    source = scenario._source
+    made = [
+        (f"replace {shortened(f'{path}={value!r}')}", partial(given, path, value))
+        for path, value in changes.items()
+    ]
+    data, paths, problems = _changed(scenario.given(), made)
+    source = replace(source, overrides=(*source.overrides, *paths))
+    return cast("Changed", _validated(data, source, scenario.name, problems))
+
+
+def _validated(
+    data: dict[str, Any], source: Source, name: str, problems: list[Problem]
+) -> AnyScenario:
+    """Return the scenario of data after overrides, or raise all problems of both."""
+    source.data = data = {"name": name, **data}
     root = model_of(data)
     try:
         scenario = root.model_validate(data)
@@ -152,22 +178,36 @@ def any_scenario_of(
     return cast("AnyScenario", scenario)
 
 
+def is_grid(data: Mapping[str, Any]) -> bool:
+    """Return whether the data of a file are those of a grid, not of a scenario."""
+    return "axes" in data and ("base" in data or "scenario" in data)
+
+
 def overridden(
     data: dict[str, Any], overrides: Sequence[str]
 ) -> tuple[dict[str, Any], list[tuple[KeyPath, str]], list[Problem]]:
     """Return data after overrides, the overrides with their paths, and what is wrong with them."""
+    return _changed(
+        data, [(f"--set {shortened(text)}", partial(parse, text)) for text in overrides]
+    )
+
+
+def _changed(
+    data: dict[str, Any], overrides: Iterable[tuple[str, Callable[[], Override]]]
+) -> tuple[dict[str, Any], list[tuple[KeyPath, str]], list[Problem]]:
+    """The same for overrides by what errors call them."""
     changed = dict(data)
-    given: list[tuple[KeyPath, str]] = []
+    done: list[tuple[KeyPath, str]] = []
     problems: list[Problem] = []
-    for text in overrides:
+    for called, made in overrides:
         try:
-            override = parse(text)
-            changed = apply(changed, override.path, override.value, [path for path, _ in given])
+            override = made()
+            changed = apply(changed, override.path, override.value, [path for path, _ in done])
         except OverrideError as error:
-            problems.append(_problem(error.fault, override_place(text)))
+            problems.append(_problem(error.fault, Place(called)))
         else:
-            given.append((override.path, text))
-    return changed, given, problems
+            done.append((override.path, called))
+    return changed, done, problems
 
 
 def located(faults: Iterable[Fault], source: Source) -> list[Problem]:
@@ -201,13 +241,22 @@ def load_document(source: str | Path) -> Document:
     form = FORMS.get(path.suffix.lower())
     if form is None:
         found = f"the suffix {shown(path.suffix)}" if path.suffix else "no suffix"
-        raise _error(str(source), found, "a file named .toml, .json, .yaml or .yml")
+        expected = "a file named .toml, .json, .yaml or .yml"
+        raise _error(str(source), found, expected + _of_the_gallery(str(source)))
     try:
         with path.open("rb") as stream:
             content = stream.read(limits.MOST_BYTES + 1)
     except ValueError:  # a null character in the name
         raise _error(shown(str(source)), "a name with a null character", "a file") from None
     return parse_document(_decoded(content, str(source)), form, str(source), _stem(path))
+
+
+def _of_the_gallery(name: str) -> str:
+    """How to have the scenario or grid of the gallery that a text names, or nothing."""
+    from vibro_cli.scenario import gallery
+
+    known = {*gallery.names(), *gallery.grid_names()}
+    return f" (vibro new {name} writes the {name} of the gallery)" if name in known else ""
 
 
 def _stem(path: Path) -> str:
@@ -285,6 +334,8 @@ def parse_document(text: str, form: str, file: str = "<text>", name: str = "scen
         raise _error(file, found, f"a text in {form.upper()}") from error
     if not isinstance(data, dict):
         raise _error(file, shown(data), "a table with the keys of a scenario", Place(file, 1, 1))
+    if isinstance(data.get("$schema"), str):  # what an editor is told, and nobody else
+        del data["$schema"]
     return Document(data, Source(file, form, text, _tree=tree), name)
 
 

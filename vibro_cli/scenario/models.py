@@ -16,9 +16,7 @@ from vibro_cli.scenario.base import ScenarioTable, Table, as_tuple
 from vibro_cli.scenario.parts import BodyTable, Sampling
 from vibro_cli.scenario.problems import Fault
 from vibro_cli.scenario.rules import ALTERNATIVES, all_faults, prepared
-
-SYSTEMS = ("trace", "table", "springs")
-"""The systems there are; each but the trace has models of its own (see `systems`)."""
+from vibro_cli.systems import NAMES
 
 Shape = Literal["valley", "hump", "line"]
 Surface = Literal["two-sided", "one-sided"]
@@ -168,12 +166,26 @@ class Output(Sampling):
     """Coefficient of friction of the trace: slip events where rolling would need more."""
 
 
+class Analysis(Table):
+    """What is computed about a motion besides the motion itself."""
+
+    lyapunov: Annotated[bool, kinds.FLAG] = False
+    """Whether the growth of small changes of the start is followed: digits that are left of each
+    impact, Lyapunov exponents in the summary, and how they converge; of a trace at rest."""
+
+
+def _as_analysis(value: object) -> object:
+    if value is None:  # as for a trace that turns
+        raise kinds.fault("null", "a table")
+    return value
+
+
 class Scenario(ScenarioTable):
     """A vibro-impact scenario: trace, bodies, impact law, and when to stop."""
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ALTERNATIVES
 
-    system: Annotated[Literal["trace"], kinds.Word(SYSTEMS)] = Field("trace", exclude=True)
+    system: Annotated[Literal["trace"], kinds.Word(NAMES)] = Field("trace", exclude=True)
     """What is solved: bodies on a trace, or another system, whose scenarios have other keys."""
     gravity: Annotated[float, kinds.GRAVITY]
     """Acceleration of gravity in m/s^2."""
@@ -189,6 +201,8 @@ class Scenario(ScenarioTable):
     """What happens at the two ends of an open trace."""
     output: Output = Output()
     """Sampled motion and further events, if wanted."""
+    analysis: Annotated[Analysis | None, BeforeValidator(_as_analysis)] = None
+    """The growth of small changes, if wanted."""
 
     @classmethod
     def between_fields(cls, data: dict[str, Any]) -> list[Fault]:

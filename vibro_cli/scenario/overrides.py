@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibro_cli.scenario import fields, limits
-from vibro_cli.scenario.base import ScenarioTable
+from vibro_cli.scenario.base import ScenarioTable, plain
 from vibro_cli.scenario.nodes import FormError
 from vibro_cli.scenario.problems import Fault, KeyPath, path_text, shown
 from vibro_cli.scenario.source import parsed_path
@@ -51,11 +51,28 @@ def parse(text: str) -> Override:
     path, equals, value = text.partition("=")
     if not equals:
         raise OverrideError(Fault((), shown(text), "path=value, such as balls[1].angle=-1.2"))
+    return Override(_path(path), parse_value(value.strip()), text)
+
+
+def given(path: str, value: Any) -> Override:
+    """Return the override of a path by a value of Python: a number, a text, a list, a dictionary.
+
+    Numbers and arrays of numpy are taken as those of Python.
+
+    Raises
+    ------
+    OverrideError
+        If the text is no path.
+    """
+    return Override(_path(path), plain(value), f"{path}={value!r}")
+
+
+def _path(text: str) -> KeyPath:
     try:
-        return Override(parsed_path(path), parse_value(value.strip()), text)
+        return parsed_path(text)
     except ValueError:
         expected = "a path such as collision.k or balls[1].angle, counted from 1"
-        raise OverrideError(Fault((), shown(path), expected)) from None
+        raise OverrideError(Fault((), shown(text), expected)) from None
 
 
 def parse_value(text: str) -> Any:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from vibro_cli.errors import VibroError
+
 KeyPath = tuple[str | int, ...]
 """A path into a scenario; lists are counted from 0 here and from 1 in every text."""
 
@@ -49,7 +51,7 @@ class Problem:
         return ": ".join(part for part in (place, self.path, self.message, pair) if part)
 
 
-class ScenarioError(Exception):
+class ScenarioError(VibroError):
     """A scenario that cannot be used; `problems` lists everything that is wrong with it."""
 
     problems: tuple[Problem, ...]
@@ -116,11 +118,6 @@ def shortened(text: str) -> str:
 
 def _printable(text: str) -> str:
     return "".join(char if char.isprintable() else "�" for char in text)
-
-
-def override_place(text: str) -> Place:
-    """Return an override, as it was given, as the place of a problem."""
-    return Place(f"--set {shortened(text)}")
 
 
 def listing(words: Iterable[str], last: str = "or") -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from vibro_cli.scenario.nodes import Node, line_and_column
-from vibro_cli.scenario.problems import KeyPath, Place, override_place
+from vibro_cli.scenario.problems import KeyPath, Place
 
 
 @dataclass(eq=False)
@@ -19,7 +20,9 @@ class Source:
     form: str = ""
     text: str = field(default="", repr=False)
     overrides: tuple[tuple[KeyPath, str], ...] = ()
-    """Paths that were overridden, and the text of the override."""
+    """Paths that were overridden, and what errors call the override."""
+    data: dict[str, Any] | None = field(default=None, repr=False)
+    """The data as it was given, after overrides: what further changes start from."""
     _tree: Node | None = field(default=None, repr=False)
 
     def __eq__(self, other: object) -> bool:
@@ -41,7 +44,7 @@ class Source:
         loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
         for path, override in reversed(self.overrides):
             if loc[: len(path)] == path:
-                return override_place(override)
+                return Place(override)
         if not self.text:
             return Place(self.file)
         offset = self.tree().offset_of(loc, on_key)

@@ -6,38 +6,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_cli.mechanics.records import Flight
-from vibro_cli.mechanics.swing_lanes import BodyLanes, SwingLanes
-from vibro_cli.mechanics.system import System
-from vibro_cli.numerics import engine
-from vibro_cli.numerics.lanes import LANES
-from vibro_cli.numerics.machine_code import compiled
-from vibro_cli.simulation.drive import STATE, compiled_world
-from vibro_cli.simulation.entry import (
-    Calls,
-    empty_results,
-    enter_lanes,
-    enter_points,
-    make_beside,
-    prepare_batches,
-    smallest_world,
-    zeros,
-)
-from vibro_cli.simulation.impacts import ImpactTable, runs_of
-from vibro_cli.simulation.lane_impact import LaneGroup, LaneSlot, RunLanes
-from vibro_cli.simulation.lanes import run_points_in_lanes
-from vibro_cli.simulation.points import (
+from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.lanes import LANES
+from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
+from vibro_cli.kernels.ensemble.impact_in_lanes import LaneGroup, LaneSlot, RunLanes
+from vibro_cli.kernels.ensemble.points import (
     PointData,
     Points,
     RestitutionData,
     Results,
     StartData,
-    run_points,
 )
-from vibro_cli.simulation.prepare import make_world, smallest_system
-from vibro_cli.simulation.stacks import Stack, run_stacked, stack_of
-from vibro_cli.simulation.turning import variant_of
-from vibro_cli.simulation.world import ImpactRow, World
+from vibro_cli.kernels.ensemble.stacks import PairNumbers, SettingNumbers, Stack, SystemNumber
+from vibro_cli.kernels.structs import BodyData, Flight, PairTrack, PieceData, TrackData
+from vibro_cli.kernels.tangent.world import TangentState
+from vibro_cli.kernels.world import World
+from vibro_cli.mechanics.system import System
+from vibro_cli.simulation.drive import LOOP, compiled_world
+from vibro_cli.simulation.entry import enter_followed, enter_lanes, enter_points, zeros
+from vibro_cli.simulation.prepare import make_world
+from vibro_cli.simulation.tangents import room_for
+from vibro_cli.simulation.turning import overrides_of
 
 
 class Progress(NamedTuple):
@@ -58,16 +47,17 @@ class Batch:
     beside
         Another batch of as many bodies, in the same thread, to share its logs.
     in_lanes
-        Whether runs whose impacts are not kept may go in lanes (see ``simulation.lanes``), where
+        Whether runs whose impacts are not kept may go in lanes (see ``kernels.ensemble.lanes``),
+        where
         they can: that takes less time and gives the same bits.
     """
 
     def __init__(self, system: System, beside: Batch | None = None, in_lanes: bool = True) -> None:
-        self._variant = variant_of(system)
+        self._overrides = overrides_of(system)
         logs_of = None if beside is None else beside.world
         self.world: World = compiled_world(make_world(system, None, None), logs_of)
         """The records of the system; bodies, pairs, flights and clock are those of the last run."""
-        copies: Any = {name: np.array(getattr(self.world, name)) for name in STATE}
+        copies: Any = {name: np.array(getattr(self.world, name)) for name in LOOP.state}
         self._fresh = self.world._replace(**copies)
         self._scratch: Any = np.zeros(1, dtype=engine.dtype(Flight))
         two = len(system.bodies) == 2 and not system.trace.closed
@@ -89,23 +79,6 @@ class Batch:
         swings["frequency"] = swings["own_frequency"] = tracks["frequency"]
         valley = world.pieces[piece]["sign"] > 0.0 and (tracks["lowest_s2"] == 0.0).all()
         return bool(valley and world.contacts[piece]["normal_a"] > 0.0)
-
-    @staticmethod
-    def compile(in_lanes: bool, stacked: bool = False) -> None:
-        """Make or load the machine code now, also that for the table of impacts.
-
-        And of lanes, and of batches whose points have each its own system.
-        """
-        beside = make_beside_lanes if in_lanes else make_beside
-        prepare_batches(_calls(in_lanes), f"{beside.__module__}:{beside.__name__}")
-        runs = runs_of(smallest_system(), [], [], [], np.zeros((0, 1)))
-        table, world, log = ImpactTable(0, ()), smallest_world(), zeros(0, ImpactRow)
-        table.fill(world, "numba", log, runs, 0.0)
-        if stacked:
-            stack = stack_of(smallest_system(), 1, np.zeros(0, dtype=np.int64))
-            table.fill(world, "numba", log, runs, 0.0, stack)
-            ((_, (*given, _)),) = _calls(in_lanes=False)
-            compiled(run_stacked).prepare(*given[:5], stack, 0, 0, 0)
 
     def run_all(self, points: Points, results: Results, stack: Stack | None = None) -> Results:
         """Run all points; return the results, with more room for impacts if they needed it.
@@ -141,26 +114,41 @@ class Batch:
         return Progress(
             *enter_points(
                 self.world, self._fresh, self._scratch, points, results,
-                done.point, last, done.rows, self._variant, stack,
+                done.point, last, done.rows, self._overrides, stack,
             )
         )  # fmt: skip
 
+    def follow(
+        self, points: Points, results: Results, scales: Any, stack: Stack | None = None
+    ) -> Any:
+        """Run all points and follow their tangent maps; impacts are not kept.
 
-def make_beside_lanes() -> None:
-    """Make the machine code of batches, but for that of the event loop itself."""
-    make_beside()
-    for kernel, arguments in _calls(True):
-        compiled(kernel).code(arguments)
+        Parameters
+        ----------
+        scales
+            [point] their scales of time (s), see ``simulation.tangents.time_scale``.
 
-
-def _calls(in_lanes: bool) -> Calls:
-    """The kernels of batches with the arguments of a call; what takes longest to make first."""
-    world = smallest_world()
-    none = np.zeros((0, 1))
-    points = make_points(none[:, 0], none[:, 0], none, none, none, none, none, none)
-    given = (world, world, zeros(1, Flight), points, empty_results(0, 1, 0), 0, 0)
-    calls: Calls = [(run_points, (*given, 0))]
-    return [(run_points_in_lanes, (*given, lane_group())), *calls] if in_lanes else calls
+        Returns
+        -------
+        [point, direction] logarithms of the growth of a frame's vectors.
+        """
+        size = 2 * len(self.world.bodies)
+        states = zeros(len(points.own) + 1, TangentState)
+        states["time_scale"][1:] = scales
+        tangents = room_for(size, len(self.world.impacts), False, states)
+        sums = np.zeros((len(points.own), size))
+        if stack is None:
+            stack = Stack(
+                zeros(0, SettingNumbers), zeros(0, BodyData), zeros(0, PieceData),
+                zeros(0, TrackData), zeros(0, PairTrack), zeros(0, PairNumbers),
+                zeros(0, SystemNumber),
+            )  # fmt: skip
+        else:
+            self.world.far[:] = 0  # type: ignore[index]
+        enter_followed(
+            self.world, self._fresh, self._scratch, points, results, stack, tangents, sums
+        )
+        return sums
 
 
 def lane_group() -> LaneGroup:

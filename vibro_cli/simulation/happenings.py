@@ -2,207 +2,339 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, flow
-from vibro_cli.mechanics.records import Flight
-from vibro_cli.simulation.grip import lift_offs, slips
-from vibro_cli.simulation.paths import Paths
-from vibro_cli.simulation.turning_forces import turning_times
-from vibro_cli.simulation.world import (
+from vibro_cli.compile.kernel import (
+    Overrides,
+    dtype,
+    interpreted,
+    interpreted_copies,
+    interpreted_rows,
+)
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.events.liftoff_slip import (
+    LIFT_OFF,
+    MOST_PLACES,
+    SLIP,
+    TURNING,
+    Course,
+    Passage,
+    Progress,
+    Search,
+    Span,
+    find_passages,
+)
+from vibro_cli.kernels.structs import NEVER, Flight
+from vibro_cli.kernels.world import (
     CROSSING,
     END_LIFT_OFF,
     END_OF_TRACE,
     WALL,
+    World,
 )
+from vibro_cli.simulation.paths import Paths
+from vibro_cli.systems.record import record_array
 
-_INTEGER = ("ball", "other", "arc_from", "arc_to")
-_NUMBER = ("t", "s", "speed", "value")
+NAMES = (
+    "crossing", "wall", "contact_closed", "contact_opened", "lift_off", "turning", "slip", "end",
+)  # fmt: skip
+# At one instant they stand in this order, likewise those of one sort body by body.
+_SORTS = (0, 0, 1, 1, 2, 3, 4, 5)
+# Names by the kinds of passages.
+_PASSED = np.array([NAMES.index(name) for name in ("turning", "lift_off", "slip")])
+ROW = np.dtype(
+    [
+        ("t", np.float64), ("name", np.int64), ("ball", np.int64), ("other", np.int64),
+        ("arc_from", np.int64), ("arc_to", np.int64), ("s", np.float64), ("speed", np.float64),
+        ("value", np.float64), ("sort", np.int64), ("place", np.int64),
+    ]
+)  # fmt: skip
+"""A row of the table; a ball or arc of 0 and a value of nan are null."""
+OPEN = np.dtype(
+    [(name, np.int64) for name in ("turnings", "lifts", "slips", "begun", "lift_end", "slip_end")]
+)
+"""Of each body: the passages found so far on the flight under way, whether its start is told of,
+and on which side of its limits the flight before it ended."""
+# Passages that are found at once.
+_ROOM = 1024
 
-
-class Event(NamedTuple):
-    """One row of ``events.parquet``; ``None`` stands for null."""
-
-    t: float
-    event: str
-    ball: int | None = None
-    other: int | None = None
-    arc_from: int | None = None
-    arc_to: int | None = None
-    s: float | None = None
-    speed: float | None = None
-    value: float | None = None
-
-
-def event_table(
-    paths: Paths,
-    touches: Any,
-    end_cause: int,
-    end_ball: int,
-    turning_points: bool,
-    friction: float | None,
-) -> dict[str, Any]:
-    """Return the columns of ``events.parquet``, in order of time."""
-    events = [*_boundaries(paths), *_contacts(paths, touches)]
-    events += [_at(paths, row, after, "lift_off", force) for row, after, force in lift_offs(paths)]
-    if turning_points:
-        events += _turnings(paths)
-    if friction is not None:
-        events += [
-            _at(paths, row, after, "slip", friction) for row, after, _ in slips(paths, friction)
-        ]
-    if end_cause in (END_OF_TRACE, END_LIFT_OFF) and end_ball >= 0:
-        last = _end(paths, end_cause, end_ball)
-        # The normal force that vanishes at the end of the run is this event and no other.
-        same = [event for event in events if event[:3] == last[:3]]
-        events = [event for event in events if event not in same]
-        events.append(last)
-    events.sort(key=lambda event: event.t)
-    return _columns(events)
+Rows = Any
 
 
-def _columns(events: list[Event]) -> dict[str, Any]:
-    table: dict[str, Any] = {}
-    for name in Event._fields:
-        values = [getattr(event, name) for event in events]
-        if name in _NUMBER:
-            table[name] = np.array([np.nan if v is None else v for v in values], dtype=np.float64)
-        elif name in _INTEGER:
-            filled = np.array([0 if v is None else v for v in values], dtype=np.int64)
-            table[name] = np.ma.MaskedArray(filled, mask=[v is None for v in values])
+class Events:
+    """The events of a run, stretch by stretch.
+
+    Parameters
+    ----------
+    bodies
+        How many there are.
+    turning_points, friction
+        What is wanted, see ``simulation.run.Wanted``.
+    overrides
+        Of the run's kernels.
+    """
+
+    def __init__(
+        self,
+        bodies: int,
+        turning_points: bool,
+        friction: float | None,
+        overrides: Overrides | None,
+    ) -> None:
+        self._turning_points = turning_points
+        self._friction = friction
+        self._overrides = overrides
+        self._open = np.zeros(bodies, dtype=OPEN)
+        self._waiting = _rows(0)
+        self._placed = 0
+
+    def take(self, paths: Paths, world: World, touches: Any, known: int, settled: float) -> Rows:
+        """Return the rows of a stretch that no later one can come before, in order of time.
+
+        Parameters
+        ----------
+        paths, world
+            The flights of the stretch, and the records of the run with its logs.
+        touches
+            Its log of lasting contacts.
+        known
+            Rows of the log of flights that begin before the stretch: 0, or one for each body.
+        settled
+            No contact from before this time (s) is still to be logged.
+        """
+        self._waiting = np.concatenate([self._waiting, self._rows(paths, world, touches, known, 0)])
+        # A flight that goes on is asked until now, a segment across pieces once it has ended.
+        until = paths.log["t"] + np.where(_is_segment(paths.log), 0.0, paths.duration)
+        ready = self._waiting["t"] < min(float(until[paths.last].min()), settled)
+        rows, self._waiting = self._waiting[ready], self._waiting[~ready]
+        return _in_order(rows)
+
+    def finish(
+        self, paths: Paths, world: World, touches: Any, known: int, cause: int, ball: int
+    ) -> Rows:
+        """Return the rows that are left at the end of the run, in order of time.
+
+        ``cause`` is why it ended, ``ball`` the body of the last event; else as :meth:`take`.
+        """
+        rows = np.concatenate([self._waiting, self._rows(paths, world, touches, known, 1)])
+        if cause in (END_OF_TRACE, END_LIFT_OFF) and ball >= 0:
+            last = _end(paths, cause, ball)
+            # The normal force that vanishes at the end of the run is this event and no other.
+            rows = np.concatenate([rows[~_same(rows, last)], last])
+        return _in_order(rows)
+
+    def _rows(self, paths: Paths, world: World, touches: Any, known: int, ended: int) -> Rows:
+        passages = self._passages(paths, world, known, ended)
+        parts = (
+            _boundaries(paths, known),
+            _contacts(paths, touches),
+            _events_of(paths, passages, self._friction),
+        )
+        for rows in parts:
+            rows["place"] += self._placed
+            self._placed += len(rows)
+        return np.concatenate(parts)
+
+    def _passages(self, paths: Paths, world: World, known: int, ended: int) -> Any:
+        """Return the passages of all flights, as records of ``Passage`` by rows of paths."""
+        spans, found = self._find(paths, world, self._spans(paths, known, ended))
+        # Of several launches at one instant only the last one lasts.
+        counted = (paths.duration != 0.0) | (paths.last & (ended == 1))
+        counted &= (paths.log["grouped"] == 0) | (paths.duration > 0.0)
+        counted &= (spans["ended"] == 1) | ~_is_segment(paths.log)
+        begun = [self._begun_beyond(paths, spans, counted, kind) for kind in (LIFT_OFF, SLIP)]
+        self._keep_open(paths, spans, counted)
+        return np.concatenate([found, *begun])
+
+    def _find(self, paths: Paths, world: World, spans: Any) -> tuple[Any, Any]:
+        """Have the kernel find passages; return the spans as it has filled them in, and those."""
+        # In order of the log: bodies in contact stand together there.
+        order = np.empty_like(paths.number)
+        order[paths.number] = np.arange(len(order))
+        progress: Any = np.zeros(1, dtype=dtype(Progress))
+        progress["turning_points"] = self._turning_points
+        progress["friction"] = -1.0 if self._friction is None else self._friction
+        kinds = ((Passage, _ROOM), (Course, MOST_PLACES), (Flight, 2))
+        find: Any
+        rooms: Any
+        log: Any = world.log
+        if isinstance(log, np.ndarray):
+            find = compiled(find_passages, self._overrides)
+            rooms = [np.zeros(count, dtype=dtype(cls)) for cls, count in kinds]
+            search = Search(spans[order], progress, *rooms)
         else:
-            table[name] = np.array(values, dtype=object)
-    return table
+            find = interpreted(find_passages, self._overrides)
+            rooms = [interpreted_rows(cls, count) for cls, count in kinds]
+            copies = interpreted_copies(spans[order], Span), interpreted_copies(progress, Progress)
+            search = Search(*copies, *rooms)
+        found = []
+        filled = _ROOM
+        while filled == _ROOM:
+            filled = find(world, search)
+            found.append(record_array(search.passages[:filled], Passage))
+        passages = np.concatenate(found)
+        passages["span"] = order[passages["span"]]
+        rows: Any = search.spans
+        spans = rows if isinstance(rows, np.ndarray) else record_array(rows, Span)
+        return spans[paths.number], passages
+
+    def _spans(self, paths: Paths, known: int, ended: int) -> Any:
+        """The flights of a stretch, with what was found on those under way before."""
+        spans = np.zeros(len(paths.log), dtype=dtype(Span))
+        spans["row"], spans["duration"] = paths.number, paths.duration
+        spans["ended"] = np.where(paths.last, ended, 1)
+        before = np.flatnonzero(paths.number < known)
+        for name in ("turnings", "lifts", "slips"):
+            spans[name][before] = self._open[name][paths.body[before]]
+        spans["begun"][before] = self._open["begun"][paths.body[before]]
+        return spans
+
+    def _begun_beyond(self, paths: Paths, spans: Any, counted: Any, kind: int) -> Any:
+        """Return the starts of flights beyond a limit, where the flight before did not end so."""
+        name = "lift" if kind == LIFT_OFF else "slip"
+        rows = np.flatnonzero(counted)
+        body = paths.body[rows]
+        before = np.append(0, spans[f"{name}_end"][rows])[:-1]
+        first = np.append(True, body[1:] != body[:-1])[: len(rows)]
+        before[first] = self._open[f"{name}_end"][body[first]]
+        beyond = (spans[f"{name}_start"][rows] == 1) & (spans["begun"][rows] == 0)
+        begun = rows[beyond & (before == 0)]
+        found = _at(paths, begun, np.zeros(len(begun)))
+        found["kind"], found["normal"] = kind, spans["normal"][begun]
+        return found
+
+    def _keep_open(self, paths: Paths, spans: Any, counted: Any) -> None:
+        """Remember what the flights under way go on from."""
+        over = np.flatnonzero(counted & (spans["ended"] == 1))
+        # Of several rows of a body the last one stays.
+        for name in ("lift_end", "slip_end"):
+            self._open[name][paths.body[over]] = spans[name][over]
+        last = np.flatnonzero(paths.last)
+        for name in ("turnings", "lifts", "slips"):
+            self._open[name][paths.body[last]] = spans[name][last]
+        self._open["begun"][paths.body[last]] = counted[last]
 
 
-def _boundaries(paths: Paths) -> list[Event]:
-    """Crossings and walls, from the starts of flights."""
-    names = {CROSSING: "crossing", WALL: "wall"}
+def _in_order(rows: Rows) -> Rows:
+    ball = np.where(rows["sort"] == 1, 0, rows["ball"])
+    order = np.argsort(rows["t"], kind="stable")
+    t = rows["t"][order]
+    if np.any(t[1:] == t[:-1]):
+        order = np.lexsort((rows["place"], ball, rows["sort"], rows["t"]))
+    return rows[order]
+
+
+def event_columns(rows: Rows) -> dict[str, Any]:
+    """Return the columns of ``events.parquet``, events by their numbers in `NAMES`."""
+    table: dict[str, Any] = {"t": rows["t"].copy(), "event": rows["name"].copy()}
+    for name in ("ball", "other", "arc_from", "arc_to"):
+        values = rows[name].copy()
+        table[name] = np.ma.MaskedArray(values, mask=values == 0)
+    return table | {name: rows[name].copy() for name in ("s", "speed", "value")}
+
+
+def _same(rows: Rows, one: Rows) -> Any:
+    """Flags of the rows that tell of the same event of the same body at the same time."""
+    return (rows["t"] == one["t"]) & (rows["name"] == one["name"]) & (rows["ball"] == one["ball"])
+
+
+def _rows(count: int) -> Rows:
+    rows = np.zeros(count, dtype=ROW)
+    rows["value"] = np.nan
+    return rows
+
+
+def _boundaries(paths: Paths, known: int) -> Rows:
+    """Crossings and walls, from the starts of flights that begin in this stretch."""
     log, places = paths.log, paths.places
-    caused = np.isin(log["cause"], list(names))
+    caused = (log["cause"] == CROSSING) | (log["cause"] == WALL)
+    caused &= paths.number >= known
     # A group is launched anew as a whole: only the body that came to an end of its piece counts.
     moved = np.append(False, paths.piece[1:] != paths.piece[:-1]) | (log["grouped"] == 0)
-    rows = np.flatnonzero(caused & moved)
-    position = places.position(paths.piece[rows], log["s"][rows], log["c"][rows])
-    s = places.arc_length(paths.piece[rows], position)
-    speed = places.speed_factor(paths.body[rows], paths.piece[rows]) * log["p"][rows]
-    before = places.speed_factor(paths.body[rows], paths.piece[rows - 1]) * log["before_p"][rows]
-    events = []
-    for number, row in enumerate(rows):
-        cause = int(log["cause"][row])
-        value = None if cause == CROSSING else float(before[number])
-        events.append(
-            Event(
-                t=float(log["t"][row]),
-                event=names[cause],
-                ball=int(paths.body[row]) + 1,
-                arc_from=int(paths.piece[row - 1]) + 1,
-                arc_to=int(paths.piece[row]) + 1,
-                s=float(s[number]),
-                speed=float(speed[number]),
-                value=value,
-            )
-        )
-    return events
+    moved |= log["cause"] == WALL
+    at = np.flatnonzero(caused & moved)
+    body, piece, before = paths.body[at], paths.piece[at], paths.piece[at - 1]
+    rows = _rows(len(at))
+    wall = log["cause"][at] == WALL
+    rows["t"] = log["t"][at]
+    rows["name"] = np.where(wall, NAMES.index("wall"), NAMES.index("crossing"))
+    rows["ball"], rows["arc_from"], rows["arc_to"] = body + 1, before + 1, piece + 1
+    position = places.position(piece, log["s"][at], log["c"][at])
+    rows["s"] = places.arc_length(piece, position)
+    rows["speed"] = places.speed_factor(body, piece) * log["p"][at]
+    rows["value"] = np.where(wall, places.speed_factor(body, before) * log["before_p"][at], np.nan)
+    rows["sort"], rows["place"] = 0, np.arange(len(at))
+    return rows
 
 
-def _contacts(paths: Paths, touches: Any) -> list[Event]:
+def _contacts(paths: Paths, touches: Any) -> Rows:
     """Lasting contacts that close (``value``: duration of the accumulation, s) or open."""
     places = paths.places
+    rows = _rows(len(touches))
+    opened = touches["opened"] == 1
+    rows["t"] = touches["t"] + touches["delay"]
+    rows["name"] = np.where(opened, NAMES.index("contact_opened"), NAMES.index("contact_closed"))
+    rows["ball"], rows["other"] = touches["a"] + 1, touches["b"] + 1
+    rows["arc_from"], rows["arc_to"] = touches["piece_a"] + 1, touches["piece_b"] + 1
     position = places.position(touches["piece_b"], touches["b_s"], touches["b_c"])
-    s = places.arc_length(touches["piece_b"], position)
-    events = []
-    for number, row in enumerate(touches):
-        opened = bool(row["opened"])
-        events.append(
-            Event(
-                t=float(row["t"]) + float(row["delay"]),
-                event="contact_opened" if opened else "contact_closed",
-                ball=int(row["a"]) + 1,
-                other=int(row["b"]) + 1,
-                arc_from=int(row["piece_a"]) + 1,
-                arc_to=int(row["piece_b"]) + 1,
-                s=float(s[number]),
-                speed=float(row["speed"]),
-                value=None if opened else float(row["delay"]),
-            )
-        )
-    return events
+    rows["s"] = places.arc_length(touches["piece_b"], position)
+    rows["speed"] = touches["speed"]
+    rows["value"] = np.where(opened, np.nan, touches["delay"])
+    rows["sort"], rows["place"] = 1, np.arange(len(touches))
+    return rows
 
 
-def _at(paths: Paths, index: int, after: float, name: str, value: float | None) -> Event:
-    """An event during a flight, ``after`` seconds from its start."""
-    state = paths.state(paths.flight(index), after)
-    piece, body = int(paths.piece[index]), int(paths.body[index])
-    column = [np.array([number]) for number in state]
-    position = paths.places.position(np.array([piece]), column[0], column[1])
-    factor = paths.places.speed_factor(np.array([body]), np.array([piece]))[0]
-    return Event(
-        t=float(paths.log["t"][index]) + after,
-        event=name,
-        ball=body + 1,
-        arc_from=piece + 1,
-        arc_to=piece + 1,
-        s=float(paths.places.arc_length(np.array([piece]), position)[0]),
-        speed=float(factor * state[2]),
-        value=value,
-    )
+def _events_of(paths: Paths, passages: Any, friction: float | None) -> Rows:
+    """Turning points, lift-off and slip: what happens during flights."""
+    at, places = passages["span"], paths.places
+    body, piece = paths.body[at], paths.piece[at]
+    position = places.position(piece, passages["s"], passages["c"])
+    turning, slip = passages["kind"] == TURNING, passages["kind"] == SLIP
+    rows = _rows(len(at))
+    rows["t"] = paths.log["t"][at] + passages["after"]
+    rows["name"] = _PASSED[passages["kind"]]
+    rows["ball"], rows["arc_from"], rows["arc_to"] = body + 1, piece + 1, piece + 1
+    rows["s"] = places.arc_length(piece, position)
+    speed = places.speed_factor(body, piece) * passages["p"]
+    rows["speed"] = np.where(turning, 0.0, speed)
+    rows["value"] = np.where(turning, position, passages["normal"])
+    if friction is not None:
+        rows["value"][slip] = friction
+    rows["sort"] = np.array(_SORTS)[rows["name"]]
+    order = np.lexsort((passages["after"], at))
+    rows["place"][order] = np.arange(len(at))
+    return rows
 
 
-def _turnings(paths: Paths) -> list[Event]:
-    """Turning points; ``value`` is the angle there (on a line the position)."""
-    events = []
-    for index in range(len(paths.log)):
-        for after in _turning_times(paths, index):
-            event = _at(paths, index, after, "turning", None)
-            state = paths.state(paths.flight(index), after)
-            piece = np.array([paths.piece[index]])
-            place = paths.places.position(piece, np.array([state[0]]), np.array([state[1]]))
-            events.append(event._replace(value=float(place[0]), speed=0.0))
-    return events
+def _is_segment(log: Any) -> Any:
+    """Flags of the flights that are short segments of a motion in contact across pieces."""
+    grouped = log["grouped"] == 1
+    if not grouped.any():
+        return grouped
+    moving = grouped & (log["at_rest"] == 0)
+    return moving & (log["segment"] > 0.0) & (log["segment"] < NEVER)
 
 
-def _turning_times(paths: Paths, index: int) -> list[float]:
-    flight = paths.flight(index)
-    duration = float(paths.duration[index])
-    if flight.form == POLYNOMIAL:
-        return _turning_on_segment(flight, duration)
-    if paths.tracks is not None:
-        return turning_times(paths, index)
-    if flight.form == LINE:
-        a = flight.line_acceleration
-        after = -flight.p / a if a != 0.0 else -1.0
-        return [after] if 0.0 < after < duration else []
-    if flight.root_complement <= 0.0 or flight.at_rest:
-        return []
-    s = math.sqrt(flight.parameter)
-    c = math.copysign(flight.root_complement, flight.flow_c)
-    times = [*paths.passages(index, s, c, 0.0), *paths.passages(index, -s, c, 0.0)]
-    return sorted(after for after in times if 0.0 < after < duration)
+def _at(paths: Paths, rows: Any, after: Any) -> Any:
+    """Records of ``Passage`` at times (s) of flights."""
+    found = np.zeros(len(rows), dtype=dtype(Passage))
+    found["span"], found["after"] = rows, after
+    if len(rows):
+        states = paths.states(rows, after)
+        for name in "scp":
+            found[name] = states[name]
+    return found
 
 
-def _turning_on_segment(flight: Flight, duration: float) -> list[float]:
-    """Turning point on a short segment across pieces, where the speed is nearly linear in time."""
-    low, high = 0.0, duration
-    start, end = flow(flight, low)[2], flow(flight, high)[2]
-    if start * end >= 0.0:
-        return []
-    while True:
-        middle = 0.5 * (low + high)
-        if middle in (low, high):
-            return [middle]
-        if flow(flight, middle)[2] * start > 0.0:
-            low = middle
-        else:
-            high = middle
-
-
-def _end(paths: Paths, end_cause: int, ball: int) -> Event:
+def _end(paths: Paths, end_cause: int, ball: int) -> Rows:
     """The event that ended the run: the end of the trace, or lift-off from a one-sided one."""
-    rows = np.flatnonzero((paths.body == ball) & paths.last)
-    index = int(rows[0])
-    name = "end" if end_cause == END_OF_TRACE else "lift_off"
-    return _at(paths, index, float(paths.duration[index]), name, None)
+    row = np.flatnonzero((paths.body == ball) & paths.last)[:1]
+    passage = _at(paths, row, paths.duration[row])
+    passage["kind"], passage["normal"] = LIFT_OFF, np.nan
+    rows = _events_of(paths, passage, None)
+    if end_cause == END_OF_TRACE:
+        rows["name"] = NAMES.index("end")
+    rows["sort"] = _SORTS[NAMES.index("end")]
+    return rows

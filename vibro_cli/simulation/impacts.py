@@ -3,40 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from itertools import product
 from typing import Any
 
 import numpy as np
 
-from vibro_cli.mechanics.laws import LAW_NAMES
-from vibro_cli.mechanics.system import System
-from vibro_cli.numerics import engine
-from vibro_cli.numerics.machine_code import compiled
-from vibro_cli.simulation.drive import compiled_world
-from vibro_cli.simulation.impact_columns import (
-    ENDS,
+from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.ensemble.stacks import Stack, fill_stacked
+from vibro_cli.kernels.statistics.impact_columns import (
     FLAGS,
     INTEGERS,
-    MOTIONS,
     NUMBERS,
     Columns,
     Runs,
     fill_columns,
 )
-from vibro_cli.simulation.stacks import Stack, fill_stacked
-from vibro_cli.simulation.world import ImpactRow, World
+from vibro_cli.kernels.statistics.regimes import ROWS
+from vibro_cli.kernels.world import ImpactRow, World
+from vibro_cli.mechanics.system import System
+from vibro_cli.simulation.drive import compiled_world
+from vibro_cli.simulation.tables import collisions
 
-# Fewer rows are interpreted before the machine code for them would be loaded.
-_MANY = 2048
-
-IN_ORDER = (
-    *("n", "t", "t_low", "dt", "ball_a", "ball_b", "side", "arc_a", "arc_b"),
-    *(f"{name}_{end}" for name, end in product(("angle", "s"), ENDS)),
-    *(f"{name}_{end}" for end, name in product(ENDS, ("x", "y"))),
-    *(f"{name}_{end}_{when}" for name, when, end in product(MOTIONS, ("pre", "post"), ENDS)),
-    *("energy_loss", "impulse_moment", "approach_speed", "separation_speed", "gap", "law"),
-    *FLAGS,
-)
+IN_ORDER = tuple(column.name for column in collisions(sided=True).columns)
 
 
 Room = Callable[[tuple[int, int], type], Any]
@@ -90,9 +78,9 @@ class ImpactTable:
         world
             Its records, interpreted or compiled.
         engine_name
-            ``"python"`` or ``"numba"``, of interpreted records; both give the same bits.
+            ``"python"`` or ``"compiled"``, of interpreted records; both give the same bits.
         log, runs, around
-            See ``simulation.impact_columns``.
+            See ``kernels.statistics.impact_columns``.
         stack
             The systems of the runs, if there are several; the records are then of arrays, and
             change.
@@ -101,7 +89,7 @@ class ImpactTable:
             compiled(fill_stacked)(world, log, runs, self._columns, around, stack)
             return
         arrays = isinstance(world.bodies, np.ndarray)
-        if not arrays and engine_name == "numba" and len(log) >= _MANY:
+        if not arrays and engine_name == "compiled":
             world, arrays = compiled_world(world), True
         if arrays:
             compiled(fill_columns)(world, log, runs, self._columns, around)
@@ -134,25 +122,38 @@ def runs_of(system: System, numbers: Any, counts: Any, firsts: Any, masses: Any 
     """Return the runs of a log; those of a single one have the masses of the system."""
     if masses is None:
         masses = np.array([[body.mass for body in system.bodies]])
-    columns = [np.asarray(one, dtype=np.int64) for one in (numbers, counts, firsts)]
-    return Runs(columns[0], columns[1], columns[2], masses)
+    columns: list[Any] = [np.asarray(one, dtype=np.int64) for one in (numbers, counts, firsts)]
+    hills = np.empty((ROWS * len(system.bodies), 3 * len(system.trace.pieces) + 2))
+    return Runs(columns[0], columns[1], columns[2], masses, hills)
 
 
-def collision_table(system: System, world: World, engine_name: str, log: Any) -> dict[str, Any]:
-    """Return the columns of ``collisions.parquet`` of one run.
+class Impacts:
+    """The columns of ``collisions.parquet`` of one run, stretch by stretch; laws are numbers.
 
     Parameters
     ----------
-    system, world
-        What was solved, and its records, interpreted.
-    engine_name
-        ``"python"`` or ``"numba"``; both give the same bits.
-    log
-        Its impacts.
+    system
+        What is solved.
     """
-    around = sidedness(system)
-    names = [name for name in IN_ORDER if name != "side" or around > 0.0]
-    table = ImpactTable(len(log), names)
-    table.fill(world, engine_name, log, runs_of(system, [0], [len(log)], [0]), around)
-    columns = table.columns()
-    return columns | {"law": np.array(LAW_NAMES, dtype=object)[columns["law"]]}
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._around = sidedness(system)
+        self._names = [name for name in IN_ORDER if name != "side" or self._around > 0.0]
+        self._told = 0
+        self._before: tuple[float, float] | None = None
+
+    def take(self, world: World, engine_name: str, log: Any) -> dict[str, Any]:
+        """Return the columns of some more impacts (see :meth:`ImpactTable.fill`)."""
+        table = ImpactTable(len(log), self._names)
+        runs = runs_of(self._system, [0], [len(log)], [0])
+        table.fill(world, engine_name, log, runs, self._around)
+        columns = table.columns()
+        if len(log) and self._before is not None:
+            t, t_low = self._before
+            columns["n"] += self._told
+            columns["dt"][0] = (log["t"][0] - t) + (log["t_low"][0] - t_low)
+        if len(log):
+            self._before = float(log["t"][-1]), float(log["t_low"][-1])
+        self._told += len(log)
+        return columns

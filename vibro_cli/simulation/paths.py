@@ -7,24 +7,54 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.mechanics.flow import LINE, POLYNOMIAL, acceleration_at, flow
-from vibro_cli.mechanics.heights import heights
-from vibro_cli.mechanics.passage import time_to
-from vibro_cli.mechanics.records import NEVER, Flight
-from vibro_cli.mechanics.trace import sine_cosine
-from vibro_cli.mechanics.turning_flight import potential_head, set_track
-from vibro_cli.numerics.elliptic import quarter_period, set_theta_constants
-from vibro_cli.numerics.quartic import period_of
+from vibro_cli.compile.kernel import Overrides, dtype, interpreted, interpreted_copies
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.flow.replay import Sample, sample_flights
+from vibro_cli.kernels.structs import Flight
+from vibro_cli.kernels.world import CAUSE_NAMES, World
 from vibro_cli.simulation.geometry import Floats, Places
-from vibro_cli.simulation.prepare import turning_tracks
-from vibro_cli.simulation.turning import kernel_of
-from vibro_cli.simulation.turning_groups import recall_group_motion
-from vibro_cli.simulation.world import CAUSE_NAMES
+from vibro_cli.systems.instants import within_run
+from vibro_cli.systems.record import record_array
 
-_GROUP_FIELDS = (
-    "flow_s", "flow_c", "flow_p", "shift_s", "shift_c", "rate_ratio", "frequency",
-    "line_acceleration", "segment",
-)  # fmt: skip
+
+def states_at(world: World, rows: Any, after: Floats, overrides: Overrides | None) -> Any:
+    """Return records of ``Sample``: flights, rows of the log, a time (s) after each has begun.
+
+    ``world`` has the log, interpreted or compiled, and ``overrides`` is that of its kernels.
+    """
+    order = np.argsort(rows, kind="stable")
+    samples = np.zeros(len(rows), dtype=dtype(Sample))
+    samples["row"], samples["after"] = np.asarray(rows)[order], np.asarray(after)[order]
+    log: Any = world.log
+    if isinstance(log, np.ndarray):
+        scratch = np.zeros(1, dtype=dtype(Flight))
+        compiled(sample_flights, overrides)(world, samples, len(samples), scratch)
+        found = samples
+    else:
+        copies = interpreted_copies(samples, Sample)
+        fill: Any = interpreted(sample_flights, overrides)
+        fill(world, copies, len(copies), [Flight()])
+        found = record_array(copies, Sample)
+    states = np.empty_like(found)
+    states[order] = found
+    return states
+
+
+class _Sorted:
+    """Columns of records in another order, each put into it when it is asked for."""
+
+    def __init__(self, records: Any, order: Any) -> None:
+        self._records = records
+        self._order = order
+        self._columns: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._columns:
+            self._columns[name] = self._records[name][self._order]
+        return self._columns[name]
+
+    def __len__(self) -> int:
+        return len(self._order)
 
 
 class Paths:
@@ -34,102 +64,57 @@ class Paths:
     ----------
     places
         Geometry of the system.
+    world
+        The records of the run with its logs, interpreted or compiled.
     log
-        Rows of ``FlightRow``.
-    segments
-        Rows of ``SegmentRow``.
+        Rows of ``FlightRow``, those of the world.
     end_t, end_t_low
         The instant at which the run ended (two doubles, s).
+    overrides
+        Of the run's kernels.
     """
 
     def __init__(
-        self, places: Places, log: Any, segments: Any, end_t: float, end_t_low: float
+        self,
+        places: Places,
+        world: World,
+        log: Any,
+        end_t: float,
+        end_t_low: float,
+        overrides: Overrides | None,
     ) -> None:
         self.places = places
-        self._flow = kernel_of(places.system, flow)
-        self._time_to = kernel_of(places.system, time_to)
-        self._acceleration = kernel_of(places.system, acceleration_at)
-        self.tracks = turning_tracks(places.system)
-        order = np.lexsort((np.arange(len(log)), log["body"]))
-        self.log = log[order]
-        self._number = order
-        self._series = {int(row["flight"]): row["series"].tolist() for row in segments}
+        self._world = world
+        self._overrides = overrides
+        order = np.argsort(log["body"].astype(np.int32), kind="stable")
+        self.log = _Sorted(log, order)
+        self.number = order
         self.body = self.log["body"]
         self.piece = self.log["piece"]
+        self._end = end_t
         last = np.append(self.body[1:] != self.body[:-1], True)
         self.last = last
         following = np.minimum(np.arange(len(self.log)) + 1, len(self.log) - 1)
-        nxt = self.log[following]
-        self.t_end = np.where(last, end_t, nxt["t"])
-        self.t_end_low = np.where(last, end_t_low, nxt["t_low"])
+
+        def then(name: str) -> Any:
+            return self.log[name][following]
+
+        self.t_end = np.where(last, end_t, then("t"))
+        self.t_end_low = np.where(last, end_t_low, then("t_low"))
         self.duration = (self.t_end - self.log["t"]) + (self.t_end_low - self.log["t_low"])
-        self.end_s = np.where(last, 0.0, nxt["before_s"])
-        self.end_c = np.where(last, 0.0, nxt["before_c"])
-        self.end_p = np.where(last, 0.0, nxt["before_p"])
-        self.end_cause = np.where(last, -1, nxt["cause"])
-        for index in np.flatnonzero(last):
-            state = self.state(self.flight(int(index)), float(self.duration[index]))
-            self.end_s[index], self.end_c[index], self.end_p[index] = state
 
-    def state(self, flight: Flight, t: float) -> tuple[float, float, float]:
-        """Return ``(S, C, P)`` a time (s) after the start of a flight."""
-        return self._flow(flight, t)
-
-    def acceleration(self, index: int, flight: Flight, t: float) -> float:
-        """Return the acceleration of a body along its path (m/s^2) at a time (s) of its flight."""
-        s, c, _ = self._flow(flight, t)
-        rho = float(self.places.path_radius[self.body[index], self.piece[index]])
-        return self._acceleration(flight, rho, t, s, c)
-
-    def flight(self, index: int) -> Flight:
-        """Return one flight as the record that the kernels take."""
-        row = self.log[index]
-        piece = self.places.system.trace.pieces[row["piece"]]
-        flight = Flight()
-        flight.piece = int(row["piece"])
-        flight.lap = int(row["lap"])
-        flight.s, flight.c, flight.p = float(row["s"]), float(row["c"]), float(row["p"])
-        flight.flow_s, flight.flow_c, flight.flow_p = flight.s, flight.c, flight.p
-        flight.own_frequency = float(self.places.frequencies[row["body"], row["piece"]])
-        flight.frequency = flight.own_frequency
-        flight.at_rest = int(row["at_rest"])
-        if row["grouped"]:
-            self._complete_group(flight, row, index)
-        elif self.tracks is not None:
-            set_track(flight, self.tracks[row["body"]][row["piece"]])
-        if self.tracks is not None:
-            return flight
-        if piece.is_line and flight.form != POLYNOMIAL:
-            flight.form = LINE
-            if not flight.grouped:
-                body = self.places.system.bodies[row["body"]]
-                rate = self.places.gravity / body.kappa
-                flight.line_acceleration = -rate * sine_cosine(piece.start_slope)[0]
-            return flight
-        if flight.form == POLYNOMIAL:
-            return flight
-        set_theta_constants(flight, float(row["parameter"]), float(row["root_complement"]))
-        return flight
-
-    def _complete_group(self, flight: Flight, row: Any, index: int) -> None:
-        """Fill in what a flight in lasting contact has beyond its own state."""
-        flight.grouped = 1
-        for name in _GROUP_FIELDS:
-            setattr(flight, name, float(row[name]))
-        series = self._series.get(int(self._number[index]))
-        if series is not None:
-            flight.series = series
-            if flight.segment == NEVER:
-                assert self.tracks is not None
-                recall_group_motion(flight, self.tracks[row["body"]][row["piece"]])
-                return
-            flight.form = POLYNOMIAL
-            rho = float(self.places.path_radius[row["body"], row["piece"]])
-            flight.half_curvature = 0.5 / rho if rho > 0.0 else 0.0
+    def states(self, rows: Any, after: Any) -> Any:
+        """Return records of ``Sample``: flights of these paths a time (s) after their starts."""
+        return states_at(self._world, self.number[rows], after, self._overrides)
 
     def table(self) -> dict[str, Any]:
         """Return the flights as columns: body, arc, times, positions and rates at both ends."""
         causes = np.array([*CAUSE_NAMES, "end"], dtype=object)
+        following = np.minimum(np.arange(len(self.log)) + 1, len(self.log) - 1)
+        ends = {name: self.log[f"before_{name}"][following] for name in "scp"}
+        last = np.flatnonzero(self.last)
+        for name, values in ends.items():
+            values[last] = self.states(last, self.duration[last])[name]
         return {
             "ball": self.body + 1,
             "arc": self.piece + 1,
@@ -137,11 +122,11 @@ class Paths:
             "t_end": self.t_end.copy(),
             "angle_start": self.places.position(self.piece, self.log["s"], self.log["c"]),
             "rate_start": self._rate(self.log["p"]),
-            "angle_end": self.places.position(self.piece, self.end_s, self.end_c),
-            "rate_end": self._rate(self.end_p),
+            "angle_end": self.places.position(self.piece, ends["s"], ends["c"]),
+            "rate_end": self._rate(ends["p"]),
             "contact": self.log["grouped"] == 1,
             "cause_start": causes[self.log["cause"]],
-            "cause_end": causes[self.end_cause],
+            "cause_end": causes[np.where(self.last, -1, self.log["cause"][following])],
         }
 
     def _rate(self, p: Floats) -> Floats:
@@ -149,63 +134,27 @@ class Paths:
         frequency = self.places.frequency(self.body, self.piece)
         return np.where(frequency > 0.0, 2.0 * frequency * p, p)
 
-    def half_period(self, index: int) -> float:
-        """Half the period (s) of a flight's full orbit on its arc (infinite on a separatrix)."""
-        if self.tracks is not None:
-            flight = self.flight(index)
-            return 0.5 * period_of(flight) / flight.frequency
-        row = self.log[index]
-        argument = 2.0 * quarter_period(float(row["parameter"]), float(row["root_complement"]))
-        grouped = bool(row["grouped"])
-        own = self.places.frequencies[row["body"], row["piece"]]
-        return argument / float(row["frequency"] if grouped else own)
+    def curve(
+        self, index: int, count: int, lasts: float = math.inf
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return times, positions and rates at ``count`` points along one flight, exactly.
 
-    def rotates(self, flight: Flight) -> bool:
-        """Tell whether the full orbit of a flight on an arc goes over its highest place."""
-        if self.tracks is not None:
-            return flight.turns_over == 1
-        return flight.root_complement < 0.0
-
-    def passages(self, index: int, s: float, c: float, p: float) -> list[float]:
-        """Times (s from the flight's start) at which it passes a state of its orbit on an arc.
-
-        ``(s, c, p)`` must lie on the orbit; every passage within the flight is returned, in order.
+        ``lasts`` is how much of it is wanted, s.
         """
-        flight = self.flight(index)
-        duration = float(self.duration[index])
-        if flight.at_rest or flight.root_complement == 0.0 or flight.form == POLYNOMIAL:
-            return []
-        first = self._time_to(flight, s, c, p)
-        if self.rotates(flight):
-            # A rotation passes a place once on its piece, ahead only.
-            ahead = math.atan2(s, c) - math.atan2(flight.flow_s, flight.flow_c)
-            ahead *= flight.flow_p
-            return [first] if ahead > 0.0 and first <= duration else []
-        period = 2.0 * self.half_period(index)
-        times = []
-        while first <= duration:
-            if first > 0.0:
-                times.append(first)
-            first += period
-        return times
-
-    def curve(self, index: int, count: int) -> tuple[Floats, Floats, Floats]:
-        """Return times, positions and rates at ``count`` points along one flight, exactly."""
-        flight = self.flight(index)
         start = float(self.log["t"][index])
-        after = np.linspace(0.0, float(self.duration[index]), count)
-        states = np.array([self.state(flight, float(t)) for t in after])
-        piece = np.full(count, self.piece[index])
-        position = self.places.position(piece, states[:, 0], states[:, 1])
-        frequency = flight.own_frequency
-        rate = states[:, 2] * (2.0 * frequency if frequency > 0.0 else 1.0)
+        after = np.linspace(0.0, min(float(self.duration[index]), lasts), count)
+        rows = np.full(count, index)
+        states = self.states(rows, after)
+        position = self.places.position(self.piece[rows], states["s"], states["c"])
+        frequency = self.places.frequencies[self.body[index], self.piece[index]]
+        rate = states["p"] * (2.0 * frequency if frequency > 0.0 else 1.0)
         return start + after, position, rate
 
-    def sample(self, times: Any, side: str = "after") -> dict[str, Any]:
+    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> dict[str, Any]:
         """Return the motion of every body at given times (see ``simulation.run.Run.sample``)."""
         if side not in ("after", "before"):
             raise ValueError(f"side must be 'after' or 'before', not {side!r}")
-        times = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        times = within_run(times, self._end, extrapolate)
         bodies = len(self.places.system.bodies)
         chosen = np.empty((len(times), bodies), dtype=np.int64)
         for body in range(bodies):
@@ -213,18 +162,14 @@ class Paths:
             starts = self.log["t"][rows]
             where = np.searchsorted(starts, times, side="right" if side == "after" else "left")
             chosen[:, body] = rows[np.maximum(where - 1, 0)]
-        return self._states(np.repeat(times, bodies), chosen.ravel())
+        return self._motion(np.repeat(times, bodies), chosen.ravel())
 
-    def _states(self, times: Floats, chosen: Any) -> dict[str, Any]:
+    def _motion(self, times: Floats, chosen: Any) -> dict[str, Any]:
         ages = (times - self.log["t"][chosen]) - self.log["t_low"][chosen]
-        states = np.empty((len(times), 3))
-        flights: dict[int, Flight] = {}
-        for number, index in enumerate(chosen.tolist()):
-            if index not in flights:
-                flights[index] = self.flight(index)
-            states[number] = self.state(flights[index], max(float(ages[number]), 0.0))
         body, piece = self.body[chosen], self.piece[chosen]
-        s, c, p = states.T
+        # Before the start of the run the first flight is followed backwards.
+        states = self.states(chosen, np.where(times < 0.0, ages, np.maximum(ages, 0.0)))
+        s, c, p = (states[name] for name in "scp")
         position = self.places.position(piece, s, c)
         x, y = self.places.centre(body, piece, s, c)
         return {
@@ -236,33 +181,5 @@ class Paths:
             "x": x,
             "y": y,
             "speed": self.places.speed_factor(body, piece) * p,
-            "energy": self._energy(chosen, s, c, p),
+            "energy": states["energy"].copy(),
         }
-
-    def _energy(self, chosen: Any, s: Floats, c: Floats, p: Floats) -> Floats:
-        """Energy (J); carried on a free flight, from the state in lasting contact."""
-        body, piece = self.body[chosen], self.piece[chosen]
-        head = self.log["head"][chosen].copy()
-        grouped = self.log["grouped"][chosen] == 1
-        level = np.array(
-            [[h.bottom for h in heights(self.places.system.trace, b.radius)]
-             for b in self.places.system.bodies]
-        )  # fmt: skip
-        rise = np.array([sine_cosine(q.start_slope)[0] for q in self.places.system.trace.pieces])
-        rho = self.places.path_radius[body, piece]
-        speed = self.places.speed_factor(body, piece) * p
-        height = level[body, piece] + np.where(rho > 0.0, 2.0 * rho * s * s, rise[piece] * s)
-        if self.tracks is not None:
-            height = self._turning_height(body, piece, s, c)
-        own = height + 0.5 * self.places.kappa[body] * speed * speed / self.places.gravity
-        energy: Floats = self.places.weight[body] * np.where(grouped, own, head)
-        return energy
-
-    def _turning_height(self, body: Any, piece: Any, s: Floats, c: Floats) -> Floats:
-        """Height (m) whose potential energy is that of gravity and of a turning trace."""
-        assert self.tracks is not None
-        kappa, gravity = self.places.kappa, self.places.gravity
-        rows = zip(body.tolist(), piece.tolist(), s.tolist(), c.tolist(), strict=True)
-        return np.array(
-            [potential_head(self.tracks[b][q], gravity, kappa[b], x, y) for b, q, x, y in rows]
-        )

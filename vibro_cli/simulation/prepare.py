@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.body import INERTIA_RATIO, Body
-from vibro_cli.mechanics.body_record import body_record
-from vibro_cli.mechanics.clearance import contact_angle, reach
-from vibro_cli.mechanics.heights import Heights, contains_turn, heights
-from vibro_cli.mechanics.laws import LAW_NAMES
-from vibro_cli.mechanics.placement import wall_position
-from vibro_cli.mechanics.records import (
+from vibro_cli.compile.kernel import interpreted_rows
+from vibro_cli.kernels.flow.begin_flight import NOWHERE
+from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.structs import (
     NEVER,
+    BodyForces,
     Clock,
     Flight,
     PairData,
@@ -20,11 +18,16 @@ from vibro_cli.mechanics.records import (
     Settings,
     TrackData,
 )
-from vibro_cli.mechanics.system import InitialState, System
-from vibro_cli.mechanics.trace import ArcShape, Piece, Trace, sine_cosine
+from vibro_cli.kernels.world import ContactRow, FlightRow, ImpactRow, SegmentRow, World
+from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.body_record import body_record
+from vibro_cli.mechanics.clearance import contact_angle, reach
+from vibro_cli.mechanics.heights import Heights, contains_turn, heights
+from vibro_cli.mechanics.placement import wall_position
+from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import alike
 from vibro_cli.simulation.turning_tracks import set_turning
-from vibro_cli.simulation.world import ContactRow, FlightRow, ImpactRow, SegmentRow, World
 
 NO_WALL = -1.0
 
@@ -57,16 +60,6 @@ def neighbours(system: System) -> list[tuple[int, int, int]]:
     return pairs
 
 
-def smallest_system() -> System:
-    """Return one ball in a valley: to have kernels made, which are the same for all systems."""
-    trace = Trace.chain(-1.0, [ArcShape("valley", 1.0, None, 1.0)])
-    body = Body("ball", 0.1, 1.0, INERTIA_RATIO["ball"])
-    start = InitialState(0, 0.0, 0.0)
-    return System(
-        9.81, trace, (body,), (start,), (), "hedrih", "stop", "two-sided", None, None, None
-    )
-
-
 def make_world(
     system: System,
     stop_time: float | None,
@@ -97,8 +90,8 @@ def make_world(
         bodies=[body_record(body, system.gravity) for body in system.bodies],
         pieces=[_piece_data(piece) for piece in system.trace.pieces],
         tracks=[
-            _track_data(system, piece, body, levels[number][piece.index])
-            for number, body in enumerate(system.bodies)
+            _track_data(system, piece, number, levels[number][piece.index])
+            for number in range(len(system.bodies))
             for piece in system.trace.pieces
         ],
         pairs=[_pair_data(system, *pair, number) for number, pair in enumerate(pairs)]
@@ -106,6 +99,7 @@ def make_world(
         contacts=contacts,
         far=far,
         flights=[initial_flight(system, number) for number in range(len(system.bodies))],
+        forces=interpreted_rows(BodyForces, len(system.bodies) + 1),
         impacts=[ImpactRow()],
         log=[FlightRow()],
         touches=[ContactRow()],
@@ -114,14 +108,6 @@ def make_world(
     if system.turning is not None:
         set_turning(world, system, system.turning)
     return world
-
-
-def turning_tracks(system: System) -> list[list[TrackData]] | None:
-    """Return the records of each body on each piece of a trace that turns; None at rest."""
-    if system.turning is None:
-        return None
-    tracks, pieces = make_world(system, None, None).tracks, len(system.trace.pieces)
-    return [list(tracks[n : n + pieces]) for n in range(0, len(tracks), pieces)]
 
 
 def _clock() -> Clock:
@@ -167,12 +153,13 @@ def _piece_data(piece: Piece) -> PieceData:
     return data
 
 
-def _track_data(system: System, piece: Piece, body: Body, levels: Heights) -> TrackData:
+def _track_data(system: System, piece: Piece, number: int, levels: Heights) -> TrackData:
+    body = system.bodies[number]
     track = TrackData()
     track.gravity_rate = system.gravity / body.kappa
     track.bottom = levels.bottom
     track.top = levels.top
-    left, right = _ends(system, piece, body)
+    left, right = _ends(system, piece, number)
     track.left_s, track.left_c = half_angle(piece, left)
     track.right_s, track.right_c = half_angle(piece, right)
     if piece.is_line:
@@ -195,22 +182,33 @@ def _track_data(system: System, piece: Piece, body: Body, levels: Heights) -> Tr
     return track
 
 
-def _ends(system: System, piece: Piece, body: Body) -> tuple[float, float]:
+def _ends(system: System, piece: Piece, number: int) -> tuple[float, float]:
     """The places at which a body leaves a piece: its ends, or where it touches a wall there."""
     left, right = piece.angle_start, piece.angle_end
-    last = len(system.trace.pieces) - 1
-    if system.left_end and piece.index == 0 and not system.trace.closed:
-        left = _at_wall(piece, body, False)
-    if system.right_end and piece.index == last and not system.trace.closed:
-        right = _at_wall(piece, body, True)
+    if system.trace.closed:
+        return left, right
+    radius = system.bodies[number].radius
+    if system.left_end and piece.index == 0:
+        left = _at_wall(piece, radius, False, number == 0)
+    if system.right_end and piece.index == len(system.trace.pieces) - 1:
+        right = _at_wall(piece, radius, True, number == len(system.bodies) - 1)
     return left, right
 
 
-def _at_wall(piece: Piece, body: Body, right: bool) -> float:
-    place = wall_position(piece, body.radius, right)
-    if place is None:
+def _at_wall(piece: Piece, radius: float, right: bool, outermost: bool) -> float:
+    """Where a body touches a wall; the end of the piece for an inner one that does not fit there.
+
+    An inner body never comes to a wall: another one is in between.
+    """
+    end = piece.angle_end if right else piece.angle_start
+    place = wall_position(piece, radius, right)
+    if place is not None:
+        on_piece = place >= piece.angle_start if right else place <= piece.angle_end
+        touch: float = alike.choose(on_piece, place, end)
+        return touch
+    if outermost:
         raise ValueError(f"piece {piece.index + 1} is too short for a body to touch its wall")
-    return place
+    return end
 
 
 def _pair_data(system: System, a: int, b: int, seam: int, number: int) -> PairData:
@@ -220,6 +218,7 @@ def _pair_data(system: System, a: int, b: int, seam: int, number: int) -> PairDa
     pair.seam = seam
     # Two bodies on a closed trace meet on either side with the same k.
     pair.restitution = system.restitution[min(number, len(system.restitution) - 1)]
+    pair.law = LAW_NAMES.index(system.law)
     pair.distance = system.bodies[a].radius + system.bodies[b].radius
     pair.contact_t = NEVER
     pair.release_t = NEVER
@@ -257,6 +256,7 @@ def initial_flight(system: System, number: int) -> Flight:
     flight = Flight()
     flight.piece = state.piece
     flight.anchor = -1
+    flight.brief = alike.square_root(2.0 * NOWHERE * body.radius / system.gravity)
     flight.s, flight.c = half_angle(piece, state.position)
     if piece.is_line:
         flight.p = state.speed

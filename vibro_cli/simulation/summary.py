@@ -3,55 +3,93 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from vibro_cli.mechanics.records import NEVER, Flight
-from vibro_cli.numerics import engine
-from vibro_cli.simulation.drive import ROWS_USED, compiled_world, restore
-from vibro_cli.simulation.entry import enter_tally
+from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
+from vibro_cli.kernels.structs import NEVER, Flight
+from vibro_cli.kernels.world import END_NAMES, LOGS, RECORDS, World
+from vibro_cli.simulation.drive import LOOP, compiled_world
 from vibro_cli.simulation.geometry import Floats, Places
-from vibro_cli.simulation.tally import FinalState, Outcome, tally
-from vibro_cli.simulation.world import END_NAMES, LOGS, RECORDS, World
+from vibro_cli.systems.wanted import Wanted
 
 
-def tally_run(
-    world: World,
-    engine_name: str,
-    logs: dict[str, Any],
-    state: dict[str, Any],
-    cause: int,
-    end: tuple[float, float],
-    variant: engine.Variant | None,
-) -> tuple[Any, Any]:
-    """Return outcome and final states of a run (see ``simulation.tally``), one row and one a body.
+def with_logs(
+    world: World, engine_name: str, logs: Mapping[str, Any], clock: Mapping[str, float]
+) -> World:
+    """Return the records of a run with some of its logs, for the kernels that tell of them.
 
     Parameters
     ----------
     world
-        The records of the run, interpreted; they are put into its state at the end.
+        The records of the run, interpreted, or as arrays for the engine that wants them.
     engine_name
-        ``"python"`` or ``"numba"``; both give the same bits.
-    logs, state
-        The rows of the whole run and the state at its end.
-    cause, end
-        Why and when (two doubles, s) it ended.
-    variant
-        Of the kernels, for the system.
+        ``"python"`` or ``"compiled"``: which records are returned.
+    logs, clock
+        The rows, and the fields of the clock when they were written.
     """
-    restore(world, state)
-    for name, used in ROWS_USED.items():
+    records: Any = world.clock
+    if isinstance(records, np.ndarray):
+        for name, value in clock.items():
+            records[name] = value
+        for name, used in LOOP.logs.items():
+            records[used] = len(logs[name])
+        return world._replace(**logs)
+    for name, value in clock.items():
+        setattr(world.clock[0], name, value)
+    for name, used in LOOP.logs.items():
         setattr(world.clock[0], used, len(logs[name]))
-    if engine_name == "numba":
-        results = enter_tally(compiled_world(world)._replace(**logs), cause, end, variant)
-        return results.outcomes, results.finals
+    if engine_name == "compiled":
+        return compiled_world(world, world._replace(**logs))
     rows = {name: engine.interpreted_copies(logs[name], RECORDS[name]) for name in LOGS}
-    own = engine.interpreted_rows(Outcome, 1)
-    states = engine.interpreted_rows(FinalState, len(world.bodies))
-    count = engine.interpreted(tally, variant)
-    count(world._replace(**rows), 0, cause, *end, own, 0, states, [Flight()])
-    return engine.compiled_rows(own, Outcome), engine.compiled_rows(states, FinalState)
+    return world._replace(**rows)
+
+
+class Tally:
+    """Outcome and final states of a run (see ``kernels.statistics.run_statistics``), stretch by
+    stretch.
+
+    Parameters
+    ----------
+    bodies
+        How many there are.
+    overrides
+        Of the kernels, for the system; both engines give the same bits.
+    """
+
+    def __init__(self, bodies: int, overrides: engine.Overrides | None) -> None:
+        self._overrides = overrides
+        self.outcomes: Any = np.zeros(1, dtype=engine.dtype(Outcome))
+        self.finals: Any = np.zeros(bodies, dtype=engine.dtype(FinalState))
+
+    def take(self, world: World, known: int, cause: int, end: tuple[float, float]) -> None:
+        """Count in the logs of a world (see :func:`with_logs`).
+
+        Parameters
+        ----------
+        world
+            With the rows of a stretch.
+        known
+            Rows of its log of flights that were told of before.
+        cause, end
+            ``RUNNING``, or why and when (two doubles, s) the run ended.
+        """
+        log: Any = world.log
+        if isinstance(log, np.ndarray):
+            tell: Any = compiled(tally, self._overrides)
+            scratch = np.zeros(1, dtype=engine.dtype(Flight))
+            tell(world, known, cause, *end, self.outcomes, 0, self.finals, scratch)
+            return
+        own = engine.interpreted_copies(self.outcomes, Outcome)
+        states = engine.interpreted_copies(self.finals, FinalState)
+        count = engine.interpreted(tally, self._overrides)
+        count(world, known, cause, *end, own, 0, states, [Flight()])
+        self.outcomes = engine.compiled_rows(own, Outcome)
+        self.finals = engine.compiled_rows(states, FinalState)
 
 
 def conserves_energy(
@@ -85,14 +123,17 @@ def summary_columns(
     restitution
         k of each pair, a row for each run.
     outcomes, finals
-        From ``simulation.tally``: a row for each run, and one for each of its bodies.
+        From ``kernels.statistics.run_statistics``: a row for each run, and one for each of its
+        bodies.
     """
     count = len(outcomes)
     finals = finals.reshape(count, -1)
     start, end = _total(finals["start_energy"]), _total(finals["end_energy"])
     kept = conserves_energy(places, restitution, outcomes) & (start > 0.0)
     demand = outcomes["most_demand"]
-    some = outcomes["impacts"] > 0
+    # A particle slides: it neither needs friction nor tells of any.
+    rolls = np.any(places.kappa > 1.0, axis=0)
+    some = outcomes["collisions"] > 0
     with np.errstate(divide="ignore", invalid="ignore"):
         drift = np.where(kept, (end - start) / start, np.nan)
     names = np.empty(max(END_NAMES) + 1, dtype=object)
@@ -116,19 +157,25 @@ def summary_columns(
         "min_normal_force": np.where(
             outcomes["least_force"] < NEVER, outcomes["least_force"], np.nan
         ),
-        "max_friction_demand": np.where(np.isfinite(demand), demand, np.nan),
+        "max_friction_demand": np.where(np.isfinite(demand) & rolls, demand, np.nan),
     }
     columns.update(_final_states(places, finals))
     return columns
 
 
-def summary_record(columns: dict[str, Any]) -> dict[str, Any]:
-    """Return the one row of summary columns as plain values, None for null."""
-    record = {name: values.tolist()[0] for name, values in columns.items()}
-    return {
-        name: None if isinstance(value, float) and math.isnan(value) else value
-        for name, value in record.items()
-    }
+def skipped(clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
+    """Say what was not computed of a run with this clock and end (s), and why."""
+    notes = []
+    apart, searches = int(clock["skipped_apart"]), int(clock["searches"])
+    if apart:
+        notes.append(f"{apart} of {searches} searches for a contact: the bodies are proved apart")
+    if clock["quiet_t"] < NEVER:
+        notes.append(f"no search after t = {clock['quiet_t']:.6g} s: no impact is possible")
+    if not wanted.turning_points:
+        notes.append("turning points: not asked for (output.turning_points)")
+    if wanted.friction is None:
+        notes.append("slip events: no coefficient of friction given (output.friction)")
+    return (*notes, *wanted.left_out(end))
 
 
 def _total(energies: Floats) -> Floats:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.records import TrackData
+from vibro_cli.kernels.structs import TrackData
+from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.mechanics.turning import Pull, Turning, inside, roots
-from vibro_cli.simulation.world import World
 
 # Bounds are kept above the rounding of what they bound.
 CAUTION = 1.0 + 1.0e-12
@@ -89,7 +89,20 @@ def _set_arc(
     for index, angle in enumerate(places):
         track.extremes[2 * index] = math.sin(0.5 * angle)
         track.extremes[2 * index + 1] = math.cos(0.5 * angle)
+    still = inside(roots(1.0, pull.tilt, 2.0 * pull.spread, 0), low, high)
+    track.least_still = min(_press(piece.sign, pull, angle) for angle in [low, high, *still])
+    share = 4.0 / system.bodies[number].kappa
+    track.least_press = min(
+        _press(piece.sign, pull, angle) - piece.sign * share * pull.potential(angle)
+        for angle in [low, high, *places]
+    )
     return track.bottom + track.twice_radius * track.lowest_potential
+
+
+def _press(sign: float, pull: Pull, angle: float) -> float:
+    """``N/(m g)`` of a body at rest at an angle f (rad)."""
+    sine = math.sin(angle)
+    return sign * (math.cos(angle) + sine * (pull.tilt + pull.spread * sine))
 
 
 def force_extremes(pull: Pull, kappa: float) -> list[float]:

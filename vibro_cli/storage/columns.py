@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from vibro_cli.errors import VibroError
 
-class UnreadableTable(Exception):
+
+class UnreadableTable(VibroError):
     """A file that is no table, or cannot be read; the message says why."""
 
 

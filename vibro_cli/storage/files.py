@@ -12,8 +12,9 @@ import glob
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
@@ -115,22 +116,42 @@ class NewFolder:
         with _errors_name(self.target / name):
             _write_new(self.path / name, content)
 
+    @contextlib.contextmanager
+    def growing(self, name: str) -> Iterator[BinaryIO]:
+        """Add a file that the block fills little by little; raises `OSError` as :meth:`write`."""
+        with open(self.path / name, "xb", buffering=0) as file:
+            yield file
+            with self.naming(name):
+                os.fsync(file.fileno())
+
+    def naming(self, name: str) -> contextlib.AbstractContextManager[None]:
+        """Have errors of the system in the block name a file of this folder."""
+        return _errors_name(self.target / name)
+
 
 @contextlib.contextmanager
-def new_folder(target: Path, check: Callable[[Path], None]) -> Iterator[NewFolder]:
+def new_folder(
+    target: Path, check: Callable[[Path], None], first: Mapping[str, bytes] | None = None
+) -> Iterator[NewFolder]:
     """Make a folder whole: the block fills it, then it takes the place of `target`.
 
     `check(target)` raises when an existing `target` must not be replaced; it is asked again at the
     end. When the block or the replacement fails, `target` is as it was and nothing is left behind.
+    A killed process leaves the part that it has made, until the next one here has its files of
+    `first`, names and contents (see :func:`abandoned_parts`).
     """
     shown, target = target, Path(os.path.realpath(target))
     check(target)
     with _errors_name(shown):
         target.parent.mkdir(parents=True, exist_ok=True)
-        _remove_abandoned(target)
         partial, handle = _open_partial(target)
     try:
-        yield NewFolder(partial, shown)
+        made = NewFolder(partial, shown)
+        for name, content in (first or {}).items():
+            made.write(name, content)
+        for part, _ in _abandoned(target):
+            shutil.rmtree(part, ignore_errors=True)
+        yield made
         with _errors_name(shown):
             flush_folder(partial)
         check(target)
@@ -154,14 +175,23 @@ def _open_partial(target: Path) -> tuple[Path, int]:
         os.close(handle)
 
 
-def _remove_abandoned(target: Path) -> None:
-    """Remove what killed processes left beside `target`: partial folders that nobody locks."""
+def abandoned_parts(target: Path) -> list[Path]:
+    """What killed processes left beside `target` of folders in the making, the latest one last."""
+    found = [(changed, part) for part, changed in _abandoned(Path(os.path.realpath(target)))]
+    return [part for _, part in sorted(found)]
+
+
+def _abandoned(target: Path) -> Iterator[tuple[Path, int]]:
+    """Partial folders beside `target` that nobody locks, and when they changed (ns).
+
+    The lock is held until the next one is asked for.
+    """
     for partial in target.parent.glob(f".{glob.escape(target.name)}.partial-{'[0-9a-f]' * 12}"):
         with contextlib.suppress(OSError):
             handle = os.open(partial, os.O_RDONLY | os.O_DIRECTORY)
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(partial, ignore_errors=True)
+                yield partial, os.fstat(handle).st_mtime_ns
             finally:
                 os.close(handle)
 

@@ -91,8 +91,15 @@ def _most_bytes(group: pa.Table) -> int:
 
 def _has_few(column: pa.ChunkedArray) -> bool:
     """Whether a column seems to repeat a few numbers, judged by some of them."""
-    longest = max(column.chunks, key=len)
-    # Arrow's own way to numpy may import pandas.
-    values = np.frombuffer(longest.buffers()[1], np.float64, len(longest), 8 * longest.offset)
+    # Of all rows: how they lie in chunks depends on how the points were solved. Arrow's own way
+    # to numpy may import pandas.
+    values = np.concatenate([np.empty(0), *map(_numbers, column.chunks)])
     step = max(1, len(values) // _SAMPLE)
     return len(np.unique(values[::step])) <= len(values[::step]) // 8
+
+
+def _numbers(chunk: pa.Array) -> Any:
+    """The numbers of an array, without a copy; anything at all where it is null."""
+    if len(chunk) == 0:
+        return np.empty(0)
+    return np.frombuffer(chunk.buffers()[1], np.float64, len(chunk), 8 * chunk.offset)

@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli import __version__
+from vibro_cli.errors import VibroError
 
 MANIFEST_NAME = "manifest.json"
 _MANIFEST_VERSION = "1"
-_LIBRARIES = ("matplotlib", "numba", "numpy", "pyarrow", "scipy")
+_LIBRARIES = ("matplotlib", "numpy", "pyarrow", "scipy")
 
 
-class FolderRefused(Exception):
+class FolderRefused(VibroError):
     """An existing folder must not be replaced; the message says which and why."""
 
 
@@ -55,11 +56,17 @@ def manifest_of(
         "program": {"name": "vibro", "version": __version__},
         "environment": {
             "python": platform.python_version(),
-            **{name: metadata.version(name) for name in _LIBRARIES},
+            **{name: _version(name) for name in _LIBRARIES},
         },
         **details,
         "files": dict(sorted(entries.items())),
     }
+
+
+def _version(library: str) -> str:
+    """The version of an installed library, without reading the whole of its description."""
+    described = metadata.distribution(library).read_text("METADATA") or ""
+    return described.partition("\nVersion: ")[2].partition("\n")[0]
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:
@@ -71,6 +78,31 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
     if not isinstance(found, dict) or not isinstance(found.get("files"), dict):
         return None
     return found if str(found.get("schema")).startswith("vibro-") else None
+
+
+def differences(before: Any, now: Any, path: str = "") -> list[str]:
+    """Where two pieces of plain data differ, a line each: `path: before -> now`."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        keys = [*before, *(key for key in now if key not in before)]
+        return [
+            line
+            for key in keys
+            for line in differences(
+                before.get(key), now.get(key), f"{path}.{key}" if path else str(key)
+            )
+        ]
+    if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        return [
+            line
+            for number, pair in enumerate(zip(before, now, strict=True), 1)
+            for line in differences(*pair, f"{path}[{number}]")
+        ]
+    return [] if before == now else [f"{path}: {_short(before)} -> {_short(now)}"]
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def check_replaceable(folder: Path, kind: str) -> None:

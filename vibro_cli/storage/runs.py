@@ -2,20 +2,25 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli import __version__
-from vibro_cli.storage.files import new_folder
-from vibro_cli.storage.history import HISTORY_NAME, history_bytes, read_history
+from vibro_cli.errors import VibroError
+from vibro_cli.storage.files import NewFolder, abandoned_parts, new_folder
+from vibro_cli.storage.growing import GrowingTable
 from vibro_cli.storage.provenance import (
     MANIFEST_NAME,
+    FolderRefused,
     check_replaceable,
+    differences,
+    entry,
     json_bytes,
-    manifest,
+    manifest_of,
     read_manifest,
 )
 from vibro_cli.storage.schema import table_named
@@ -24,19 +29,38 @@ from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 if TYPE_CHECKING:
     import pyarrow
 
-    from vibro_cli.api import AnyRun
     from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.systems.run import Run
+    from vibro_cli.systems.stream import Streamed
 
 SCENARIO_NAME = "scenario.json"
 CHECKPOINT_NAME = "checkpoint.json"
-_TABLES = {
-    "trace": ("collisions", "events", "summary", "motion"),
-    "table": ("collisions", "bounces", "summary", "motion"),
-    "springs": ("collisions", "events", "summary", "motion"),
-}
-"""The tables of a run of each system; motion is there only when it was asked for."""
 
-check_run_folder = partial(check_replaceable, kind="run")
+
+def check_run_folder(folder: Path, scenario: "AnyScenario", force: bool = False) -> None:
+    """Raise `FolderRefused` unless the results of a scenario may take the place of a folder.
+
+    They may where there is nothing or a run of the same scenario; with `force`, a run of any.
+    """
+    check_replaceable(folder, "run")
+    if force or read_manifest(folder) is None:
+        return
+    found = differences(_stored_scenario(folder), json.loads(json_bytes(scenario.resolved())))
+    if found:
+        lines = [f"  {line}" for line in found]
+        raise FolderRefused(
+            f"{folder} holds a run with other parameters; found there and wanted now:\n"
+            + "\n".join(lines)
+            + "\n(--force replaces it, -o names another folder)"
+        )
+
+
+def _stored_scenario(folder: Path) -> Any:
+    """The resolved scenario of a run, None where it cannot be read."""
+    try:
+        return json.loads((folder / SCENARIO_NAME).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
 
 
 def origin_of(scenario: "AnyScenario") -> Origin:
@@ -44,44 +68,112 @@ def origin_of(scenario: "AnyScenario") -> Origin:
     return Origin(scenario.resolved(), __version__)
 
 
-def run_table(run: "AnyRun", name: str, origin: Origin) -> "pyarrow.Table":
-    """A table of a run ("collisions", "summary", …) in arrow form."""
-    columns: Mapping[str, Any] = getattr(run, name)
-    system = origin.scenario.get("system", "trace")
-    return to_arrow(table_named(name, list(columns), system), columns, origin)
-
-
-def run_files(run: "AnyRun", scenario: "AnyScenario") -> dict[str, bytes]:
-    """Every file of a run except its figures: name to content."""
-    origin = origin_of(scenario)
-    system = origin.scenario.get("system", "trace")
-    files = {}
-    for name in _TABLES[system]:
-        if getattr(run, name) is not None:
-            files[f"{name}.parquet"] = parquet_bytes(run_table(run, name, origin))
-    files["summary.json"] = json_bytes(run.summary_record())
-    files[SCENARIO_NAME] = json_bytes(origin.scenario)
-    files[CHECKPOINT_NAME] = json_bytes(run.checkpoint())
-    files[HISTORY_NAME] = history_bytes(run.history())
-    return files
+def run_table(run: "Run", name: str, scenario: "AnyScenario") -> "pyarrow.Table | None":
+    """A table of a run ("collisions", "summary", …) in arrow form; None for one not asked for."""
+    columns = run.table(name)
+    if columns is None:
+        return None
+    return to_arrow(table_named(name, list(columns), scenario.system), columns, origin_of(scenario))
 
 
 def write_run(
-    run: "AnyRun", scenario: "AnyScenario", target: Path, figures: Mapping[str, bytes]
+    run: "Run",
+    scenario: "AnyScenario",
+    target: Path,
+    figures: Mapping[str, bytes],
+    force: bool = False,
 ) -> None:
     """Write the folder of a run, whole or not at all; `figures` are files' names and contents.
 
-    Raises `FolderRefused` when `target` is there and is no run of ours, `OSError` when it cannot be
-    written.
+    Raises `FolderRefused` when `target` is there and is no run of ours, or one of another scenario
+    (which `force` allows), and `OSError` when it cannot be written.
     """
-    files = {**run_files(run, scenario), **figures}
-    with new_folder(target, check_run_folder) as folder:
+    with streamed_folder(scenario, target, force) as folder:
+        for table in run.kind.tables():
+            rows = None if table.file == "summary" else run.table(table.file)
+            if rows is not None:
+                folder.add(table.file, rows)
+        folder.finish(run, figures)
+
+
+Rows = Mapping[str, Any]
+
+
+class StreamedFolder:
+    """The folder of a run in the making, into which the rows of its tables are put as they come.
+
+    Parameters
+    ----------
+    folder
+        In the making.
+    scenario
+        What is solved.
+    """
+
+    def __init__(self, folder: NewFolder, scenario: "AnyScenario") -> None:
+        self._folder = folder
+        self._origin = origin_of(scenario)
+        self._system = scenario.system
+        self._files = ExitStack()
+        self._tables: dict[str, GrowingTable] = {}
+        self._entries: dict[str, Any] = {}
+
+    def add(self, name: str, rows: Rows) -> None:
+        """Add rows to a table; raises `OSError` when they cannot be written."""
+        file = f"{name}.parquet"
+        with self._folder.naming(file):
+            if name not in self._tables:
+                table = table_named(name, list(rows), self._system)
+                opened = self._files.enter_context(self._folder.growing(file))
+                self._tables[name] = GrowingTable(opened, table, self._origin)
+            self._tables[name].add(rows)
+
+    def finish(self, run: "Streamed | Run", figures: Mapping[str, bytes]) -> None:
+        """Write the ends of the tables and all other files; else as :meth:`add`."""
+        for name, table in self._tables.items():
+            with self._folder.naming(f"{name}.parquet"):
+                self._entries[f"{name}.parquet"] = table.finish()
+        self._files.close()
+        summary = table_named("summary", list(run.summary), self._system)
+        files = {
+            "summary.parquet": parquet_bytes(to_arrow(summary, run.summary, self._origin)),
+            "summary.json": json_bytes(run.summary_record()),
+            SCENARIO_NAME: json_bytes(self._origin.scenario),
+            CHECKPOINT_NAME: json_bytes(run.checkpoint()),
+            **figures,
+        }
         for name, content in files.items():
-            folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest("run", files, {"engine": run.engine})))
+            if name != SCENARIO_NAME:  # there since the start
+                self._folder.write(name, content)
+            self._entries[name] = entry(content)
+        self._folder.write(
+            MANIFEST_NAME, json_bytes(manifest_of("run", self._entries, {"engine": run.engine}))
+        )
+
+    def close(self) -> None:
+        """Close what is open."""
+        for table in self._tables.values():
+            table.abandon()
+        self._files.close()
 
 
-class NotContinuable(Exception):
+@contextmanager
+def streamed_folder(scenario: "AnyScenario", target: Path, force: bool) -> Iterator[StreamedFolder]:
+    """Make the folder of a run, whole or not at all: the block fills it.
+
+    Raises as :func:`write_run`. The scenario is there first, so that a part that is left of a
+    process that was killed tells what is to be solved.
+    """
+    check = partial(check_run_folder, scenario=scenario, force=force)
+    first = {SCENARIO_NAME: json_bytes(scenario.resolved())}
+    with (
+        new_folder(target, check, first) as folder,
+        closing(StreamedFolder(folder, scenario)) as made,
+    ):
+        yield made
+
+
+class NotContinuable(VibroError):
     """A folder holds no run that can be continued; the message says which and why."""
 
 
@@ -92,7 +184,17 @@ class EarlierRun:
     scenario: Path
     """File of the resolved scenario."""
     checkpoint: dict[str, Any]
-    history: dict[str, Any]
+
+
+def scenario_of_killed_run(folder: Path) -> Path | None:
+    """The scenario of a run that was killed on its way to a folder, begun after the one there."""
+    there = folder / SCENARIO_NAME
+    begun = there.stat().st_mtime_ns if there.is_file() else 0
+    for part in reversed(abandoned_parts(folder)):
+        scenario = part / SCENARIO_NAME
+        if scenario.is_file() and scenario.stat().st_mtime_ns > begun:
+            return scenario
+    return None
 
 
 def read_earlier_run(folder: Path) -> EarlierRun:
@@ -109,14 +211,9 @@ def read_earlier_run(folder: Path) -> EarlierRun:
         raise NotContinuable(
             f"{folder} was written by vibro {version}; expected {__version__}, this program"
         )
-    content = {}
-    for name in (SCENARIO_NAME, CHECKPOINT_NAME, HISTORY_NAME):
+    content: dict[str, bytes] = {}
+    for name in (SCENARIO_NAME, CHECKPOINT_NAME):
         content[name] = (folder / name).read_bytes()
         if hashlib.sha256(content[name]).hexdigest() != found["files"].get(name, {}).get("sha256"):
             raise NotContinuable(f"{folder / name} is not as it was written (SHA-256)")
-    system = json.loads(content[SCENARIO_NAME]).get("system", "trace")
-    try:
-        history = read_history(content[HISTORY_NAME], system)
-    except ValueError as error:
-        raise NotContinuable(f"{folder}: {error}") from error
-    return EarlierRun(folder / SCENARIO_NAME, json.loads(content[CHECKPOINT_NAME]), history)
+    return EarlierRun(folder / SCENARIO_NAME, json.loads(content[CHECKPOINT_NAME]))

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.errors import VibroError
+from vibro_cli.storage.checking import check_files
 from vibro_cli.storage.provenance import read_manifest
 
 if TYPE_CHECKING:
@@ -18,7 +20,7 @@ GRID_NAME = "grid.json"
 Column = NDArray[Any]
 
 
-class NotAGrid(Exception):
+class NotAGrid(VibroError):
     """A folder holds no grid of ours that can be read; the message says why."""
 
 
@@ -48,9 +50,27 @@ class StoredGrid:
         return str(self.definition["scenario"].get("system", "trace"))
 
     @property
+    def shapes(self) -> tuple[str, ...]:
+        """Shapes of the pieces of the trace, none for another system."""
+        trace = self.definition["scenario"].get("trace", {})
+        return tuple(str(piece["shape"]) for piece in trace.get("arcs", ()))
+
+    @property
     def points(self) -> int:
         """Number of points that are there."""
         return len(self.summary["scenario"])
+
+    def table(self, name: str) -> "pyarrow.Table":
+        """Return a table of all points, such as ``collisions``.
+
+        Raises ``KeyError`` where the grid has none of that name.
+        """
+        import pyarrow.dataset as dataset
+
+        parts = [str(part) for part in _parts(self.folder / name)]
+        if not parts:
+            raise KeyError(f"the grid {self.name} kept no table {name}")
+        return dataset.dataset(parts, format="parquet").to_table()
 
     def impact_columns(self) -> tuple[str, ...]:
         """Return the columns of the table of impacts, none where none was kept."""
@@ -78,7 +98,8 @@ def is_grid(folder: Path) -> bool:
 def open_grid(folder: Path) -> StoredGrid:
     """Read the folder of a grid, all its points or those that are finished.
 
-    Raises `NotAGrid` when it is none of ours or holds no finished point.
+    Raises `NotAGrid` when it is none of ours, holds no finished point, or when a file of it is
+    missing or not as it was written.
     """
     import pyarrow.dataset as dataset
 
@@ -92,6 +113,8 @@ def open_grid(folder: Path) -> StoredGrid:
     parts = [str(part) for part in _parts(folder / "summary")]
     if not parts:
         raise NotAGrid(f"{folder} holds no finished point of its grid")
+    for damage in check_files(folder, manifest["files"]):
+        raise NotAGrid(f"{folder}/{damage}; vibro grid GRID --repair solves it again")
     data = dataset.dataset(parts, format="parquet").to_table()
     names = data.column_names
     return StoredGrid(

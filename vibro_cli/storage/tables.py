@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vibro_cli.storage.schema import Column, Table
+from vibro_cli.systems.columns import Column, Table
 
 _ARROW_TYPES = {
     "float64": pa.float64(),
@@ -81,6 +81,8 @@ def _arrow_fields(table: Table) -> list[pa.Field]:
 
 def _arrow_column(column: Column, values: Any) -> pa.Array:
     """One column as arrow: masked entries, None and, in a nullable float column, NaN are null."""
+    if column.words and not isinstance(values, Words) and values.dtype != object:
+        values = Words(np.ma.getdata(values), column.words)
     if isinstance(values, Words):
         return pa.Array.from_buffers(pa.string(), len(values.numbers), [None, *_of_numbers(values)])
     array = values if type(values) is np.ndarray else np.ma.getdata(values)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.stress import engine_batch, event_finder, fifty_digits
+from vibro_cli.stress import engine_batch, event_finder, fifty_digits, kernels
 from vibro_cli.stress.finding import Document, Finding, Plan
 from vibro_cli.stress.flights import (
     Family,
@@ -20,7 +20,7 @@ from vibro_cli.stress.flights import (
     scenario_of_flight,
 )
 from vibro_cli.stress.grazing import near_grazing
-from vibro_cli.stress.judge import CONTACT, NO_CONTACT, UNDECIDED, judge_all, workspace
+from vibro_cli.stress.judge import CONTACT, NO_CONTACT, UNDECIDED, judge_all
 
 CHECK = "contacts"
 # A contact is another one, not the same a little displaced, beyond this part of a radius.
@@ -61,11 +61,10 @@ class Tally:
 def compare(family: Family, states: States, keep: int) -> Tally:
     """Give the flights of a family to the solver and to the judge."""
     answers = engine_batch.first_contacts(family.system, for_solver(family, states))
-    on_the_way = np.flatnonzero(answers[:, engine_batch.HORIZON] > 0.0)
+    on_the_way = np.flatnonzero(answers[:, kernels.HORIZON] > 0.0)
     answers, states = answers[on_the_way], states.part(on_the_way)
-    rows = for_judge(family, states, answers[:, engine_batch.HORIZON])
-    verdicts: Any = np.zeros((len(rows), 4))
-    judge_all(rows, workspace(), verdicts)
+    rows = for_judge(family, states, answers[:, kernels.HORIZON])
+    verdicts = judge_all(rows)
     tally = Tally(flights=len(rows))
     size = max(p.length if p.is_line else p.radius for p in family.pieces)
     for number, (answer, verdict) in enumerate(zip(answers, verdicts, strict=True)):
@@ -79,16 +78,16 @@ def compare(family: Family, states: States, keep: int) -> Tally:
     tally.contacts = int((verdicts[:, 0] == CONTACT).sum())
     for number in range(min(keep, len(rows))):
         true = verdicts[number, 2] if verdicts[number, 0] == CONTACT else np.inf
-        met = answers[number, engine_batch.MET] > 0.0
+        met = answers[number, kernels.MET] > 0.0
         tally.sample.append((rows[number], true, answers[number, 1] if met else np.inf))
     return tally
 
 
 def _classify(answer: Any, verdict: Any, size: float) -> tuple[str, float]:
     """What became of one flight: a field of the tally, and by how much its contact is displaced."""
-    met, instant = answer[engine_batch.MET] > 0.0, answer[engine_batch.T]
+    met, instant = answer[kernels.MET] > 0.0, answer[kernels.T]
     status, low, high, speed = verdict
-    horizon = answer[engine_batch.HORIZON]
+    horizon = answer[kernels.HORIZON]
     if status == UNDECIDED or (status == CONTACT and (high - low) * speed > DISPLACED * size):
         return "undecided", 0.0
     if status == NO_CONTACT:

@@ -7,7 +7,7 @@ the judge counts 2^-98 for each.
 
 from __future__ import annotations
 
-from vibro_cli.stress.compile import compiled, fused
+from vibro_cli.compile.kernel import fused, kernel
 
 Wide = tuple[float, float]
 
@@ -19,14 +19,14 @@ _QUARTER_MIDDLE = 6.123233995736766e-17
 _QUARTER_LOW = -1.4973849048591833e-33
 
 
-@compiled
+@kernel
 def quick_sum(a: float, b: float) -> Wide:
     """Exact sum of two doubles, ``|a| >= |b|``."""
     total = a + b
     return total, b - (total - a)
 
 
-@compiled
+@kernel
 def exact_sum(a: float, b: float) -> Wide:
     """Exact sum of two doubles (Knuth)."""
     total = a + b
@@ -34,14 +34,14 @@ def exact_sum(a: float, b: float) -> Wide:
     return total, (a - (total - part)) + (b - part)
 
 
-@compiled
+@kernel
 def exact_product(a: float, b: float) -> Wide:
     """Exact product of two doubles."""
     product = a * b
     return product, fused(a, b, -product)
 
 
-@compiled
+@kernel
 def add(a: Wide, b: Wide) -> Wide:
     """Sum of two wide numbers."""
     high, low = exact_sum(a[0], b[0])
@@ -50,27 +50,27 @@ def add(a: Wide, b: Wide) -> Wide:
     return quick_sum(high, low + least)
 
 
-@compiled
+@kernel
 def negative(a: Wide) -> Wide:
     """The negative of a wide number."""
     return -a[0], -a[1]
 
 
-@compiled
+@kernel
 def multiply(a: Wide, b: Wide) -> Wide:
     """Product of two wide numbers."""
     high, low = exact_product(a[0], b[0])
     return quick_sum(high, low + (a[0] * b[1] + a[1] * b[0]))
 
 
-@compiled
+@kernel
 def scale(a: Wide, b: float) -> Wide:
     """Product of a wide number and a double."""
     high, low = exact_product(a[0], b)
     return quick_sum(high, low + a[1] * b)
 
 
-@compiled
+@kernel
 def divide(a: Wide, b: Wide) -> Wide:
     """Quotient of two wide numbers, by three steps of long division."""
     first = a[0] / b[0]
@@ -81,7 +81,7 @@ def divide(a: Wide, b: Wide) -> Wide:
     return add(quick_sum(first, second), (third, 0.0))
 
 
-@compiled
+@kernel
 def square_root(a: Wide) -> Wide:
     """Square root of a positive wide number, by two steps of Newton's iteration."""
     root = (a[0] ** 0.5, 0.0)
@@ -91,7 +91,7 @@ def square_root(a: Wide) -> Wide:
     return root
 
 
-@compiled
+@kernel
 def sine_cosine(a: Wide) -> tuple[Wide, Wide]:
     """Sine and cosine, absolute error below 1e-28 for ``|a| < 1e3``."""
     quarters = float(round(a[0] / _QUARTER_HIGH))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.numerics.elliptic import (
+from vibro_cli.kernels.numerics.elliptic import (
     ThetaConstants,
     carlson_rf,
     set_theta_constants,

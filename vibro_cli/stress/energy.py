@@ -46,7 +46,7 @@ def _drift(plan: Plan) -> list[Finding]:
     drift, corrections = Worst(), Worst()
     for document in _long_scenes().values():
         document = {**document, "stop": {"collisions": impacts}}
-        run = solve(document, "numba")
+        run = solve(document, "compiled")
         summary = run.summary_record()
         start = energy_at(run, 0.0, "before")
         scale = summary["energy_start"]
@@ -69,7 +69,7 @@ def _growth(plan: Plan) -> Finding:
         balls = [ball(float(rng.uniform(-1.5, -0.4))), ball(float(rng.uniform(0.4, 1.5)))]
         balls[0]["mass"] = float(rng.uniform(0.3, 3.0))
         for n, length in enumerate((short, 16 * short)):
-            run = solve(scene(VALLEY, balls, collisions=length), "numba")
+            run = solve(scene(VALLEY, balls, collisions=length), "compiled")
             summary = run.summary_record()
             squares[n] += (summary["energy_drift"] or 0.0) ** 2
     exponent = 0.5 * math.log(squares[1] / squares[0]) / math.log(16.0)

@@ -35,7 +35,7 @@ def multiprecision() -> Any:
         from mpmath import MPContext
     except ImportError as error:
         raise MissingLibrary(
-            "mpmath is missing; install it with: pip install 'vibro[stress]'"
+            "mpmath is missing; install it with: pip install 'vibro-cli[stress]'"
         ) from (error)
     context = MPContext()
     context.dps = DIGITS

@@ -14,10 +14,16 @@ class Plan:
 
     seed: int
     full: bool
+    cases: int | None = None
+    """How many scenes the checks draw that draw whole scenes; None for as many as they think."""
 
     def amount(self, short: int, long: int) -> int:
         """A number of cases for the short or the full form."""
         return long if self.full else short
+
+    def scenes(self, short: int, long: int) -> int:
+        """A number of whole scenes, unless it is given."""
+        return self.amount(short, long) if self.cases is None else self.cases
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.simulation.geometry import centres
 from vibro_cli.simulation.prepare import half_angle
-from vibro_cli.stress.engine_batch import START_COLUMNS
 from vibro_cli.stress.judge import BODY_COLUMNS, COLUMNS
+from vibro_cli.stress.kernels import START_COLUMNS
 
 Document = dict[str, Any]
 

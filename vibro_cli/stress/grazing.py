@@ -12,48 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.compile.native import compiled
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.stress.compile import compiled
 from vibro_cli.stress.flights import GRAVITY, LEAST_GAP, Family, States, centres_of, distances
+from vibro_cli.stress.kernels import ORDER, follow_all
 
-_ORDER = 18
-_STEP = 0.15  # of a step in w t max(1, f'/w)
 _HALVINGS = 70
 _CHECKS = 8  # instants of the way back at which the bodies must be on their pieces
 _SMALLEST, _LARGEST = -13.0, -2.0  # powers of ten of the overshoot, in radii of the arc
-
-
-@compiled
-def _follow(sign: float, w: float, angle: float, rate: float, t: float) -> tuple[float, float]:
-    """Angle and rate of ``f'' = -sign w^2 sin f`` after a time t."""
-    v = rate / w
-    steps = math.ceil(abs(w * t) * (2.0 + abs(v)) / _STEP) + 1
-    h = w * t / steps
-    s, c, f, series = np.zeros(_ORDER + 2), np.zeros(_ORDER + 2), angle, np.zeros(_ORDER + 2)
-    for _ in range(steps):
-        s[0], c[0], series[0] = math.sin(f), math.cos(f), v
-        power, moved, gained = h, 0.0, 0.0
-        for k in range(_ORDER):
-            moved += series[k] * power / (k + 1.0)
-            along, against = 0.0, 0.0
-            for j in range(k + 1):
-                along += c[j] * series[k - j]
-                against += s[j] * series[k - j]
-            s[k + 1], c[k + 1] = along / (k + 1.0), -against / (k + 1.0)
-            series[k + 1] = -sign * s[k] / (k + 1.0)
-            gained += series[k + 1] * power
-            power *= h
-        f += moved
-        v += gained
-    return f, v * w
-
-
-@compiled
-def _follow_all(sign: float, w: Any, angles: Any, rates: Any, times: Any) -> None:
-    for number in range(angles.shape[0]):
-        angles[number], rates[number] = _follow(
-            sign, w, angles[number], rates[number], times[number]
-        )
 
 
 def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple[Any, Any]:
@@ -65,7 +31,8 @@ def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple
         return places + times * (speeds + 0.5 * pull * times), speeds + pull * times
     rho = piece.path_radius(body.radius)
     rates = speeds / rho
-    _follow_all(piece.sign, math.sqrt(GRAVITY / (body.kappa * rho)), places, rates, times)
+    w = math.sqrt(GRAVITY / (body.kappa * rho))
+    compiled(follow_all)(piece.sign, w, places, rates, times, np.zeros((3, ORDER + 2)))
     return places, rates * rho
 
 

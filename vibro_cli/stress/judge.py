@@ -19,11 +19,11 @@ order n + 1 on are below ``70 (u/r)^(n+1)/(1 - u/r)``. For large V the majorant 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from vibro_cli.stress.compile import compiled
+from vibro_cli.compile.kernel import FloatArray3, FloatArray4, FloatMatrix, kernel
+from vibro_cli.compile.native import compiled
 from vibro_cli.stress.double_double import (
     Wide,
     add,
@@ -61,8 +61,23 @@ X, Y = 0, 1
 HIGH, LOW = 0, 1
 
 
-@compiled
-def _origin(flight: Any, body: int) -> tuple[Wide, Wide]:
+class Workspace(NamedTuple):
+    """Room for the judge's work on one flight."""
+
+    states: FloatArray3
+    """[body, one of s, c, v, high or low]"""
+    rows: FloatArray3
+    """Series of s, c, v on a step: [row, high or low, power]"""
+    paths: FloatArray4
+    """Series of the centres' places on a step: [body, axis, high or low, power]"""
+    between: FloatArray3
+    """Their difference."""
+    stack: FloatMatrix
+    """Intervals to examine."""
+
+
+@kernel
+def _origin(flight: Sequence[float], body: int) -> tuple[Wide, Wide]:
     """Centre of a body's arc, or the place of its centre at the junction end of its line.
 
     The junction of two pieces is the origin; a single arc has its centre there, a single line its
@@ -76,8 +91,8 @@ def _origin(flight: Any, body: int) -> tuple[Wide, Wide]:
     return scale(sine, -away), scale(cosine, away)
 
 
-@compiled
-def _line_step(flight: Any, body: int, t: float, h: float, path: Any) -> None:
+@kernel
+def _line_step(flight: Sequence[float], body: int, t: float, h: float, path: FloatArray3) -> None:
     """Coefficients of the centre's place on a line, in powers of ``(time - t)/h``."""
     sine, cosine = sine_cosine((flight[SLOPE], 0.0))
     pull = divide(scale(sine, -flight[GRAVITY]), (flight[body + KAPPA], 0.0))
@@ -88,7 +103,9 @@ def _line_step(flight: Any, body: int, t: float, h: float, path: Any) -> None:
     mean = add((flight[body + SPEED], 0.0), scale(scale(pull, 0.5), t))
     place = add(place, scale(mean, t))
     x0, y0 = _origin(flight, body)
-    path[:] = 0.0
+    for axis in range(2):
+        for k in range(ORDER + 1):
+            path[axis, HIGH, k], path[axis, LOW, k] = 0.0, 0.0
     terms = (place, scale(speed, h), scale(scale(pull, 0.5 * h), h))
     for k in range(3):
         for axis in range(2):
@@ -98,8 +115,8 @@ def _line_step(flight: Any, body: int, t: float, h: float, path: Any) -> None:
             path[axis, HIGH, k], path[axis, LOW, k] = value
 
 
-@compiled
-def _arc_series(sign: float, w_h: Wide, state: Any, rows: Any) -> None:
+@kernel
+def _arc_series(sign: float, w_h: Wide, state: FloatMatrix, rows: FloatArray3) -> None:
     """Coefficients of ``s, c, v`` in powers of the share of a step ``w h``."""
     for row in range(3):
         rows[row, HIGH, 0], rows[row, LOW, 0] = state[row, HIGH], state[row, LOW]
@@ -116,7 +133,7 @@ def _arc_series(sign: float, w_h: Wide, state: Any, rows: Any) -> None:
         rows[2, HIGH, k + 1], rows[2, LOW, k + 1] = scale(pull, -sign)
 
 
-@compiled
+@kernel
 def majorant(v: float) -> tuple[float, float]:
     """Radius within which the majorant of the series stays below a bound, and that bound."""
     plain = math.sqrt(2.0) * (1.45 - math.atan(v / math.sqrt(2.0)))
@@ -126,13 +143,13 @@ def majorant(v: float) -> tuple[float, float]:
     return 0.8 / q, 5.0 * q
 
 
-@compiled
-def _path_radius(flight: Any, body: int) -> Wide:
+@kernel
+def _path_radius(flight: Sequence[float], body: int) -> Wide:
     return exact_sum(flight[body + SIZE], -flight[body + SIGN] * flight[body + RADIUS])
 
 
-@compiled
-def _frequency(flight: Any, body: int) -> Wide:
+@kernel
+def _frequency(flight: Sequence[float], body: int) -> Wide:
     """``w = sqrt(g/(kappa rho))``, 0 on a line."""
     if flight[body + SIGN] == 0.0:
         return 0.0, 0.0
@@ -140,8 +157,8 @@ def _frequency(flight: Any, body: int) -> Wide:
     return square_root(divide((flight[GRAVITY], 0.0), inertia))
 
 
-@compiled
-def _start(flight: Any, body: int, state: Any) -> None:
+@kernel
+def _start(flight: Sequence[float], body: int, state: FloatMatrix) -> None:
     """``(sin f, cos f, f'/w)`` at the start, f the papers' angle phi or psi."""
     if flight[body + SIGN] == 0.0:
         return
@@ -153,8 +170,15 @@ def _start(flight: Any, body: int, state: Any) -> None:
     state[2, HIGH], state[2, LOW] = rate
 
 
-@compiled
-def _arc_step(flight: Any, body: int, h: float, state: Any, rows: Any, path: Any) -> float:
+@kernel
+def _arc_step(
+    flight: Sequence[float],
+    body: int,
+    h: float,
+    state: FloatMatrix,
+    rows: FloatArray3,
+    path: FloatArray3,
+) -> float:
     """Coefficients of the centre's place on an arc, and the state at the end of the step.
 
     Returns the bound of the error that the step adds to the state.
@@ -182,8 +206,8 @@ def _arc_step(flight: Any, body: int, h: float, state: Any, rows: Any, path: Any
     return left_out + rounding
 
 
-@compiled
-def _step_length(flight: Any, body: int, state: Any) -> float:
+@kernel
+def _step_length(flight: Sequence[float], body: int, state: FloatMatrix) -> float:
     w = _frequency(flight, body)[0]
     if w == 0.0:
         return math.inf
@@ -191,8 +215,8 @@ def _step_length(flight: Any, body: int, state: Any) -> float:
     return STEP * radius / w
 
 
-@compiled
-def _wide_gap(between: Any, touch: Wide, u: float) -> float:
+@kernel
+def _wide_gap(between: FloatArray3, touch: Wide, u: float) -> float:
     """``D`` at a share ``u`` of the step, in numbers of two doubles."""
     gap = negative(multiply(touch, touch))
     for axis in range(2):
@@ -203,8 +227,8 @@ def _wide_gap(between: Any, touch: Wide, u: float) -> float:
     return gap[0] + gap[1]
 
 
-@compiled
-def _gap(between: Any, touch: float, u: float) -> tuple[float, float]:
+@kernel
+def _gap(between: FloatArray3, touch: float, u: float) -> tuple[float, float]:
     """``D`` and ``dD/du`` at a share ``u`` of the step, in doubles."""
     gap, rate = -touch * touch, 0.0
     for axis in range(2):
@@ -217,8 +241,8 @@ def _gap(between: Any, touch: float, u: float) -> tuple[float, float]:
     return gap, rate
 
 
-@compiled
-def _bounds(between: Any) -> tuple[float, float, float, float]:
+@kernel
+def _bounds(between: FloatArray3) -> tuple[float, float, float, float]:
     """Bounds over a step: of ``|D''|``, ``|D'|``, the squared distance, and ``|dx| + |dy|``."""
     second, slope, square, extent = 0.0, 0.0, 0.0, 0.0
     for axis in range(2):
@@ -235,9 +259,9 @@ def _bounds(between: Any) -> tuple[float, float, float, float]:
     return second * (1.0 + 1.0e-12), slope, square * (1.0 + 1.0e-12), extent
 
 
-@compiled
+@kernel
 def _examine(
-    between: Any, touch: Wide, end: float, error: float, stack: Any
+    between: FloatArray3, touch: Wide, end: float, error: float, stack: FloatMatrix
 ) -> tuple[float, float, float]:
     """Go through a step from left to right, halving what is not proved.
 
@@ -275,9 +299,16 @@ def _examine(
     return doubtful, overlap, rate
 
 
-@compiled
+@kernel
 def _step(
-    flight: Any, body: int, t: float, h: float, error: float, state: Any, rows: Any, path: Any
+    flight: Sequence[float],
+    body: int,
+    t: float,
+    h: float,
+    error: float,
+    state: FloatMatrix,
+    rows: FloatArray3,
+    path: FloatArray3,
 ) -> float:
     """Path of one body on a step; returns the bound of the error of its state there."""
     if flight[body + SIGN] == 0.0:
@@ -288,8 +319,8 @@ def _step(
     return error * growth + added
 
 
-@compiled
-def _reach(flight: Any, body: int) -> float:
+@kernel
+def _reach(flight: Sequence[float], body: int) -> float:
     """Length (m) that turns a bound of the state's error into one of the place's."""
     if flight[body + SIGN] == 0.0:
         way: float = abs(flight[body + SIZE]) + abs(flight[body + SPEED] * flight[HORIZON])
@@ -298,8 +329,8 @@ def _reach(flight: Any, body: int) -> float:
     return radius
 
 
-@compiled
-def _subtract(paths: Any, between: Any) -> None:
+@kernel
+def _subtract(paths: FloatArray4, between: FloatArray3) -> None:
     for axis in range(2):
         for k in range(ORDER + 1):
             b = (paths[1, axis, HIGH, k], paths[1, axis, LOW, k])
@@ -307,8 +338,8 @@ def _subtract(paths: Any, between: Any) -> None:
             between[axis, HIGH, k], between[axis, LOW, k] = add(b, negative(a))
 
 
-@compiled
-def judge(flight: Any, work: Any) -> tuple[int, float, float, float]:
+@kernel
+def judge(flight: Sequence[float], work: Workspace) -> tuple[int, float, float, float]:
     """Judge one flight.
 
     Parameters
@@ -319,15 +350,20 @@ def judge(flight: Any, work: Any) -> tuple[int, float, float, float]:
         m), the speed of its centre (m/s), and the side of the junction (-1, +1; 0 if both bodies
         are on one piece).
     work
-        From :func:`workspace`.
+        Room to work in.
 
     Returns
     -------
     ``CONTACT``, ``NO_CONTACT`` or ``UNDECIDED``; the enclosure of the instant of the first contact
     (s); the speed at which the centres approach there (m/s).
     """
-    states, rows, paths, between, stack = work
-    states[:] = 0.0
+    states = work.states
+    rows = work.rows
+    paths = work.paths
+    between = work.between
+    for body in range(2):
+        for row in range(3):
+            states[body, row, HIGH], states[body, row, LOW] = 0.0, 0.0
     touch = exact_sum(flight[BODY_A + RADIUS], flight[BODY_B + RADIUS])
     _start(flight, BODY_A, states[0])
     _start(flight, BODY_B, states[1])
@@ -342,7 +378,7 @@ def judge(flight: Any, work: Any) -> tuple[int, float, float, float]:
         error = _reach(flight, BODY_A) * error_a + _reach(flight, BODY_B) * error_b
         _subtract(paths, between)
         end = min(1.0, (horizon - t) / h)
-        unsure, overlap, rate = _examine(between, touch, end, error, stack)
+        unsure, overlap, rate = _examine(between, touch, end, error, work.stack)
         if unsure <= 1.0:
             doubtful = min(doubtful, t + unsure * h)
         if overlap <= 1.0:
@@ -356,24 +392,32 @@ def judge(flight: Any, work: Any) -> tuple[int, float, float, float]:
     return NO_CONTACT, horizon, horizon, 0.0
 
 
-def workspace() -> tuple[Any, ...]:
-    """Arrays for :func:`judge`: states, series, paths, their difference, intervals to examine."""
-    rows = ORDER + 1
-    return (
-        np.zeros((2, 3, 2)),
-        np.zeros((3, 2, rows)),
-        np.zeros((2, 2, 2, rows)),
-        np.zeros((2, 2, rows)),
-        np.zeros((200, 2)),
-    )
-
-
-@compiled
-def judge_all(flights: Any, work: Any, verdicts: Any) -> None:
+@kernel
+def judge_flights(flights: FloatMatrix, work: Workspace, verdicts: FloatMatrix) -> None:
     """Judge many flights; ``verdicts`` gets the four results of each."""
-    for number in range(flights.shape[0]):
+    for number in range(len(flights)):
         status, low, high, speed = judge(flights[number], work)
-        verdicts[number, 0] = status
+        verdicts[number, 0] = float(status)
         verdicts[number, 1] = low
         verdicts[number, 2] = high
         verdicts[number, 3] = speed
+
+
+def judge_all(flights: Any) -> Any:
+    """Judge many flights, a row of ``COLUMNS`` numbers each; return a row of results for each.
+
+    The results are those of :func:`judge`.
+    """
+    import numpy as np
+
+    rows = ORDER + 1
+    work = Workspace(
+        states=np.zeros((2, 3, 2)),
+        rows=np.zeros((3, 2, rows)),
+        paths=np.zeros((2, 2, 2, rows)),
+        between=np.zeros((2, 2, rows)),
+        stack=np.zeros((200, 2)),
+    )
+    verdicts = np.zeros((len(flights), 4))
+    compiled(judge_flights)(np.ascontiguousarray(flights, dtype=np.float64), work, verdicts)
+    return verdicts

@@ -45,7 +45,7 @@ def _state(mp: Any, rate: Any, t: float) -> tuple[Any, Any]:
 
 def _phase_error(mp: Any, document: Document, t: float) -> float:
     """Error of a ball's angle in eps x what a relative change of its rate makes of it."""
-    run = solve(document, "numba")
+    run = solve(document, "compiled")
     # The solver gets the speed of the centre, which is the rate times the radius of its path.
     rate = mp.mpf(run.system.initial[0].speed) / (mp.mpf(1) - mp.mpf(0.1))
     sine, cosine = _state(mp, rate, t)

@@ -9,8 +9,10 @@ from importlib import import_module
 
 from vibro_cli.stress.fifty_digits import multiprecision
 from vibro_cli.stress.finding import Finding, Plan
+from vibro_cli.systems import NAMES as SYSTEMS
 
-# Each is a module beside this one with a function ``check``; the quick ones first.
+# Each is a module beside this one with a function ``check``, or ``stress`` in the folder of a
+# system; the quick ones first.
 NAMES = (
     "elliptic",
     "crest",
@@ -21,9 +23,10 @@ NAMES = (
     "extremes",
     "limits",
     "energy",
-    "table",
-    "springs",
+    *SYSTEMS[1:],
     "turning",
+    "drawn",
+    "digits",
     "contacts",
 )
 
@@ -35,7 +38,8 @@ WORKERS = 2
 def findings_of(name: str, plan: Plan) -> list[Finding]:
     """What one check finds."""
     check: Callable[[Plan], list[Finding]]
-    check = import_module(f"vibro_cli.stress.{name}").check
+    home = f"systems.{name}.stress" if name in SYSTEMS else f"stress.{name}"
+    check = import_module(f"vibro_cli.{home}").check
     return check(plan)
 
 

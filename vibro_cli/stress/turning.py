@@ -26,7 +26,7 @@ def check(plan: Plan) -> list[Finding]:
     return [_first_impacts(), _energy(plan), _balance()]
 
 
-def solve(document: Document, engine: str = "numba") -> Run:
+def solve(document: Document, engine: str = "compiled") -> Run:
     """Run a document."""
     return simulate(parse_scenario(json.dumps(document), "json"), engine)
 

@@ -1,72 +1,123 @@
-"""Runs that may never end, in a process of their own, which can be given up."""
+"""Runs that may never end or fill the memory, in a process of their own, which can be given up."""
 
 from __future__ import annotations
 
 import multiprocessing
+import resource
 import signal
+from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import Any
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.stress.finding import Document
-from vibro_cli.stress.scenes import solve
+from vibro_cli.stress.scenes import VALLEY, ball, scene, solve
 
 # Seconds of the processor, however many they are on a busy machine; far more than any run takes.
 PATIENCE = 20.0
 
+Answer = TypeVar("Answer")
 
-def _serve(connection: Connection) -> None:
-    """Run documents as they come; answer each with a fault, or nothing; to be refused is none.
 
-    A run that takes too long ends the process by a signal: it may be in machine code.
+class GivenUp(Exception):
+    """The other process did not answer; the message says why."""
+
+
+def _limit_memory(function: Callable[[Document], Any], memory: int) -> None:
+    """Let this process grow by so many bytes of addresses from what small runs need."""
+    for trace in (VALLEY, {**VALLEY, "turning": {"through_arc": 1, "rate": 1.0}}):
+        function(scene(trace, [ball(-0.5), ball(0.5)], 0.9, time=1.0))
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    most = pages * resource.getpagesize() + memory
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def _serve(connection: Connection, function: Callable[[Document], Any], memory: int | None) -> None:
+    """Answer documents as they come.
+
+    What takes too long ends the process by a signal: it may be in machine code.
     """
+    if memory is not None:
+        _limit_memory(function, memory)
     while True:
-        document, seconds = connection.recv()
-        signal.setitimer(signal.ITIMER_PROF, seconds)
         try:
-            run = solve(document)
-            run.sample([run.checkpoint()["end_time"]])
-        except ScenarioError:
-            answer = ""
-        except Exception as fault:
-            answer = repr(fault)
-        else:
-            answer = ""
+            document, seconds = connection.recv()
+        except EOFError:
+            return  # nobody asks any more
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+        answer = function(document)
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         connection.send(answer)
 
 
-class _Worker:
-    """The other process, made when it is first needed."""
+class Watched(Generic[Answer]):
+    """A function of a document, called in another process, which is made when it is first needed.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    function
+        What is called; it is at the top of a module and raises nothing.
+    memory
+        Bytes that it may take, None for as many as there are.
+    """
+
+    def __init__(self, function: Callable[[Document], Answer], memory: int | None = None) -> None:
+        self._function = function
+        self._memory = memory
         self._process: Any = None
         self._connection: Any = None
 
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other,), daemon=True)
+        arguments = (other, self._function, self._memory)
+        self._process = context.Process(target=_serve, args=arguments, daemon=True)
         self._process.start()
         other.close()
 
-    def fault(self, document: Document, seconds: float) -> str:
-        """What a run of a document comes to grief by, empty if by nothing."""
+    def __call__(self, document: Document, seconds: float = PATIENCE) -> Answer:
+        """Return the function's answer, found in so many seconds of the processor.
+
+        Raises
+        ------
+        GivenUp
+            If there is none by then, or the process has ended.
+        """
         if self._process is None:
             self._begin()
         try:
             self._connection.send((document, seconds))
-            return str(self._connection.recv())
+            answer: Answer = self._connection.recv()
         except (EOFError, OSError):
             self._process.join()
-        timed_out = self._process.exitcode == -signal.SIGPROF
-        self._process = None
-        return f"no end within {seconds:g} s" if timed_out else "the process ended"
+            timed_out = self._process.exitcode == -signal.SIGPROF
+            self._process = None
+            why = f"no end within {seconds:g} s" if timed_out else "the process ended"
+            raise GivenUp(why) from None
+        return answer
 
 
-_worker = _Worker()
+def _fault(document: Document) -> str:
+    try:
+        run = solve(document)
+        run.sample([run.checkpoint()["end_time"]])
+    except ScenarioError:
+        return ""
+    except Exception as fault:
+        return repr(fault)
+    return ""
+
+
+_watched_fault = Watched(_fault)
 
 
 def fault_of(document: Document, seconds: float = PATIENCE) -> str:
-    """What a run of a document comes to grief by: a fault or no end in so many seconds; or ""."""
-    return _worker.fault(document, seconds)
+    """What a run of a document comes to grief by: a fault or no end in so many seconds; or "".
+
+    To be refused is none.
+    """
+    try:
+        return _watched_fault(document, seconds)
+    except GivenUp as reason:
+        return str(reason)

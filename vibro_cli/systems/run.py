@@ -1,242 +1,241 @@
-"""What a finished run of every system besides the trace offers, each table when first asked for."""
+"""A finished run: its tables, its summary, and its state at any time."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import Any
 
 import numpy as np
 
-from vibro_cli.simulation.continuing import checkpoint_of
-from vibro_cli.systems import impact_columns as columns
-from vibro_cli.systems.driving import Driver, Library
-from vibro_cli.systems.impact_columns import Table
-from vibro_cli.systems.system import ImpactSystem
-from vibro_cli.systems.wanted import Wanted
-
-# Samples of the motion that are kept.
-MOST_SAMPLED = 6
-
-SomeSystem = TypeVar("SomeSystem", bound=ImpactSystem)
-
-
-class Paths(Protocol):
-    """The motion of all bodies between their events."""
-
-    def sample(self, times: Any, side: str = "after") -> Table:
-        """Return the columns of the motion table: for each time (s) a row for each body."""
+from vibro_cli.systems.continuing import checkpoint_of, earlier_part
+from vibro_cli.systems.contract import Rows, System, Trajectory
+from vibro_cli.systems.instants import within_run
+from vibro_cli.systems.record import record_array, rows_of
+from vibro_cli.systems.stream import Stretch, begun, record_of
+from vibro_cli.systems.wanted import NOTHING_MORE, Limits, Wanted
 
 
 @dataclass(frozen=True)
-class ImpactTable(Generic[SomeSystem]):
-    """A table of impacts of two bodies, or of a body and a wall."""
+class Run:
+    """The result of :func:`simulate`; every table is computed when first asked for."""
 
-    log: str
-    columns: Callable[[Sequence[SomeSystem], Any, Any], Table]
-    """From the systems of some runs, the rows of their logs and the number of each row's run."""
-
-
-State = dict[str, list[list[Any]]]
-"""Values of the fields of records, by the name of the records."""
-
-
-class Ending(NamedTuple):
-    """How a run of a system ends."""
-
-    names: Mapping[int, str]
-    """Causes by their numbers."""
-    time: float | None
-    """The end in s; None for the instant of the last event."""
-    finish: bool = False
-    """Whether the loop is to go on from its last step to the stop."""
-
-
-@dataclass(frozen=True)
-class SystemRun(ABC, Generic[SomeSystem]):
-    """The result of a run; every table is computed when first asked for."""
-
-    LIBRARY: ClassVar[Library]
-    """What its kernels are called by."""
-    IMPACT_LOG: ClassVar[str]
-    """The log of the impacts of two bodies."""
-    IMPACT_TABLES: ClassVar[Mapping[str, ImpactTable[Any]]]
-    """The tables of impacts by their names."""
-    FINAL_COLUMNS: ClassVar[tuple[str, ...]]
-    """Columns of the motion table of which the summary has the last value of each body."""
-
-    system: SomeSystem
+    kind: System
+    """What differs from one system to another."""
+    system: Any
+    """What was solved."""
     engine: str
-    end_cause: str
-    end_time: float
     wanted: Wanted
-    _clock: dict[str, float] = field(repr=False)
-    _logs: dict[str, Any] = field(repr=False)
-    _state: State = field(repr=False)
-    _end_state: State | None = field(repr=False)
-    """The state at the end, where the run has brought the bodies there."""
+    _whole: Stretch = field(repr=False)
+    """All of it, as one stretch."""
+    _state: dict[str, Any] = field(repr=False)
+    _tables: dict[str, Rows | None] = field(default_factory=dict, repr=False)
 
-    @classmethod
-    def of(
-        cls, system: SomeSystem, driver: Driver, cause: int, end: Ending, wanted: Wanted | None
-    ) -> Self:
-        """Return the run that a driver has brought to its end."""
-        state = driver.state()
-        if end.finish:
-            driver.finish()
-        return cls(
-            system=system,
-            engine=driver.engine,
-            end_cause=end.names[cause],
-            end_time=driver.value("t") if end.time is None else end.time,
-            wanted=wanted or Wanted(),
-            _clock=driver.clock(),
-            _logs={name: log.table() for name, log in driver.logs.items()},
-            _state=state,
-            _end_state=driver.state() if end.finish else state,
-        )
+    @property
+    def end_cause(self) -> str:
+        """Why it ended."""
+        return self.kind.loop.end_names[self._whole.cause]
 
-    @classmethod
-    def stored(
-        cls, system: SomeSystem, engine: str, checkpoint: Mapping[str, Any], history: dict[str, Any]
-    ) -> Self:
-        """Return a run as it was stored, for its tables, motion and figures."""
-        names = cls.LIBRARY.records["clock"].fields  # type: ignore[attr-defined]
-        clock = dict(zip(names, checkpoint["state"]["clock"][0], strict=True))
-        return cls(
-            system=system,
-            engine=engine,
-            end_cause=checkpoint["end_cause"],
-            end_time=checkpoint["end_time"],
-            wanted=Wanted(),
-            _clock=clock,
-            _logs=history,
-            _state=checkpoint["state"],
-            _end_state=None,
-        )
+    @property
+    def end_time(self) -> float:
+        """When it ended (s)."""
+        return self._whole.end[0]
+
+    @property
+    def skipped(self) -> tuple[str, ...]:
+        """What was not computed, and why."""
+        return self.kind.skipped(self._whole.clock, self.wanted, self.end_time)
+
+    def table(self, name: str) -> Rows | None:
+        """Return the columns of a table, None for one that was not asked for (motion)."""
+        if name not in self._tables:
+            self._tables[name] = self._made(name)
+        return self._tables[name]
+
+    def _made(self, name: str) -> Rows | None:
+        parts: list[Rows] = []
+        tables = self.kind.teller(
+            self.system, self.wanted, () if name == "summary" else (name,),
+            lambda _, rows: parts.append(rows),
+        )  # fmt: skip
+        tables.take(self._whole)
+        if name == "summary":
+            return tables.summary()
+        if not parts:
+            return None
+        join: Any = np.ma.concatenate if len(parts) > 1 else lambda one: one[0]
+        rows = {column: join([part[column] for part in parts]) for column in parts[0]}
+        declared = {table.file: table for table in self.kind.tables()}
+        return declared[name].in_words(rows)
+
+    def _present(self, name: str) -> Rows:
+        found = self.table(name)
+        assert found is not None
+        return found
+
+    @property
+    def collisions(self) -> Rows:
+        """Columns of ``collisions.parquet``, a row for each impact of two bodies."""
+        return self._present("collisions")
+
+    @property
+    def bounces(self) -> Rows:
+        """Columns of ``bounces.parquet`` of a table, a row for each impact on the wall."""
+        return self._present("bounces")
+
+    @property
+    def events(self) -> Rows:
+        """Columns of ``events.parquet``, in order of time."""
+        return self._present("events")
+
+    @property
+    def motion(self) -> Rows | None:
+        """Columns of ``motion.parquet``, or None if no sampled motion is asked for."""
+        return self.table("motion")
+
+    @property
+    def exponents(self) -> Rows | None:
+        """Columns of ``exponents.parquet`` of a trace, or None if they are not asked for."""
+        return self.table("exponents")
+
+    @property
+    def summary(self) -> Rows:
+        """Columns of ``summary.parquet``, one row."""
+        return self._present("summary")
+
+    def summary_record(self) -> dict[str, Any]:
+        """Return the summary as plain values, None for null."""
+        return record_of(self.summary)
+
+    def clock_value(self, name: str) -> float:
+        """Return a field of the run's clock at its end."""
+        return float(self._whole.clock[name])
+
+    @cached_property
+    def world(self) -> Any:
+        """The records of the system at the start, interpreted, for what is made of its logs."""
+        return self.kind.world(self.system, Limits())
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The motion of all bodies, in closed form."""
+        return self.kind.trajectory(self.system, self._whole)
+
+    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
+        """Return the motion at given times, exactly.
+
+        Parameters
+        ----------
+        times
+            Instants, s, any number, in any order, from the start of the run to its end.
+        side
+            ``"after"`` or ``"before"`` an event that happens at just such an instant.
+        extrapolate
+            Whether times outside the run are answered too: with the first and the last motion, as
+            if nothing met it.
+
+        Returns
+        -------
+        The columns of the motion table: for each time a row for each body.
+
+        Raises
+        ------
+        ValueError
+            For another ``side``, and for a time outside the run that is not to be extrapolated.
+        """
+        instants = within_run(times, self.end_time, extrapolate)
+        return self.trajectory.sample(instants, side, extrapolate)
+
+    def flights(self) -> Rows:
+        """Return every flight of every body on a trace: where and when it starts and ends, why."""
+        return self.trajectory.table()  # type: ignore[attr-defined, no-any-return]
+
+    def flight_curve(self, index: int, count: int, lasts: float = math.inf) -> tuple[Any, Any, Any]:
+        """Return times (s), angles (rad) and rates (rad/s) at ``count`` points along a flight.
+
+        On a line positions (m) and speeds (m/s). ``lasts`` is how much of the flight is wanted, s.
+        """
+        return self.trajectory.curve(index, count, lasts)  # type: ignore[attr-defined, no-any-return]
 
     def checkpoint(self) -> dict[str, Any]:
         """Return the state after the last event, exact; a run continued from it has the same bits.
 
         Plain values: floats are written by ``json`` so that they are read back exactly.
         """
-        counts = {"collisions": len(self._logs[self.IMPACT_LOG]), **dict(self._counts)}
-        return checkpoint_of(self.end_cause, self.end_time, counts, self._state)
+        whole = self._whole
+        rows = {name: len(log) for name, log in whole.logs.items()}
+        return checkpoint_of(self.end_cause, self.end_time, whole.clock, rows, self._state)
 
     def history(self) -> dict[str, Any]:
-        """Return the logs of the whole run, which a run continued from the checkpoint takes up."""
-        return dict(self._logs)
+        """Return the logs of the whole run, which its tables and figures are made from.
 
-    @property
-    def skipped(self) -> tuple[str, ...]:
-        """What is not computed, and why."""
-        return self.wanted.skipped()
+        A run continued from the checkpoint takes them up, so that it is whole too.
+        """
+        return dict(self._whole.logs)
 
-    @property
-    def energy_correction(self) -> float:
-        """Sum of the corrections that keep the energy, absolute, J."""
-        return self._clock["energy_correction"]
+    def cut_back(self, checkpoint: Mapping[str, Any]) -> Run:
+        """Return the run as it was when it was interrupted, and its checkpoint written."""
+        loop, state = self.kind.loop, checkpoint["state"]
+        records = {
+            name: record_array(rows_of(loop.records[name], rows), loop.records[name])
+            for name, rows in state.items()
+        }
+        names = loop.records["clock"].fields  # type: ignore[attr-defined]
+        clock = dict(zip(names, state["clock"][0], strict=True))
+        whole = self._whole._replace(
+            logs={name: log[: checkpoint["rows"][name]] for name, log in self._whole.logs.items()},
+            clock=clock,
+            end=(clock["t"], clock["t_low"]),
+            cause=loop.end_interrupted,
+            records=records,
+        )
+        return replace(self, _whole=whole, _state=state, _tables={})
 
-    @property
-    @abstractmethod
-    def paths(self) -> Paths:
-        """The motion between the events."""
-
-    @abstractmethod
-    def _initial_states(self) -> Table:
-        """Columns of the motion table at the start, a row for each body."""
-
-    def _final_states(self) -> Table:
-        """The same at the end."""
-        return self.sample([self.end_time])
-
-    @property
-    @abstractmethod
-    def _counts(self) -> list[tuple[str, int]]:
-        """What the summary counts beside the impacts of two bodies."""
-
-    @property
-    @abstractmethod
-    def _keeps_energy(self) -> bool:
-        """Whether nothing in the run takes energy."""
-
-    @property
-    def collisions(self) -> Table:
-        """Columns of ``collisions.parquet``, a row for each impact of two bodies."""
-        return self.impact_table("collisions")
-
-    def impact_count(self, name: str) -> int:
-        """Return how many rows a table of impacts has."""
-        return len(self._logs[self.IMPACT_TABLES[name].log])
-
-    def impact_table(self, name: str) -> Table:
-        """Return the columns of a table of impacts."""
-        if name not in self._tables:
-            self._tables[name], _ = tables_of_runs([self], name)
-        return self._tables[name]
-
-    @cached_property
-    def _tables(self) -> dict[str, Table]:
-        return {}
-
-    @cached_property
-    def motion(self) -> Table | None:
-        """Columns of ``motion.parquet``, or None if no sampled motion is asked for."""
-        instants = self.wanted.instants(self.end_time)
-        return None if instants is None else self.sample(instants)
-
-    def sample(self, times: Any, side: str = "after") -> Table:
-        """Return the motion at given times (s); `side` of an event at such an instant."""
-        key = np.asarray(times, dtype=np.float64).tobytes(), side
-        if key not in self._sampled:
-            self._sampled[key] = self.paths.sample(times, side)
-            while len(self._sampled) > MOST_SAMPLED:
-                del self._sampled[next(iter(self._sampled))]
-        return dict(self._sampled[key])
-
-    @cached_property
-    def _sampled(self) -> dict[tuple[bytes, str], Table]:
-        """What was asked for lately: the figures of a run ask for the same again and again."""
-        return {}
-
-    @cached_property
-    def summary(self) -> Table:
-        """Columns of ``summary.parquet``, one row."""
-        return columns.summary_columns(self._totals)
-
-    def summary_record(self) -> dict[str, Any]:
-        """Return the summary as plain values, None for null."""
-        return columns.summary_values(self._totals)
-
-    @cached_property
-    def _totals(self) -> list[tuple[str, Any]]:
-        impacts = self._logs[self.IMPACT_LOG]
-        first, last = self._initial_states(), self._final_states()
-        start, end = (float(np.sum(states["energy"])) for states in (first, last))
-        return [
-            ("status", "ok"),
-            ("reason", None),
-            ("end_cause", self.end_cause),
-            ("end_time", self.end_time),
-            ("collisions", len(impacts)),
-            *self._counts,
-            *columns.impact_totals(impacts),
-            *columns.energy_totals(start, end, self._keeps_energy, self.energy_correction),
-            ("max_gap", columns.largest_gap(impacts)),
-            *(
-                (f"{name}_{row + 1}", float(last[name][row]))
-                for row in range(len(self.system.bodies))
-                for name in self.FINAL_COLUMNS
-            ),
-        ]
+    def statistics(self) -> dict[str, int]:
+        """Return what the solver of a trace did: searches, evaluations, searches spared."""
+        names = ("searches", "evaluations", "skipped_apart")
+        return {name: int(self._whole.clock[name]) for name in names}
 
 
-def tables_of_runs(runs: Sequence[SystemRun[Any]], name: str) -> tuple[Table, Any]:
-    """Return the columns of a table of impacts of some runs, and the number of each row's run."""
-    table = type(runs[0]).IMPACT_TABLES[name]
-    logs = [run._logs[table.log] for run in runs]
-    number = np.repeat(np.arange(len(runs)), [len(log) for log in logs])
-    rows = logs[0] if len(logs) == 1 else np.concatenate(logs)
-    return table.columns([run.system for run in runs], rows, number), number
+def simulate(
+    kind: System,
+    system: Any,
+    limits: Limits,
+    engine: str = "compiled",
+    wanted: Wanted = NOTHING_MORE,
+    checkpoint: dict[str, Any] | None = None,
+    history: dict[str, Any] | None = None,
+) -> Run:
+    """Run a system until its stop.
+
+    Parameters
+    ----------
+    kind, system
+        What is solved, and the object of its kind.
+    limits
+        At least one.
+    engine
+        ``"compiled"``, or ``"python"`` (interpreted); both give the same bits.
+    checkpoint
+        From :meth:`Run.checkpoint` of the same system: the run goes on from there, as if it had
+        never stopped.
+    history
+        From :meth:`Run.history` of the same run; it comes with the checkpoint.
+
+    Raises
+    ------
+    ValueError
+        For an unknown engine, without a limit, and for a checkpoint of another system.
+    CannotContinue
+        If the earlier run had ended for good (see ``continuing.FINAL``), or is past the stop.
+    TooQuiet
+        If there is no impact for very long.
+    """
+    earlier = None
+    if checkpoint is not None:
+        earlier = earlier_part(checkpoint, history, kind.loop.logs, limits)
+    driver = begun(kind, system, limits, engine, earlier)
+    stretches = kind.stretches(driver, limits.time)
+    return Run(kind, system, driver.engine, wanted, *stretches.whole())

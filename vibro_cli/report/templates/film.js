@@ -35,7 +35,7 @@ const path = ([times, places, speeds], from, to) => {
 };
 
 const show = (frame) => {
-  const from = film.time[Math.max(0, frame - film.past)];
+  const from = Math.max(film.time[Math.max(0, frame - film.past)], film.time[frame] - film.span);
   for (const { body, trail, disk, mark, point, radius } of actors) {
     const [x, y] = onPlan(body.x[frame], body.y[frame]);
     disk.setAttribute("cx", x);

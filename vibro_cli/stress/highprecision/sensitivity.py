@@ -16,9 +16,9 @@ Columns = dict[str, list[float]]
 Solve = Callable[[System], Columns]
 
 
-def neighbouring(system: System) -> Iterator[System]:
-    """The system with each of its inputs in turn changed by a relative ``CHANGE``."""
-    factor = 1.0 + CHANGE
+def neighbouring(system: System, change: float = CHANGE) -> Iterator[System]:
+    """The system with each of its inputs in turn changed by a relative ``change``."""
+    factor = 1.0 + change
     yield replace(system, gravity=system.gravity * factor)
     for number, body in enumerate(system.bodies):
         for changed in (

@@ -1,1 +1,144 @@
-"""Bodies rolling on a straight line, each held by a spring (C, part 3)."""
+"""Bodies on a straight line, each held by a spring."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from vibro_cli.systems.contract import ImpactLog, Sink, System
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from vibro_cli.compile.kernel import Kernel
+    from vibro_cli.figures.kinds import Kind, KindOfBody
+    from vibro_cli.scenario.base import ScenarioTable
+    from vibro_cli.systems.columns import Table
+    from vibro_cli.systems.driver import EventLoop
+    from vibro_cli.systems.springs.motion import Motion
+    from vibro_cli.systems.stream import Stretch
+    from vibro_cli.systems.tables import SystemTables
+    from vibro_cli.systems.wanted import Limits, Wanted
+
+
+class BodiesOnSprings(System):
+    """Bodies on springs."""
+
+    name = "springs"
+    papers = ("A", "B", "C")
+    default_figures = ("portrait", "motion", "energy")
+
+    @property
+    def model(self) -> type[ScenarioTable]:
+        from vibro_cli.systems.springs.scenario import SpringsScenario
+
+        return SpringsScenario
+
+    def build(self, scenario: Any) -> Any:
+        from vibro_cli.systems.springs.build import build_springs
+
+        return build_springs(scenario)
+
+    def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
+        from vibro_cli.mechanics.caveats import law_warnings
+
+        return tuple(law_warnings(system.law, system.inadmissible, [*pairwise(system.bodies)]))
+
+    @property
+    def loop(self) -> EventLoop:
+        from vibro_cli.systems.springs.prepare import LOOP
+
+        return LOOP
+
+    @property
+    def kernels(self) -> tuple[Kernel, ...]:
+        from vibro_cli.kernels.springs.loop import advance
+        from vibro_cli.kernels.springs.replay import sample_states
+
+        return advance, sample_states
+
+    def world(self, system: Any, limits: Limits) -> Any:
+        from vibro_cli.systems.springs.prepare import make_world
+
+        return make_world(system, limits.time, limits.collisions)
+
+    def tables(self) -> tuple[Table, ...]:
+        from vibro_cli.systems.springs.tables import TABLES, summary
+
+        return (*TABLES, summary("i"))
+
+    def summary(self, bodies: int, grown: bool = False) -> Table:
+        from vibro_cli.systems.springs.tables import summary
+
+        return summary(range(1, bodies + 1))
+
+    @property
+    def impact_logs(self) -> dict[str, ImpactLog]:
+        from vibro_cli.systems.springs.tables import COLLISIONS, Collisions, SpringBodies
+
+        return {"collisions": ImpactLog("impacts", COLLISIONS, Collisions, SpringBodies)}
+
+    def teller(
+        self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink
+    ) -> SystemTables:
+        from vibro_cli.systems.springs.motion import states_at
+        from vibro_cli.systems.springs.tables import EVENTS, Contacts
+        from vibro_cli.systems.tables import SystemTables
+
+        def states(records: Any, time: float) -> dict[str, Any]:
+            return states_at(system, records["springs"], time)
+
+        def events(logs: Any) -> dict[str, Any]:
+            return EVENTS.filled(Contacts(logs["states"], len(system.bodies)))
+
+        return SystemTables(self, system, wanted, names, sink, states, events)
+
+    def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Motion:
+        from vibro_cli.systems.springs.motion import Motion
+
+        return Motion(system, stretch.engine, stretch.logs["states"], before)
+
+    @property
+    def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
+        from vibro_cli.systems.springs.figures import FIGURES
+
+        return FIGURES
+
+    def method(self, scenario: Mapping[str, Any]) -> str:
+        return (
+            "Between impacts the bodies move by Taylor series of order 24 within proved radii; "
+            "impacts are the certified first zeros of the distance within each step."
+        )
+
+    def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
+        from vibro_cli.systems.springs.describe import swings
+
+        found = super().understood(scenario, system)
+        bodies = zip(found["bodies"], swings(system), strict=True)
+        return found | {"bodies": [body | {"swing": swing} for body, swing in bodies]}
+
+    def family_type(self, system: Any, ball: int) -> str:
+        from vibro_cli.systems.springs.portrait_type import springs_record
+
+        return str(springs_record(system, ball - 1)["type"])
+
+    def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
+        from vibro_cli.systems.springs.portrait import springs_family
+
+        return springs_family(members, ball, width)
+
+    def portrait(
+        self, system: Any, width: str, drawn: bool
+    ) -> tuple[dict[str, Any], dict[str, Figure]]:
+        from vibro_cli.systems.springs.describe import portrait
+
+        return portrait(system, width, drawn)
+
+    def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
+        from vibro_cli.systems.springs.describe import portrait_lines
+
+        return portrait_lines(found)
+
+
+SYSTEM = BodiesOnSprings()

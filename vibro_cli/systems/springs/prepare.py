@@ -2,22 +2,46 @@
 
 from __future__ import annotations
 
-from vibro_cli.mechanics.body_record import body_record
-from vibro_cli.mechanics.laws import LAW_NAMES
-from vibro_cli.systems.springs.system import SpringsSystem
-from vibro_cli.systems.springs.world import (
+from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.springs.loop import MOST_STEPS, advance
+from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
+    END_INTERRUPTED,
+    END_NAMES,
+    END_QUIET,
+    END_TIME,
+    LOG_FULL,
+    LOGS,
     NEVER,
+    RECORDS,
     ROW,
+    STATE,
     Clock,
     Settings,
     SpringBody,
     SpringPair,
     World,
 )
-from vibro_cli.systems.system import touching_distance
+from vibro_cli.mechanics.body_record import body_record
+from vibro_cli.systems.bodies import touching_distance
+from vibro_cli.systems.driver import EventLoop
+from vibro_cli.systems.springs.system import SpringsSystem
 
 UNLIMITED = 2**62
+
+LOOP = EventLoop(
+    advance=advance,
+    records=RECORDS,
+    logs=LOGS,
+    state=STATE,
+    end_names=END_NAMES,
+    end_time=END_TIME,
+    end_interrupted=END_INTERRUPTED,
+    log_full=LOG_FULL,
+    rows_of_event=8,
+    quiet_cause=(END_QUIET, f"{MOST_STEPS:,} steps"),
+    finishes=True,
+)
 
 
 def make_world(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from vibro_cli.systems.system import ImpactSystem
+from vibro_cli.systems.bodies import ImpactSystem
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,11 @@ class SpringsSystem(ImpactSystem):
     restitution: tuple[float, ...]
     """k of each pair of neighbours."""
 
+    def keeps_energy(self, clock: Mapping[str, Any]) -> bool:
+        """Whether nothing takes energy: no impact, and no lasting contact."""
+        elastic = all(k == 1.0 for k in self.restitution)
+        return elastic and clock["contacts"] == 0 and self.law_keeps_energy
+
     def frequency(self, index: int) -> float:
         """Return ω₀ = √(c r²/J_P) = √(c/(κ m)) of a body (from 0), 1/s (C (4))."""
         body = self.bodies[index]
@@ -55,9 +62,9 @@ def singular_points(spring: Spring) -> tuple[tuple[float, str], ...]:
     One centre at 0 for l <= b; for l > b a saddle there and centres at ±√(l² - b²) (C, part 3).
     """
     if spring.length <= spring.height:
-        return ((0.0, "center"),)
+        return ((0.0, "centre"),)
     away = math.sqrt((spring.length - spring.height) * (spring.length + spring.height))
-    return ((-away, "center"), (0.0, "saddle"), (away, "center"))
+    return ((-away, "centre"), (0.0, "saddle"), (away, "centre"))
 
 
 def separatrix_speed(spring: Spring, frequency: float, displacement: float) -> float:

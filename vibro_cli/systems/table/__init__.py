@@ -1,1 +1,133 @@
-"""Balls on a horizontal plane, with skew impacts and a wall (C, parts 1 and 2)."""
+"""Balls on a table, with a wall or without."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+from vibro_cli.systems.contract import ImpactLog, Sink, System
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from vibro_cli.compile.kernel import Kernel
+    from vibro_cli.figures.kinds import Kind, KindOfBody
+    from vibro_cli.scenario.base import ScenarioTable
+    from vibro_cli.systems.columns import Table
+    from vibro_cli.systems.driver import EventLoop
+    from vibro_cli.systems.stream import Stretch
+    from vibro_cli.systems.table.motion import Motion
+    from vibro_cli.systems.tables import SystemTables
+    from vibro_cli.systems.wanted import Limits, Wanted
+
+
+_WALL = ("Impacts on the wall", "impacts on the wall", "was none on the wall")
+
+
+class BallsOnTable(System):
+    """Balls on a table."""
+
+    name = "table"
+    impact_tables = ("collisions", "bounces")
+    papers = ("A", "B", "C")
+    default_figures = ("plan", "energy")
+
+    @property
+    def model(self) -> type[ScenarioTable]:
+        from vibro_cli.systems.table.scenario import TableScenario
+
+        return TableScenario
+
+    def build(self, scenario: Any) -> Any:
+        from vibro_cli.systems.table.build import build_table
+
+        return build_table(scenario)
+
+    def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
+        from vibro_cli.mechanics.caveats import law_warnings
+
+        return tuple(
+            law_warnings(system.law, system.inadmissible, [*combinations(system.bodies, 2)])
+        )
+
+    @property
+    def loop(self) -> EventLoop:
+        from vibro_cli.systems.table.prepare import LOOP
+
+        return LOOP
+
+    @property
+    def kernels(self) -> tuple[Kernel, ...]:
+        from vibro_cli.kernels.table.loop import advance
+
+        return (advance,)
+
+    def world(self, system: Any, limits: Limits) -> Any:
+        from vibro_cli.systems.table.prepare import make_world
+
+        return make_world(system, limits.time, limits.collisions, limits.bounces)
+
+    def tables(self) -> tuple[Table, ...]:
+        from vibro_cli.systems.table.tables import TABLES, summary
+
+        return (*TABLES, summary("i"))
+
+    def summary(self, bodies: int, grown: bool = False) -> Table:
+        from vibro_cli.systems.table.tables import summary
+
+        return summary(range(1, bodies + 1))
+
+    @property
+    def impact_logs(self) -> dict[str, ImpactLog]:
+        from vibro_cli.systems.rows import Bodies
+        from vibro_cli.systems.table.tables import BOUNCES, COLLISIONS, Bounces, Collisions
+
+        return {
+            "collisions": ImpactLog("pair_log", COLLISIONS, Collisions, Bodies),
+            "bounces": ImpactLog("bounce_log", BOUNCES, Bounces, Bodies, *_WALL),
+        }
+
+    def teller(
+        self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink
+    ) -> SystemTables:
+        from vibro_cli.systems.table.motion import states_at
+        from vibro_cli.systems.tables import SystemTables
+
+        def states(records: Any, time: float) -> dict[str, Any]:
+            return states_at(system, records["balls"], time)
+
+        return SystemTables(self, system, wanted, names, sink, states)
+
+    def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Motion:
+        from vibro_cli.systems.table.motion import Motion
+
+        return Motion(system, stretch.logs["pair_log"], stretch.logs["bounce_log"], before)
+
+    @property
+    def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
+        from vibro_cli.systems.table.figures import FIGURES
+
+        return FIGURES
+
+    def method(self, scenario: Mapping[str, Any]) -> str:
+        return (
+            "Between impacts each ball moves straight on; impacts on one another and on the wall "
+            "are certified first contacts in closed form, in the order of an event queue, and "
+            "there is no time step."
+        )
+
+    def portrait(
+        self, system: Any, width: str, drawn: bool
+    ) -> tuple[dict[str, Any], dict[str, Figure]]:
+        from vibro_cli.systems.table.describe import portrait
+
+        return portrait(system, width, drawn)
+
+    def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
+        from vibro_cli.systems.table.describe import portrait_lines
+
+        return portrait_lines(found)
+
+
+SYSTEM = BallsOnTable()

@@ -2,24 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.systems.table.system import TableSystem
-from vibro_cli.systems.table.world import Ball
+from vibro_cli.systems.table.tables import MOTION
 
 Floats = NDArray[np.float64]
+_NAMES = ("event", "t", "t_low", "x", "y", "vx", "vy")
 
 
 class Motion:
-    """Every ball's places and velocities at its events, in order of time."""
+    """Every ball's places and velocities at its events, in order of time.
 
-    def __init__(self, system: TableSystem, pairs: Any, bounces: Any) -> None:
+    Parameters
+    ----------
+    system
+        What is solved.
+    pairs, bounces
+        The logs of a stretch of the run.
+    before
+        The last event of each ball before it, from :attr:`last`; without it the stretch is the
+        first.
+    """
+
+    def __init__(
+        self, system: TableSystem, pairs: Any, bounces: Any, before: Floats | None = None
+    ) -> None:
         self._system = system
-        self.balls = [_events(system, ball, pairs, bounces) for ball in range(len(system.bodies))]
+        number = len(system.bodies)
+        if before is None:
+            starts = [(0.0, 0.0, 0.0, *one.place, *one.velocity) for one in system.initial]
+            before = np.array(starts)
+        balls, rows = _events(pairs, bounces)
+        balls = np.concatenate([np.arange(number), balls])
+        rows = np.concatenate([before, rows])
+        order = np.lexsort((rows[:, 0], balls))
+        rows = rows[order]
+        firsts = np.searchsorted(balls[order], np.arange(number + 1))
+        self.last: Floats = rows[firsts[1:] - 1]
+        """The last event of each ball: a row for each."""
+        columns = rows.T
+        self.balls: list[dict[str, Floats]] = [
+            dict(zip(_NAMES, columns[:, low:high], strict=True))
+            for low, high in pairwise(firsts.tolist())
+        ]
+        """Events of each ball, from its start: `t`, `t_low` (s), `x`, `y` (m), `vx`, `vy` (m/s)."""
 
     def at(self, ball: int, times: Floats, side: str = "after") -> dict[str, Floats]:
         """Return columns x, y (m), vx, vy (m/s) of a ball at some times.
@@ -40,20 +71,21 @@ class Motion:
             "vy": events["vy"][row],
         }
 
-    def sample(self, times: Any, side: str = "after") -> dict[str, NDArray[Any]]:
+    def sample(
+        self, times: Any, side: str = "after", extrapolate: bool = False
+    ) -> dict[str, NDArray[Any]]:
         """Return the columns of the motion table: for each time a row for each ball."""
         instants = np.asarray(times, dtype=np.float64)
-        number = len(self.balls)
-        each = [self.at(ball, instants, side) for ball in range(number)]
+        each = [self.at(ball, instants, side) for ball in range(len(self.balls))]
         column = {key: np.stack([one[key] for one in each], axis=1).ravel() for key in each[0]}
         return _motion_columns(self._system, instants, column)
 
 
-def states_at(system: TableSystem, balls: Sequence[Ball], time: float) -> dict[str, NDArray[Any]]:
+def states_at(system: TableSystem, balls: Any, time: float) -> dict[str, NDArray[Any]]:
     """Return the columns of the motion table at one time (s), from the balls' last events."""
-    past = np.array([time - ball.t - ball.t_low for ball in balls])
-    x, y, vx, vy = np.array([(ball.x, ball.y, ball.vx, ball.vy) for ball in balls]).T
-    column = {"x": x + past * vx, "y": y + past * vy, "vx": vx, "vy": vy}
+    past = time - balls["t"] - balls["t_low"]
+    x, y = (balls[axis] + past * balls[f"v{axis}"] for axis in "xy")
+    column = {"x": x, "y": y, "vx": balls["vx"], "vy": balls["vy"]}
     return _motion_columns(system, np.array([time]), column)
 
 
@@ -62,36 +94,24 @@ def _motion_columns(
 ) -> dict[str, NDArray[Any]]:
     number = len(system.bodies)
     masses = np.array([body.kappa * body.mass for body in system.bodies])
-    square = column["vx"] ** 2 + column["vy"] ** 2
-    return {
+    more = {
         "t": np.repeat(instants, number),
         "ball": np.tile(np.arange(1, number + 1), len(instants)),
-        "x": column["x"],
-        "y": column["y"],
-        "velocity_x": column["vx"],
-        "velocity_y": column["vy"],
-        "speed": np.sqrt(square),
-        "energy": 0.5 * np.tile(masses, len(instants)) * square,
+        "mass": np.tile(masses, len(instants)),
+        "square": column["vx"] ** 2 + column["vy"] ** 2,
     }
+    return MOTION.filled(column | more)
 
 
-def _events(system: TableSystem, ball: int, pairs: Any, bounces: Any) -> dict[str, Floats]:
-    """The states of a ball after its start and after each of its events."""
-    start = system.initial[ball]
-    parts = [np.array([[0.0, 0.0, 0.0, *start.place, *start.velocity]])]
-    for letter in "ab":
-        rows = pairs[(pairs[letter] == ball) & _carried_out(pairs)]
-        own = [f"{name}_{letter}" for name in ("x", "y", "vx", "vy")]
-        columns = ["event", "t", "t_low", *own[:2], *(f"{name}_post" for name in own[2:])]
-        parts.append(np.column_stack([rows[name] for name in columns]))
-    rows = bounces[bounces["ball"] == ball]
-    columns = ["event", "t", "t_low", "x", "y", "vx_post", "vy_post"]
-    parts.append(np.column_stack([rows[name] for name in columns]))
-    table = np.concatenate(parts)
-    names = ("event", "t", "t_low", "x", "y", "vx", "vy")
-    return dict(zip(names, table[np.argsort(table[:, 0])].T, strict=True))
-
-
-def _carried_out(pairs: Any) -> Any:
-    """Which impacts changed the motion: an inadmissible one under `stop` did not."""
-    return (pairs["admissible"] == 1) | (pairs["substituted"] == 1)
+def _events(pairs: Any, bounces: Any) -> tuple[Any, Floats]:
+    """The balls to which something happens, and their states after it, a row for each."""
+    # An inadmissible impact under `stop` changes nothing.
+    made = pairs[(pairs["admissible"] == 1) | (pairs["substituted"] == 1)]
+    balls, parts = [made["a"], made["b"], bounces["ball"]], []
+    for end in "ab":
+        own = [f"{name}_{end}" for name in ("x", "y", "vx", "vy")]
+        names = ["event", "t", "t_low", *own[:2], *(f"{name}_post" for name in own[2:])]
+        parts.append(np.column_stack([made[name] for name in names]))
+    names = ["event", "t", "t_low", "x", "y", "vx_post", "vy_post"]
+    parts.append(np.column_stack([bounces[name] for name in names]))
+    return np.concatenate(balls), np.concatenate(parts)

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.mechanics.body_record import body_record
-from vibro_cli.mechanics.laws import LAW_NAMES
-from vibro_cli.mechanics.records import BodyData
-from vibro_cli.systems.table.system import POLYGON as POLYGON_SHAPE
-from vibro_cli.systems.table.system import TableSystem, Wall
-from vibro_cli.systems.table.world import (
+from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.table.loop import advance
+from vibro_cli.kernels.table.world import (
     CONIC,
+    END_INTERRUPTED,
+    END_NAMES,
+    END_TIME,
+    LOG_FULL,
+    LOGS,
     NEVER,
     NO_WALL,
     POLYGON,
+    RECORDS,
+    STATE,
     Ball,
     Clock,
     Edge,
@@ -24,10 +29,26 @@ from vibro_cli.systems.table.world import (
     WallData,
     World,
 )
+from vibro_cli.mechanics.body_record import body_record
+from vibro_cli.systems.driver import EventLoop
+from vibro_cli.systems.table.system import POLYGON as POLYGON_SHAPE
+from vibro_cli.systems.table.system import TableSystem, Wall
 
 # A side ends in a corner that no ball can touch; met a little beyond, it has no way through there.
 BEYOND = 1.0e-9
 UNLIMITED = 2**62
+
+LOOP = EventLoop(
+    advance=advance,
+    records=RECORDS,
+    logs=LOGS,
+    state=STATE,
+    end_names=END_NAMES,
+    end_time=END_TIME,
+    end_interrupted=END_INTERRUPTED,
+    log_full=LOG_FULL,
+    rows_of_event=8,
+)
 
 
 def make_world(

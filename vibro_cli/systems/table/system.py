@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from vibro_cli.systems.system import ImpactSystem
+from vibro_cli.systems.bodies import ImpactSystem
 
 ELLIPSE = "ellipse"
 CIRCLE = "circle"
@@ -47,3 +49,10 @@ class TableSystem(ImpactSystem):
     wall: Wall | None
     restitution: float
     """k of every pair."""
+
+    def keeps_energy(self, clock: Mapping[str, Any]) -> bool:
+        """Whether nothing takes energy: neither the wall nor, of two balls or more, an impact."""
+        kept = self.wall is None or self.wall.restitution == 1.0
+        if len(self.bodies) > 1:
+            kept = kept and self.restitution == 1.0 and self.law_keeps_energy
+        return kept

@@ -1,0 +1,198 @@
+"""Periodic orbits against those that are known in closed form, and simulation beside them."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from vibro_cli.analysis.orbit_branch import Branch, Family
+from vibro_cli.analysis.orbits import NoOrbit, Orbit, energy_gradient, find_orbit, shoot, started
+from vibro_cli.api import load_scenario
+from vibro_cli.build import build_system
+from vibro_cli.commands.app import run_command_line
+from vibro_cli.figures.orbit_branch import branch_figure
+from vibro_cli.mechanics.system import System
+from vibro_cli.simulation.run import simulate_system
+from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
+
+FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"
+PULL = 9.81 * math.sin(math.radians(30.0))
+
+
+def _falling(upper: float = 1.0) -> System:
+    system = build_system(load_scenario(FALLING))
+    one, other = system.bodies
+    return replace(system, bodies=(one, replace(other, mass=upper)))
+
+
+def _by_hand(lower: float, upper: float, speed: float) -> Any:
+    """The map of one impact and one bounce, as a product of flights and saltation matrices.
+
+    The bodies meet with opposite momenta, so that the impact and the bounce turn all speeds round;
+    ``speed`` is that of the upper body at the impact.
+    """
+    v = np.array([speed * upper / lower, -speed])
+    flight = np.eye(4)
+    flight[0, 1] = flight[2, 3] = speed / PULL
+    total = lower + upper
+    speeds = np.array([[lower - upper, 2 * upper], [2 * lower, upper - lower]]) / total
+    jump = np.zeros((4, 4))
+    jump[0, 0] = jump[2, 2] = 1.0
+    jump[1::2, 1::2] = speeds
+    before = np.array([v[0], -PULL, v[1], -PULL])
+    after = np.array([-v[0], -PULL, -v[1], -PULL])
+    gap = np.array([-1.0, 0.0, 1.0, 0.0])
+    impact = jump + np.outer(after - jump @ before, gap) / (gap @ before)
+    down = -(speed * upper / lower + speed)
+    bounce = np.eye(4)
+    bounce[0, 0] = bounce[1, 1] = -1.0
+    bounce[1, 0] = 2.0 * -PULL / down
+    return flight @ bounce @ flight @ impact
+
+
+@pytest.mark.parametrize("upper", [0.5, 1.0, 3.0])
+def test_the_orbit_of_one_impact_and_one_bounce_is_that_in_closed_form(upper: float) -> None:
+    orbit = (
+        find_orbit(_falling(upper), 1)
+        if upper == 1.0
+        else _branch(0.5, 3.0).points[0 if upper == 0.5 else -1].orbit
+    )
+    assert orbit.shot.word == ("12", "1|")
+    assert orbit.residual < 1e-13
+    # It lasts as long as the upper body needs up and down again.
+    speed = 0.5 * orbit.period * PULL
+    run = simulate_system(orbit.system, orbit.period, None)
+    assert run.collisions["speed_b_pre"][0] == pytest.approx(-speed, rel=1e-12)
+    expected = np.linalg.eigvals(_by_hand(2.0, upper, speed))
+    expected = expected[np.argsort(-np.abs(expected - 1.0))][:2]
+    found = orbit.multipliers
+    np.testing.assert_allclose(sorted(found, key=_key), sorted(expected, key=_key), atol=1e-7)
+    assert abs(np.prod(found) - 1.0) < 1e-10
+    assert orbit.stable == (upper > 2.0)
+
+
+def _key(value: complex) -> tuple[float, float]:
+    return (round(value.real, 6), value.imag)
+
+
+def _branch(low: float, high: float) -> Branch:
+    return Family(_falling, find_orbit(_falling(), 1), 1.0, low, high).follow()
+
+
+def _departure(orbit: Orbit, periods: int) -> float:
+    """How far a motion gets that starts beside an orbit on its energy, over how far it started."""
+    change = np.array([1.0, 0.3, -0.4, 0.5]) * 1e-7
+    gradient = energy_gradient(orbit.system, orbit.state)
+    change -= gradient * (gradient @ change) / (gradient @ gradient)
+    beside = started(orbit.system, orbit.state + change)
+    end = orbit.period * periods
+    count = 2 * periods
+    times = [
+        simulate_system(one, end, count).collisions["speed_a_pre"] for one in (orbit.system, beside)
+    ]
+    least = min(map(len, times))
+    return float(np.max(np.abs(times[0][:least] - times[1][:least])) / 1e-7)
+
+
+def test_a_family_doubles_its_period_where_the_masses_are_equal() -> None:
+    branch = _branch(0.8, 2.5)
+    kinds = [one.kind for one in branch.special]
+    assert kinds == ["bound", "doubling", "bound"]
+    doubling = branch.special[1].point
+    assert doubling.value == pytest.approx(2.0, abs=1e-9)
+    np.testing.assert_allclose(doubling.orbit.multipliers, [-1.0, -1.0], atol=1e-4)
+    for point in branch.points:
+        assert point.orbit.residual < 1e-12
+        assert point.orbit.energy == pytest.approx(branch.points[0].orbit.energy, rel=1e-12)
+    # Simulated on both sides: a small change grows with the multiplier, or does not.
+    unstable, stable = branch.points[0].orbit, branch.points[-1].orbit
+    assert not unstable.stable
+    assert stable.stable
+    growth = abs(unstable.multipliers[0]) ** 20
+    assert 0.01 * growth < _departure(unstable, 20) < 100.0 * growth
+    assert _departure(stable, 20) < 60.0
+
+
+def test_a_family_ends_where_an_impact_grazes() -> None:
+    """Of the orbit with two impacts and three bounces another impact grazes at three times mass."""
+    system = _falling(1.5)
+    one, other = system.bodies
+    system = replace(system, bodies=(replace(one, mass=1.0), other))
+    start = [0.525487566038615 + 0.0, 0.0, 1.433816428304394, 0.0]
+    first = find_orbit(started(system, np.array(start)), 2)
+    assert [word for word in first.shot.word if word == "12"] == ["12", "12"]
+
+    def at(upper: float) -> System:
+        return replace(system, bodies=(system.bodies[0], replace(other, mass=upper)))
+
+    branch = Family(at, first, 1.5, 1.2, 6.0).follow()
+    end = branch.special[-1]
+    assert end.kind == "grazing"
+    assert end.point.value < 5.9
+    # Simulated on both sides: the orbit closes with its events, and a little farther along the
+    # family the motion has others, one of them at next to no speed.
+    before, last = branch.points[-2:]
+    assert last.orbit.residual < 1e-10
+    assert last.orbit.shot.word == first.shot.word
+    ahead = 1e-3 / (last.value - before.value)
+    state = last.orbit.state + ahead * (last.orbit.state - before.orbit.state)
+    period = last.orbit.period + ahead * (last.orbit.period - before.orbit.period)
+    beyond = shoot(started(at(last.value + 1e-3), state), period)
+    assert len(beyond.word) != len(last.orbit.shot.word)
+    assert beyond.approach < 0.1 * last.orbit.shot.approach
+
+
+def test_impacts_that_take_energy_have_no_orbit() -> None:
+    system = system_of(scene(VALLEY, [ball(-0.7), ball(0.6)], 0.8, time=9.0))
+    with pytest.raises(NoOrbit):
+        find_orbit(system, 1)
+
+
+def test_a_body_alone_has_no_orbit_of_impacts() -> None:
+    with pytest.raises(NoOrbit, match="expected two or more"):
+        find_orbit(system_of(scene(VALLEY, [ball(-0.7)], time=9.0)))
+
+
+def test_the_command_writes_table_and_figure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "orbits"
+    vary = "--vary=balls[2].mass=0.9:2.1"
+    code = run_command_line(
+        ["orbit", str(FALLING), "--impacts", "1", vary, "-o", str(target), "--json"]
+    )
+    assert code == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["events"] == ["12", "1|"]
+    table = pq.read_table(target / "orbits.parquet").to_pydict()
+    assert [kind for kind in table["special"] if kind] == ["bound", "doubling", "bound"]
+    assert table["value"] == sorted(table["value"])
+    figure = branch_figure(
+        {**table, "special": [kind or "" for kind in table["special"]]}, "mass", "double"
+    )
+    assert figure.axes[-1].get_xlabel() == "mass"
+    assert (target / "orbits.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--vary", "balls[2].mass=3:2"], "expected PATH=LOW:HIGH"),
+        (["--vary", "balls[2].mass=3:4"], "expected a number in the range"),
+        (["--vary", "balls[2].density=3:4"], "found no number there"),
+        (["--impacts", "1", "--set", "collision.k=0.9"], "no orbit"),
+    ],
+)
+def test_what_cannot_be_followed_is_told(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = run_command_line(["orbit", str(FALLING), "--impacts", "1", *arguments])
+    assert code in (1, 2)
+    assert words in capsys.readouterr().err

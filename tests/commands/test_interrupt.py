@@ -1,0 +1,50 @@
+"""Runs that are interrupted at random moments and continued: the bytes of one without a break."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+from tests.commands.interrupt import ROOT, SCENE, VIBRO, interrupt_and_go_on, solve
+from tests.grids.kill import content
+
+IMPACTS = 300_000
+
+
+def test_interrupted_runs_go_on_to_the_same_bytes(tmp_path: Path) -> None:
+    solve(tmp_path / "early", 1000)
+    solve(tmp_path / "whole", IMPACTS)
+    draw = random.Random(7)
+    count = 0
+    while count < 3:
+        shutil.copytree(tmp_path / "early", tmp_path / "folder")
+        count += len(interrupt_and_go_on(tmp_path / "folder", IMPACTS, draw, 2.5))
+        assert content(tmp_path / "folder") == content(tmp_path / "whole")
+        assert not list(tmp_path.glob(".*"))
+        shutil.rmtree(tmp_path / "folder")
+
+
+def test_a_killed_run_is_taken_up_where_there_was_none(tmp_path: Path) -> None:
+    """Its scenario is all that is needed: it was not given again."""
+    solve(tmp_path / "whole", 200_000)
+    target = tmp_path / "folder"
+    command = [*VIBRO, "run", str(SCENE), "--set", "stop.collisions=200000", "-o", str(target)]
+    process = subprocess.Popen([*command, "--no-figures", "-q"], cwd=ROOT)
+    while not list(tmp_path.glob(".folder.partial-*/collisions.parquet")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not target.exists()
+    on = [*VIBRO, "run", "--continue", str(target), "--no-figures", "-q"]
+    assert subprocess.run(on, cwd=ROOT, check=False).returncode == 0
+    assert content(target) == content(tmp_path / "whole")
+    assert not list(tmp_path.glob(".*"))
+    # Now it is as any other run: it has reached its stop.
+    again = subprocess.run(on, cwd=ROOT, check=False, capture_output=True)
+    assert again.returncode == 2
+    assert b"expected a greater stop.collisions" in again.stderr

@@ -1,0 +1,83 @@
+"""The line that tells how far a long run is: on a terminal, and nowhere else."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.commands import processes
+from tests.two_balls import SCENARIO
+from vibro_cli.api import simulate
+from vibro_cli.commands import progress
+from vibro_cli.scenario import load_any, parse_scenario
+from vibro_cli.systems.watching import watched_by
+
+GALLERY = Path(__file__).parents[2] / "scenarios"
+LONG = ("run", "small.toml", "--engine", "python", "--no-figures", "--set", "stop.collisions=20000")
+LINE = re.compile(
+    rb"\r\x1b\[Ksmall: t = ([\d.]+) s  ([\d,]+) impacts  ([\d,]+) impacts/s  (.*?) left"
+)
+
+
+WALLS = "[ends]\nleft = {wall = 1.0}\nright = {wall = 1.0}\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "small.toml").write_text(SCENARIO.replace("k = 0.9", "k = 1.0") + WALLS)
+    return tmp_path
+
+
+def test_a_long_run_tells_time_impacts_and_rate_on_a_terminal(folder: Path) -> None:
+    code, seen = processes.on_terminal(folder, list(LONG))
+    assert code == 0
+    told = LINE.findall(seen)
+    assert len(told) >= 2
+    times, impacts, rates = zip(
+        *([float(text.replace(b",", b"")) for text in line[:3]] for line in told), strict=True
+    )
+    assert list(times) == sorted(times)
+    assert list(impacts) == sorted(impacts)
+    assert 0.0 < impacts[0] < impacts[-1] <= 20000
+    assert min(rates) > 0.0
+    # The last one is removed before the summary is said.
+    assert re.search(rb"left\r\x1b\[Ksmall: ended at t = ", seen)
+    assert max(len(line) for line in re.split(rb"\r\x1b\[K|\r\n", seen)) <= 80
+
+
+def test_nothing_is_drawn_of_a_short_run(folder: Path) -> None:
+    code, seen = processes.on_terminal(folder, [*LONG, "--set", "stop.collisions=3"])
+    assert code == 0
+    assert b"\x1b" not in seen
+
+
+def test_nothing_is_drawn_where_nobody_looks(folder: Path) -> None:
+    assert b"impacts/s" not in processes.call(folder, *LONG).stderr
+    code, seen = processes.on_terminal(folder, [*LONG, "-q"])
+    assert (code, seen) == (0, b"")
+
+
+@pytest.mark.parametrize(
+    "name", ["three_arcs.toml", "table/billiards.toml", "springs/two_disks.toml"]
+)
+def test_runs_of_every_system_tell_how_far_they_are(name: str) -> None:
+    told: list[tuple[float, int]] = []
+    with watched_by(lambda time, impacts: told.append((time, impacts))):
+        run = simulate(load_any(GALLERY / name))
+    assert told == sorted(told)
+    record = run.summary_record()
+    assert 0.0 < told[-1][0] <= record["end_time"]  # from the last impact to a stop is no work
+    assert told[-1][1] == record["collisions"]
+    before = len(told)
+    simulate(parse_scenario(SCENARIO))
+    assert len(told) == before
+
+
+def test_the_time_left_is_that_to_the_nearer_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = progress.RunProgress("name", 100.0, 1000)
+    line.tell(50.0, 200)  # a run that is continued
+    assert line._line(75.0, 400, 2.0).endswith("400 impacts  100 impacts/s  2 s left")
+    assert line._line(60.0, 920, 9.0).endswith("920 impacts  80 impacts/s  1 s left")
+    endless = progress.RunProgress("name", None, None)
+    endless.tell(0.0, 0)
+    assert endless._line(1.5, 3, 1.0) == "name: t = 1.5 s  3 impacts  3 impacts/s"

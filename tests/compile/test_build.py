@@ -1,0 +1,64 @@
+"""The library is made when the package is installed, before its dependencies are there."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from vibro_cli.compile import build
+
+ROOT = Path(__file__).parents[2]
+
+WITHOUT_DEPENDENCIES = """
+import importlib.abc, sys
+
+class Blocked(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        top = name.partition(".")[0]
+        if top not in sys.stdlib_module_names and top != "vibro_cli":
+            raise ImportError(f"{name} is not there yet")
+
+sys.meta_path.insert(0, Blocked())
+from vibro_cli.programs import programs
+for program in programs():
+    print(program.name, len(program.source()))
+"""
+
+
+def test_the_source_is_made_without_any_dependency() -> None:
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", WITHOUT_DEPENDENCIES], cwd=ROOT, capture_output=True,
+        text=True, check=False, env={"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[0] for line in done.stdout.splitlines()] == [
+        "trace", "rotating", "table", "springs", "judge",
+    ]  # fmt: skip
+
+
+def test_the_compiler_is_the_one_named_else_the_systems_else_the_wheel(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("CXX", "ccache g++")
+    assert build.compiler() == ["ccache", "g++"]
+    monkeypatch.delenv("CXX")
+    monkeypatch.setattr("shutil.which", lambda name: name == "clang++" or None)
+    assert build.compiler() == ["clang++"]
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    monkeypatch.setattr(build, "has_zig", lambda: True)
+    assert build.compiler() == [sys.executable, "-m", "ziglang", "c++"]
+    monkeypatch.setattr(build, "has_zig", lambda: False)
+    with pytest.raises(build.BuildError, match=r"no C\+\+ compiler found"):
+        build.compiler()
+
+
+def test_a_compiler_that_fails_is_told_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CXX", "false")
+    with pytest.raises(build.BuildError, match=r"false .*: exit 1"):
+        build.build([], tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,125 @@
+"""Kernels of the library: numbers, arrays and tuples of them, in and out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from vibro_cli.compile.build import NATIVE, build, library_name
+from vibro_cli.compile.kernel import FloatMatrix, Overrides, dtype, interpreted, kernel, struct
+from vibro_cli.compile.native import CompiledKernel, NoLibrary, add_library, compiled
+from vibro_cli.compile.translate import Program
+
+
+@struct
+class Point:
+    """A struct."""
+
+    x: float
+    count: int
+
+
+class Plane(NamedTuple):
+    """Named tuple of arrays."""
+
+    points: Sequence[Point]
+    far: Sequence[int]
+
+
+@kernel
+def half(number: float) -> float:
+    return 0.5 * number
+
+
+@kernel
+def twice(number: float) -> float:
+    return 2.0 * number
+
+
+@kernel
+def mixed(flag: bool, number: int, real: float, plane: Plane) -> tuple[int, float, bool]:
+    plane.points[1].x += half(real)
+    return number + plane.far[0], plane.points[1].x, not flag
+
+
+@kernel
+def total(points: Sequence[Point], table: FloatMatrix) -> float:
+    found = 0.0
+    for point in range(len(points)):
+        found += points[point].x + float(points[point].count) * table[point, 1]
+    return found
+
+
+@kernel
+def nothing(points: Sequence[Point]) -> None:
+    points[0].count = 7
+
+
+@kernel
+def unnamed() -> int:
+    return 1
+
+
+DOUBLED = Overrides("doubled", {half: twice})
+
+
+@pytest.fixture(scope="module", autouse=True)
+def library(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """A library of the kernels above."""
+    folder: Path = tmp_path_factory.mktemp("library")
+    build([Program("test", (mixed, total, nothing)), Program("more", (mixed,), DOUBLED)], folder)
+    add_library(folder / library_name(NATIVE))
+
+
+def points_with(*values: float) -> Any:
+    rows: Any = np.zeros(len(values), dtype=dtype(Point))
+    rows["x"] = values
+    return rows
+
+
+def plane_with(*values: float) -> Plane:
+    far: Any = np.array([40])
+    return Plane(points_with(*values), far)
+
+
+def test_numbers_and_tuples_go_in_and_out() -> None:
+    plane = plane_with(1.0, 2.0)
+    found = compiled(mixed)(True, 2, 3.0, plane)
+    assert found == (42, 3.5, False)
+    assert [type(value) for value in found] == [int, float, bool]
+    assert plane.points["x"].tolist() == [1.0, 3.5]  # type: ignore[call-overload]
+
+
+def test_arrays_go_in_and_nothing_comes_out() -> None:
+    rows = points_with(1.0, 2.0)
+    assert compiled(nothing)(rows) is None
+    assert rows["count"].tolist() == [7, 0]
+    assert compiled(total)(rows, np.array([[0.0, 0.5], [0.0, 9.0]])) == 1.0 + 3.5 + 2.0
+
+
+def test_overrides_hold_in_both_engines() -> None:
+    one, other = plane_with(1.0, 2.0), plane_with(1.0, 2.0)
+    assert compiled(mixed, DOUBLED)(True, 2, 3.0, one) == (42, 8.0, False)
+    points = [Point(), Point()]
+    points[1].x = 2.0
+    found = interpreted(mixed, DOUBLED)(True, 2, 3.0, Plane(points, [40]))
+    assert found == (42, 8.0, False)
+    assert compiled(mixed)(True, 2, 3.0, other) == (42, 3.5, False)
+
+
+@pytest.mark.parametrize(
+    "table", [np.zeros((2, 2), dtype=np.int64), np.zeros(4), np.zeros((2, 3)).T]
+)
+def test_arrays_of_another_form_are_refused(table: Any) -> None:
+    """C++ would take their memory for something else."""
+    with pytest.raises(TypeError, match="table: found an array of"):
+        compiled(total)(points_with(1.0, 2.0), table)
+
+
+def test_a_kernel_that_no_program_names_is_told() -> None:
+    with pytest.raises(NoLibrary, match="it is named in no program"):
+        CompiledKernel(unnamed)

@@ -1,0 +1,313 @@
+"""Every rule of the kernels' subset: what C++ is made of it, and what is refused, and where."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli.compile.build import build, library_name
+from vibro_cli.compile.kernel import Series, dtype, kernel, struct
+from vibro_cli.compile.kinds import TranslationError
+from vibro_cli.compile.lanes import (
+    LANES,
+    Lanes,
+    any_lane,
+    both,
+    choose,
+    either,
+    has_bit,
+    in_lane,
+    opposite,
+    two_lanes,
+    with_lane,
+)
+from vibro_cli.compile.native import add_library, compiled
+from vibro_cli.compile.translate import Program, literal
+
+WHOLE = -7
+FACTORS = (0.5, -0.25, 1e-300)
+TABLE = ((1.0, 2.0), (3.0, 4.0))
+
+
+@struct
+class Cell:
+    """A struct with a row of numbers."""
+
+    x: float
+    n: int
+    row: Series
+
+
+@struct
+class Wide:
+    """A struct in lanes."""
+
+    x: Lanes
+    y: Lanes
+
+
+@kernel
+def arithmetic(a: float, b: float, i: int, j: int) -> tuple[float, float, float, int, int, int]:
+    c = a * b - a / b + a**2.0
+    k = i // j
+    k += WHOLE
+    return c, a % b, i / j, i % j, k, i & 6
+
+
+@kernel
+def functions(a: float, b: float) -> tuple[float, float, float, float, int, int]:
+    x = math.sqrt(a) + math.sin(b) * math.atan2(a, b) - math.copysign(a, b)
+    y = math.cosh(b) + math.exp(-a) + math.log(a)
+    return x, y, min(a, b, 0.5), max(a, b) + abs(b), math.floor(b), math.ceil(a)
+
+
+@kernel
+def control(limit: int) -> int:
+    found = 0
+    for i in range(limit):
+        if i % 3 == 0:
+            continue
+        found += i
+        if found > 40 or i == 30:
+            break
+    for i in range(10, 0, -4):
+        found += 100 * i
+    for i in range(2, 4):
+        found += 10000 * i
+    n = 0
+    while not n >= 3:
+        n += 1
+    return found + n + i
+
+
+@kernel
+def constants(i: int, j: int) -> float:
+    pair = (FACTORS[i], TABLE[i][j])
+    return pair[0] + pair[1] + math.pi + float(len(FACTORS))
+
+
+@kernel
+def swapped(a: float, b: float, flag: bool) -> tuple[float, float, bool]:
+    a, b = b, a
+    low, high = _ordered(a, b)
+    return low, high if flag else 0.0, 0.0 < a <= b < 2.0
+
+
+@kernel
+def _ordered(a: float, b: float) -> tuple[float, float]:
+    return (a, b) if a < b else (b, a)
+
+
+@kernel
+def cells(rows: Sequence[Cell], at: int) -> float:
+    cell = rows[at]
+    cell.row[2] += 1.5
+    cell.n = at
+    rows[at + 1] = cell  # type: ignore[index]
+    total = 0.0
+    for n in range(8):
+        total += cell.row[n]
+    return total + _reach(cell)
+
+
+@kernel
+def _reach(cell: Cell) -> float:
+    return cell.x
+
+
+@kernel
+def in_lanes(rows: Sequence[Wide]) -> float:
+    a = rows[0]
+    larger = a.x > a.y
+    mixed = choose(larger, math.sqrt(a.x), -a.y)
+    mixed = choose(either(larger, both(a.x > 0.0, opposite(larger))), mixed, 0.0)
+    mixed = choose(has_bit(a.y, 1), mixed + 1.0, abs(mixed))
+    a.x = max(min(mixed, 1e3), 2.0 * a.y)
+    pair = with_lane(two_lanes(in_lane(a.x, 3), 2.0), 1, 5.0)
+    return in_lane(pair * pair, 1) + _half(in_lane(a.x, 0)) if any_lane(larger) else -1.0
+
+
+@kernel
+def _half(x: Lanes) -> Lanes:
+    return 0.5 * x
+
+
+ENTRIES = (arithmetic, functions, control, constants, swapped, cells, in_lanes)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def library(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """A library of the kernels above."""
+    folder: Path = tmp_path_factory.mktemp("library")
+    build([Program("rules", ENTRIES)], folder)
+    add_library(folder / library_name("native"))
+
+
+@pytest.mark.parametrize(
+    "arguments", [(3.7, -1.3, 17, 5), (-3.7, 1.3, -17, 5), (1e-9, 2e8, 17, -5), (0.1, 0.3, -1, -3)]
+)
+def test_arithmetic_is_that_of_the_interpreter(arguments: Any) -> None:
+    assert compiled(arithmetic)(*arguments) == arithmetic(*arguments)
+
+
+@pytest.mark.parametrize("a", [0.3, 1.0, 7.9])
+@pytest.mark.parametrize("b", [-2.5, -0.0, 0.7, 3.0])
+def test_functions_are_those_of_the_interpreter(a: float, b: float) -> None:
+    assert compiled(functions)(a, b) == functions(a, b)
+
+
+@pytest.mark.parametrize("limit", [0, 1, 7, 12, 50])
+def test_loops_go_where_the_interpreter_goes(limit: int) -> None:
+    assert compiled(control)(limit) == control(limit)
+
+
+def test_constants_and_tuples() -> None:
+    for i in range(2):
+        for j in range(2):
+            assert compiled(constants)(i, j) == constants(i, j)
+    for given in ((1.0, 2.0, True), (2.0, 1.0, False), (0.5, 1.5, True)):
+        assert compiled(swapped)(*given) == swapped(*given)
+
+
+def test_elements_are_structs_by_reference_and_assigned_by_value() -> None:
+    rows: Any = np.zeros(3, dtype=dtype(Cell))
+    rows["row"] = np.arange(24.0).reshape(3, 8)
+    rows["x"] = 0.25
+    assert compiled(cells)(rows, 1) == 8 * 11.5 + 1.5 + 0.25
+    assert rows["n"].tolist() == [0, 1, 1]
+    assert rows["row"][2].tolist() == rows["row"][1].tolist()
+
+
+def test_every_lane_has_the_bits_of_a_number() -> None:
+    rows: Any = np.zeros(1, dtype=dtype(Wide))
+    x, y = np.linspace(-1.0, 6.0, LANES), np.arange(LANES, dtype=float)
+    rows["x"][0, 0], rows["y"][0, 0] = x, y
+    compiled(in_lanes)(rows)
+    for lane in range(LANES):
+        one = Wide()
+        one.x, one.y = float(x[lane]), float(y[lane])
+        larger = one.x > one.y
+        mixed = math.sqrt(one.x) if larger else -one.y
+        mixed = mixed if larger or one.x > 0.0 else 0.0
+        mixed = mixed + 1.0 if int(one.y) & 1 else abs(mixed)
+        assert rows["x"][0, 0, lane] == max(min(mixed, 1e3), 2.0 * one.y)
+
+
+@pytest.mark.parametrize("value", [0.1, -1e-300, 5e-324, math.inf, 3, -(2**62), True])
+def test_numbers_are_written_exactly(value: Any) -> None:
+    text = literal(value).replace("INFINITY", "inf").replace("INT64_C", "")
+    text = text.replace("true", "True")
+    assert eval(text, {"inf": math.inf}) == value  # the text of a number
+
+
+# What the subset does not have.
+
+
+@kernel
+def of_no_type(a) -> float:  # type: ignore[no-untyped-def]
+    return float(a)
+
+
+@kernel
+def of_text(a: float) -> float:
+    return a if str(a) else 0.0
+
+
+@kernel
+def of_list(a: float) -> float:
+    values = [a, a]
+    return values[0]
+
+
+@kernel
+def of_two_types(rows: Sequence[Cell], a: float) -> float:
+    x = rows[0]
+    x = a  # type: ignore[assignment]
+    return x  # type: ignore[return-value]
+
+
+@kernel
+def of_itself(a: float) -> float:
+    return of_itself(a - 1.0) if a > 0.0 else a
+
+
+@kernel
+def of_other_loops(rows: Sequence[Cell]) -> float:
+    total = 0.0
+    for row in rows:
+        total += row.x
+    return total
+
+
+@kernel
+def of_no_field(rows: Sequence[Cell]) -> float:
+    return rows[0].y  # type: ignore[attr-defined,no-any-return]
+
+
+@kernel
+def of_keywords(a: float) -> float:
+    return _reach(cell=a)  # type: ignore[arg-type]
+
+
+@kernel
+def of_lanes_as_truth(rows: Sequence[Wide]) -> float:
+    if rows[0].x > 0.0:
+        return 1.0
+    return 0.0
+
+
+@kernel
+def of_wrong_number(a: float) -> float:
+    return _reach(a, a)  # type: ignore[call-arg,arg-type]
+
+
+@kernel
+def of_try(a: float) -> float:
+    try:
+        return 1.0 / a
+    except ZeroDivisionError:
+        return 0.0
+
+
+@pytest.mark.parametrize(
+    ("function", "text"),
+    [
+        (of_no_type, "expected a type of numbers"),
+        (of_text, "str is no kernel"),
+        (of_list, "a kernel has no list"),
+        (of_two_types, "x is given values of two types"),
+        (of_itself, "of_itself calls itself"),
+        (of_other_loops, "expected `for name in range"),
+        (of_no_field, "has no field y"),
+        (of_keywords, "by position only"),
+        (of_lanes_as_truth, "expected one truth value"),
+        (of_wrong_number, "is given 2 of 1 arguments"),
+        (of_try, "a kernel has no try"),
+    ],
+)
+def test_what_the_subset_does_not_have_is_told_with_its_place(
+    function: Callable[..., Any], text: str
+) -> None:
+    with pytest.raises(TranslationError, match=text) as caught:
+        Program("wrong", (function,)).source()
+    path, line = str(caught.value).split(":")[:2]
+    code = function.__code__
+    assert path.endswith("test_translate.py")
+    assert 0 <= int(line) - code.co_firstlineno <= 5
+
+
+def test_the_source_points_to_the_kernels() -> None:
+    text = Program("rules", (control,)).source()
+    assert "static int64_t control(int64_t limit) {" in text
+    assert f'#line {control.__code__.co_firstlineno} "' in text
+
+
+def test_pointers_are_eight_bytes() -> None:
+    """As the words by which arrays are handed over."""
+    assert ctypes.sizeof(ctypes.c_void_p) == 8

@@ -1,0 +1,93 @@
+"""Figures of bodies on springs and of tables: nothing overlaps, and the legends are complete."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.figures.layout import assert_texts_are_apart, texts
+from vibro_cli.api import simulate
+from vibro_cli.figures.kinds import draw_all
+from vibro_cli.scenario.loading import load_any
+from vibro_cli.systems.springs.courses import springs_place
+from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
+from vibro_cli.systems.springs.trajectory import motions
+from vibro_cli.systems.table.figures import table_energies
+from vibro_cli.systems.table.wall_orbits import has_wall_portrait
+from vibro_cli.systems.table.wall_portrait import wall_portrait
+
+FOLDER = Path(__file__).parents[2] / "scenarios"
+PATHS = sorted([*FOLDER.glob("springs/*.toml"), *FOLDER.glob("table/*.toml")])
+LONG = {
+    "two_disks": ("stop.time=6000",),
+    "common_origin": ("stop.time=200", "collision.k=1"),
+    "stressed_at_rest": ("stop.time=500",),
+    "elliptic_wall": ("stop.bounces=1000", "stop.time=1e6"),
+    "billiards": ("collision.k=1", "wall.k=1"),
+    "convex_wall": (),
+    "skew_impact": ("collision.k=1",),
+}
+
+
+@cache
+def run_of(path: Path, *overrides: str) -> Any:
+    return simulate(load_any(path, [*overrides]))
+
+
+def shown_texts(figure: Any) -> set[str]:
+    return {text.get_text() for text in texts(figure)}
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
+def test_no_text_is_cut_off_or_overlaps_another(path: Path, width: str) -> None:
+    for overrides in ((), LONG[path.stem]):
+        for drawn in draw_all(run_of(path, *overrides), None, width):
+            assert_texts_are_apart(drawn.figure)
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
+def test_portraits_without_a_run_have_their_texts_apart(path: Path, width: str) -> None:
+    system = run_of(path).system
+    if path.parent.name == "springs":
+        for ball in range(1, len(system.bodies) + 1):
+            assert_texts_are_apart(springs_structure(system, ball, width))
+    elif system.wall is not None and has_wall_portrait(system.wall):
+        assert_texts_are_apart(wall_portrait(system, 1, width))
+
+
+def test_portraits_of_springs_name_what_they_show() -> None:
+    two = run_of(FOLDER / "springs/two_disks.toml")
+    names = shown_texts(springs_portrait(two, 1))
+    assert {"start", "before", "after impact", "separatrix", "level", "centre", "saddle"} <= names
+    assert "lasting contact" not in names
+    three = run_of(FOLDER / "springs/stressed_at_rest.toml")
+    names = shown_texts(springs_portrait(three, 2))
+    assert {"start", "jump", "lasting contact", "level", "centre"} <= names
+    last = np.max(three.collisions["t"][three.collisions["ball_b"] == 2])
+    assert f"{last:.4g}" in names  # the end of the colours of time
+    assert "separatrix" not in names
+
+
+def test_every_ball_of_a_table_is_named_with_its_energy() -> None:
+    run = run_of(FOLDER / "table/billiards.toml")
+    figure = table_energies(run)
+    assert figure is not None
+    assert {str(ball) for ball in range(1, 11)} | {"sum", "loss"} <= shown_texts(figure)
+
+
+@pytest.mark.parametrize("name", ["two_disks", "stressed_at_rest"])
+def test_places_over_time_are_those_of_the_run(name: str) -> None:
+    run = run_of(FOLDER / f"springs/{name}.toml")
+    for ball in range(1, len(run.system.bodies) + 1):
+        time, place = springs_place(run, ball, motions(run, ball - 1), run.end_time)
+        assert np.all(np.diff(time) >= 0.0)
+        sample = run.sample(time[::5])
+        exact = sample["x"][sample["ball"] == ball]
+        assert np.max(np.abs(place[::5] - exact)) < 1e-4 * np.ptp(place)
+        assert np.max(np.diff(time)) < 0.2

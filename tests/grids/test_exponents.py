@@ -1,0 +1,48 @@
+"""Exponents of a grid's points are those of their runs, to the last bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.grids.test_same_as_run import GRIDS, MORE, grid_of, plain
+from vibro_cli.api import simulate
+from vibro_cli.grids.points import scenario_at
+from vibro_cli.grids.solving import Solver
+from vibro_cli.systems import driver
+
+NAMES = ("two balls, starts and k", "radii and gravity", "several balls", "walls", "lines")
+
+
+@pytest.mark.parametrize("keep", ["true", "false"])
+@pytest.mark.parametrize("name", NAMES)
+def test_exponents_of_points_are_those_of_runs(name: str, keep: str, tmp_path: Path) -> None:
+    more = ["analysis={lyapunov = true}", *MORE.get(name, ())]
+    grid = grid_of(tmp_path, *GRIDS[name], more, keep)
+    indices = np.arange(24)
+    solved = Solver(grid, "compiled").solve(indices)
+    values = grid.design.columns(indices)
+    known = 0
+    for row in range(len(indices)):
+        found = {key: plain(column, row) for key, column in solved.summary.items()}
+        if found["status"] != "ok":
+            assert found["lyapunov_1"] is None
+            continue
+        scenario = scenario_at(grid.base, {path: values[path][row] for path in values})
+        assert found == simulate(scenario, "python").summary_record()
+        known += found["lyapunov_1"] is not None
+    assert known >= 1
+
+
+def test_long_runs_are_followed_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    more = ["analysis={lyapunov = true}", "stop={collisions = 300}", "collision.k=1"]
+    grid = grid_of(tmp_path, "one_circle.toml", {"balls[1].angle": [-1.2, -0.3]}, more, "false")
+    whole = Solver(grid, "compiled").solve(np.arange(4)).summary
+    monkeypatch.setattr(driver, "COMPILED_ROWS", 16)
+    parts = Solver(grid, "compiled").solve(np.arange(4)).summary
+    assert whole.keys() == parts.keys()
+    assert whole["collisions"].tolist() == [300] * 4
+    for name, column in whole.items():
+        np.testing.assert_array_equal(column, parts[name])

@@ -1,0 +1,66 @@
+"""Runs against the oracle of 40 digits, from scenes with walls, joint impacts, lasting contact."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vibro_cli.simulation.run import Run
+from vibro_cli.stress import digits
+from vibro_cli.stress.finding import Document
+from vibro_cli.stress.scenes import VALLEY, ball, scene
+
+HARD = Path(__file__).parents[1] / "hard_cases"
+# Each within seconds for the oracle.
+NAMES = (
+    "hit_on_a_group_across", "three_against_a_wall", "contact_on_a_turning_line",
+)  # fmt: skip
+
+
+@pytest.mark.usefixtures("no_hang")
+@pytest.mark.parametrize("name", NAMES)
+def test_hard_cases(name: str) -> None:
+    document = tomllib.loads((HARD / f"{name}.toml").read_text(encoding="utf-8"))
+    assert_right(digits.compared(document))
+
+
+def assert_right(verdict: digits.Verdict) -> None:
+    assert verdict.motion is not None, verdict.why
+    assert verdict.motion <= digits.MARK
+    assert verdict.after is None or verdict.after <= 1e-10
+    assert verdict.contacts is None or verdict.contacts <= 1e-10
+
+
+def two_balls(law: str = "normal-impulse") -> Document:
+    document = scene(VALLEY, [ball(-0.7), ball(0.4, mass=2.0)], 0.6, law, time=1.5)
+    document["ends"] = {"left": {"wall": 0.5}, "right": {"wall": 0.5}}
+    return document
+
+
+def test_a_wrong_motion_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert_right(digits.compared(two_balls()))
+    exact = digits.motion_at
+
+    def off(run: Run, times: Any) -> Any:
+        found = exact(run, times)
+        found[-1, 0, 2] *= 1.0 + 1e-11
+        return found
+
+    monkeypatch.setattr(digits, "motion_at", off)
+    worst = digits.compared(two_balls())
+    errors = (worst.motion or 0.0, (worst.after or 0.0) / 1e-14)
+    assert max(errors) > 100.0
+
+
+def test_what_is_not_compared_says_why() -> None:
+    still = scene(VALLEY, [ball(-0.7), ball(0.4)], 0.5, time=1.0)
+    assert "stop" in digits.compared({**still, "stop": {}}).why
+
+
+def test_every_number_of_a_document_is_changed() -> None:
+    changed = list(digits.changed_documents(two_balls()))
+    assert len(changed) == 1 + 2 * 3 + 1 + 1
+    assert all(one != two_balls() for one in changed)

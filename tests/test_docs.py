@@ -1,0 +1,76 @@
+"""The pages for developers name only what there is."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "CONTRIBUTING.md"]
+# From where a path may be given: the root of the checkout, or the package.
+BASES = (ROOT, ROOT / "vibro_cli")
+SUFFIXES = "py|hpp|md|toml|json|cff"
+PATH = re.compile(rf"(?:[\w.-]+/)+(?:[\w.-]+\.(?:{SUFFIXES}))?|[\w-]+\.(?:{SUFFIXES})")
+# Written by the program, or by the user.
+NOT_IN_THE_TREE = {
+    "checkpoint.json",
+    "grid.json",
+    "manifest.json",
+    "mine.toml",
+    "scenario.json",
+    "summary.json",
+}
+
+
+def paths_named(text: str) -> Iterator[str]:
+    """What stands in backticks and is a path and nothing else."""
+    for word in re.findall(r"`([^`\n]+)`", text):
+        if PATH.fullmatch(word) and word not in NOT_IN_THE_TREE:
+            yield word
+
+
+def exists(path: str) -> bool:
+    """Whether the tree has a path, or, of a name alone, a file of that name."""
+    if "/" in path:
+        return any((base / path).exists() for base in BASES)
+    return (ROOT / path).exists() or any((ROOT / "vibro_cli").rglob(path))
+
+
+def anchors(page: Path) -> set[str]:
+    """The headings of a page as they are linked to."""
+    heads = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_path_exists(page: Path) -> None:
+    named = list(paths_named(page.read_text(encoding="utf-8")))
+    assert [path for path in named if not exists(path)] == []
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.name)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if link.startswith("https://"):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        assert target.is_file(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_a_path_that_is_not_there_is_found() -> None:
+    text = "`vibro_cli/kernels/` `vibro_cli/kernels/no_such.py` `python -m x` `no_such.py` `a/b`"
+    named = list(paths_named(text))
+    assert named == ["vibro_cli/kernels/", "vibro_cli/kernels/no_such.py", "no_such.py"]
+    assert [exists(path) for path in named] == [True, False, False]
+
+
+def test_every_page_can_be_reached() -> None:
+    """From README, or from the contents of the site (where Sphinx holds it to all of them)."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    linked = set(re.findall(r"\]\(([^)#\s]+)[^)]*\)", readme))
+    index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    linked |= {f"docs/{name}.md" for name in re.findall(r"^([\w/-]+)$", index, re.MULTILINE)}
+    assert {str(page.relative_to(ROOT)) for page in PAGES} <= linked | {"docs/index.md"}

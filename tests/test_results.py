@@ -1,0 +1,341 @@
+"""The Python interface: what the command line does, with the same words and the same results."""
+
+import json
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import vibro_cli
+from vibro_cli import (
+    CannotContinue,
+    FolderRefused,
+    GridChanged,
+    NotAGrid,
+    NotContinuable,
+    Run,
+    Scenario,
+    ScenarioError,
+    VibroError,
+    api,
+    check,
+    example,
+    load_scenario,
+    open_grid,
+    open_run,
+    simulate,
+    simulate_many,
+    sweep,
+    verify,
+)
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "scenarios/three_arcs.toml"
+SYSTEMS = ("three_arcs", "two_disks", "elliptic_wall")
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return simulate(load_scenario(SOURCE, ["stop.time=12"]))
+
+
+def data_of(name: str) -> dict[str, object]:
+    """A scenario of the gallery as plain data."""
+    return example(name).resolved() | {"system": example(name).system}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_scenario_is_made_of_dictionaries(name: str) -> None:
+    made = Scenario.from_dict(json.loads(json.dumps(data_of(name))))
+    assert made == example(name)
+    assert made.system == example(name).system
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    data = data_of("three_arcs") | {"gravity": np.float64(9.81)}
+    assert Scenario.from_dict(data) == example("three_arcs")
+    changed = example("three_arcs").replace({"collision.k": np.array([0.5])})
+    assert changed.resolved()["collision"]["k"] == [0.5]
+
+
+def test_replace_changes_what_set_changes() -> None:
+    texts = ["collision.k=0.7", "balls[1].angle=-60 deg", "balls[2].mass=2 kg", "stop.time=1e1"]
+    changes = {
+        "collision.k": 0.7,
+        "balls[1].angle": "-60 deg",
+        "balls[2].mass": 2.0,
+        "stop.time": 10,
+    }
+    whole = load_scenario(SOURCE)
+    assert whole.replace(changes) == load_scenario(SOURCE, texts)
+    assert whole.replace({}) == whole
+    one_by_one = whole
+    for path, value in changes.items():
+        one_by_one = one_by_one.replace({path: value})
+    assert one_by_one == load_scenario(SOURCE, texts)
+
+
+def test_a_default_that_hangs_on_a_changed_value_changes_too() -> None:
+    # `collision.k` of three bodies is spread over two pairs only when it is read.
+    scenario = example("three_arcs")
+    three = [*scenario.given()["balls"], {**scenario.given()["balls"][1], "angle": 0.9}]
+    assert len(scenario.replace({"balls": three}).resolved()["collision"]["k"]) == 2
+
+
+def test_what_is_wrong_with_a_change_is_told_with_its_path() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        example("three_arcs").replace({"collision.kk": 1, "balls[3].angle": 0, "gravity": "x"})
+    assert [problem.path for problem in caught.value.problems] == [
+        "collision.kk",
+        "balls[3]",
+        "gravity",
+    ]
+    assert "replace collision.kk=1: collision.kk: " in str(caught.value)
+
+
+def test_a_run_is_that_of_the_solver(run: Run) -> None:
+    solved = api.simulate(run.scenario)
+    assert run.summary == solved.summary_record()
+    for name, column in solved.collisions.items():
+        assert np.ma.filled(column, np.nan).tolist() == pytest.approx(
+            run.collisions[name].tolist(), abs=0.0, nan_ok=True
+        )
+
+
+def test_tables_say_what_they_are(run: Run) -> None:
+    table = run.collisions
+    assert (table.rows, len(table)) == (run.summary["collisions"], len(list(table)))
+    assert table.units["t"] == "s"
+    assert table.descriptions["t"].startswith("time of the impact")
+    assert repr(table) == f"<Table collisions: {table.rows} rows, {len(table)} columns>"
+    with pytest.raises(KeyError, match="collisions has no column 'time'"):
+        table["time"]
+    assert not table["t"].flags.writeable
+
+
+def test_a_missing_whole_number_is_masked(run: Run) -> None:
+    others = run.events["other"]
+    crossings = run.events["event"] == "crossing"
+    assert crossings.any()
+    assert np.ma.getmaskarray(others)[crossings].all()
+    assert np.isnan(run.collisions["dt"][0])
+
+
+def test_every_library_takes_a_table(run: Run) -> None:
+    impacts = run.collisions
+    times = impacts["t"].tolist()
+    assert pa.table(impacts)["t"].to_pylist() == times
+    assert pl.DataFrame(impacts)["t"].to_list() == times
+    assert impacts.to_polars().equals(pl.DataFrame(impacts))
+    assert impacts.to_pandas()["t"].tolist() == times
+    assert isinstance(impacts.to_pandas(), pd.DataFrame)
+    with duckdb.connect() as connection:
+        connection.register("impacts", impacts)
+        ((lost,),) = connection.sql("select sum(energy_loss) from impacts").fetchall()
+    assert lost == pytest.approx(impacts["energy_loss"].sum(), rel=1e-14)
+
+
+def test_a_library_that_is_missing_is_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vibro_cli.storage.frame.find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"to_polars\(\) needs polars, .*pip install polars"):
+        run.collisions.to_polars()
+    with pytest.raises(ImportError, match="pip install pandas"):
+        run.collisions.to_pandas()
+
+
+def test_importing_the_interface_loads_no_library_of_frames() -> None:
+    code = (
+        "import sys, vibro_cli\n"
+        "assert not {'numpy', 'logging'} & set(sys.modules)\n"
+        "vibro_cli.simulate\n"
+        "assert not {'pandas', 'polars', 'matplotlib'} & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+def test_every_public_name_is_there() -> None:
+    assert set(vibro_cli.__all__) == set(dir(vibro_cli))
+    for name in vibro_cli.__all__:
+        thing = getattr(vibro_cli, name)
+        assert name == "__version__" or thing.__doc__
+        if isinstance(thing, type) and issubclass(thing, Exception):
+            assert issubclass(thing, VibroError)
+
+
+def test_sample_is_a_table_of_the_motion(run: Run) -> None:
+    first = run.collisions["t"][0]
+    before, after = (run.sample(first, side) for side in ("before", "after"))
+    for found, when in ((before, "pre"), (after, "post")):
+        speeds = [run.collisions[f"speed_{body}_{when}"][0] for body in "ab"]
+        assert found["speed"].tolist() == pytest.approx(speeds, rel=1e-14)
+    assert after.units["speed"] == "m/s"
+    assert run.sample([0.5, 1.0])["ball"].tolist() == [1, 2, 1, 2]
+    with pytest.raises(ValueError, match="outside"):
+        run.sample([13.0])
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_run_that_is_saved_and_opened_is_the_same(tmp_path: Path, name: str) -> None:
+    made = simulate(example(name))
+    folder = made.save(tmp_path / "run")
+    found = open_run(folder)
+    assert found.summary == made.summary
+    assert found.scenario == made.scenario
+    for table in made.tables:
+        assert found.tables[table].to_arrow().equals(made.tables[table].to_arrow())
+    assert verify(folder).sound
+    page = made.report(tmp_path / "unsaved.html").read_text(encoding="utf-8")
+    assert "Not stored; made by:" in page
+    assert ".parquet" not in page
+    assert ".parquet" in found.report(tmp_path / "saved.html").read_text(encoding="utf-8")
+
+
+def test_save_writes_what_the_command_writes(tmp_path: Path, run: Run) -> None:
+    command = ["run", str(SOURCE), "--set", "stop.time=12", "-o", str(tmp_path / "cli"), "-q"]
+    subprocess.run([sys.executable, "-m", "vibro_cli", *command], check=True, cwd=ROOT)
+    run.save(tmp_path / "python")
+    files = {path.name for path in (tmp_path / "cli").iterdir()}
+    assert files == {path.name for path in (tmp_path / "python").iterdir()}
+    for name in files - {"manifest.json"}:
+        if name.endswith(".parquet"):
+            one, other = (pq.read_table(tmp_path / side / name) for side in ("cli", "python"))
+            assert one.equals(other, check_metadata=True)
+        else:
+            one, other = ((tmp_path / side / name).read_bytes() for side in ("cli", "python"))
+            assert one == other, name
+
+
+def test_a_run_of_other_parameters_is_not_replaced(tmp_path: Path, run: Run) -> None:
+    folder = run.save(tmp_path / "run", figures=False)
+    other = simulate(run.scenario.replace({"collision.k": 0.5}))
+    with pytest.raises(FolderRefused, match=r"collision.k\[1\]: 0.9 -> 0.5"):
+        other.save(folder, figures=False)
+    other.save(folder, figures=False, force=True)
+    assert open_run(folder).summary == other.summary
+
+
+def test_a_continued_run_is_that_of_one_without_a_break(tmp_path: Path, run: Run) -> None:
+    short = simulate(run.scenario.replace({"stop.time": 5}))
+    short.save(tmp_path / "short", figures=False)
+    for before in (short, open_run(tmp_path / "short")):
+        whole = before.continued({"stop.time": 12})
+        assert whole.collisions.to_arrow().equals(run.collisions.to_arrow())
+    with pytest.raises(CannotContinue):
+        run.continued({"stop.time": 5})
+
+
+def test_figures(tmp_path: Path, run: Run) -> None:
+    assert run.kinds[0] == "portrait"
+    drawn = run.figure("portrait", body=2, width="single")
+    assert drawn.name == "portrait_2"
+    assert drawn._repr_png_().startswith(b"\x89PNG")
+    assert drawn.save(tmp_path / "portrait.v1.pdf").read_bytes().startswith(b"%PDF")
+    with pytest.raises(ValueError, match="found the kind of figure 'portrat', expected one of"):
+        run.figure("portrat")
+    with pytest.raises(ValueError, match="found body 3, expected a number from 1 to 2"):
+        run.figure(body=3)
+    with pytest.raises(ValueError, match="unknown figure format"):
+        drawn.save(tmp_path / "portrait.bmp")
+    lone = simulate(example("lone_particle"))
+    with pytest.raises(ValueError, match="has nothing to show as intervals"):
+        lone.figure("intervals")
+
+
+def test_a_portrait_without_a_run_and_a_film(tmp_path: Path, run: Run) -> None:
+    for name in SYSTEMS:
+        drawn = vibro_cli.portrait(example(name)).save(tmp_path / "portrait.png")
+        assert drawn.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(ValueError, match="ellipse or a circle"):
+        vibro_cli.portrait(example("skew_impact"))
+    film = run.film(tmp_path / "film.html", end=1.0, fps=5)
+    assert b'content="vibro film"' in film.read_bytes()
+    with pytest.raises(ValueError, match=r"found 0 s to 99 s, expected times from 0 to 12 s"):
+        run.film(tmp_path / "film.html", end=99.0)
+    with pytest.raises(ValueError, match=r"expected \.html"):
+        run.film(tmp_path / "film.avi")
+    with pytest.raises(ValueError, match="found a run of springs"):
+        simulate(example("two_disks")).film(tmp_path / "film.html")
+
+
+def test_many_runs_are_in_the_order_given() -> None:
+    scenario = load_scenario(SOURCE, ["stop.time=12"])
+    values = [0.7, 0.8, 0.9, 1.0]
+    found = simulate_many([scenario.replace({"collision.k": k}) for k in values], workers=2)
+    assert [run.scenario.resolved()["collision"]["k"] for run in found] == [[k] for k in values]
+    assert [run.summary for run in found] == [
+        simulate(scenario.replace({"collision.k": k})).summary for k in values
+    ]
+
+
+def test_a_sweep_has_the_summaries_of_its_runs(tmp_path: Path) -> None:
+    scenario = load_scenario(SOURCE, ["stop.time=12"])
+    axes = {"collision.k": [0.8, 0.9], "balls[1].angle": {"linspace": ["-75 deg", -1.2, 2]}}
+    grid = sweep(scenario, axes, collisions=["n", "t"])
+    assert grid.axes == ("collision.k", "balls[1].angle")
+    assert grid.summary["collision.k"].tolist() == [0.8, 0.8, 0.9, 0.9]
+    points = [
+        simulate(scenario.replace({"collision.k": k, "balls[1].angle": angle}))
+        for k in (0.8, 0.9)
+        for angle in ("-75 deg", -1.2)
+    ]
+    assert grid.summary["energy_end"].tolist() == [one.summary["energy_end"] for one in points]
+    assert list(grid.collisions) == ["scenario", "n", "t"]
+    assert grid.collisions["t"].tolist() == [t for one in points for t in one.collisions["t"]]
+    assert grid.figure("endings").save(tmp_path / "endings.svg").is_file()
+    assert grid.figure("max_gap").name == "max_gap"
+    found = open_grid(grid.save(tmp_path / "grid"))
+    assert found.summary.to_arrow().equals(grid.summary.to_arrow())
+    assert "4" in found.report(tmp_path / "grid.html").read_text(encoding="utf-8")
+
+
+def test_a_sweep_in_a_folder_is_that_of_the_command(tmp_path: Path) -> None:
+    file = ROOT / "scenarios/grids/three_arcs_grid.toml"
+    made = sweep(file, folder=tmp_path / "python")
+    command = ["grid", str(file), "-o", str(tmp_path / "cli"), "-q"]
+    subprocess.run([sys.executable, "-m", "vibro_cli", *command], check=True, cwd=ROOT)
+    for path in (tmp_path / "cli").rglob("*"):
+        if path.is_file() and not path.name.startswith("."):
+            there = tmp_path / "python" / path.relative_to(tmp_path / "cli")
+            assert there.read_bytes() == path.read_bytes(), path
+    with pytest.raises(GridChanged):
+        sweep(example("three_arcs"), {"collision.k": [0.5]}, tmp_path / "python")
+    assert made.stored.points > 1
+
+
+def test_errors_of_folders(tmp_path: Path) -> None:
+    with pytest.raises(NotContinuable, match="is no vibro run"):
+        open_run(tmp_path)
+    with pytest.raises(NotAGrid):
+        open_grid(tmp_path)
+    with pytest.raises(vibro_cli.NoManifest):
+        verify(tmp_path)
+
+
+def test_check_tells_what_is_doubtful() -> None:
+    assert check(example("three_arcs")) == ()
+    with pytest.raises(ScenarioError):
+        check(example("three_arcs").replace({"balls[2].angle": -1.3}))
+
+
+def test_the_logger_tells_how_a_run_ended(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO, logger="vibro_cli"):
+        simulate(example("one_circle"))
+    assert any("ended at t = " in record.message for record in caplog.records)
+
+
+def test_what_a_notebook_shows(run: Run) -> None:
+    assert len(repr(run)) < 100
+    assert repr(run).startswith("<Run three_arcs: ")
+    for thing in (run, run.collisions, run.scenario):
+        shown = thing._repr_html_()
+        assert shown.startswith("<table><caption>")
+        assert shown.count("<tr>") == shown.count("</tr>") > 3
+    assert "collision.k[1]" in run.scenario._repr_html_() or "0.9" in run.scenario._repr_html_()

@@ -1,0 +1,253 @@
+"""A family of periodic orbits over a number of the scenario: pseudo-arclength continuation.
+
+A point of the branch is (state, period, value). Along it the energy is held where the value is not
+the energy itself. H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue
+problems", in *Applications of Bifurcation Theory* (Academic Press 1977); E. Doedel, *Congressus
+Numerantium* 30 (1981) 265.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibro_cli.analysis.orbits import (
+    CLOSED,
+    MOST_STEPS,
+    NEARLY_CLOSED,
+    NoOrbit,
+    Orbit,
+    begun_between,
+    energy_of,
+    equations,
+    residual_of,
+    scale_of,
+    shoot,
+    size_of,
+    started,
+)
+from vibro_cli.mechanics.system import System
+from vibro_cli.simulation.tangents import time_scale
+
+Floats = NDArray[np.float64]
+
+FIRST_STEP = 0.01
+"""Share of the range that the first steps are long."""
+LONGEST_STEP = 0.04
+LEAST_STEP = 1.0e-7
+MOST_POINTS = 2000
+# An impact that is to vanish has less than this share of the usual speeds.
+GRAZING = 0.02
+# Change of the value, as a share of the range, for its derivative.
+_CHANGE = 1.0e-6
+_BISECTIONS = 36
+
+SystemAt = Callable[[float], System]
+"""The system at a value."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of a branch."""
+
+    value: float
+    orbit: Orbit
+    along: Floats = field(repr=False)
+    """(state, period, value), each in metres or shares of the range"""
+
+
+@dataclass(frozen=True)
+class Special:
+    """Where a branch changes its stability, turns back or ends."""
+
+    kind: str  # fold, doubling, exchange, or how it ends: bound, grazing, junction, …
+    point: Point
+
+
+@dataclass
+class Branch:
+    """A family of orbits."""
+
+    points: list[Point]
+    special: list[Special]
+
+
+class Family:
+    """Orbits over a number.
+
+    Parameters
+    ----------
+    system_at
+        The system at a value of the number; None where the number is the energy.
+    first
+        The orbit that it begins with, and the value it belongs to.
+    value, low, high
+        That value, and the range that is followed.
+    """
+
+    def __init__(
+        self, system_at: SystemAt | None, first: Orbit, value: float, low: float, high: float
+    ) -> None:
+        if not low <= value <= high:
+            raise ValueError(f"found {value}, expected a value from {low} to {high}")
+        self._system_at = system_at
+        self._system = first.system
+        self._low, self._range = low, high - low
+        self._word = first.shot.word
+        self._energy = first.energy
+        scale = scale_of(first.system)
+        unit = first.system.gravity * float(time_scale(first.system))
+        self._units = np.concatenate(
+            [scale, [unit, size_of(first.system, first.state) / self._range]]
+        )
+        self._first = Point(value, first, self._packed(first.state, first.period, value))
+
+    def _packed(self, state: Floats, period: float, value: float) -> Floats:
+        packed: Floats = np.concatenate([state, [period, value]]) * self._units
+        return packed
+
+    def _system_of(self, value: float) -> System:
+        return self._system if self._system_at is None else self._system_at(value)
+
+    def _energy_of(self, value: float) -> float:
+        return value if self._system_at is None else self._energy
+
+    def follow(self) -> Branch:
+        """Follow the branch both ways from its first orbit, to the ends of the range or its own."""
+        back, ends = self._one_way(-1.0)
+        ahead, more = self._one_way(1.0)
+        points = [*back[::-1], self._first, *ahead]
+        special = [*ends, *more]
+        for before, after in pairwise(points):
+            special += self._between(before, after)
+        for before, here, after in zip(points, points[1:], points[2:], strict=False):
+            if (here.value - before.value) * (after.value - here.value) < 0.0:
+                special.append(Special("fold", here))
+        special.sort(key=lambda one: one.point.value)
+        return Branch(points, special)
+
+    def _one_way(self, sign: float) -> tuple[list[Point], list[Special]]:
+        """Points from the first one on, and how the branch ends there."""
+        size = self._units[-1] * self._range
+        tangent = np.zeros(len(self._units))
+        tangent[-1] = sign
+        points: list[Point] = []
+        here, step, cause = self._first, FIRST_STEP, "points"
+        while len(points) < MOST_POINTS:
+            try:
+                new = self._corrected(here.along + step * size * tangent, tangent)
+            except NoOrbit as error:
+                step, cause = 0.5 * step, str(error)
+                if step < LEAST_STEP:
+                    return points, [Special(self._ending(here, tangent, size, cause), here)]
+                continue
+            if not self._low <= new.value <= self._low + self._range:
+                bound = self._low if new.value < self._low else self._low + self._range
+                last = self._at_value(here, new, bound)
+                return [*points, last], [Special("bound", last)]
+            change = new.along - here.along
+            tangent = change / np.linalg.norm(change)
+            points.append(new)
+            here, step = new, min(1.5 * step, LONGEST_STEP)
+        return points, [Special(cause, here)]
+
+    def _corrected(self, guess: Floats, tangent: Floats) -> Point:
+        """The orbit next to a guess in the plane across a tangent (Newton's method)."""
+        along, residual = guess, np.inf
+        for _ in range(MOST_STEPS):
+            state, (period, value) = (along / self._units)[:-2], (along / self._units)[-2:]
+            system = started(self._system_of(float(value)), state)
+            energy = self._energy_of(float(value))
+            shot = shoot(system, float(period))
+            if shot.word != self._word:
+                raise NoOrbit("the events change")
+            before, residual = residual, residual_of(system, shot, state, energy)
+            if residual < CLOSED or (residual < NEARLY_CLOSED and residual > 0.5 * before):
+                found = Orbit(
+                    system, float(period), state, shot, residual, energy_of(system, state)
+                )
+                found = begun_between(found)
+                if found.shot.word != self._word:
+                    raise NoOrbit("the events change")
+                here = self._packed(found.state, found.period, float(value))
+                return Point(float(value), found, here)
+            if residual > 4.0 * before or residual > 1.0:
+                break
+            rows, right = equations(system, shot, state, energy)
+            by_value = self._by_value(state, float(period), float(value))
+            matrix = np.column_stack([rows, by_value]) / self._units
+            matrix = np.vstack([matrix, tangent])
+            right = np.append(right, -float(tangent @ (along - guess)))
+            along = along + np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+        raise NoOrbit("Newton's method does not converge")
+
+    def _by_value(self, state: Floats, period: float, value: float) -> Floats:
+        """Derivative of the equations' left sides to the value, by central differences."""
+        change, sides = _CHANGE * self._range, []
+        for at in (value + change, value - change):
+            system = started(self._system_of(at), state)
+            shot = shoot(system, period)
+            if shot.word != self._word:
+                raise NoOrbit("the events change")
+            sides.append(equations(system, shot, state, self._energy_of(at))[1])
+        found: Floats = (sides[1] - sides[0]) / (2.0 * change)
+        return found
+
+    def _at_value(self, one: Point, other: Point, value: float) -> Point:
+        """The orbit at a value between those of two points."""
+        share = (value - one.value) / (other.value - one.value)
+        across = np.zeros(len(self._units))
+        across[-1] = 1.0
+        return self._corrected(one.along + share * (other.along - one.along), across)
+
+    def _between(self, one: Point, other: Point) -> list[Special]:
+        """Where multipliers pass -1 or 1 between two points."""
+        found = []
+        for kind, at in (("doubling", -1.0), ("exchange", 1.0)):
+            ends = [_distance(point.orbit, at) for point in (one, other)]
+            if ends[0] * ends[1] < 0.0:
+                found.append(Special(kind, self._zero(one, other, at)))
+        return found
+
+    def _zero(self, one: Point, other: Point, at: float) -> Point:
+        """Where a multiplier passes a number, by bisection along the branch."""
+        start, sign = one, _distance(one.orbit, at)
+        for _ in range(_BISECTIONS):
+            chord = other.along - one.along
+            length = float(np.linalg.norm(chord))
+            if length < 1e-12 * float(np.linalg.norm(start.along)):
+                break
+            middle = self._corrected(one.along + 0.5 * chord, chord / length)
+            if _distance(middle.orbit, at) * sign > 0.0:
+                one = middle
+            else:
+                other = middle
+        return one
+
+    def _ending(self, here: Point, tangent: Floats, size: float, cause: str) -> str:
+        """Why a branch cannot be followed beyond a point: what the next motion has otherwise."""
+        for step in (1.0e-6, 1.0e-5, 1.0e-4, 1.0e-3):
+            ahead = (here.along + step * size * tangent) / self._units
+            try:
+                shot = shoot(
+                    started(self._system_of(float(ahead[-1])), ahead[:-2]), float(ahead[-2])
+                )
+            except NoOrbit as error:
+                return str(error)
+            if shot.word != self._word:
+                weakest = min(shot.approach, here.orbit.shot.approach)
+                usual = size_of(here.orbit.system, here.orbit.state) / float(
+                    time_scale(here.orbit.system)
+                )
+                return "grazing" if weakest < GRAZING * usual else "coincidence"
+        return cause
+
+
+def _distance(orbit: Orbit, at: float) -> float:
+    """Product of the distances of all multipliers from a number; real, changes sign at it."""
+    matrix = orbit.reduced
+    return float(np.linalg.det(matrix - at * np.eye(len(matrix))))

@@ -1,0 +1,436 @@
+"""Periodic orbits by Newton's method with the exact tangent map, and their multipliers.
+
+An orbit is a start z (ways along the paths of the centres and speeds, m and m/s) and a period T
+with ``Phi_T(z) = z``. Each step solves ``(M - 1) dz + f dT = z - Phi_T(z)`` with the tangent map M
+and the velocity f of the state, together with what belongs to a family and does not change, in the
+sense of least squares: the shift along the orbit (``f dz = 0``), and the energy where it is kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.simulation.run import Run, simulate_system
+from vibro_cli.simulation.tangents import follow_system, time_scale
+
+Floats = NDArray[np.float64]
+
+# An orbit has been found when it closes up to this share of the size of its state.
+CLOSED = 1.0e-13
+# Rounding of a long or unstable orbit leaves more; beyond this it is none.
+NEARLY_CLOSED = 1.0e-10
+MOST_STEPS = 40
+# Of a damped step no less than this share is tried.
+LEAST_SHARE = 2.0**-12
+
+
+class NoOrbit(Exception):
+    """There is no orbit as it was asked for; the message says why."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A motion from a start over a period."""
+
+    end: Floats
+    """Ways and speeds at its end"""
+    matrix: Floats
+    """The tangent map"""
+    word: tuple[str, ...]
+    """What happened, see :func:`events_of`"""
+    times: tuple[float, ...]
+    """When, s"""
+    approach: float
+    """Least normal speed of its impacts and at walls, m/s; infinite without any"""
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A periodic orbit."""
+
+    system: System
+    """With its start"""
+    period: float
+    """s"""
+    state: Floats
+    """Ways and speeds at its start"""
+    shot: Shot
+    residual: float
+    """Distance of its end from its start, as a share of the size of the state"""
+    energy: float
+    """J, from the level of the trace's left end"""
+
+    @property
+    def reduced(self) -> Floats:
+        """The tangent map across the orbit, on its level of energy."""
+        flow = velocity(self.system, self.state)
+        gradient = energy_gradient(self.system, self.state)
+        scale = scale_of(self.system)
+        normals = np.array([flow * scale, gradient / scale])
+        basis = np.linalg.svd(normals)[2][2:].T
+        matrix: Floats = basis.T @ ((self.shot.matrix * scale[:, None] / scale) @ basis)
+        return matrix
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Of the map across the orbit on its level of energy, the largest first."""
+        values = np.linalg.eigvals(self.reduced).astype(np.complex128)
+        return values[np.argsort(-np.abs(values), kind="stable")]
+
+    @property
+    def stable(self) -> bool:
+        """Whether no small change grows as a power of a number."""
+        return bool(np.all(np.abs(self.multipliers) < 1.0 + 1.0e-6))
+
+
+def scale_of(system: System) -> Floats:
+    """What one unit of each number of a state is in metres."""
+    return np.tile([1.0, float(time_scale(system))], len(system.bodies))
+
+
+def _lengths(system: System, body: int) -> list[float]:
+    """Length (m) of the path of a body's centre on each piece."""
+    radius = system.bodies[body].radius
+    return [
+        piece.length if piece.is_line
+        else piece.path_radius(radius) * (piece.angle_end - piece.angle_start)
+        for piece in system.trace.pieces
+    ]  # fmt: skip
+
+
+def way_of(system: System, body: int, piece: int, position: float) -> float:
+    """Way (m) of a body's centre from the left end of its path."""
+    on = system.trace.pieces[piece]
+    before = sum(_lengths(system, body)[:piece])
+    if on.is_line:
+        return before + position
+    return before + on.path_radius(system.bodies[body].radius) * (position - on.angle_start)
+
+
+def place_of(system: System, body: int, way: float) -> tuple[int, float]:
+    """Piece and position on it of a way."""
+    lengths = _lengths(system, body)
+    if system.trace.closed:
+        way %= sum(lengths)
+    piece = 0
+    while piece < len(lengths) - 1 and way > lengths[piece]:
+        way -= lengths[piece]
+        piece += 1
+    on = system.trace.pieces[piece]
+    if not 0.0 <= way <= lengths[piece]:
+        raise NoOrbit(f"body {body + 1} would start off the trace")
+    if on.is_line:
+        return piece, way
+    return piece, on.angle_start + way / on.path_radius(system.bodies[body].radius)
+
+
+def state_of(system: System) -> Floats:
+    """Ways and speeds at the start of a system."""
+    found = []
+    for body, one in enumerate(system.initial):
+        found += [way_of(system, body, one.piece, one.position), one.speed]
+    return np.array(found)
+
+
+def started(system: System, state: Floats) -> System:
+    """Return the system with another start."""
+    initial = []
+    for body in range(len(system.bodies)):
+        piece, position = place_of(system, body, float(state[2 * body]))
+        initial.append(InitialState(piece, position, float(state[2 * body + 1])))
+    return replace(system, initial=tuple(initial))
+
+
+def velocity(system: System, state: Floats) -> Floats:
+    """Speeds (m/s) and accelerations (m/s^2) of a state without contact."""
+    found = []
+    for body in range(len(system.bodies)):
+        piece, position = place_of(system, body, float(state[2 * body]))
+        slope = system.trace.pieces[piece].slope(position)
+        pull = -system.gravity / system.bodies[body].kappa * np.sin(slope)
+        found += [state[2 * body + 1], pull]
+    return np.array(found)
+
+
+def energy_of(system: System, state: Floats) -> float:
+    """Energy (J), potential from the level of the trace's left end."""
+    total = 0.0
+    for number, body in enumerate(system.bodies):
+        piece, position = place_of(system, number, float(state[2 * number]))
+        _, height = system.trace.pieces[piece].body_center(position, body.radius)
+        speed = float(state[2 * number + 1])
+        total += body.mass * (system.gravity * height + 0.5 * body.kappa * speed * speed)
+    return total
+
+
+def energy_gradient(system: System, state: Floats) -> Floats:
+    """Derivative of the energy to ways (J/m) and speeds (J s/m)."""
+    flow = velocity(system, state)
+    found = np.empty_like(state)
+    for number, body in enumerate(system.bodies):
+        found[2 * number] = -body.kappa * body.mass * flow[2 * number + 1]
+        found[2 * number + 1] = body.kappa * body.mass * state[2 * number + 1]
+    return found
+
+
+def events_of(run: Run) -> list[tuple[float, str, float]]:
+    """Return time (s), name and normal speed (m/s) of what happens in a run, in order.
+
+    ``12`` is an impact of bodies 1 and 2, ``1>`` and ``1<`` a crossing to the right or left (its
+    speed is infinite), ``1|`` a wall.
+    """
+    events, rows = run.events, run.collisions
+    found: list[tuple[float, str, float]] = []
+    names = ("t", "event", "ball", "speed", "value")
+    for t, name, ball, speed, value in zip(*(events[one] for one in names), strict=True):
+        if name == "wall":
+            found.append((float(t), f"{int(ball)}|", abs(float(value))))
+        elif name == "crossing":
+            found.append((float(t), f"{int(ball)}{'>' if speed > 0.0 else '<'}", np.inf))
+    columns = (rows[name] for name in ("t", "ball_a", "ball_b", "approach_speed"))
+    for t, one, other, approach in zip(*columns, strict=True):
+        found.append((float(t), f"{int(one)}{int(other)}", float(approach)))
+    return sorted(found)
+
+
+def shoot(system: System, period: float) -> Shot:
+    """Follow a motion and its tangent map over a period (s).
+
+    Raises
+    ------
+    NoOrbit
+        If it ends sooner, or meets lasting contact.
+    """
+    if not period > 0.0:
+        raise NoOrbit("the period has become zero")
+    run = simulate_system(system, period, None)
+    if run.end_cause != "time":
+        raise NoOrbit(f"the motion ends: {run.end_cause}")
+    matrix = follow_system(system, period, None).matrix
+    if run.summary_record()["contacts"] or not np.all(np.isfinite(matrix)):
+        raise NoOrbit("bodies stay in contact")
+    events = events_of(run)
+    return Shot(
+        end=state_at(run, period),
+        matrix=matrix,
+        word=tuple(word for _, word, _ in events),
+        times=tuple(t for t, _, _ in events),
+        approach=min((speed for _, _, speed in events), default=np.inf),
+    )
+
+
+def state_at(run: Run, t: float) -> Floats:
+    """Ways and speeds of a run at an instant (s)."""
+    system, sample, found = run.system, run.sample([t]), []
+    for body in range(len(system.bodies)):
+        piece = int(sample["arc"][body]) - 1
+        on = system.trace.pieces[piece]
+        along = float(sample["s"][body]) - on.start_s
+        position = along if on.is_line else float(sample["angle"][body])
+        found += [way_of(system, body, piece, position), float(sample["speed"][body])]
+    return np.array(found)
+
+
+def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
+    """Return an orbit begun in the middle between two events: those around its start.
+
+    So the start of an orbit of a family is one of its places, and no event comes over it.
+    ``longest``: between the two that are farthest apart.
+    """
+    times, period = orbit.shot.times, orbit.period
+    middle = 0.5 * (times[0] + times[-1] - period)
+    if longest:
+        gaps = np.diff([*times, times[0] + period])
+        after = int(np.argmax(gaps))
+        middle = times[after] + 0.5 * float(gaps[after])
+    if abs(middle) < 1.0e-9 * period:
+        return orbit
+    run = simulate_system(orbit.system, period, None)
+    state = state_at(run, middle % period)
+    system = started(orbit.system, state)
+    shot = shoot(system, period)
+    return Orbit(system, period, state, shot, residual_of(system, shot, state, None), orbit.energy)
+
+
+def gap_of(system: System, shot: Shot, state: Floats) -> Floats:
+    """End of a motion less its start; whole rounds of a closed trace are none."""
+    gap = shot.end - state
+    if system.trace.closed:
+        for body in range(len(system.bodies)):
+            round_way = sum(_lengths(system, body))
+            gap[2 * body] -= round_way * np.round(gap[2 * body] / round_way)
+    return gap
+
+
+def size_of(system: System, state: Floats) -> float:
+    """Size (m) of a state, against which a residual is held."""
+    return float(np.linalg.norm(state * scale_of(system)))
+
+
+def newton(
+    system: System, state: Floats, period: float, word: tuple[str, ...] | None, energy: float | None
+) -> Orbit:
+    """Return the periodic orbit near a start.
+
+    Parameters
+    ----------
+    system
+        What moves; its start is not used.
+    state, period
+        A guess.
+    word
+        The events that the orbit is to have; those of the guess if None.
+    energy
+        That the orbit is to have (J); None for that next to the guess.
+
+    Raises
+    ------
+    NoOrbit
+        If it does not converge, or only to a motion with other events.
+    """
+    scale, tau = scale_of(system), float(time_scale(system))
+    unit = system.gravity * tau  # m/s, by which a period counts
+    shot = shoot(started(system, state), period)
+    word = shot.word if word is None else word
+    if shot.word != word:
+        raise NoOrbit("the guess has other events")
+    residual, best = residual_of(system, shot, state, energy), None
+    for _ in range(MOST_STEPS):
+        if best is not None and residual < CLOSED:
+            break
+        rows, right = equations(system, shot, state, energy)
+        columns = np.append(1.0 / scale, 1.0 / unit)
+        step = np.linalg.lstsq(rows * columns, right, rcond=1e-12)[0] * columns
+        found = _damped(system, state, period, word, energy, step, residual)
+        if found is None:
+            break
+        state, period, shot, residual = found
+        best = residual
+    if residual > NEARLY_CLOSED:
+        raise NoOrbit(f"Newton's method does not converge: it comes to {residual:.2g}")
+    start = started(system, state)
+    return Orbit(start, period, state, shot, residual, energy_of(system, state))
+
+
+def residual_of(system: System, shot: Shot, state: Floats, energy: float | None) -> float:
+    """How far a motion is from closing (and from the energy), as a share of its size."""
+    gap = gap_of(system, shot, state) * scale_of(system)
+    found = float(np.linalg.norm(gap)) / size_of(system, state)
+    if energy is not None:
+        gradient = float(np.linalg.norm(energy_gradient(system, state) / scale_of(system)))
+        off = abs(energy_of(system, state) - energy) / gradient
+        found += off / size_of(system, state)
+    return found
+
+
+def equations(
+    system: System, shot: Shot, state: Floats, energy: float | None
+) -> tuple[Floats, Floats]:
+    """Rows over the changes of state and period, in metres, and their right side."""
+    scale = scale_of(system)
+    start_flow = velocity(system, state)
+    end_flow = velocity(system, np.where(np.isnan(shot.end), state, shot.end))
+    closing = np.hstack([shot.matrix - np.eye(len(state)), end_flow[:, None]]) * scale[:, None]
+    rows = [*closing, np.append(start_flow * scale**2 / np.linalg.norm(start_flow * scale), 0.0)]
+    right = [*(-gap_of(system, shot, state) * scale), 0.0]
+    if energy is not None:
+        gradient = energy_gradient(system, state)
+        size = float(np.linalg.norm(gradient / scale))
+        rows.append(np.append(gradient / size, 0.0))
+        right.append((energy - energy_of(system, state)) / size)
+    return np.array(rows), np.array(right)
+
+
+def _damped(
+    system: System,
+    state: Floats,
+    period: float,
+    word: tuple[str, ...],
+    energy: float | None,
+    step: Floats,
+    residual: float,
+) -> tuple[Floats, float, Shot, float] | None:
+    """The first of ever shorter steps that comes nearer with the same events; None if none does."""
+    share = 1.0
+    while share >= LEAST_SHARE:
+        new, longer = state + share * step[:-1], period + share * float(step[-1])
+        try:
+            shot = shoot(started(system, new), longer)
+            left = residual_of(system, shot, new, energy)
+            if shot.word == word and left < residual * (1.0 - 0.1 * share):
+                return new, longer, shot, left
+        except NoOrbit:
+            pass
+        share *= 0.5
+    return None
+
+
+def nearest_return(system: System, impacts: int | None, longest: float, most: int = 24) -> float:
+    """Time (s) at which a motion comes nearest to its start, after so many impacts.
+
+    Of several numbers of impacts up to ``most``, if none is given, the one with the nearest return.
+
+    Raises
+    ------
+    NoOrbit
+        If the motion has not as many impacts.
+    """
+    count = most if impacts is None else impacts
+    run = simulate_system(system, longest, count + 1)
+    times = run.collisions["t"]
+    wanted = range(1, len(times)) if impacts is None else range(impacts, impacts + 1)
+    state, scale, best = state_of(system), scale_of(system), (np.inf, 0.0)
+    for number in wanted:
+        if number >= len(times):
+            raise NoOrbit(f"found {len(times)} impacts, expected more than {number}")
+        instants = np.linspace(times[number - 1], times[number], 402)[1:-1]
+        sample = run.sample(instants)
+        gaps: Any = 0.0
+        for body in range(len(system.bodies)):
+            mine = sample["ball"] == body + 1
+            places = zip(sample["arc"][mine], _positions(system, sample, mine), strict=True)
+            ways = np.array([way_of(system, body, int(arc) - 1, place) for arc, place in places])
+            gap = ways - state[2 * body]
+            if system.trace.closed:
+                whole = sum(_lengths(system, body))
+                gap -= whole * np.round(gap / whole)
+            rate = (sample["speed"][mine] - state[2 * body + 1]) * scale[2 * body + 1]
+            gaps = gaps + gap**2 + rate**2
+        nearest = int(np.argmin(gaps))
+        best = min(best, (float(gaps[nearest]), float(instants[nearest])))
+    return best[1]
+
+
+def _positions(system: System, sample: Any, mine: Any) -> Floats:
+    """Positions on their pieces of the rows of a sample: angles, or distances along lines."""
+    start = np.array([piece.start_s for piece in system.trace.pieces])
+    along = sample["s"][mine] - start[sample["arc"][mine] - 1]
+    found: Floats = np.where(np.isnan(sample["angle"][mine]), along, sample["angle"][mine])
+    return found
+
+
+def find_orbit(
+    system: System, impacts: int | None = None, period: float | None = None, longest: float = 100.0
+) -> Orbit:
+    """Return the periodic orbit next to the start of a system.
+
+    Parameters
+    ----------
+    impacts, period
+        Of the orbit, if known: a guess of the period is then taken from its return.
+    longest
+        How long (s) a return is waited for.
+    """
+    if len(system.bodies) < 2:
+        raise NoOrbit("found one body, expected two or more: an orbit of impacts")
+    if period is None:
+        period = nearest_return(system, impacts, longest)
+    orbit = newton(system, state_of(system), period, None, None)
+    if not any(word.isdigit() for word in orbit.shot.word):
+        raise NoOrbit("the orbit next to this start has no impact")
+    return begun_between(orbit, longest=True)

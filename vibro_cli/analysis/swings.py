@@ -1,0 +1,131 @@
+"""The papers' constants of a swing on one arc, and their series for its time.
+
+ω² = 2g/κρ and Ω² = φ̇₀² + 2ω² sin²(φ₀/2), modulus k = √2 ω/Ω (B (50)–(54)): the time between two
+angles is t = (2/Ω) ∫ du/[√(1 − u²) √(1 − k²u²)] with u = sin(φ/2). For k > 1 the body swings
+between u = ±1/k, for k < 1 it goes round.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from scipy.special import ellipk, ellipkinc
+
+from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.trace import VALLEY, Piece
+
+PRINTED = 3.0 / (2.0 * 4.0 * 6.0)
+"""The coefficient of k⁴u⁵ as A (8)–(9) and B (58) print it, …"""
+CORRECT = 3.0 / (2.0 * 4.0 * 5.0)
+"""… and as it is."""
+
+
+@dataclass(frozen=True)
+class Swing:
+    """The motion of one body in one valley, from its angle (rad) and rate (rad/s) at an instant."""
+
+    square: float
+    """ω² = 2g/κρ (1/s²)."""
+    angle: float
+    rate: float
+
+    @property
+    def scale(self) -> float:
+        """Ω (rad/s), the rate at the bottom."""
+        return math.sqrt(self.rate**2 + 2.0 * self.square * math.sin(0.5 * self.angle) ** 2)
+
+    @property
+    def modulus(self) -> float:
+        """k = √2 ω/Ω; infinite for a body at rest at the bottom."""
+        scale = self.scale
+        return math.sqrt(2.0 * self.square) / scale if scale > 0.0 else math.inf
+
+    @property
+    def small_period(self) -> float:
+        """Period (s) of small oscillations, 2π √(κρ/g)."""
+        return 2.0 * math.pi / math.sqrt(0.5 * self.square)
+
+    @property
+    def amplitude(self) -> float:
+        """Greatest angle (rad); π where the body goes round."""
+        return math.pi if self.modulus <= 1.0 else 2.0 * math.asin(1.0 / self.modulus)
+
+    @property
+    def period(self) -> float:
+        """Period (s) of this swing, or time once round; infinite on the separatrix."""
+        k = self.modulus
+        if k == 1.0:
+            return math.inf
+        if k < 1.0:
+            return 4.0 / self.scale * float(ellipk(k * k))
+        return 4.0 / math.sqrt(0.5 * self.square) * float(ellipk(1.0 / (k * k)))
+
+    def from_bottom(self, u: float) -> float:
+        """Return the time (s) from the bottom to u = sin(φ/2), exactly; odd."""
+        k = self.modulus
+        if k < 1.0:
+            return 2.0 / self.scale * float(ellipkinc(math.asin(u), k * k))
+        way = max(-1.0, min(1.0, k * u))
+        return float(ellipkinc(math.asin(way), 1.0 / (k * k))) / math.sqrt(0.5 * self.square)
+
+
+def partial_sums(k: float, u: float, coefficient: float) -> tuple[float, float, float]:
+    """Return the three brackets of A (8), B (58): the papers' series of Ω t/2 from the bottom.
+
+    Both roots are expanded to second order; `coefficient` is that of k⁴u⁵ in the first bracket.
+    """
+    m = k * k
+    return (
+        u + m * u**3 / 6.0 + coefficient * m * m * u**5,
+        u**3 / 6.0 + m * u**5 / 20.0 + 3.0 / 112.0 * m * m * u**7,
+        3.0 / 40.0 * u**5 + 3.0 / 112.0 * m * u**7 + 9.0 / 576.0 * m * m * u**9,
+    )
+
+
+def series_time(swing: Swing, u: float) -> float:
+    """Return the time (s) from the bottom to u by the papers' series, its coefficient corrected."""
+    return 2.0 / swing.scale * math.fsum(partial_sums(swing.modulus, u, CORRECT))
+
+
+def printed_time(swing: Swing, u: float, first: Swing | None = None) -> float:
+    """Return that time (s) as the papers print it: A (8), or A (9) with the swing of ball 1.
+
+    A (9) and B (61) take Ω₁ and k₁ of ball 1 in the last bracket of ball 2's time.
+    """
+    last = first or swing
+    one, two, _ = partial_sums(swing.modulus, u, PRINTED)
+    three = partial_sums(last.modulus, u, PRINTED)[2]
+    return 2.0 / swing.scale * (one + two) + 2.0 / last.scale * three
+
+
+def squared_rate(system: System, ball: int, piece: Piece) -> float:
+    """Return ω² = 2g/κρ (1/s²) of a body (from 1) on an arc, B (50)."""
+    body = system.bodies[ball - 1]
+    return 2.0 * system.gravity / (body.kappa * piece.path_radius(body.radius))
+
+
+def starting_swing(system: System, ball: int) -> Swing | None:
+    """Return the swing of a body (from 1) from its start; None outside a valley at rest."""
+    state = system.initial[ball - 1]
+    piece = system.trace.pieces[state.piece]
+    if piece.shape != VALLEY or system.turning is not None:
+        return None
+    rate = state.speed / piece.path_radius(system.bodies[ball - 1].radius)
+    return Swing(squared_rate(system, ball, piece), state.position, rate)
+
+
+def stays(swing: Swing, piece: Piece, closed: bool) -> bool:
+    """Return whether a swing stays on its arc, or goes round one that is the whole closed trace."""
+    if swing.modulus <= 1.0:
+        return closed
+    return piece.angle_start <= -swing.amplitude and swing.amplitude <= piece.angle_end
+
+
+def contact_angle(piece: Piece, radii: tuple[float, float]) -> float:
+    """Return β (rad) between two bodies in contact on an arc, A (6), B (48).
+
+    sin(β/2) = √(r₁ r₂/(ρ₁ ρ₂)), which keeps the digits that their arccos loses.
+    """
+    one, other = (piece.path_radius(radius) for radius in radii)
+    return 2.0 * math.asin(math.sqrt(radii[0] * radii[1] / (one * other)))

@@ -1,0 +1,286 @@
+"""`vibro orbit`: periodic orbits, their multipliers, and how they change with a number."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from vibro_cli.commands.boundary import DONE, CommandError, say
+from vibro_cli.commands.completing import scenario_keys
+from vibro_cli.commands.options import Task
+from vibro_cli.commands.streams import json_text
+
+if TYPE_CHECKING:
+    from vibro_cli.analysis.orbit_branch import Branch
+    from vibro_cli.analysis.orbits import Orbit
+    from vibro_cli.mechanics.system import System
+    from vibro_cli.scenario.systems import AnyScenario
+
+ENERGY = "energy"
+
+
+@dataclass(frozen=True)
+class _Wishes:
+    """What was asked of `vibro orbit`."""
+
+    source: str
+    overrides: Sequence[str]
+    impacts: int | None
+    period: float | None
+    vary: str | None
+    output: str | None
+    figures: bool
+    as_json: bool
+
+
+def orbit(
+    scenario: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help="Scenario file, or - for standard input.")
+    ],
+    overrides: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Override a value of the scenario, e.g. --set balls[2].mass=1.2; repeatable.",
+            show_default=False,
+            autocompletion=scenario_keys,
+        ),
+    ] = [],  # noqa: B006 (typer copies it)
+    impacts: Annotated[
+        int | None,
+        typer.Option(min=1, help="Impacts of one period [default: those of the nearest return]."),
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="A guess of the period, instead.")
+    ] = None,
+    vary: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATH=LOW:HIGH",
+            help="Follow the orbit over a number of the scenario (SI units, radians), at constant "
+            "energy, e.g. --vary balls[2].mass=0.9:1.1, or the energy: --vary energy=5:20 (J).",
+        ),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            help="Folder of the table [default: outputs/<name>-orbit, with --vary].",
+        ),
+    ] = None,
+    figures: Annotated[
+        bool, typer.Option("--figures/--no-figures", help="Draw a family of orbits.")
+    ] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
+) -> Task:
+    """Find the periodic orbit of impacts next to the start: period, events, multipliers."""
+    if vary is not None:
+        parsed_span(vary)  # a wrong usage is told before anything is read
+    wishes = _Wishes(scenario, overrides, impacts, period, vary, output, figures, as_json)
+    return partial(_find, wishes)
+
+
+def parsed_span(vary: str) -> tuple[str, float, float]:
+    """Path, lowest and highest value of `--vary`."""
+    path, _, values = vary.rpartition("=")
+    try:
+        low, high = map(float, values.split(":"))
+    except ValueError:
+        low = high = 0.0
+    if not path.strip() or not -float("inf") < low < high < float("inf"):
+        raise typer.BadParameter(f"--vary: found {vary!r}, expected PATH=LOW:HIGH with LOW < HIGH")
+    return path.strip(), low, high
+
+
+def _find(wishes: _Wishes) -> int:
+    """Find, follow, draw, write and print."""
+    from vibro_cli.analysis.orbits import NoOrbit, find_orbit
+    from vibro_cli.commands.loading import load_any
+    from vibro_cli.simulation.tangents import NoTangents
+    from vibro_cli.storage.orbits import check_orbit_folder, write_orbits
+    from vibro_cli.storage.provenance import FolderRefused
+    from vibro_cli.systems import system_named
+
+    scenario, system = load_any(wishes.source, wishes.overrides)
+    if not system_named(scenario.system).has_orbits:
+        raise CommandError(f"vibro: {scenario.name}: orbits are of bodies on a trace")
+    folder = None
+    if wishes.vary is not None or wishes.output is not None:
+        folder = Path(wishes.output or Path("outputs") / f"{scenario.name}-orbit")
+    longest = scenario.stop.time or 1000.0
+    try:
+        if folder is not None:
+            check_orbit_folder(folder)
+        found = find_orbit(system, wishes.impacts, wishes.period, longest)
+        branch = None if wishes.vary is None else _followed(wishes, scenario, found)
+        if folder is not None:
+            columns = orbit_columns(found, branch)
+            drawn = {}
+            if wishes.vary is not None and wishes.figures:
+                drawn = _drawn(columns, parsed_span(wishes.vary)[0])
+            write_orbits(scenario, columns, folder, drawn)
+    except (NoOrbit, NoTangents) as error:
+        raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
+    except FolderRefused as error:
+        raise CommandError(f"vibro: {error}") from error
+    if wishes.as_json:
+        print(json_text(record_of(found, branch)))
+    else:
+        print("\n".join(_lines(scenario.name, found, branch)))
+    if folder is not None:
+        say(f"{scenario.name}: files in {folder}")
+    return DONE
+
+
+def _followed(wishes: _Wishes, scenario: "AnyScenario", found: "Orbit") -> "Branch":
+    """The family that an orbit belongs to."""
+    from vibro_cli.analysis.orbit_branch import Family
+    from vibro_cli.build import build_system
+    from vibro_cli.commands.loading import load_any
+    from vibro_cli.scenario import load_scenario
+
+    assert wishes.vary is not None
+    path, low, high = parsed_span(wishes.vary)
+    if path == ENERGY:
+        value = found.energy
+        at = None
+    else:
+        if wishes.source == "-":
+            raise CommandError(
+                "vibro: --vary reads the scenario several times; expected a file, not -"
+            )
+        value = _number_at(scenario, path)
+        # Both ends are told of in the words of scenarios, before anything is followed.
+        for end in (low, high):
+            load_any(wishes.source, [*wishes.overrides, f"{path}={end!r}"])
+
+        @lru_cache(maxsize=64)
+        def at(value: float) -> "System":
+            return build_system(
+                load_scenario(wishes.source, [*wishes.overrides, f"{path}={value!r}"])
+            )
+
+    if not low <= value <= high:
+        raise CommandError(
+            f"vibro: {scenario.name}: {path}: found {value:.6g}, expected a number in the range "
+            f"{low:g}:{high:g} of --vary"
+        )
+    return Family(at, found, value, low, high).follow()
+
+
+def _number_at(scenario: "AnyScenario", path: str) -> float:
+    """The number that a scenario has at a path."""
+    from vibro_cli.scenario.overrides import parse
+
+    keys = parse(f"{path}=0").path
+    found: Any = scenario.resolved()
+    try:
+        for key in keys:
+            found = found[key]
+        return float(found)
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise CommandError(
+            f"vibro: {scenario.name}: {path}: found no number there, expected one that the "
+            "scenario gives"
+        ) from error
+
+
+def orbit_columns(found: "Orbit", branch: "Branch | None") -> dict[str, Any]:
+    """The columns of ``orbits.parquet``: the points of a family, or the one orbit."""
+    import numpy as np
+
+    points: list[tuple[float, Orbit, str]] = [(float("nan"), found, "")]
+    if branch is not None:
+        marked = {id(one.point.orbit): one.kind for one in branch.special}
+        points = [(p.value, p.orbit, marked.pop(id(p.orbit), "")) for p in branch.points]
+        for one in branch.special:
+            if id(one.point.orbit) in marked:
+                values = [abs(value - one.point.value) for value, *_ in points]
+                at = int(np.argmin(values))
+                at += points[at][0] < one.point.value
+                points.insert(at, (one.point.value, one.point.orbit, one.kind))
+    orbits = [orbit for _, orbit, _ in points]
+    columns: dict[str, Any] = {
+        "value": np.array([value for value, *_ in points]),
+        "special": np.array([kind or None for *_, kind in points], dtype=object),
+        "period": np.array([one.period for one in orbits]),
+        "energy": np.array([one.energy for one in orbits]),
+        "residual": np.array([one.residual for one in orbits]),
+        "multiplier": np.array([float(abs(one.multipliers[0])) for one in orbits]),
+        "stable": np.array([one.stable for one in orbits]),
+        "least_speed": np.array([one.shot.approach for one in orbits]),
+        "word": np.array([" ".join(one.shot.word) for one in orbits], dtype=object),
+    }
+    for body, _ in enumerate(found.system.bodies):
+        starts = [one.system.initial[body] for one in orbits]
+        columns[f"arc_{body + 1}"] = np.array([start.piece + 1 for start in starts])
+        columns[f"position_{body + 1}"] = np.array([start.position for start in starts])
+        columns[f"speed_{body + 1}"] = np.array([start.speed for start in starts])
+    return columns
+
+
+def record_of(found: "Orbit", branch: "Branch | None") -> dict[str, Any]:
+    """What was found as plain values."""
+    record: dict[str, Any] = _plain(found)
+    if branch is not None:
+        record["special"] = [
+            {"kind": one.kind, "value": one.point.value, **_plain(one.point.orbit)}
+            for one in branch.special
+        ]
+        record["points"] = len(branch.points)
+    return record
+
+
+def _plain(one: "Orbit") -> dict[str, Any]:
+    return {
+        "period": one.period,
+        "events": list(one.shot.word),
+        "energy": one.energy,
+        "residual": one.residual,
+        "stable": one.stable,
+        "multipliers": [[float(mu.real), float(mu.imag)] for mu in one.multipliers],
+        "start": [
+            {"arc": state.piece + 1, "position": state.position, "speed": state.speed}
+            for state in one.system.initial
+        ],
+    }
+
+
+def _lines(name: str, found: "Orbit", branch: "Branch | None") -> Iterator[str]:
+    """What was found as text."""
+    yield f"{name}: period {found.period:.15g} s, closed to {found.residual:.1e}"
+    yield f"  events       {' '.join(found.shot.word)}"
+    yield f"  energy       {found.energy:.12g} J above the trace's left end"
+    told = ", ".join(_complex(mu) for mu in found.multipliers)
+    yield f"  multipliers  {told}: {'stable' if found.stable else 'unstable'}"
+    for body, state in enumerate(found.system.initial, 1):
+        yield (
+            f"  ball {body}       arc {state.piece + 1}, {state.position:.15g}, "
+            f"{state.speed:.15g} m/s"
+        )
+    if branch is not None:
+        yield f"  family       {len(branch.points)} orbits"
+        for one in branch.special:
+            orbit = one.point.orbit
+            told = ", ".join(_complex(mu) for mu in orbit.multipliers)
+            yield f"  {one.kind:11}  at {one.point.value:.12g}: period {orbit.period:.9g} s; {told}"
+
+
+def _complex(value: complex) -> str:
+    return f"{value.real:.9g}" if value.imag == 0.0 else f"{value.real:.9g}{value.imag:+.9g}i"
+
+
+def _drawn(columns: dict[str, Any], path: str) -> dict[str, bytes]:
+    """The figure of a family in both forms."""
+    from vibro_cli.figures.orbit_branch import branch_figure
+    from vibro_cli.figures.output import render
+
+    told = columns | {"special": [kind or "" for kind in columns["special"]]}
+    figure = branch_figure(told, path, "single")
+    return {f"orbits.{form}": render(figure, form) for form in ("png", "pdf")}

@@ -1,0 +1,204 @@
+"""What of the papers is shown by which command, as Markdown: `vibro help papers`."""
+
+Row = tuple[str, str, str, str]
+"""Reference, what it says, the command that shows it, and where it then stands."""
+
+RUN_CIRCLE = (
+    "vibro run scenarios/one_circle.toml --figures "
+    "scene,plan,velocities,contact_points,portrait,energy_portrait,energy"
+)
+RUN_ARCS = "vibro run scenarios/three_arcs.toml --figures scene,velocities"
+RUN_SKEW = "vibro run scenarios/table/skew_impact.toml --figures contact_points,velocities,plan"
+_REPORT = "report, section “{}”"
+
+A: tuple[Row, ...] = (
+    ("A fig. 1a", "kinematic plan of velocities of two balls on a curved line",
+     RUN_ARCS, "`velocities`"),
+    ("A fig. 1b", "portraits of both balls on a circle with the jumps of their representative "
+     "points", "vibro run scenarios/one_circle.toml --set stop.collisions=3 --set collision.k=1 "
+     "--figures portrait -o outputs/circle_three",
+     "`portrait_1`, `portrait_2`: N₀ is the square, N before an impact "
+     "open, after it full, with the number of the impact"),
+    ("A fig. 2a, §1", "model: a ball on three arcs", RUN_ARCS, "`scene`: O, R, C, P, φ"),
+    ("A fig. 2b–d, (5)", "compositions of portraits for different radii",
+     "vibro portrait scenarios/three_arcs.toml --vary trace.arcs[2].radius=0.3:6:4",
+     "`portrait_1_2`, `family`"),
+    ("A abstract, §4", "jumps of velocity and energy on the curves of constant energy",
+     "vibro run scenarios/three_arcs.toml --set stop.collisions=8 --figures energy_portrait "
+     "-o outputs/eight",
+     "`energy_portrait_1`, `energy_portrait_2`"),
+    ("A (1)–(3)", "moments of momentum kept, k on ω, outgoing ω",
+     "vibro show outputs/three_arcs/collisions.parquet --columns "
+     "n,omega_a_pre,omega_b_pre,omega_a_post,omega_b_post", "`omega_[ab]_pre`, `omega_[ab]_post`"),
+    ("A (4), (6)", "κ, β, λ₁, λ₂", "vibro check scenarios/one_circle.toml",
+     "κ, J_P, ω², modulus, periods, β, λ₁ = R/r₁, λ₂ = r₂/r₁"),
+    ("A (7)–(9)", "time as an elliptic integral, and its series of order 2",
+     "vibro report outputs/circle_three", _REPORT.format("Exact times and the papers' series")),
+    ("A §4", "n successive impacts; variation of parameters",
+     "vibro grid scenarios/grids/three_arcs_grid.toml", "`summary.parquet`, all impacts"),
+    ("A conclusions", "skew impact of balls on two straight traces",
+     RUN_SKEW, "`velocities`"),
+)  # fmt: skip
+B: tuple[Row, ...] = (
+    ("B fig. 1, (1)–(5), fig. A1a", "central impact of two bodies in translation",
+     "vibro run scenarios/translation.toml --figures velocities", "`velocities`; −1/3 and 5/3 m/s"),
+    ("B (6)", "impulse in N s",
+     "vibro show outputs/translation/collisions.parquet --columns impulse", "`impulse`: 8/3 N s"),
+    ("B 1*, 2*, 3*; (9)–(12)", "plastic, elastic, arbitrary; losses, Carnot's theorem",
+     "vibro run scenarios/translation.toml --set collision.k=0 -o outputs/plastic",
+     "`energy_loss`"),
+    ("B fig. 2", "possible contact points of equal balls",
+     RUN_CIRCLE, "`contact_points`"),
+    ("B figs 3a–d, 4", "the same of balls of different radii: T₀ above the centre of the smaller, "
+     "below that of the larger", "vibro run scenarios/horizontal_line_1_2.toml --figures "
+     "contact_points,velocities", "`contact_points`"),
+    ("B fig. 5", "component velocities at T₀, arrival and outgoing",
+     "vibro run scenarios/horizontal_line_1_2.toml --figures contact_points,velocities",
+     "`velocities`"),
+    ("B (7), (8), (18), (19)", "kinetic energies before and after",
+     "vibro show outputs/one_circle/collisions.parquet --columns "
+     "kinetic_energy_a_pre,kinetic_energy_a_post",
+     "`kinetic_energy_[ab]_pre`, `_post`"),
+    ("B (13)–(17), (20)–(23)", "law, ω⁺, moment of impulse, loss, generalised Carnot's theorem",
+     "vibro show outputs/one_circle/collisions.parquet --columns "
+     "n,omega_a_post,impulse_moment,energy_loss", "`impulse_moment`, `energy_loss`"),
+    ("B II.2, third *", "J₁ω₁ + J₂ω₂ = 0 gives ω⁺ = −kω",
+     "vibro run scenarios/horizontal_line_2_3.toml --set balls[1].omega=32 --set "
+     "balls[2].omega=-243 --set collision.k=0.9 -o outputs/opposite", "−28.8 and 218.7 rad/s"),
+    ("B examples a*, b*, c*", "ratios 32/33, 243/244, 243/275",
+     "vibro run scenarios/horizontal_line_1_3.toml", "`omega_[ab]_post`"),
+    ("B table 1", "analogy of translation and rolling, for every impact",
+     "vibro report outputs/one_circle", _REPORT.format("Translation and rolling")),
+    ("B fig. 6", "model: two balls in a circle", RUN_CIRCLE, "`scene`"),
+    ("B fig. 7", "plan of angular velocities and component velocities on a circle",
+     RUN_CIRCLE, "`velocities`"),
+    ("B (24)–(28), (37)–(40), (48)–(51)", "J_P, κ, β, ω_i², modulus k_i",
+     "vibro check scenarios/one_circle.toml", "as A (6)"),
+    ("B (29)–(36), (41)–(47), (52)–(90)", "motion between impacts, n-th intervals, branches",
+     RUN_CIRCLE,
+     "`dt`, `angle_[ab]`, `rate_[ab]_pre`, `_post`; portraits"),
+    ("B (58)–(61), (73), (74), (83), (84)", "truncated series beside the exact time",
+     "vibro report outputs/one_circle", _REPORT.format("Exact times and the papers' series")),
+    ("B III.3.2", "directions after an impact", "vibro show outputs/one_circle/collisions.parquet "
+     "--columns n,speed_a_post,speed_b_post", "signs of `speed_[ab]_post`"),
+    ("B III.3.5", "closed and open trajectories, separatrix; jumps between them",
+     "vibro run scenarios/one_circle.toml --set balls[1].rate=5 --set collision.k=1 --set "
+     "stop.collisions=12 --figures energy_portrait -o outputs/progressive",
+     "`regime_[ab]_pre`, `_post`; " + _REPORT.format("Jumps between oscillation and progression")),
+    ("B fig. 8", "portraits with the first two collisions",
+     "vibro run scenarios/one_circle.toml --set stop.collisions=2 --figures portrait "
+     "-o outputs/circle_two",
+     "`portrait_2` (upper), `portrait_1` (lower)"),
+    ("B fig. 9", "configurations at the first impacts", RUN_CIRCLE, "`plan`"),
+    ("B III.3.6", "energy jumps of both balls", RUN_CIRCLE, "`energy`"),
+)  # fmt: skip
+C: tuple[Row, ...] = (
+    ("C fig. 1", "path of a ball inside an elliptic wall, angular velocities before and after",
+     "vibro run scenarios/table/elliptic_wall.toml --figures plan,velocities,contact_points",
+     "`plan`, `velocities`; `bounces`: `omega_pre`, `omega_post`"),
+    ("C fig. 2a", "possible contact points at a wall",
+     "vibro run scenarios/table/elliptic_wall.toml --figures plan,velocities,contact_points",
+     "`contact_points`"),
+    ("C fig. 2b, c", "skew impact on a convex wall with tangent, normal and angles",
+     "vibro run scenarios/table/convex_wall.toml --figures plan,velocities",
+     "`velocities`; `arrival_angle`, `outgoing_angle`"),
+    ("C introduction", "mathematical billiards, foci, Poncelet",
+     "vibro portrait scenarios/table/elliptic_wall.toml", "`portrait_1`"),
+    ("C introduction", "several balls", "vibro run scenarios/table/billiards.toml", "`plan`"),
+    ("C fig. 3a–d", "possible contact points of two balls that meet skew",
+     RUN_SKEW,
+     "`contact_points`"),
+    ("C fig. 4, §1", "paths, common tangent, normal, angles; central or skew",
+     RUN_SKEW,
+     "`velocities`, `plan`; `arrival_angle_[ab]`, `outgoing_angle_[ab]`, `central`"),
+    ("C (1)–(3)", "the law on ω in a skew impact",
+     "vibro show outputs/skew_impact/collisions.parquet --columns "
+     "normal_speed_a_pre,normal_speed_a_post,omega_a_pre,omega_a_post,central",
+     "`normal_speed_[ab]_pre`, `_post`, `omega_[ab]_pre`, `_post`"),
+    ("C (4)", "ω₀; periods on the springs", "vibro check scenarios/springs/common_origin.toml",
+     "ω₀, periods"),
+    ("C (5), a*1, a*2, b*", "phase trajectory; singular points, stressed or not, trigger",
+     "vibro portrait scenarios/springs/two_disks.toml", "`portrait_1`, `portrait_2`"),
+    ("C part 3, a*, b*", "l ≤ b or l > b: one singular point or three",
+     "vibro portrait scenarios/springs/two_disks.toml --vary balls[1].spring.length=0.5:2:4",
+     "`family`"),
+    ("C fig. 5a", "disks, springs and feet, first collision; common origin, r₂ < r₁, contact at "
+     "2√(r₁r₂)", "vibro run scenarios/springs/common_origin.toml --figures scene,portrait",
+     "`scene`; `x_a`, `x_b`"),
+    ("C fig. 5b, (6), (7)", "portraits with energies and the first jumps; arrival ω",
+     "vibro run scenarios/springs/common_origin.toml --figures scene,portrait",
+     "`portrait_1`, `portrait_2`; `t`, `omega_[ab]_pre`"),
+)  # fmt: skip
+D: tuple[Row, ...] = (
+    ("D fig. 1a, (1), (2)", "a particle on a series of arcs",
+     "vibro run scenarios/lone_particle.toml --figures scene,energy_portrait", "`scene`"),
+    ("D fig. 1b, (3), (4)", "a ball or disk on the same arcs",
+     "vibro run scenarios/disk_on_arcs.toml --figures scene,energy_portrait", "`scene`"),
+    ("D fig. 1c–e", "compositions of portraits for different radii",
+     "vibro portrait scenarios/ball_on_arcs.toml --vary trace.arcs[2].radius=0.3:6:4", "`family`"),
+    ("D analogy", "particle, disk and ball on one trace",
+     "vibro portrait scenarios/particle_on_arcs.toml --compare balls[1].body=particle,disk,ball",
+     "`comparison`"),
+    ("D analysis", "trigger, saddle, homoclinic figure eight and its condition",
+     "vibro portrait scenarios/lone_particle.toml", "`portrait_1`: “barriers”"),
+    ("D methodology", "jumps from one trajectory to another in the figure eight",
+     "vibro run scenarios/disk_on_arcs.toml --figures scene,energy_portrait",
+     "`energy_portrait_1`; `eight_[ab]_pre`, `_post`"),
+    ("D perspectives", "the trace turns; triggers multiply where a valley lies on the axis",
+     "vibro portrait scenarios/turning_valley.toml --vary trace.turning.rate=3:4:5", "`family`"),
+    ("D perspectives", "vibro-impacts on it",
+     "vibro run scenarios/turning_valley.toml --figures energy_portrait", "`energy_portrait_1`"),
+)  # fmt: skip
+
+SYMBOLS: tuple[tuple[str, str, str], ...] = (
+    ("bodies 1, 2", "`a` and `b` of a row, the left and the right one; `ball_a`, `ball_b`", ""),
+    ("t₀: arrival, impact", "`_pre`; on a table `arrival_`", ""),
+    ("t₀ + τ: outgoing", "`_post`; on a table `outgoing_`", ""),
+    ("φ_i in valleys, φ₂ on the hump", "`angle_a`, `angle_b`: φ, ψ", "rad"),
+    ("φ̇_i", "`rate_a_pre`, …", "rad/s"),
+    ("ω_P", "`omega_a_pre`, … (about the contact point P)", "rad/s"),
+    ("v_C", "`speed_a_pre`, …", "m/s"),
+    ("representative points N", "marks of `portrait`, `energy_portrait`", ""),
+    ("T₀, T₁₂, T₁₃; α", "`contact_points`; `arrival_angle`", "rad"),
+    ("J_P = κ m r², κ = 1 + i_C²/r²", "J_P, κ of `vibro check`", "kg m², –"),
+    ("k, coefficient of restitution", "`collision.k`", "–"),
+    ("ω_i² = 2g/κ(R − r)", "`omega_squared` of `vibro check --json`", "1/s²"),
+    ("k_i, modulus", "`modulus` of `vibro check --json`", "–"),
+    ("β, λ₁, λ₂", "`beta`, `lambda_1`, `lambda_2` of `vibro check --json`", "rad, –"),
+    ("E_k(t₀), E_k(t₀ + τ)", "`kinetic_energy_a_pre`, …", "J"),
+    ("E_i = const", "`energy_a_pre`, …", "J"),
+    ("ΔE_k", "`energy_loss`", "J"),
+    ("K = ∫F dt", "`impulse`", "N s"),
+    ("L, moment of impulse", "`impulse_moment`", "N m s"),
+    ("oscillatory, progressive", "`regime_a_pre`, …", ""),
+    ("homoclinic “eight”", "`eight_a_pre`, …; orange in `energy_portrait`", ""),
+    ("x_i, c, l₀, b₀ (C)", "`displacement_a`, `spring.stiffness`, `.length`, `.height`",
+     "m, N/m, m, m"),
+    ("time between impacts", "`dt`", "s"),
+)  # fmt: skip
+
+_NOT_SOLVED = """Not solved, and refused: two balls on two curvilinear traces, parallel or crossing
+(conclusions of A and B). Their line of centres leaves the planes of both traces, and the papers'
+law, which acts on the angular velocities alone, has nothing to say of that direction; with unequal
+radii it would be inadmissible as a rule. A scenario has one trace; straight ones, parallel or
+crossing, are a table (`vibro help table-system`). Mentioned by the papers only, and not solved:
+deformable balls, bearings, dampers, friction as an impact limiter, and measuring k.
+"""
+
+
+def papers() -> str:
+    """Every figure and equation of the papers with the command that shows it; the symbols."""
+    parts = []
+    for name, rows in (("A", A), ("B", B), ("C", C), ("D", D)):
+        lines = [f"Paper {name}:", "", "| where | what | command | shown by |", "|---|---|---|---|"]
+        lines += [f"| {where} | {what} | `{run}` | {shown} |" for where, what, run, shown in rows]
+        parts.append("\n".join(lines))
+    lines = ["Symbols:", "", "| the papers | here | unit |", "|---|---|---|"]
+    lines += [f"| {theirs} | {ours} | {unit} |" for theirs, ours, unit in SYMBOLS]
+    return "\n\n".join([*parts, "\n".join(lines), _NOT_SOLVED])
+
+
+def commands() -> list[str]:
+    """Every command of the page, each once, in its order."""
+    rows = [*A, *B, *C, *D]
+    return list(dict.fromkeys(command for _, _, command, _ in rows))

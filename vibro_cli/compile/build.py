@@ -1,0 +1,193 @@
+"""Making the library of kernels: C++ source files, a compiler, one shared object for a machine.
+
+The build hook of the package calls it when the package is installed or a wheel is made, and
+``python -m vibro_cli.programs`` in a source checkout.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from vibro_cli.compile.native import FOLDER, LEVELS, PACKAGE, RECORD, digest_of
+from vibro_cli.compile.translate import Program
+
+PRELUDE = Path(__file__).parent / "prelude.hpp"
+_MAIN = PACKAGE / "programs.py"
+NATIVE = "native"
+GENERIC = "generic"
+ZIG = "ziglang"
+_SYSTEMS = ("c++", "g++", "clang++")
+
+# Same operations in the same order as the interpreter: no contraction and no reassociation. What
+# is left out is errno and traps, which nobody reads, and a vectoriser that only costs time here.
+_FLAGS = (
+    *("-O3", "-std=c++17", "-fPIC", "-fvisibility=hidden", "-w"),
+    *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fno-tree-slp-vectorize"),
+)
+_LEVEL = """#include "prelude.hpp"
+extern "C" EXPORTED int kernels_level() { return processor_level(); }
+"""
+
+
+class BuildError(Exception):
+    """The library cannot be made; the message tells why, and what to do."""
+
+
+def compiler() -> list[str]:
+    """Return the command of the C++ compiler: ``$CXX``, else the system's, else the wheel's.
+
+    Raises
+    ------
+    BuildError
+        If there is none.
+    """
+    named = os.environ.get("CXX")
+    if named:
+        return named.split()
+    for name in filter(shutil.which, _SYSTEMS):
+        return [name]
+    if has_zig():
+        return [sys.executable, "-m", ZIG, "c++"]
+    raise BuildError(
+        "no C++ compiler found: expected $CXX, c++, g++ or clang++ in PATH, or the package "
+        f"{ZIG} (python -m pip install {ZIG})"
+    )
+
+
+def has_system_compiler() -> bool:
+    """Tell whether a compiler is there without the wheel ``ziglang``."""
+    return bool(os.environ.get("CXX")) or any(map(shutil.which, _SYSTEMS))
+
+
+def has_zig() -> bool:
+    """Tell whether the compiler that comes as a wheel is installed."""
+    from importlib.util import find_spec
+
+    return find_spec(ZIG) is not None
+
+
+def portable_levels() -> tuple[str, ...]:
+    """Return what processors a portable library is made for, best first."""
+    return LEVELS if platform.machine().lower() in ("x86_64", "amd64") else (GENERIC,)
+
+
+def flags(level: str, command: Sequence[str]) -> list[str]:
+    """Return the compiler's options for a processor."""
+    option = "-mcpu" if ZIG in command else "-march"
+    if level == GENERIC:
+        return list(_FLAGS)
+    if level == NATIVE and platform.system() == "Darwin":
+        option = "-mcpu"
+    name = level.replace("-", "_") if ZIG in command and level != NATIVE else level
+    return [*_FLAGS, f"{option}={name}"]
+
+
+def library_name(level: str) -> str:
+    """Return the file name of the library for a processor."""
+    return f"kernels-{level}.so"
+
+
+def build(
+    programs: Sequence[Program],
+    folder: Path = FOLDER,
+    levels: Sequence[str] = (NATIVE,),
+    more_flags: Sequence[str] = (),
+) -> None:
+    """Make the library in a folder, with a record of what it was made of; whole or not at all.
+
+    Parameters
+    ----------
+    programs
+        What is compiled.
+    folder
+        Made if it is not there.
+    levels
+        The processors it is made for, best first.
+    more_flags
+        For the compiler, after its own.
+
+    Raises
+    ------
+    BuildError
+        If there is no compiler, or it fails.
+    TranslationError
+        If a kernel uses what the subset does not have.
+    """
+    command = compiler()
+    texts = {program.name: program.source() for program in programs} | {"level": _LEVEL}
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix="making-") as name:
+        work = Path(name)
+        shutil.copy(PRELUDE, work)
+        for program, text in texts.items():
+            (work / f"{program}.cpp").write_text(text)
+        made = _compiled(command, more_flags, list(texts), levels, work)
+        record = work / RECORD
+        record.write_text(json.dumps(_record(command, levels), indent=1) + "\n")
+        for path in (*made, record):
+            path.replace(folder / path.name)
+
+
+def _compiled(
+    command: Sequence[str],
+    more_flags: Sequence[str],
+    names: Sequence[str],
+    levels: Sequence[str],
+    work: Path,
+) -> list[Path]:
+    """Compile and link the sources for every kind of processor."""
+    tasks = [
+        [*command, *flags(level, command), *more_flags, "-c", "-o", f"{name}.o", source]
+        for level in levels
+        for source, name in ((f"{name}.cpp", f"{name}-{level}") for name in names)
+    ]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(lambda task: _run(task, work), tasks))
+    # The wheel's runtime has sines of its own, which are not to the bit those that Python calls.
+    own_runtime = ["-rtlib=none"] if ZIG in command else []
+    link = [*command, "-shared", "-fPIC", *own_runtime, *more_flags]
+    for level in levels:
+        objects = [f"{name}-{level}.o" for name in names]
+        _run([*link, "-o", library_name(level), *objects, "-lm"], work)
+    return [work / library_name(level) for level in levels]
+
+
+def _record(command: Sequence[str], levels: Sequence[str]) -> dict[str, Any]:
+    """What the library was made of."""
+    sources = _sources()
+    return {
+        "portable": NATIVE not in levels,
+        "libraries": list(map(library_name, levels)),
+        "compiler": _version_of(command),
+        "sources": sources,
+        "digest": digest_of(sources),
+    }
+
+
+def _run(command: Sequence[str], work: Path) -> None:
+    done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise BuildError(f"{' '.join(command)}: exit {done.returncode}\n{done.stderr[:4000]}")
+
+
+def _version_of(command: Sequence[str]) -> str:
+    asked = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
+    return asked.stdout.partition("\n")[0]
+
+
+def _sources() -> list[str]:
+    """Files of the package that the library depends on: what was imported to make it."""
+    names = [name for name in sys.modules if name.partition(".")[0] == PACKAGE.name]
+    files = {Path(str(getattr(sys.modules[name], "__file__", None))) for name in names}
+    inside = [file for file in {*files, PRELUDE, _MAIN} if file.is_relative_to(PACKAGE)]
+    return sorted(file.relative_to(PACKAGE).as_posix() for file in inside)

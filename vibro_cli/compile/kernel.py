@@ -1,0 +1,193 @@
+"""Declaring kernels and structs: what is interpreted and what is compiled are the same functions.
+
+A kernel is a short function of numbers and structs. Decorated with :func:`kernel` it stays a plain
+Python function; ``native.compiled`` returns its compiled form. A struct is a class of annotated
+fields: an object with slots for the interpreter, an element of a structured array for the machine.
+Both evaluate the same floating-point operations in the same order (no contraction, no
+reassociation), so they give the same bits. Nothing heavy is imported here: this is needed to build.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from functools import cache
+from types import FunctionType
+from typing import Any, TypeVar
+
+from vibro_cli.compile.lanes import LANES
+
+Kernel = Callable[..., Any]
+Function = TypeVar("Function", bound=Kernel)
+StructClass = TypeVar("StructClass", bound=type)
+
+# Entries of a Series: the nodes of a collocation segment.
+SERIES_LENGTH = 8
+Series = list[float]
+# Arrays of two axes and more in C order; for the type checker they are numpy's.
+FloatMatrix = Any
+IntMatrix = Any
+BoolMatrix = Any
+FloatArray3 = Any
+FloatArray4 = Any
+
+_kernels: dict[str, dict[str, Kernel]] = {}
+
+
+def kernel(function: Function) -> Function:
+    """Register a function as a kernel; it stays a plain Python function."""
+    _kernels.setdefault(function.__module__, {})[function.__name__] = function
+    return function
+
+
+def is_kernel(value: Any) -> bool:
+    """Tell whether a value is a function decorated with :func:`kernel`."""
+    home = getattr(value, "__module__", None)
+    return isinstance(value, FunctionType) and value in _kernels.get(str(home), {}).values()
+
+
+def kernel_names() -> set[str]:
+    """Return the names of all kernels."""
+    return {name for kernels in _kernels.values() for name in kernels}
+
+
+def is_struct(value: Any) -> bool:
+    """Tell whether a value is a class decorated with :func:`struct`."""
+    return isinstance(value, type) and hasattr(value, "fields")
+
+
+def struct(cls: StructClass) -> StructClass:
+    """Turn a class of annotated fields into one with slots and zero values.
+
+    The mapping ``fields`` of the result gives their names and kinds. Fields are ``float``,
+    ``int``, ``Series`` (a short row of floats, such as the coefficients of a polynomial) or
+    ``Lanes`` or ``Two`` (see ``compile.lanes``).
+    The fields of base classes that are structs come first.
+    """
+    fields: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        fields.update(getattr(base, "fields", {}))
+    fields.update(cls.__annotations__)
+    names = tuple(fields)
+    scalars = [(name, 0 if kind == "int" else 0.0) for name, kind in fields.items()]
+    scalars = [(name, value) for name, value in scalars if fields[name] != "Series"]
+    series = [name for name, kind in fields.items() if kind == "Series"]
+
+    def initialise(self: object) -> None:
+        for name, value in scalars:
+            setattr(self, name, value)
+        for name in series:
+            setattr(self, name, [0.0] * SERIES_LENGTH)
+
+    body = {
+        "__slots__": names,
+        "__init__": initialise,
+        "__doc__": cls.__doc__,
+        "__module__": cls.__module__,
+        "fields": fields,
+    }
+    return type(cls.__name__, (), body)  # type: ignore[return-value]
+
+
+@cache
+def dtype(cls: type) -> Any:
+    """Return the structured numpy type of a struct."""
+    import numpy as np
+
+    kinds: dict[str, Any] = {
+        "float": np.float64,
+        "int": np.int64,
+        "Series": (np.float64, (SERIES_LENGTH,)),
+        "Lanes": (np.float64, (1, LANES)),
+        "Two": (np.float64, (1, 2)),
+    }
+    fields = cls.fields  # type: ignore[attr-defined]
+    return np.dtype([(name, kinds[kind]) for name, kind in fields.items()])
+
+
+def interpreted_rows(cls: type, count: int) -> list[Any]:
+    """Return ``count`` zero structs for the interpreter."""
+    return [cls() for _ in range(count)]
+
+
+def interpreted_copies(rows: Any, cls: type) -> list[Any]:
+    """Return interpreted structs with the contents of a structured array."""
+    names = tuple(cls.fields)  # type: ignore[attr-defined]
+    series = [name for name, kind in cls.fields.items() if kind == "Series"]  # type: ignore[attr-defined]
+    copies = []
+    for values in rows.tolist():
+        copy = cls()
+        for name, value in zip(names, values, strict=True):
+            setattr(copy, name, value)
+        for name in series:
+            setattr(copy, name, list(getattr(copy, name)))
+        copies.append(copy)
+    return copies
+
+
+def compiled_rows(rows: Sequence[Any], cls: type) -> Any:
+    """Return a structured array with the contents of interpreted structs."""
+    import numpy as np
+
+    names = tuple(cls.fields)  # type: ignore[attr-defined]
+    array = np.zeros(len(rows), dtype=dtype(cls))
+    for position, row in enumerate(rows):
+        array[position] = tuple(getattr(row, name) for name in names)
+    return array
+
+
+def fused(a: float, b: float, c: float) -> float:
+    """Return ``a b + c``, rounded once (IEEE 754 fusedMultiplyAdd)."""
+    return float(Fraction(a) * Fraction(b) + Fraction(c))
+
+
+class Overrides:
+    """Kernels that stand for others: the same event loop for another mechanics.
+
+    A name in a kernel means what it means in its module, or what stands for that here. The
+    kernels themselves know nothing of it, so what is not asked for costs nothing.
+
+    Parameters
+    ----------
+    name
+        Of the overrides; part of the names of their entry points in the library.
+    replaced
+        The replacement, with the same parameters and result, of each kernel that has one.
+    """
+
+    def __init__(self, name: str, replaced: Mapping[Kernel, Kernel]) -> None:
+        self.name = name
+        self.replaced = replaced
+        self._functions: dict[Kernel, Kernel] = {}
+        self._namespaces: dict[str, dict[str, Any]] = {}
+
+    def resolved(self, value: Any) -> Any:
+        """Return what a kernel's name means; other values as they are."""
+        return self.replaced.get(value, value) if isinstance(value, FunctionType) else value
+
+    def interpreted(self, function: Function) -> Function:
+        """Return a kernel as the interpreter calls it, names looked up with the overrides."""
+        meant = self.resolved(function)
+        if meant not in self._functions:
+            namespace = self._namespace(meant.__module__)
+            self._functions[meant] = copy = FunctionType(
+                meant.__code__, namespace, meant.__name__, meant.__defaults__
+            )
+            copy.__module__, copy.__annotations__ = meant.__module__, meant.__annotations__
+            copy.__doc__ = meant.__doc__
+        return self._functions[meant]  # type: ignore[return-value]
+
+    def _namespace(self, module: str) -> dict[str, Any]:
+        """Names of a module, where those of kernels mean what they do with the overrides."""
+        if module not in self._namespaces:
+            self._namespaces[module] = names = dict(vars(sys.modules[module]))
+            for name, value in list(names.items()):
+                if is_kernel(value):
+                    names[name] = self.interpreted(value)
+        return self._namespaces[module]
+
+
+def interpreted(function: Function, overrides: Overrides | None) -> Function:
+    """Return a kernel as the interpreter calls it with overrides; itself without."""
+    return function if overrides is None else overrides.interpreted(function)

@@ -1,0 +1,206 @@
+"""The library of kernels: loaded once, called without the interpreter's lock.
+
+In a source checkout a library that is missing, or older than the kernels, is made anew first.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from vibro_cli.compile import kinds as t
+from vibro_cli.compile.kernel import Kernel, Overrides, dtype
+from vibro_cli.compile.kinds import signature, symbol_of
+from vibro_cli.errors import VibroError
+
+PACKAGE = Path(__file__).parents[1]
+FOLDER = Path(__file__).parent / "library"
+"""Where the library is."""
+RECORD = "build.json"
+"""What the library was made of, beside it."""
+LEVELS = ("x86-64-v4", "x86-64-v3", "x86-64-v2")
+"""Of a portable library: the best one that a processor has is loaded."""
+_SCALARS = {t.FLOAT: ctypes.c_double, t.INT: ctypes.c_int64, t.BOOL: ctypes.c_bool}
+_MODULE = "vibro_cli.programs"
+
+
+class NoLibrary(VibroError, RuntimeError):
+    """There is no library of kernels for this machine; the message says what to do."""
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Return the library of kernels, made before if it is missing or out of date.
+
+    ``VIBRO_LIBRARY`` names another one, as tests of other compilers do.
+
+    Raises
+    ------
+    NoLibrary
+        If there is none and it cannot be made.
+    """
+    named = os.environ.get("VIBRO_LIBRARY")
+    return ctypes.CDLL(named or str(_path()))
+
+
+def _path() -> Path:
+    record = _record()
+    if not record or not (record["portable"] or record["digest"] == digest_of(record["sources"])):
+        _make("changed" if record else "are not there yet")
+        record = _record()
+    names: list[str] = record["libraries"]
+    if len(names) == 1:
+        return FOLDER / names[0]
+    # The plainest one knows what the processor has.
+    plainest = ctypes.CDLL(str(FOLDER / names[-1]))
+    level: int = plainest.kernels_level()
+    return FOLDER / names[max(0, len(LEVELS) + 1 - level)]
+
+
+def _record() -> Any:
+    try:
+        return json.loads((FOLDER / RECORD).read_text())
+    except FileNotFoundError:
+        return None
+
+
+def _make(why: str) -> None:
+    """Make the library by a process of its own, which imports what is needed for it only."""
+    print(f"vibro: the kernels {why}; they are compiled now, which takes seconds", file=sys.stderr)
+    command = [sys.executable, "-m", _MODULE]
+    environment = {**os.environ, "PYTHONPATH": str(FOLDER.parents[2])}
+    done = subprocess.run(
+        command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    if done.returncode:
+        found = done.stderr.strip()
+        raise NoLibrary(f"the kernels cannot be compiled by python -m {_MODULE}:\n{found}")
+
+
+def digest_of(sources: Sequence[str]) -> str:
+    """Return a digest of files of the package; empty if one is not there."""
+    found = hashlib.sha256()
+    for name in sources:
+        path = PACKAGE / name
+        if not path.is_file():
+            return ""
+        found.update(f"{name}\0".encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+_more: list[ctypes.CDLL] = []
+
+
+def add_library(path: Path) -> None:
+    """Have the kernels of another library found too."""
+    _more.append(ctypes.CDLL(str(path)))
+
+
+@cache
+def compiled(kernel: Kernel, overrides: Overrides | None = None) -> CompiledKernel:
+    """Return the compiled form of a kernel, to be called like the kernel itself.
+
+    Parameters
+    ----------
+    kernel
+        An entry point of a program (see ``vibro_cli.programs``). Its parameters are numbers, or
+        numpy arrays in C order, or named tuples of them; it returns numbers, or a tuple of
+        them, or nothing.
+    overrides
+        Those of its program.
+    """
+    return CompiledKernel(kernel, overrides)
+
+
+class CompiledKernel:
+    """A kernel of the library (see :func:`compiled`)."""
+
+    def __init__(self, kernel: Kernel, overrides: Overrides | None = None) -> None:
+        symbol = symbol_of(kernel, overrides)
+        names, self._kinds, returned = signature(kernel)
+        self._function = _found(symbol)
+        kinds = [_SCALARS.get(kind, ctypes.c_void_p) for kind in self._kinds]
+        self._function.argtypes = [*kinds, ctypes.c_void_p]
+        self._function.restype = None
+        self._is_tuple = returned.form == "tuple"
+        self._results = returned.item if self._is_tuple else (returned,)
+        self._names = names
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Return what the kernel returns.
+
+        Raises
+        ------
+        TypeError
+            If an array is not of the type that the kernel's annotation tells.
+        """
+        given = [
+            argument if kind in _SCALARS else _words(kind, argument, name)
+            for kind, argument, name in zip(self._kinds, arguments, self._names, strict=True)
+        ]
+        found = (ctypes.c_int64 * len(self._results))()
+        self._function(*given, found)
+        values = tuple(_read(found, n, kind) for n, kind in enumerate(self._results))
+        return values if self._is_tuple else values[0]
+
+
+def _found(symbol: str) -> Any:
+    for each in (*_more, library()):
+        try:
+            return each[symbol]  # an object of its own each time: its types are not shared
+        except AttributeError:
+            continue
+    raise NoLibrary(f"the library of kernels has no {symbol}: it is named in no program")
+
+
+def _read(found: Any, place: int, kind: Any) -> Any:
+    if kind == t.NOTHING:
+        return None
+    if kind == t.FLOAT:
+        return ctypes.c_double.from_buffer(found, 8 * place).value
+    return bool(found[place]) if kind == t.BOOL else found[place]
+
+
+def _words(kind: Any, argument: Any, name: str) -> Any:
+    """What C++ knows of an array or a named tuple of arrays, as words of memory."""
+    if kind.form != "world":
+        words = _array_words(argument, kind, name)
+    else:
+        words = []
+        for (field, each), array in zip(_fields(kind.item), argument, strict=True):
+            words += _array_words(array, each, field)
+    return (ctypes.c_int64 * len(words))(*words)
+
+
+@cache
+def _fields(world: type) -> Sequence[tuple[str, Any]]:
+    return list(t.fields_of(world).items())
+
+
+def _array_words(array: Any, kind: Any, name: str) -> list[int]:
+    """Address and extents of an array."""
+    wanted, axes = _layout(kind)
+    if array.dtype != wanted or array.ndim != axes or not array.flags.c_contiguous:
+        raise TypeError(
+            f"{name}: found an array of {array.dtype}, shape {array.shape}; expected one of "
+            f"{wanted} in C order, with {axes} axes"
+        )
+    return [array.ctypes.data, *array.shape]
+
+
+@cache
+def _layout(kind: Any) -> tuple[Any, int]:
+    import numpy as np
+
+    plain: dict[Any, Any] = {t.FLOAT: np.float64, t.INT: np.int64, t.BOOL: np.bool_}
+    item = kind.item
+    return np.dtype(plain[item]) if item in plain else dtype(item.item), kind.size

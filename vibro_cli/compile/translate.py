@@ -1,0 +1,623 @@
+"""From kernels to C++: one source file for each program, readable, and traceable to the kernels.
+
+A kernel becomes one C++ function of the same name for each combination of types that it is called
+with; functions of one name are told apart by their parameters. Locals are declared at the top with
+the type that all their assignments share. What the subset does not have is an error with its place.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+import math
+import sys
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, NoReturn
+
+from vibro_cli.compile import kinds as t
+from vibro_cli.compile import lanes
+from vibro_cli.compile.kernel import Kernel, Overrides, fused, is_kernel, kernel_names
+from vibro_cli.compile.kinds import Kind, TranslationError, place_of, shown, signature, symbol_of
+
+_WORDS = """alignas and asm auto bool break case catch char class const continue default delete do
+    double else enum export extern false float for friend goto if inline int int64_t long mutable
+    namespace new not operator or private protected public register return short signed sizeof
+    static struct switch template this throw true try typedef typename union unsigned using
+    virtual void volatile while xor std math py"""
+_RESERVED = frozenset(_WORDS.split())
+_OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.BitAnd: "&"}
+_COMPARISONS = {
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+}
+
+
+class Value(NamedTuple):
+    """An expression in C++, and its type."""
+
+    code: str
+    kind: Kind
+
+
+class Rule(NamedTuple):
+    """How C++ writes a function that kernels may call."""
+
+    text: str
+    """With {0}, {1}, … for the arguments, {all} for all of them, {kind} for the result's type."""
+    result: Kind | Callable[..., Kind | None]
+    """The type of the result, or a function that finds it from those of the arguments."""
+    cast: int = 9
+    """The first of the arguments that are made what the result is."""
+
+
+def _chosen(condition: Kind, yes: Kind, no: Kind) -> Kind | None:
+    if condition.size:
+        return t.lanes_of(condition.size)
+    return t.FLOAT if yes == no == t.INT else t.joined(yes, no)
+
+
+def _first(kind: Kind, *_: Kind) -> Kind:
+    return kind
+
+
+def _real(*given: Kind) -> Kind:
+    return given[0] if given[0].form == "lanes" else t.FLOAT
+
+
+_RULES: dict[Any, Rule] = {
+    min: Rule("py::min<{kind}>({all})", t.joined, 0),
+    max: Rule("py::max<{kind}>({all})", t.joined, 0),
+    abs: Rule("py::abs({0})", _first),
+    int: Rule("(int64_t)({0})", t.INT),
+    float: Rule("(double)({0})", t.FLOAT),
+    round: Rule("(int64_t)std::nearbyint({0})", t.INT),
+    fused: Rule("std::fma({all})", t.FLOAT, 0),
+    lanes.choose: Rule("({0} ? {1} : {2})", _chosen, 1),
+    lanes.any_lane: Rule("py::any_lane({0})", t.BOOL),
+    lanes.both: Rule("py::both({all})", t.joined, 0),
+    lanes.either: Rule("py::either({all})", t.joined, 0),
+    lanes.opposite: Rule("py::opposite({0})", _first),
+    lanes.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
+    lanes.in_lane: Rule("{0}[{1}]", t.FLOAT),
+    lanes.with_lane: Rule("py::with_lane({all})", _first),
+    lanes.two_lanes: Rule("Lanes<2>{{{0}, {1}}}", t.lanes_of(2)),
+    math.sqrt: Rule("py::sqrt({0})", _real, 0),
+    math.floor: Rule("(int64_t)std::floor({0})", t.INT),
+    math.ceil: Rule("(int64_t)std::ceil({0})", t.INT),
+    math.isnan: Rule("std::isnan({0})", t.BOOL),
+}
+# Functions of Python's module math that are those of the C library, to the bit.
+_OF_C = """exp expm1 log log1p log2 copysign fabs pow sin cos tan asin acos atan atan2
+    sinh cosh tanh asinh acosh atanh"""
+_RULES |= {getattr(math, name): Rule(f"std::{name}({{all}})", t.FLOAT, 0) for name in _OF_C.split()}
+
+
+@dataclass
+class Program:
+    """The kernels that one entry point or several reach, as one C++ source file.
+
+    Parameters
+    ----------
+    name
+        Of the file.
+    entries
+        Kernels that are called from Python.
+    overrides
+        Kernels that stand for others, if any.
+    """
+
+    name: str
+    entries: Sequence[Kernel]
+    overrides: Overrides | None = None
+    functions: dict[Any, Function] = field(default_factory=dict)
+    declared: dict[Kind, None] = field(default_factory=dict)
+    constants: dict[str, tuple[Any, str]] = field(default_factory=dict)
+    translated: list[Function] = field(default_factory=list)
+    names: dict[str, Kernel] = field(default_factory=dict)
+
+    def source(self) -> str:
+        """Return the C++ source file.
+
+        Raises
+        ------
+        TranslationError
+            If a kernel uses what the subset does not have.
+        """
+        doors = [self._entry(kernel) for kernel in self.entries]
+        parts = [
+            '#include "prelude.hpp"\n\nnamespace {\n\ntemplate <class... Items>\nstruct Tuple;\n',
+            *map(t.declaration, self.declared),
+            "\n".join(code for _, code in self.constants.values()) + "\n",
+            *(function.definition() for function in self.translated),
+            "}  // namespace\n",
+            *doors,
+        ]
+        return "\n".join(parts)
+
+    def note(self, kind: Kind) -> Kind:
+        """Have a type declared, and before it those that it is made of; return it."""
+        if kind not in self.declared:
+            is_world, is_tuple = kind.form == "world", kind.form == "tuple"
+            parts = t.fields_of(kind.item).values() if is_world else kind.item
+            for part in parts if is_world or is_tuple else [kind.item]:
+                if isinstance(part, Kind):
+                    self.note(part)
+            self.declared[kind] = None
+        return kind
+
+    def name_of(self, kernel: Kernel) -> str:
+        """Return the name of a kernel in C++: its own, with its module's where that is taken."""
+        own, home = kernel.__name__, kernel.__module__.rpartition(".")[2]
+        if self.names.setdefault(own, kernel) is not kernel:
+            own = f"{home}_{own}"
+            if self.names.setdefault(own, kernel) is not kernel:
+                raise TranslationError(f"{place_of(kernel)}: another kernel is called {own}")
+        return own
+
+    def function(self, kernel: Kernel, kinds: tuple[Kind, ...]) -> Function:
+        """Return a kernel's function for parameters of some types, translated."""
+        if (kernel, kinds) not in self.functions:
+            function = self.functions[kernel, kinds] = Function(self, kernel, kinds)
+            function.translate()
+            self.translated.append(function)
+        return self.functions[kernel, kinds]
+
+    def _entry(self, kernel: Kernel) -> str:
+        """The function by which a kernel is called from outside: results in words of memory."""
+        kernel = self.overrides.resolved(kernel) if self.overrides else kernel
+        names, kinds, _ = signature(kernel)
+        function = self.function(kernel, kinds)
+        parameters, given = ["int64_t* found"], []
+        for name, kind in zip(names, kinds, strict=True):
+            is_array = kind.form == "array"
+            parameters.insert(-1, f"{f'const {kind.cpp}*' if is_array else kind.cpp} {name}")
+            given.append(f"*{name}" if is_array else name)
+        call, returned = f"{function.name}({', '.join(given)})", function.returns
+        body = [f"{call};" if returned == t.NOTHING else f"py::keep(found, {call});"]
+        if returned.form == "tuple":
+            body = [f"const auto result = {call};"]
+            body += [f"py::keep(found + {n}, result.at{n});" for n in range(len(returned.item))]
+        symbol = symbol_of(kernel, self.overrides)
+        head = f'extern "C" EXPORTED void {symbol}({", ".join(parameters)}) {{'
+        return "\n".join([head, *(f"  {line}" for line in body), "}\n"])
+
+    def constant(self, name: str, value: Any, module: str) -> Value | None:
+        """Return a module's number or tuple of numbers as a named constant."""
+        kind = _kind_of_constant(value)
+        if kind is None:
+            return None
+        known = self.constants.get(name)
+        if known is not None and repr(known[0]) != repr(value):
+            name = f"{name}_of_{module.rpartition('.')[2]}"
+        shape = "".join(f"[{length}]" for length in kind.size or ())
+        self.constants[name] = value, f"constexpr {kind.cpp} {name}{shape} = {literal(value)};"
+        return Value(name, kind)
+
+
+def _kind_of_constant(value: Any) -> Kind | None:
+    for kind, cls in ((t.BOOL, bool), (t.INT, int), (t.FLOAT, float)):
+        if isinstance(value, cls):
+            return kind
+    if not isinstance(value, tuple) or not value:
+        return None
+    inner = _kind_of_constant(value[0])
+    return inner and Kind("constant", "double", size=(len(value), *(inner.size or ())))
+
+
+def literal(value: Any) -> str:
+    """Return a number or a tuple of numbers as C++ writes it, exactly."""
+    if isinstance(value, tuple):
+        reals = (one if isinstance(one, tuple) else float(one) for one in value)
+        return "{" + ", ".join(map(literal, reals)) + "}"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return f"INT64_C({value})"
+    if math.isinf(value):
+        return "INFINITY" if value > 0.0 else "-INFINITY"
+    return "NAN" if math.isnan(value) else repr(value)
+
+
+class Function:
+    """One kernel as a C++ function of parameters of given types."""
+
+    def __init__(self, program: Program, kernel: Kernel, kinds: tuple[Kind, ...]) -> None:
+        self.program = program
+        self.kernel = kernel
+        self.kinds = kinds
+        source, self._first_line = inspect.getsourcelines(kernel)
+        self._file = shown(kernel.__code__.co_filename)
+        tree = ast.parse(textwrap.dedent("".join(source)))
+        self._node: Any = tree.body[0]
+        self.parameters, _, self._declared = signature(kernel)
+        self.returns: Any = None
+        self._kinds: dict[str, Kind] = dict(zip(self.parameters, kinds, strict=True))
+        self._lines: list[str] = []
+        self._depth = 1
+        self._temporaries = 0
+        self.name = program.name_of(kernel)
+        for kind in kinds:
+            program.note(kind)
+
+    def translate(self) -> None:
+        """Translate the body until the types of its variables are known."""
+        known: Any = None
+        while known != (self._kinds, self.returns):
+            known = dict(self._kinds), self.returns
+            self._lines, self._temporaries = [], 0
+            self._block(self._node.body)
+        self.returns = self.program.note(self._result())
+
+    def _result(self) -> Kind:
+        """The declared type, in lanes where what is returned is."""
+        declared: Kind = self._declared
+        found = self.returns
+        if declared == t.NOTHING or found is None:
+            return declared
+        if declared.form == found.form == "tuple":
+            return t.tuple_of(map(_in_lanes, declared.item, found.item))
+        return _in_lanes(declared, found)
+
+    def definition(self) -> str:
+        """Return the function in C++."""
+        kinds = [(f"{kind.cpp} {self._local(name)}", name) for name, kind in self._kinds.items()]
+        parameters = ", ".join(text for text, _ in kinds[: len(self.parameters)])
+        locals_ = [f"  {text}{{}};" for text, _ in kinds[len(self.parameters) :]]
+        head = f"static {self.returns.cpp} {self.name}({parameters}) {{"
+        return "\n".join([self._line_of(1), head, *locals_, *self._lines, "}\n"])
+
+    def _line_of(self, number: int) -> str:
+        return f'#line {self._first_line + number - 1} "{self._file}"'
+
+    def _fail(self, node: Any, text: str) -> NoReturn:
+        line = self._first_line + getattr(node, "lineno", 1) - 1
+        raise TranslationError(f"{self._file}:{line}: {self.kernel.__name__}: {text}")
+
+    def _local(self, name: str) -> str:
+        clash = name in _RESERVED or name in kernel_names() or name.isupper()
+        return f"{name}_" if clash else name
+
+    def _meaning(self, node: ast.expr) -> Any:
+        """What a name that is no variable means in the kernel's module."""
+        if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "math":
+            return getattr(math, node.attr, None)
+        if not isinstance(node, ast.Name):
+            return None
+        value = getattr(sys.modules[self.kernel.__module__], node.id, None)
+        value = getattr(builtins, node.id, None) if value is None else value
+        return self.program.overrides.resolved(value) if self.program.overrides else value
+
+    # Statements
+
+    def _write(self, text: str) -> None:
+        self._lines.append("  " * self._depth + text)
+
+    def _block(self, body: Sequence[ast.stmt]) -> None:
+        for statement in body:
+            if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant):
+                continue  # a docstring
+            write = getattr(self, f"_write_{type(statement).__name__}", None)
+            if write is None:
+                self._fail(statement, f"a kernel has no {_words(statement)}")
+            self._lines.append(self._line_of(statement.lineno))
+            write(statement)
+
+    def _inner(self, head: str, body: Sequence[ast.stmt], first: str = "") -> None:
+        self._write(f"{head} {{")
+        self._depth += 1
+        if first:
+            self._write(first)
+        self._block(body)
+        self._depth -= 1
+        self._write("}")
+
+    def _write_Pass(self, _: ast.Pass) -> None:
+        pass
+
+    def _write_Break(self, _: ast.Break) -> None:
+        self._write("break;")
+
+    def _write_Continue(self, _: ast.Continue) -> None:
+        self._write("continue;")
+
+    def _write_Expr(self, statement: ast.Expr) -> None:
+        self._write(f"{self._value(statement.value).code};")
+
+    def _write_Return(self, statement: ast.Return) -> None:
+        if statement.value is None:
+            self._write("return;")
+            return
+        value = self._value(statement.value)
+        joined = value.kind if self.returns is None else t.joined(self.returns, value.kind)
+        if joined is None:
+            self._fail(statement, "returns values of several types")
+        self.returns = joined
+        self._write(f"return {self._cast(value, self._result(), statement)};")
+
+    def _write_If(self, statement: ast.If) -> None:
+        self._inner(f"if ({self._condition(statement.test)})", statement.body)
+        if statement.orelse:
+            self._inner("else", statement.orelse)
+
+    def _write_While(self, statement: ast.While) -> None:
+        if statement.orelse:
+            self._fail(statement, "a kernel has no else of a loop")
+        self._inner(f"while ({self._condition(statement.test)})", statement.body)
+
+    def _write_For(self, statement: ast.For) -> None:
+        steps: Any = statement.iter
+        is_range = isinstance(steps, ast.Call) and ast.unparse(steps.func) == "range"
+        if not is_range or not isinstance(statement.target, ast.Name) or statement.orelse:
+            self._fail(statement, "expected `for name in range(...)`, without else")
+        bounds = [self._cast(self._value(one), t.INT, one) for one in steps.args]
+        low, high, step = (("0", *bounds, "1") if len(bounds) == 1 else (*bounds, "1"))[:3]
+        name = self._declare(statement.target, statement.target.id, t.INT)
+        self._temporaries += 1
+        at, end = f"at_{self._temporaries}", f"end_{self._temporaries}"
+        sign = ">" if len(bounds) == 3 and step.startswith("(-") else "<"
+        head = f"for (int64_t {at} = {low}, {end} = {high}; {at} {sign} {end}; {at} += {step})"
+        self._inner(head, statement.body, f"{name} = {at};")
+
+    def _write_AnnAssign(self, statement: ast.AnnAssign) -> None:
+        if statement.value is None:
+            self._fail(statement, "expected a value")
+        self._assign(statement.target, self._value(statement.value), statement)
+
+    def _write_AugAssign(self, statement: ast.AugAssign) -> None:
+        read: Any = statement.target
+        value = self._value(ast.copy_location(ast.BinOp(read, statement.op, statement.value), read))
+        self._assign(statement.target, value, statement)
+
+    def _write_Assign(self, statement: ast.Assign) -> None:
+        target, given = statement.targets[0], statement.value
+        if isinstance(target, ast.Tuple) and isinstance(given, ast.Tuple):
+            # All values are found before the first is assigned.
+            values = [self._kept(self._value(expression)) for expression in given.elts]
+            for one, value in zip(target.elts, values, strict=True):
+                self._assign(one, value, statement)
+        elif isinstance(target, ast.Tuple):
+            self._unpack(target.elts, self._value(given), statement)
+        else:
+            value = self._value(given)
+            for one in statement.targets:
+                self._assign(one, value, statement)
+
+    def _kept(self, value: Value) -> Value:
+        self._temporaries += 1
+        name = f"value_{self._temporaries}"
+        self._write(f"const auto {name} = {value.code};")
+        return Value(name, value.kind)
+
+    def _unpack(self, targets: Sequence[ast.expr], value: Value, at: ast.stmt) -> None:
+        if value.kind.form != "tuple" or len(value.kind.item) != len(targets):
+            self._fail(at, f"expected a tuple of {len(targets)} values")
+        name = self._kept(value).code
+        for n, (target, kind) in enumerate(zip(targets, value.kind.item, strict=True)):
+            if not (isinstance(target, ast.Name) and target.id == "_"):
+                self._assign(target, Value(f"{name}.at{n}", kind), at)
+
+    def _assign(self, target: ast.expr, value: Value, at: ast.stmt) -> None:
+        if isinstance(target, ast.Name):
+            name = self._declare(target, target.id, value.kind)
+            self._write(f"{name} = {self._cast(value, self._kinds[target.id], at)};")
+            return
+        place = self._value(target)
+        code = self._cast(value, place.kind, at)
+        is_struct = place.kind.form == "struct"  # contents, not addresses
+        self._write(f"*{place.code} = *{code};" if is_struct else f"{place.code} = {code};")
+
+    def _declare(self, node: ast.expr, name: str, kind: Kind) -> str:
+        if kind.form in ("nothing", "constant"):
+            self._fail(node, f"{name} is given {ast.unparse(node)}, which is no number or struct")
+        joined = t.joined(self._kinds.get(name, kind), kind)
+        if joined is None or (name in self.parameters and joined != self._kinds[name]):
+            kinds = f"{self._kinds[name].cpp} and {kind.cpp}"
+            self._fail(node, f"{name} is given values of two types, {kinds}")
+        self._kinds[name] = joined
+        return self._local(name)
+
+    # Expressions
+
+    def _value(self, node: ast.expr) -> Value:
+        find = getattr(self, f"_value_{type(node).__name__}", None)
+        if find is None:
+            self._fail(node, f"a kernel has no {_words(node)}")
+        value: Value = find(node)
+        return value
+
+    def _cast(self, value: Value, kind: Kind, node: ast.AST) -> str:
+        """An expression as one of another type, where that is the same value."""
+        code, given = value
+        if given == kind:
+            return code
+        if kind.form in ("lanes", "mask") and t.joined(kind, given) == kind:
+            return (
+                f"py::in_all<{kind.size}>(({'double' if kind.form == 'lanes' else 'bool'}){code})"
+            )
+        if (kind, given) in ((t.FLOAT, t.INT), (t.FLOAT, t.BOOL), (t.INT, t.BOOL)):
+            return f"({kind.cpp})({code})"
+        if kind.form == "tuple" and t.joined(kind, given) == kind:
+            items = [Value(f"given.at{n}", item) for n, item in enumerate(given.item)]
+            codes = [self._cast(*pair, node) for pair in zip(items, kind.item, strict=True)]
+            return f"[](auto given) {{ return {kind.cpp}{{{', '.join(codes)}}}; }}({code})"
+        self._fail(node, f"found a value of type {given.cpp}, expected {kind.cpp}")
+
+    def _condition(self, node: ast.expr) -> str:
+        value = self._value(node)
+        if value.kind not in (t.BOOL, t.INT):
+            self._fail(node, f"found {ast.unparse(node)}, expected one truth value (see any_lane)")
+        return value.code
+
+    def _alike(self, node: ast.expr, values: Sequence[Value]) -> tuple[Kind, list[str]]:
+        """The type that numbers share, and they as such."""
+        kind = t.joined(*(value.kind for value in values))
+        if kind is None or not kind.is_numeric:
+            self._fail(node, f"{ast.unparse(node)}: expected numbers")
+        return kind, [self._cast(value, kind, node) for value in values]
+
+    def _value_Constant(self, node: ast.Constant) -> Value:
+        kind = _kind_of_constant(node.value)
+        if kind is None:
+            self._fail(node, f"found {node.value!r}, expected a number")
+        return Value(literal(node.value), kind)
+
+    def _value_Name(self, node: ast.Name) -> Value:
+        if node.id in self._kinds:
+            return Value(self._local(node.id), self._kinds[node.id])
+        value = self.program.constant(node.id, self._meaning(node), self.kernel.__module__)
+        if value is None:
+            self._fail(node, f"{node.id} is no variable, and no number of the module")
+        return value
+
+    def _value_Attribute(self, node: ast.Attribute) -> Value:
+        number = self._meaning(node)
+        if isinstance(number, float):
+            return Value(literal(number), t.FLOAT)
+        owner = self._value(node.value)
+        kind = None
+        if owner.kind.form == "struct":
+            kind = t.field(owner.kind.item, node.attr)
+        elif owner.kind.form == "world":
+            kind = t.fields_of(owner.kind.item).get(node.attr)
+        if kind is None:
+            self._fail(node, f"{ast.unparse(node.value)} has no field {node.attr}")
+        is_element = owner.code.startswith("(&")
+        before = f"{owner.code[2:-1]}." if is_element else f"{owner.code}->"
+        return Value(f"{before}{node.attr}", kind)
+
+    def _value_Subscript(self, node: ast.Subscript) -> Value:
+        owner = self._value(node.value)
+        places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        for place in places:
+            index = self._cast(self._value(place), t.INT, place)
+            owner = self._element(owner, index, place, node)
+        return owner
+
+    def _element(self, owner: Value, index: str, place: Any, node: ast.Subscript) -> Value:
+        (code, kind), at = owner, f"{owner.code}[{index}]"
+        number = place.value if isinstance(place, ast.Constant) else None
+        if kind.form == "tuple" and isinstance(number, int):
+            return Value(f"{code}.at{number}", kind.item[number])
+        if kind.form == "tuple":
+            picked = "".join(f"{index} == {n} ? {code}.at{n} : " for n in range(len(kind.item) - 1))
+            return Value(f"({picked}{code}.at{len(kind.item) - 1})", kind.item[0])
+        if kind.form == "constant":
+            return Value(at, kind._replace(size=kind.size[1:]) if kind.size[1:] else t.FLOAT)
+        if kind.form == "array" and kind.size > 1:
+            return Value(at, t.array_of(kind.item, kind.size - 1))
+        if kind.form not in ("array", "row"):
+            self._fail(node, f"{ast.unparse(node.value)} has no elements")
+        is_struct = kind.item.form == "struct"
+        return Value(f"(&{at})" if is_struct else at, self.program.note(kind.item))
+
+    def _value_BinOp(self, node: ast.BinOp) -> Value:
+        kind, codes = self._alike(node, [self._value(node.left), self._value(node.right)])
+        is_real = isinstance(node.op, (ast.Div, ast.Pow)) and kind.form != "lanes"
+        wanted = t.FLOAT if is_real else t.INT if kind == t.BOOL else kind
+        one, other = (self._cast(Value(code, kind), wanted, node) for code in codes)
+        name = {ast.Pow: "std::pow", ast.Mod: "py::mod", ast.FloorDiv: "py::floordiv"}
+        if type(node.op) in name:
+            return Value(f"{name[type(node.op)]}({one}, {other})", wanted)
+        sign = _OPERATORS.get(type(node.op))
+        if sign is None or kind.form == "mask" or (sign == "&" and wanted != t.INT):
+            self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator")
+        return Value(f"({one} {sign} {other})", wanted)
+
+    def _value_UnaryOp(self, node: ast.UnaryOp) -> Value:
+        if isinstance(node.op, ast.Not):
+            return Value(f"(!{self._condition(node.operand)})", t.BOOL)
+        operand = self._value(node.operand)
+        if not isinstance(node.op, ast.USub) or not operand.kind.is_numeric:
+            self._fail(node, f"{ast.unparse(node)}: a kernel has no such operator")
+        kind = t.INT if operand.kind == t.BOOL else operand.kind
+        return Value(f"(-{self._cast(operand, kind, node)})", kind)
+
+    def _value_BoolOp(self, node: ast.BoolOp) -> Value:
+        sign = " && " if isinstance(node.op, ast.And) else " || "
+        return Value(f"({sign.join(map(self._condition, node.values))})", t.BOOL)
+
+    def _value_Compare(self, node: ast.Compare) -> Value:
+        kind, codes = self._alike(
+            node, [self._value(one) for one in (node.left, *node.comparators)]
+        )
+        signs = [_COMPARISONS.get(type(operator)) for operator in node.ops]
+        if None in signs or (kind.size and len(signs) > 1):
+            self._fail(node, f"{ast.unparse(node)}: a kernel has no such comparison")
+        parts = [
+            f"({one} {sign} {other})"
+            for one, sign, other in zip(codes, signs, codes[1:], strict=False)
+        ]
+        return Value(parts[0] if len(parts) == 1 else f"({' && '.join(parts)})", t.mask_of(kind))
+
+    def _value_IfExp(self, node: ast.IfExp) -> Value:
+        yes, no = self._value(node.body), self._value(node.orelse)
+        kind = t.joined(yes.kind, no.kind)
+        if kind is None:
+            self._fail(node, f"{ast.unparse(node)}: expected values of one type")
+        one, other = self._cast(yes, kind, node), self._cast(no, kind, node)
+        return Value(f"({self._condition(node.test)} ? {one} : {other})", kind)
+
+    def _value_Tuple(self, node: ast.Tuple) -> Value:
+        values = [self._value(one) for one in node.elts]
+        kind = self.program.note(t.tuple_of(value.kind for value in values))
+        return Value(f"{kind.cpp}{{{', '.join(value.code for value in values)}}}", kind)
+
+    def _value_Call(self, node: ast.Call) -> Value:
+        if node.keywords or any(isinstance(one, ast.Starred) for one in node.args):
+            self._fail(node, "expected arguments by position only")
+        values = [self._value(one) for one in node.args]
+        meaning = self._meaning(node.func)
+        if meaning is len and values[0].kind.form in ("array", "constant"):
+            is_array, extents = values[0].kind.form == "array", values[0].kind.size
+            code = f"{values[0].code}.extents[0]" if is_array else literal(extents[0])
+            return Value(code, t.INT)
+        if callable(meaning) and meaning in _RULES:
+            return self._call_by_rule(node, _RULES[meaning], values)
+        if not is_kernel(meaning):
+            name = ast.unparse(node.func)
+            self._fail(node, f"{name} is no kernel, and no function that kernels may call")
+        return self._call_of_kernel(node, meaning, values)
+
+    def _call_by_rule(self, node: ast.Call, rule: Rule, values: list[Value]) -> Value:
+        kinds = [value.kind for value in values]
+        kind = rule.result if isinstance(rule.result, Kind) else rule.result(*kinds)
+        if kind is None or not all(one.is_numeric for one in kinds):
+            self._fail(node, f"{ast.unparse(node)}: expected numbers")
+        codes = [value.code for value in values[: rule.cast]]
+        codes += [self._cast(value, kind, node) for value in values[rule.cast :]]
+        return Value(rule.text.format(*codes, all=", ".join(codes), kind=kind.cpp), kind)
+
+    def _call_of_kernel(self, node: ast.Call, kernel: Kernel, values: list[Value]) -> Value:
+        names, wanted, _ = signature(kernel)
+        if len(names) != len(values):
+            self._fail(node, f"{kernel.__name__} is given {len(values)} of {len(names)} arguments")
+        kinds = tuple(_passed(kind, value.kind) for kind, value in zip(wanted, values, strict=True))
+        function = self.program.function(kernel, kinds)
+        if function.returns is None and function._declared != t.NOTHING:
+            self._fail(node, f"{kernel.__name__} calls itself")
+        given = [self._cast(value, kind, node) for value, kind in zip(values, kinds, strict=True)]
+        return Value(f"{function.name}({', '.join(given)})", function.returns or t.NOTHING)
+
+
+def _passed(wanted: Kind, given: Kind) -> Kind:
+    """The type that a parameter has for an argument: structs and lanes keep their own."""
+    if given not in (t.INT, t.BOOL):
+        return given
+    number = t.FLOAT if wanted.form == "lanes" else wanted
+    return number if t.joined(number, given) == number else given
+
+
+def _in_lanes(declared: Kind, found: Kind) -> Kind:
+    """The type of a result: lanes are what they are found to be, numbers what is declared."""
+    return found if "lanes" in (declared.form, found.form) or found.form == "mask" else declared
+
+
+def _words(node: ast.AST) -> str:
+    return type(node).__name__.lower()

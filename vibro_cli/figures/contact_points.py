@@ -1,0 +1,278 @@
+"""Plan of velocities of possible contact points of rolling bodies (B figs 2–4, C figs 2a, 3).
+
+Bodies touch at one height. In a central impact that is at T₀, straight ahead; in a skew one at a
+point of the level circle through it, by an angle α to either side (T₂, T₃). There the velocity is
+that of the centre, the translator part, and what rolling adds: ω times the distance from the axis
+of rotation through the centre, in a vertical plane.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc, Circle
+
+from vibro_cli.figures import style
+from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
+from vibro_cli.figures.numbering import Named, write_names
+from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.velocities import (
+    CENTRE,
+    ROLLING,
+    TOUCHING,
+    arrow,
+    panel_size,
+    striking,
+    touching_point,
+)
+from vibro_cli.mechanics.body import Body
+
+ASIDE = math.radians(35.0)
+"""The angle α of the points beside, where an impact is central."""
+POINTS_TITLE = "Possible contact points"
+POINTS_CAPTION = (
+    "The bodies before their first impact, from the side and from above: the contact point T₀ of a "
+    "central impact and those at the same height by an angle α beside it, with the velocities "
+    "there and their parts, that of the centre and what rolling adds."
+)
+_HIGH = 36.0
+_WORDS = 7.4
+_GAP, _TOP, _BOTTOM = 2.0, 5.0, 2.0
+_AROUND = 2.05
+"""Half the width of a panel, in radii of its body."""
+_LONGEST = 1.15
+"""Length of the longest arrow, in the same radii."""
+_THIN: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.4}
+_AXIS: dict[str, Any] = _THIN | {"linestyle": (0, (6, 1.5, 1, 1.5))}
+_HIDDEN: dict[str, Any] = _THIN | {"linestyle": (0, (2, 1.5))}
+_PLANE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
+_SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
+_LEGEND: list[Entry] = [
+    (words, look | {"color": style.BLACK})
+    for words, look in (
+        ("part of the centre", CENTRE),
+        ("part of rolling", ROLLING),
+        ("contact point", TOUCHING),
+        ("tangent plane", _PLANE),
+    )
+]
+_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 120)) for f in (np.cos, np.sin)])
+
+
+@dataclass(frozen=True)
+class Rolling:
+    """A body that arrives at an impact; lengths in its radii."""
+
+    body: Body
+    number: int
+    speed: float
+    """Of the centre (m/s), along the trace or its path; the sign is that of the axis drawn."""
+    ahead: float
+    """How far ahead of the centre the contact point of a central impact is; negative: behind."""
+    above: float
+    """And how far above it."""
+    aside: float
+    """The angle α (rad) of the points beside."""
+
+    @property
+    def omega(self) -> float:
+        """Angular velocity (rad/s); 0 of a particle, which slides."""
+        return 0.0 if self.body.kind == "particle" else self.speed / self.body.radius
+
+    def points(self) -> Array:
+        """Return T₀, T₂ and T₃: ahead, to the left and above, shape (3, 3)."""
+        angles = np.array([0.0, self.aside, -self.aside])
+        left = abs(self.ahead) * np.sin(angles)
+        return np.column_stack([self.ahead * np.cos(angles), left, np.full(3, self.above)])
+
+    def rolling_part(self, point: Array) -> Array:
+        """Return what rolling adds to the velocity there (m/s): ahead, to the left and above."""
+        rate = self.omega * self.body.radius
+        return rate * np.array([point[2], 0.0, -point[0]])
+
+
+def contact_points(run: Recorded, width: str = "single") -> Figure | None:
+    """Return possible contact points of the first impact's bodies with their velocities before it.
+
+    None without an impact, or if neither body moves. Raises ValueError for a width that is neither
+    `single` nor `double`.
+    """
+    if not len(run.collisions["n"]):
+        return None
+    pair = striking(run, 0)
+    touch, _ = touching_point(pair)
+    bodies = []
+    for one in pair:
+        reach = (touch - one.centre) / one.body.radius
+        upright = np.array([-one.tangent[1], one.tangent[0]])
+        ahead, above = float(reach @ one.tangent), float(reach @ upright)
+        bodies.append(Rolling(one.body, one.number, one.speed[0], ahead, above, ASIDE))
+    return figure_of(bodies, width)
+
+
+def figure_of(bodies: Sequence[Rolling], width: str) -> Figure | None:
+    """Return possible contact points of bodies with their velocities; None if none moves."""
+    if width not in WIDTHS:
+        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    fastest = max(
+        float(np.hypot(one.speed + one.rolling_part(point)[0], one.rolling_part(point)[2]))
+        for one in bodies
+        for point in one.points()
+    )
+    fastest = max(fastest, *(abs(one.speed) for one in bodies))
+    if not fastest:
+        return None
+    with style.journal():
+        lines = rows_of(_LEGEND, WIDTHS[width])
+        figure, panels = _sheet(width, len(bodies), _TOP + LINE * (len(lines) - 1))
+        for number, one in enumerate(bodies):
+            elevation, above = panels[2 * number : 2 * number + 2]
+            _draw_elevation(elevation, one, _LONGEST / fastest)
+            _draw_plan(above, one, _LONGEST / fastest)
+        draw_legend(figure, lines)
+    return figure
+
+
+def _sheet(width: str, bodies: int, top: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure with an elevation and a plan for each body."""
+    wide = WIDTHS[width]
+    beside = 2 if width == "single" else 2 * bodies
+    rows = math.ceil(2 * bodies / beside)
+    cell = (wide - _GAP) / (4 if width == "double" else 2) - _GAP
+    total = top + rows * (_WORDS + _HIGH + _GAP) + _BOTTOM
+    figure = Figure(figsize=(wide * MM, total * MM))
+    panels = []
+    for place in range(2 * bodies):
+        row, column = divmod(place, beside)
+        left = _GAP + column * (cell + _GAP)
+        bottom = total - top - (row + 1) * (_WORDS + _HIGH) - row * _GAP
+        axes = figure.add_axes((left / wide, bottom / total, cell / wide, _HIGH / total))
+        axes.set_xticks([])
+        axes.set_yticks([])
+        across = _AROUND * cell / _HIGH
+        axes.set_xlim(-across, across)
+        axes.set_ylim(-_AROUND, _AROUND)
+        panels.append(axes)
+    return figure, panels
+
+
+def _names(one: Rolling) -> list[str]:
+    first = "$T_0$" if one.number == 1 else rf"$T_{{0,{one.number}}}$"
+    return [first, *(rf"$T_{{{one.number}{point}}}$" for point in (2, 3))]
+
+
+def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
+    """Draw the body from the side, its path to the right, and velocities at T₀ and beside."""
+    colour = body_look(one.number)["color"]
+    axes.plot(axes.get_xlim(), [-1.0, -1.0], zorder=1.9, **_PLANE)
+    _draw_circle(axes, 1.0, colour)
+    half = abs(one.ahead)
+    axes.plot([-half, half], [one.above, one.above], zorder=2.0, **_HIDDEN)
+    points = one.points()[:, [0, 2]]
+    outward = points[0]
+    axes.plot(*np.transpose([[0.0, 0.0], points[0]]), zorder=2.0, **_AXIS)
+    along = 0.75 * np.array([-outward[1], outward[0]])
+    axes.plot(*np.transpose([points[0] - along, points[0] + along]), zorder=2.0, **_PLANE)
+    arrow(axes, np.zeros(2), scale * np.array([one.speed, 0.0]), colour, CENTRE)
+    drawn = [np.linspace([0.0, 0.0], [scale * one.speed, 0.0], 20)]
+    for number, point in enumerate(one.points()[:2]):
+        drawn += _draw_parts(axes, points[number], one, point, [0, 2], scale)
+    first, second, third = _names(one)
+    named = [
+        Named(rf"$C_{{{one.number}}}$", (0.0, 0.0)),
+        Named(rf"$P_{{{one.number}}}$", (0.0, -1.0)),
+        Named(first, _pair(points[0])),
+        Named(f"{second}, {third}", _pair(points[1])),
+    ]
+    _dots(axes, [name.point for name in named])
+    write_names(axes, named, np.concatenate([*drawn, _RING]), panel_size(axes))
+    _say(axes, [f"body {one.number} from the side", rf"$v$ = {_number(one.speed)} m/s,"
+                rf" $\omega$ = {_number(one.omega)} rad/s"])  # fmt: skip
+
+
+def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
+    """Draw the body from above: the level circle of possible contact points, α and R cos α."""
+    colour = body_look(one.number)["color"]
+    _draw_circle(axes, 1.0, colour)
+    radius = abs(one.ahead)
+    axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", zorder=2.2, edgecolor=style.BLACK,
+                          linewidth=0.5, linestyle=(0, (2, 1.5))))  # fmt: skip
+    axes.plot(axes.get_xlim(), [0.0, 0.0], zorder=1.9, **_AXIS)
+    axes.plot([0.0, 0.0], axes.get_ylim(), zorder=1.9, **_AXIS)
+    points = one.points()[:, :2]
+    drawn = [_RING, radius * _RING]
+    for number, point in enumerate(one.points()):
+        place = points[number]
+        if number:
+            axes.plot(*np.transpose([[0.0, 0.0], place]), zorder=2.0, **_THIN)
+            across = 0.55 * np.array([-place[1], place[0]])
+            axes.plot(*np.transpose([place - across, place + across]), zorder=2.0, **_PLANE)
+        drawn += _draw_parts(axes, place, one, point, [0, 1], scale)
+    turned = 180.0 if one.ahead < 0.0 else 0.0
+    aside = math.degrees(one.aside)
+    ends = sorted((turned, turned + (aside if one.ahead > 0.0 else -aside)))
+    axes.add_patch(Arc((0.0, 0.0), 0.9 * radius, 0.9 * radius, theta1=ends[0], theta2=ends[1],
+                       linewidth=0.5, color=style.FRAME_GREY, zorder=2.3))  # fmt: skip
+    middle = math.radians(0.5 * (ends[0] + ends[1]))
+    named = [
+        *(Named(name, _pair(point)) for name, point in zip(_names(one), points, strict=True)),
+        Named(r"$\alpha$", (0.45 * radius * math.cos(middle), 0.45 * radius * math.sin(middle))),
+        Named(rf"$C_{{{one.number}}}$", (0.0, 0.0)),
+    ]
+    _dots(axes, [_pair(point) for point in points] + [(0.0, 0.0)])
+    write_names(axes, named, np.concatenate(drawn), panel_size(axes))
+    reach = radius * math.cos(one.aside) * one.body.radius
+    _say(axes, ["from above", rf"$\alpha$ = {_number(aside)}°, to the axis {_number(reach)} m"])
+
+
+def _draw_parts(
+    axes: Axes, place: Array, one: Rolling, point: Array, seen: Sequence[int], scale: float
+) -> list[Array]:
+    """Draw both parts of a point's velocity and their sum, as seen; return what is covered."""
+    colour = body_look(one.number)["color"]
+    centre = np.array([one.speed, 0.0, 0.0])
+    rolling = one.rolling_part(point)
+    drawn = []
+    parts = [(centre, CENTRE), (rolling, ROLLING), (centre + rolling, TOUCHING)]
+    if not np.any(rolling[list(seen)]):
+        parts = parts[:1]
+    for velocity, look in parts:
+        reach = scale * velocity[list(seen)]
+        arrow(axes, place, reach, colour, look)
+        drawn.append(np.linspace(place, place + reach, 20))
+    return drawn
+
+
+def _draw_circle(axes: Axes, radius: float, colour: str) -> None:
+    look: dict[str, Any] = {"facecolor": colour, "alpha": 0.16, "edgecolor": "none"}
+    axes.add_patch(Circle((0.0, 0.0), radius, zorder=1.8, **look))
+    edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}
+    axes.add_patch(Circle((0.0, 0.0), radius, zorder=2.1, **edge))
+
+
+def _dots(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
+    axes.plot(*np.transpose(points), linestyle="none", marker="o", markersize=1.6,
+              color=style.BLACK, zorder=4.0)  # fmt: skip
+
+
+def _pair(point: Array) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
+
+
+def _say(axes: Axes, lines: Sequence[str]) -> None:
+    """Write lines above a panel."""
+    for line, text in enumerate(reversed(lines)):
+        high = 1.0 + (0.9 + 3.3 * line) / _HIGH
+        axes.text(0.0, high, text, transform=axes.transAxes, va="baseline", **_SAY)
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}".replace("-", "−")

@@ -1,0 +1,185 @@
+"""Phase plane along the whole trace with the jumps, and below it the energies (A, B III.3.6, D).
+
+Above: speed of the centre over the arc length, in which a figure eight is one closed curve whatever
+arcs it runs over. Below: potential energy over the same places, and the total energy of the body,
+which stays between impacts and jumps with the speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.levels import LevelCurve, SpeedCurve
+from vibro_cli.analysis.portrait_type import Portrait, portrait_of
+from vibro_cli.figures import style
+from vibro_cli.figures.along import EIGHT, JUNCTION, curves_of
+from vibro_cli.figures.background import Background
+from vibro_cli.figures.legend import draw_legend, last_time
+from vibro_cli.figures.panels import Panel, Window
+from vibro_cli.figures.portrait import draw_motion, few, legend_rows
+from vibro_cli.figures.portrait_over_energies import draw_energies, limit_energies, panels_over
+from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.ticks import vertical_ticks
+from vibro_cli.figures.trajectory import Branches, Jumps, Trajectory, trajectory
+from vibro_cli.mechanics.trace import LINE as STRAIGHT
+from vibro_cli.mechanics.trace import Piece, Trace
+
+_MARGIN = 1.06
+_DENSE = 241
+POTENTIAL: dict[str, Any] = {"color": style.GREEN, "linewidth": 1.0}
+
+
+def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
+    """Return speed and energies of a body (from 1) of a run over the arc length of the trace.
+
+    Raises ValueError for a width that is neither `single` nor `double`, IndexError for a body that
+    is not there.
+    """
+    if not 1 <= ball <= len(run.system.bodies):
+        raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
+    landscape = Landscape.of(run.system, ball)
+    path = along_trace(trajectory(run, ball), landscape)
+    portrait = portrait_of(landscape)
+    (branches,) = path.branches
+    energies = 0.5 * landscape.body.kappa * landscape.body.mass * branches.rate**2
+    energies += _potential_at(landscape, branches.position)
+    behind, eights = _behind(portrait)
+    window = _window(landscape.trace, path, behind)
+    entries = [("potential energy", POTENTIAL)]
+    if eights:
+        entries.insert(0, ("figure eight", EIGHT))
+    with style.journal():
+        rows = legend_rows(path, behind, width, entries)
+        figure, upper, lower = panels_over(width, window, len(rows))
+        draw_motion([upper], path, behind)
+        _draw_eights(upper, eights)
+        places, values = _potential(landscape)
+        lower.axes.plot(places, values, zorder=1.5, **POTENTIAL)
+        draw_energies(lower, path, energies, None if few(path) else last_time(path))
+        for piece in landscape.trace.pieces[1:]:
+            for panel in (upper, lower):
+                panel.axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
+        limit_energies(lower, 1.15 * max(float(np.max(energies)), 1e-3 * float(np.max(values))))
+        _label(upper, lower, ball)
+        draw_legend(figure, rows, None if few(path) else path)
+    return figure
+
+
+def along_trace(path: Trajectory, landscape: Landscape) -> Trajectory:
+    """Return a trajectory as one on the whole trace: arc length (m) and speed (m/s)."""
+    pieces = landscape.trace.pieces
+    parts = [
+        Branches(
+            position=_arc_length(piece, branches.position),
+            rate=landscape.path_scale(piece) * branches.rate,
+            time=branches.time,
+            contact=branches.contact,
+        )
+        for piece, branches in zip(pieces, path.branches, strict=True)
+        if len(branches.time)
+    ]
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in Branches.__dataclass_fields__
+    }
+    index, position, rate = path.start
+    scale = landscape.path_scale(pieces[index])
+    return replace(
+        path,
+        branches=(Branches(**joined),),
+        jumps=_jumps_along(path.jumps, landscape),
+        first=_jumps_along(path.first, landscape),
+        start=(0, float(_arc_length(pieces[index], np.array(position))), scale * rate),
+    )
+
+
+def _jumps_along(jumps: Jumps, landscape: Landscape) -> Jumps:
+    pieces = landscape.trace.pieces
+    scales = np.array([landscape.path_scale(piece) for piece in pieces])[jumps.piece]
+    places = [
+        float(_arc_length(pieces[index], np.array(position)))
+        for index, position in zip(jumps.piece.tolist(), jumps.position.tolist(), strict=True)
+    ]
+    return replace(
+        jumps,
+        piece=np.zeros_like(jumps.piece),
+        position=np.array(places, dtype=np.float64),
+        before=jumps.before * scales,
+        after=jumps.after * scales,
+    )
+
+
+def _arc_length(piece: Piece, position: Array) -> Array:
+    if piece.is_line:
+        return piece.start_s + position
+    return piece.start_s + piece.radius * (position - piece.angle_start)
+
+
+def _potential(landscape: Landscape) -> tuple[Array, Array]:
+    """Return arc lengths (m) along the trace and the potential energies there (J)."""
+    places, values = [], []
+    for piece in landscape.trace.pieces:
+        position = np.linspace(piece.angle_start, piece.angle_end, _DENSE)
+        places.append(_arc_length(piece, position))
+        values.append(landscape.potential(piece, position))
+    return np.concatenate(places), np.concatenate(values)
+
+
+def _potential_at(landscape: Landscape, s: Array) -> Array:
+    """Return the potential energy (J) at arc lengths (m)."""
+    found = np.full(s.shape, np.nan)
+    for piece in landscape.trace.pieces:
+        here = (s >= piece.start_s) & (s <= piece.start_s + piece.length)
+        along = s[here] - piece.start_s
+        position = along if piece.is_line else piece.angle_start + along / piece.radius
+        found[here] = landscape.potential(piece, position)
+    return found
+
+
+def _behind(portrait: Portrait) -> tuple[Background, tuple[SpeedCurve, ...]]:
+    """Return what stands behind the branches, and the figure eights."""
+    curves = curves_of(portrait)
+
+    def levels(group: tuple[SpeedCurve, ...]) -> tuple[LevelCurve, ...]:
+        return tuple(LevelCurve(0, curve.s, curve.speed) for curve in group)
+
+    points = tuple(replace(point, piece=0, position=point.s) for point in portrait.points)
+    behind = Background(
+        separatrices=levels(curves.separatrices), arc_separatrices=(),
+        levels=levels(curves.levels), points=points,
+    )  # fmt: skip
+    return behind, curves.eights
+
+
+def _draw_eights(upper: Panel, eights: tuple[SpeedCurve, ...]) -> None:
+    lines = [np.column_stack([curve.s, way * curve.speed]) for curve in eights for way in (1, -1)]
+    upper.axes.add_collection(LineCollection(lines, zorder=1.25, **EIGHT), autolim=False)
+
+
+def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
+    """Return the whole trace, as high as the motion and the separatrices."""
+    (branches,) = path.branches
+    jumps = path.jumps
+    rates = [branches.rate.ravel(), jumps.before, jumps.after[jumps.made]]
+    reached = float(max(np.max(np.abs(rate), initial=0.0) for rate in rates))
+    through = max((float(np.max(curve.rate)) for curve in behind.separatrices), default=0.0)
+    first, last = trace.pieces[0], trace.pieces[-1]
+    line = Piece(
+        0, STRAIGHT, 0.0, np.inf, 0.0, 0.0, trace.length, 0.0, first.start, last.end,
+        (np.nan, np.nan), 0.0, trace.length,
+    )  # fmt: skip
+    return Window(line, 0.0, trace.length, _MARGIN * (max(reached, through) or 1.0))
+
+
+def _label(upper: Panel, lower: Panel, ball: int) -> None:
+    ticks = vertical_ticks(-upper.window.top, upper.window.top, upper.height)
+    upper.axes.set_yticks(ticks.places, ticks.labels)
+    scaled = rf"$10^{{{ticks.power}}}$ m/s" if ticks.power else "m/s"
+    upper.axes.set_ylabel(rf"$v_{{{ball}}}$ [{scaled}]", labelpad=1.0)
+    lower.axes.set_xlabel(rf"$s_{{{ball}}}$ [m]")

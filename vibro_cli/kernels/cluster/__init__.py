@@ -1,0 +1,1 @@
+"""Bodies in lasting contact: their motion, their forces, which contacts hold."""

@@ -1,0 +1,395 @@
+"""A group in lasting contact across several pieces: one degree of freedom, by collocation.
+
+On different pieces the contact's geometry changes as the group moves, and no closed form is known.
+The equations of the chain (contact forces from the second derivative of each distance, so that the
+change of the normals is in them) are solved on short segments by collocation at Gauss nodes, to
+rounding; accelerations and forces are then polynomials in time, whose first roots are found with a
+certificate.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import SERIES_LENGTH, Series, kernel
+from vibro_cli.kernels.cluster.cluster_forces import normal_force_now
+from vibro_cli.kernels.cluster.clusters import AT_END, half_way_to
+from vibro_cli.kernels.contact.contact_kinematics import free_acceleration, set_normals
+from vibro_cli.kernels.flow.flight import BOUNDARY, LIFT_OFF
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, path_on_segment, polynomial_flow
+from vibro_cli.kernels.impact.impulse_chain import contact_forces
+from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
+from vibro_cli.kernels.numerics.error_free import add_to_time
+from vibro_cli.kernels.structs import NEVER, Flight, TrackData
+from vibro_cli.kernels.world import World
+
+Row = tuple[float, ...]
+
+
+# Gauss nodes on [0, 1]: the zeros of the Legendre polynomial of degree 8, moved there.
+NODES = (
+    0.01985507175123188, 0.10166676129318664, 0.23723379504183550, 0.40828267875217510,
+    0.59171732124782490, 0.76276620495816450, 0.89833323870681336, 0.98014492824876812,
+)  # fmt: skip
+
+
+def _to_powers() -> tuple[Row, ...]:
+    """Return the matrix from values at the nodes to coefficients in powers of t, rounded once."""
+    unit = 2**60  # of which the nodes are whole multiples
+    nodes = [int(node * unit) for node in NODES]
+    columns = []
+    for node in nodes:
+        powers, divisor = [1], 1
+        for other in nodes:
+            if other != node:
+                shifted = zip([0, *powers], [*powers, 0], strict=True)
+                powers = [low * unit - other * high for low, high in shifted]
+                divisor *= node - other
+        columns.append([power / divisor for power in powers])
+    return tuple(zip(*columns, strict=True))
+
+
+TO_POWERS = _to_powers()
+
+SEGMENT_END = 2  # a flight's exit kind, beside BOUNDARY and LIFT_OFF
+# Longest segment in units of the fastest time scale.
+LONGEST = 0.1
+# Share of the accelerations that an iteration may still change.
+CONVERGED = 2.0e-15
+ITERATIONS = 30
+
+
+@kernel
+def launch_across(world: World, first: int, count: int) -> None:
+    """Launch ``count`` bodies in contact on several pieces for one segment of time."""
+    bodies = world.settings[0].bodies
+    h = _first_length(world, first, count)
+    while not _integrate(world, first, count, h):
+        h *= 0.5
+    for step in range(count):
+        ball = (first + step) % bodies
+        flight = world.flights[ball]
+        _set_end(world, ball, h)
+        if world.settings[0].one_sided == 1:
+            _limit_by_lift_off(flight, h)
+        if step < count - 1:
+            pair = world.pairs[ball]
+            pair.release_t = NEVER
+            pair.release_t_low = 0.0
+            after = first_root_of_series(pair.series, h)
+            if after < h:
+                pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
+
+
+@kernel
+def _first_length(world: World, first: int, count: int) -> float:
+    """A segment short against the time scales of gravity and of the motion (s)."""
+    settings = world.settings[0]
+    fastest = 0.0
+    for step in range(count):
+        ball = (first + step) % settings.bodies
+        flight = world.flights[ball]
+        track = world.tracks[ball * settings.pieces + flight.piece]
+        size = world.bodies[ball].radius
+        if track.path_radius > 0.0:
+            size = min(size, track.path_radius)
+        speed = abs(track.speed_factor * flight.p)
+        fastest = max(fastest, math.sqrt(track.gravity_rate / size) + speed / size)
+    return LONGEST / fastest
+
+
+@kernel
+def _start_member(world: World, ball: int, h: float) -> None:
+    settings = world.settings[0]
+    flight = world.flights[ball]
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    flight.form = POLYNOMIAL
+    flight.grouped = 1
+    flight.at_rest = 0
+    flight.anchor = -1
+    flight.segment = h
+    flight.own_frequency = track.frequency
+    flight.frequency = track.frequency
+    flight.line_acceleration = 0.0
+    flight.flow_s = flight.s
+    flight.flow_c = flight.c
+    flight.flow_p = track.speed_factor * flight.p
+    flight.rate_ratio = 1.0 / track.speed_factor
+    flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
+    for k in range(SERIES_LENGTH):
+        flight.series[k] = 0.0
+
+
+@kernel
+def _integrate(world: World, first: int, count: int, h: float) -> bool:
+    """Collocation on a segment of length ``h`` (s); False if it does not converge to rounding."""
+    bodies = world.settings[0].bodies
+    for step in range(count):
+        ball = (first + step) % bodies
+        _start_member(world, ball, h)
+    for _ in range(ITERATIONS):
+        change = _iterate(world, first, count, h)
+        if change < CONVERGED:
+            if world.settings[0].one_sided == 1:
+                _set_normal_forces(world, first, count, h)
+            _restore_members(world, first, count)
+            return _resolved(world, first, count)
+    _restore_members(world, first, count)
+    return False
+
+
+@kernel
+def _restore(flight: Flight) -> None:
+    flight.s = flight.flow_s
+    flight.c = flight.flow_c
+    flight.p = flight.flow_p * flight.rate_ratio
+    flight.speed = flight.flow_p
+
+
+@kernel
+def _restore_members(world: World, first: int, count: int) -> None:
+    for step in range(count):
+        _restore(world.flights[(first + step) % world.settings[0].bodies])
+
+
+@kernel
+def _set_normal_forces(world: World, first: int, count: int, h: float) -> None:
+    """Polynomials of the normal forces (N) of all members over a segment that is solved."""
+    bodies = world.settings[0].bodies
+    for step in range(count):
+        for i in range(SERIES_LENGTH):
+            world.flights[(first + step) % bodies].normal[i] = 0.0
+    for k in range(SERIES_LENGTH):
+        _force_members(world, first, count, NODES[k] * h)
+        for step in range(count):
+            force = normal_force_now(world, first, count, step)
+            for i in range(SERIES_LENGTH):
+                world.flights[(first + step) % bodies].normal[i] += TO_POWERS[i][k] * force
+
+
+@kernel
+def _limit_by_lift_off(flight: Flight, h: float) -> None:
+    """End a segment where a one-sided trace would have to pull."""
+    after = 0.0 if flight.normal[0] < 0.0 else first_root_of_series(flight.normal, h)
+    if after < min(h, flight.exit_after):
+        flight.exit_kind = LIFT_OFF
+        flight.exit_after = after
+        _, _, flight.exit_p = polynomial_flow(flight, after)
+        flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, after)
+
+
+@kernel
+def _force_members(world: World, first: int, count: int, t: float) -> None:
+    """Put the members into their states at a time of the segment; find their contact forces."""
+    bodies = world.settings[0].bodies
+    for step in range(count):
+        _move_to(world, (first + step) % bodies, t)
+    for step in range(count - 1):
+        set_normals(world, (first + step) % bodies)
+    contact_forces(world, first, count - 1)
+
+
+@kernel
+def _iterate(world: World, first: int, count: int, h: float) -> float:
+    """One sweep over the nodes; returns the largest relative change of an acceleration."""
+    bodies = world.settings[0].bodies
+    for k in range(SERIES_LENGTH):
+        _force_members(world, first, count, NODES[k] * h)
+        for step in range(count):
+            ball = (first + step) % bodies
+            world.flights[ball].nodal[k] = _acceleration(world, first, count, step)
+            if step < count - 1:
+                world.pairs[ball].nodal[k] = world.pairs[ball].solution
+    change = 0.0
+    for step in range(count):
+        ball = (first + step) % bodies
+        flight = world.flights[ball]
+        size = world.tracks[ball * world.settings[0].pieces + flight.piece].gravity_rate
+        for i in range(SERIES_LENGTH):
+            value = 0.0
+            force = 0.0
+            for k in range(SERIES_LENGTH):
+                value += TO_POWERS[i][k] * flight.nodal[k]
+            if step < count - 1:
+                for k in range(SERIES_LENGTH):
+                    force += TO_POWERS[i][k] * world.pairs[ball].nodal[k]
+                world.pairs[ball].series[i] = force
+            # What counts is the place: a coefficient enters it divided by (i + 1)(i + 2).
+            moved = abs(value - flight.series[i]) * (h * h / ((i + 1.0) * (i + 2.0)))
+            change = max(change, moved / (size * h * h + abs(flight.flow_p) * h))
+            flight.series[i] = value
+    return change
+
+
+@kernel
+def _move_to(world: World, ball: int, t: float) -> None:
+    """Set a member's state and speed from its present polynomial."""
+    flight = world.flights[ball]
+    s, c, p = polynomial_flow(flight, t)
+    flight.s = s
+    flight.c = c
+    flight.p = p
+    flight.speed = p / flight.rate_ratio
+
+
+@kernel
+def _acceleration(world: World, first: int, count: int, step: int) -> float:
+    """Acceleration (m/s^2) of a member along its path under gravity and its contact forces."""
+    bodies = world.settings[0].bodies
+    ball = (first + step) % bodies
+    force = 0.0
+    if step > 0:
+        before = world.pairs[(first + step - 1) % bodies]
+        force += before.solution * before.normal_b
+    if step < count - 1:
+        pair = world.pairs[ball]
+        force -= pair.solution * pair.normal_a
+    return free_acceleration(world, ball) + force / world.bodies[ball].rolling_mass
+
+
+@kernel
+def _resolved(world: World, first: int, count: int) -> bool:
+    """Tell whether the last coefficients no longer matter for the places."""
+    settings = world.settings[0]
+    for step in range(count):
+        ball = (first + step) % settings.bodies
+        flight = world.flights[ball]
+        size = world.tracks[ball * settings.pieces + flight.piece].gravity_rate
+        # The last powers, as they enter the place at the end of the segment.
+        last = abs(flight.series[SERIES_LENGTH - 1]) + abs(flight.series[SERIES_LENGTH - 2])
+        if last > 1.0e-5 * size:
+            return False
+    return True
+
+
+@kernel
+def _set_end(world: World, ball: int, h: float) -> None:
+    """Find where on the segment a member leaves its piece; else the segment's end is its exit."""
+    settings = world.settings[0]
+    flight = world.flights[ball]
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    to_left, to_right = _ways(flight, track)
+    jerk = _bound_member(flight, track)
+    right = _time_to_end(flight, to_right, 1.0, h, jerk)
+    left = _time_to_end(flight, to_left, -1.0, h, jerk)
+    flight.exit_side = 0
+    flight.exit_kind = SEGMENT_END
+    flight.exit_after = h
+    if min(left, right) < h:
+        flight.exit_kind = BOUNDARY
+        flight.exit_side = 1 if right < left else -1
+        flight.exit_after = min(left, right)
+    _, _, flight.exit_p = polynomial_flow(flight, flight.exit_after)
+    flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
+
+
+@kernel
+def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
+    """Length of the centre's path (m) to the left and to the right end of the piece."""
+    if track.path_radius == 0.0:
+        return flight.s - track.left_s, track.right_s - flight.s
+    left = math.atan2(
+        flight.s * track.left_c - flight.c * track.left_s,
+        flight.c * track.left_c + flight.s * track.left_s,
+    )
+    right = math.atan2(
+        track.right_s * flight.c - track.right_c * flight.s,
+        track.right_c * flight.c + track.right_s * flight.s,
+    )
+    return 2.0 * track.path_radius * half_way_to(left), 2.0 * track.path_radius * half_way_to(right)
+
+
+@kernel
+def _bound_member(flight: Flight, track: TrackData) -> float:
+    """Set bounds on speed and accelerations over the segment, from the coefficients.
+
+    Returns the bound (m/s^3) on the rate of the acceleration along the path.
+    """
+    acceleration = 0.0
+    jerk = 0.0
+    for k in range(SERIES_LENGTH):
+        acceleration += abs(flight.series[k])
+        jerk += k * abs(flight.series[k])
+    jerk /= flight.segment
+    flight.jerk_bound = jerk
+    speed = abs(flight.flow_p) + acceleration * flight.segment
+    central = 0.0
+    flight.angular_bound = 0.0
+    if track.path_radius > 0.0:
+        central = speed * speed / track.path_radius
+        flight.angular_bound = acceleration / track.path_radius
+        flight.jerk_bound /= track.path_radius
+    flight.acceleration_bound = math.sqrt(acceleration * acceleration + central * central)
+    flight.parameter = 0.0
+    flight.root_complement = 0.0
+    return jerk
+
+
+@kernel
+def _time_to_end(flight: Flight, way: float, side: float, h: float, jerk: float) -> float:
+    """First time (s) on the segment at which a member has gone ``way`` to one side, or ``h``."""
+    bound = flight.acceleration_bound
+    t = 0.0
+    if way <= AT_END * (1.0 + abs(way)):
+        # At this end already: it leaves only if it moves, or is driven, outwards.
+        outwards = side * flight.flow_p
+        if outwards > 0.0 or (outwards == 0.0 and side * flight.series[0] > 0.0):
+            return 0.0
+        way = 0.0
+        t = _time_inside(flight, side, h, jerk)
+    while t < h:
+        moved, speed = path_on_segment(flight, t)
+        left = way - side * moved
+        if left <= 1.0e-15 * (abs(way) + abs(moved)):
+            return t
+        following = t + safe_step_second_order(left, -side * speed, bound)
+        if following == t:
+            return t  # what is left is below the resolution of time
+        t = following
+    return h
+
+
+@kernel
+def _time_inside(flight: Flight, side: float, h: float, jerk: float) -> float:
+    """Time (s) for which a member that stands at an end, not driven outwards, is certainly inside.
+
+    With the speed u and the acceleration a inwards it has gone at least ``u t - A t^2/2``, and if
+    a > 0 at least ``a t^2/2 - J t^3/6``: it need not move to leave the end, to be driven is enough.
+    """
+    bound = flight.acceleration_bound
+    if bound == 0.0:
+        return h
+    by_speed = 2.0 * abs(flight.flow_p) / bound
+    inwards = -side * flight.series[0]
+    if inwards <= 0.0:
+        return by_speed
+    # Half of 3 a/J: there the place is not zero by rounding either.
+    return max(by_speed, 1.5 * inwards / jerk if jerk > 0.0 else h)
+
+
+@kernel
+def first_root_of_series(series: Series, h: float) -> float:
+    """First time (s) at which a force, positive at first, falls through zero; ``h`` if not before.
+
+    Its second derivative on the segment is bounded by ``sum k (k-1) |c_k|/h^2``.
+    """
+    bound = 0.0
+    size = 0.0
+    for k in range(SERIES_LENGTH):
+        bound += k * (k - 1.0) * abs(series[k])
+        size += abs(series[k])
+    if size == 0.0:
+        return h
+    t = 0.0
+    while t < 1.0:
+        value = 0.0
+        slope = 0.0
+        for k in range(SERIES_LENGTH - 1, -1, -1):
+            slope = slope * t + value
+            value = value * t + series[k]
+        if value <= 1.0e-14 * size:
+            if slope < 0.0:
+                return t * h
+            value = 1.0e-14 * size
+        t += safe_step_second_order(value, slope, bound + 1.0e-9 * size)
+    return h

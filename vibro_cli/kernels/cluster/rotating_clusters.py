@@ -1,0 +1,418 @@
+"""Groups in lasting contact on one piece of a turning trace, in closed form.
+
+On an arc the bodies' common angle obeys ``f'' = w^2 (-sin f + tilt cos f + spread sin f cos f +
+twist cos 2f)``: ``w`` and the origin of f as on a trace at rest, the tilt that of every body alone,
+``(spread, 2 twist) = sum m (Omega rho)^2 (cos 2 delta, sin 2 delta)/torque`` with the angles delta
+by which the bodies lead. So the motion is again one under a quartic; forces between neighbours and
+of the trace are trigonometric polynomials of degree 2. On a line the motion is a sum of cosh and
+sinh, and the forces are linear in the place. The kernels stand in for those of
+``kernels.cluster.clusters`` and ``kernels.cluster.cluster_forces``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.cluster.cluster_forces import (
+    FORCE_ROUNDING,
+    keep_release,
+    lever_of,
+    moments_of_body,
+)
+from vibro_cli.kernels.cluster.clusters import clear, half_way_to, is_at
+from vibro_cli.kernels.contact.contact_kinematics import line_of_centres, tangent
+from vibro_cli.kernels.flow.flight import LIFT_OFF
+from vibro_cli.kernels.flow.flow import body_of_group, group_of_body
+from vibro_cli.kernels.flow.rotating_flight import launch_on_line
+from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE
+from vibro_cli.kernels.flow.rotating_line import (
+    fall_on_line,
+    first_negative,
+    pull_harmonics,
+    scaled,
+    square_harmonics,
+)
+from vibro_cli.kernels.flow.rotating_time_of_flight import half_way, time_to
+from vibro_cli.kernels.numerics.trigonometric_polynomial import (
+    NOWHERE,
+    Harmonics,
+    combined,
+    first_fall,
+    harmonic_size,
+    harmonic_value,
+    least_value,
+    mirrored,
+    turned,
+)
+from vibro_cli.kernels.numerics.weierstrass_motion import set_quartic_constants, squared_rate
+from vibro_cli.kernels.structs import NEVER, Flight, TrackData
+from vibro_cli.kernels.world import World
+
+
+@kernel
+def _lead(flight: Flight) -> tuple[float, float]:
+    """Sine and cosine of the angle by which a body leads its group."""
+    s = flight.shift_s
+    c = flight.shift_c
+    return 2.0 * s * c, (c - s) * (c + s)
+
+
+@kernel
+def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
+    """Constants, exit and bounds of a member of a group on an arc (as ``groups`` has it)."""
+    settings = world.settings[0]
+    flight = world.flights[ball]
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    flight.tilt = track.tilt
+    torque = 0.0
+    along = 0.0
+    across = 0.0
+    for step in range(count):
+        member = (first + step) % settings.bodies
+        _, _, x, _ = moments_of_body(world, member)
+        sine, cosine = _lead(world.flights[member])
+        torque += x
+        rho = world.tracks[member * settings.pieces + flight.piece].path_radius
+        strength = world.bodies[member].mass * settings.turning_square * rho * rho
+        along += strength * ((cosine - sine) * (cosine + sine))
+        across += strength * (2.0 * sine * cosine)
+    flight.spread = along / torque
+    flight.twist = 0.5 * across / torque
+    set_group_motion(flight)
+    flight.s, flight.c, flight.p = body_of_group(
+        flight, flight.flow_s, flight.flow_c, flight.flow_p
+    )
+    if flight.flow_p == 0.0 and flight.quartic_3 == 0.0:
+        flight.at_rest = 1
+    _set_bounds(flight, track)
+    # What a member's row has of it.
+    flight.segment = NEVER
+    flight.series[0] = flight.spread
+    flight.series[1] = flight.twist
+    if flight.at_rest == 0:
+        _choose_exit(flight, track)
+
+
+@kernel
+def set_group_motion(flight: Flight) -> None:
+    """Set the constants of a group's motion on an arc from its start."""
+    pull = pull_harmonics(flight)
+    square = square_harmonics(flight, pull)
+    _, b, c, d, e = pull
+    p = flight.flow_p
+    flight.turns_over = 1 if p != 0.0 and least_value(square, 2.0 * math.pi) > 0.0 else 0
+    set_quartic_constants(
+        flight,
+        p * p + c,
+        0.25 * (b - d),
+        (2.0 * p * p + c + 2.0 * e) / 6.0,
+        0.25 * (b + d),
+        p,
+        flight.turns_over,
+    )
+
+
+@kernel
+def _set_bounds(flight: Flight, track: TrackData) -> None:
+    w = flight.frequency
+    first = math.sqrt(1.0 + flight.tilt * flight.tilt)
+    second = math.sqrt(0.25 * flight.spread * flight.spread + flight.twist * flight.twist)
+    square = square_harmonics(flight, pull_harmonics(flight))
+    most_rate = 2.0 * w * math.sqrt(harmonic_size(square))
+    flight.angular_bound = w * w * (first + second)
+    flight.jerk_bound = w * w * (first + 2.0 * second) * most_rate
+    flight.snap_bound = w * w * (first + 4.0 * second) * most_rate * most_rate
+    flight.snap_bound += w * w * (first + 2.0 * second) * flight.angular_bound
+    flight.most_speed = track.path_radius * most_rate
+    along = track.path_radius * flight.angular_bound
+    central = track.path_radius * most_rate * most_rate
+    flight.acceleration_bound = math.sqrt(along * along + central * central)
+
+
+@kernel
+def _choose_exit(flight: Flight, track: TrackData) -> None:
+    """Find at which end of its piece a member leaves it, and when."""
+    forward = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
+    square = square_harmonics(flight, pull_harmonics(flight))
+    for turn in range(2):
+        right = (forward > 0.0) == (turn == 0)
+        side = 1.0 if right else -1.0
+        end_s = track.right_s if right else track.left_s
+        end_c = track.right_c if right else track.left_c
+        if is_at(flight.s, flight.c, end_s, end_c):
+            if turn == 0:
+                _leave(flight, side, flight.flow_p, 0.0)
+                return
+            sine = 0.0
+            cosine = 1.0
+        else:
+            s, c = group_of_body(flight, end_s, end_c)
+            sine = s * flight.flow_c - c * flight.flow_s
+            cosine = c * flight.flow_c + s * flight.flow_s
+        way = 2.0 * half_way_to(side * math.atan2(sine, cosine))
+        ahead = square if right else mirrored(square)
+        squared = squared_rate(flight, sine, cosine)
+        if squared > 0.0 and first_fall(ahead, way) == NOWHERE:
+            p = side * math.sqrt(squared)
+            s = flight.flow_s * cosine + flight.flow_c * sine
+            after = time_to(flight, s, flight.flow_c * cosine - flight.flow_s * sine, p)
+            if after < NEVER:
+                _leave(flight, side, p, after)
+                return
+
+
+@kernel
+def _leave(flight: Flight, side: float, p: float, after: float) -> None:
+    flight.exit_side = 1 if side > 0.0 else -1
+    flight.exit_p = p * flight.rate_ratio
+    flight.exit_after = after
+
+
+@kernel
+def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
+    """Angles (rad) that the motion of a group takes in, to the left and to the right."""
+    left = 2.0 * half_way(flight, -1.0)
+    right = 2.0 * half_way(flight, 1.0)
+    if flight.exit_side != 0:
+        end_s = track.right_s if flight.exit_side > 0 else track.left_s
+        end_c = track.right_c if flight.exit_side > 0 else track.left_c
+        sine = end_s * flight.c - end_c * flight.s
+        angle = 2.0 * abs(math.atan2(sine, end_c * flight.c + end_s * flight.s))
+        if flight.exit_side > 0:
+            right = angle
+        else:
+            left = angle
+    return left, right
+
+
+@kernel
+def _drive(world: World, first: int, start: int, end: int) -> Harmonics:
+    """Moment (N m) that drives some bodies of a group on beyond what their motion takes."""
+    settings = world.settings[0]
+    flight = world.flights[first]
+    w2 = flight.frequency * flight.frequency
+    group = 0.0, flight.tilt, -1.0, flight.twist, 0.5 * flight.spread
+    total = 0.0, 0.0, 0.0, 0.0, 0.0
+    for step in range(start, end):
+        ball = (first + step) % settings.bodies
+        track = world.tracks[ball * settings.pieces + flight.piece]
+        inertia, _, _, _ = moments_of_body(world, ball)
+        sine, cosine = _lead(world.flights[ball])
+        own = turned((0.0, track.tilt, -1.0, 0.0, 0.5 * track.spread), sine, cosine)
+        total = combined(total, world.bodies[ball].weight * track.path_radius, own)
+        total = combined(total, -inertia * w2, group)
+    return total
+
+
+@kernel
+def press_between(world: World, first: int, count: int, bodies_left: int) -> Harmonics:
+    """Moment (N m) with which a group's first bodies press on the rest, in the group's angle."""
+    left = _drive(world, first, 0, bodies_left)
+    right = _drive(world, first, bodies_left, count)
+    return combined(scaled(0.5, left), -0.5, right)
+
+
+@kernel
+def _from_start(flight: Flight, h: Harmonics) -> Harmonics:
+    """A function of the group's angle in the angle from the start of its motion."""
+    s = flight.flow_s
+    c = flight.flow_c
+    return turned(h, 2.0 * s * c, (c - s) * (c + s))
+
+
+@kernel
+def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
+    """Find when the force between a group's first bodies and the rest falls through zero."""
+    bodies = world.settings[0].bodies
+    flight = world.flights[first]
+    pair = world.pairs[(first + bodies_left - 1) % bodies]
+    pair.release_t = NEVER
+    pair.release_t_low = 0.0
+    if flight.at_rest == 1:
+        return
+    h = _from_start(flight, press_between(world, first, count, bodies_left))
+    left, right = _group_ways(world, first, count)
+    keep_release(flight, pair, first_negative(flight, h, left, right))
+
+
+@kernel
+def _group_ways(world: World, first: int, count: int) -> tuple[float, float]:
+    """Angles (rad) that a group can go to both sides before one of its bodies leaves its piece."""
+    settings = world.settings[0]
+    flight = world.flights[first]
+    left, right = _ways(flight, world.tracks[first * settings.pieces + flight.piece])
+    for step in range(1, count):
+        ball = (first + step) % settings.bodies
+        other = world.flights[ball]
+        its_left, its_right = _ways(other, world.tracks[ball * settings.pieces + other.piece])
+        left = min(left, its_left)
+        right = min(right, its_right)
+    return left, right
+
+
+@kernel
+def limit_by_lift_off(world: World, first: int, count: int) -> None:
+    """End the flights of a group on an arc where a one-sided trace would have to pull a body."""
+    settings = world.settings[0]
+    left, right = _group_ways(world, first, count)
+    for step in range(count):
+        flight = world.flights[(first + step) % settings.bodies]
+        h = _from_start(flight, normal_harmonics(world, first, count, step))
+        after = NEVER
+        if harmonic_value(h, 0.0, 1.0) < -FORCE_ROUNDING * harmonic_size(h):
+            after = 0.0
+        elif flight.at_rest == 0:
+            after = first_negative(flight, h, left, right)
+        if after < flight.exit_after:
+            flight.exit_kind = LIFT_OFF
+            flight.exit_after = after
+
+
+@kernel
+def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmonics:
+    """Normal force (N) of a member of a group in the group's angle."""
+    settings = world.settings[0]
+    ball = (first + step) % settings.bodies
+    flight = world.flights[ball]
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    body = world.bodies[ball]
+    sine, cosine = _lead(flight)
+    own = turned((0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0), sine, cosine)
+    # P^2 in the group's angle: that from the start, turned back.
+    s = flight.flow_s
+    c = flight.flow_c
+    square = square_harmonics(flight, pull_harmonics(flight))
+    square = turned(square, -2.0 * s * c, (c - s) * (c + s))
+    central = 4.0 * body.mass * track.path_radius * flight.frequency * flight.frequency
+    sign = world.pieces[flight.piece].sign
+    h = combined(scaled(sign * body.weight, own), sign * central, square)
+    if step > 0:
+        part = lever_of(world, (first + step - 1) % settings.pairs, ball)
+        h = combined(h, -part, press_between(world, first, count, step))
+    if step < count - 1:
+        h = combined(h, lever_of(world, ball, ball), press_between(world, first, count, step + 1))
+    return h
+
+
+@kernel
+def launch_group_on_line(world: World, first: int, count: int) -> None:
+    """Launch a group on a line: ``v' = a + b^2 way`` with means over ``kappa m`` of the bodies."""
+    settings = world.settings[0]
+    inertia = 0.0
+    force = 0.0
+    growth = 0.0
+    momentum = 0.0
+    for step in range(count):
+        ball = (first + step) % settings.bodies
+        own, own_growth = _alone_on_line(world, ball)
+        mass = world.bodies[ball].rolling_mass
+        inertia += mass
+        force += mass * own
+        growth += mass * own_growth
+        momentum += mass * world.flights[ball].p
+    for step in range(count):
+        ball = (first + step) % settings.bodies
+        flight = world.flights[ball]
+        track = world.tracks[ball * settings.pieces + flight.piece]
+        clear(flight, track)
+        flight.p = momentum / inertia
+        flight.flow_s = flight.s
+        flight.flow_c = flight.c
+        flight.flow_p = flight.p
+        flight.rate_ratio = 1.0
+        flight.frequency = 0.0
+        flight.form = TURNING_LINE
+        flight.line_acceleration = force / inertia
+        flight.line_growth = math.sqrt(growth / inertia)
+        launch_on_line(flight, track)
+        flight.segment = NEVER
+        flight.series[0] = flight.line_growth
+    for step in range(count - 1):
+        _set_release_on_line(world, first, step)
+    if settings.one_sided == 1:
+        for step in range(count):
+            _limit_on_line(world, first, count, step)
+
+
+@kernel
+def _alone_on_line(world: World, ball: int) -> tuple[float, float]:
+    """Acceleration (m/s^2) of a body alone on a line, and how it grows with the way (1/s^2)."""
+    flight = world.flights[ball]
+    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    square = track.line_growth * track.line_growth
+    return track.line_acceleration + square * flight.s, square
+
+
+@kernel
+def _push_on_line(world: World, first: int, step: int) -> tuple[float, float]:
+    """Force (N) along a line of a group's first bodies on the rest, and how it grows (N/m)."""
+    flight = world.flights[first]
+    force = 0.0
+    growth = 0.0
+    for before in range(step + 1):
+        ball = (first + before) % world.settings[0].bodies
+        own, own_growth = _alone_on_line(world, ball)
+        mass = world.bodies[ball].rolling_mass
+        force += mass * (own - flight.line_acceleration)
+        growth += mass * (own_growth - flight.line_growth * flight.line_growth)
+    return force, growth
+
+
+@kernel
+def _set_release_on_line(world: World, first: int, step: int) -> None:
+    bodies = world.settings[0].bodies
+    flight = world.flights[first]
+    pair = world.pairs[(first + step) % bodies]
+    pair.release_t = NEVER
+    pair.release_t_low = 0.0
+    force, growth = _push_on_line(world, first, step)
+    keep_release(flight, pair, fall_on_line(flight, force, growth))
+
+
+@kernel
+def _limit_on_line(world: World, first: int, count: int, step: int) -> None:
+    """End the flight of a member where a one-sided trace would have to pull it."""
+    settings = world.settings[0]
+    ball = (first + step) % settings.bodies
+    flight = world.flights[ball]
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    weight = world.bodies[ball].weight
+    force = weight * (track.line_press + track.line_press_growth * flight.s)
+    growth = weight * track.line_press_growth
+    for side in range(2):
+        other = step - 1 + side
+        if 0 <= other < count - 1:
+            part = lever_on_line(world, (first + other) % settings.pairs)
+            push, push_growth = _push_on_line(world, first, other)
+            part = part if side == 1 else -part
+            force += part * push
+            growth += part * push_growth
+    after = 0.0
+    if force >= -FORCE_ROUNDING * weight:
+        after = fall_on_line(flight, force, growth)
+    if after < flight.exit_after:
+        flight.exit_kind = LIFT_OFF
+        flight.exit_after = after
+
+
+@kernel
+def lever_on_line(world: World, j: int) -> float:
+    """Part of a contact's force across a line, for one newton along it."""
+    pair = world.pairs[j]
+    dx, dy = line_of_centres(world, j)
+    tx, ty = tangent(world, pair.a)
+    return (dy * tx - dx * ty) / (dx * tx + dy * ty)
+
+
+@kernel
+def recall_group_motion(flight: Flight, track: TrackData) -> None:
+    """Set the form and constants of a flight in lasting contact from its state and series."""
+    if track.path_radius == 0.0:
+        flight.form = TURNING_LINE
+        flight.line_growth = flight.series[0]
+        return
+    flight.tilt = track.tilt
+    flight.spread = flight.series[0]
+    flight.twist = flight.series[1]
+    set_group_motion(flight)

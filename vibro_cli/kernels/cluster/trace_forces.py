@@ -1,0 +1,223 @@
+"""What the trace bears: normal force and friction of bodies on one motion, alone or in contact.
+
+The contact forces of a group follow from its motion, body by body from the left (from the right
+if it leans on a wall there, at rest): ``f_i c_a = f_{i-1} c_b - m g sin(alpha) - M v'``; the trace
+then carries ``m g cos(alpha) +- m v^2/rho`` less the contact forces along its normal, and friction
+is ``(kappa - 1) m |v'|``. On one arc the normal force is ``a + b cos f + c sin f`` in the angle of
+the group's pendulum, and is known from three angles; on a line it is constant. A body alone is a
+group of one.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.contact.contact_kinematics import parts_of_weight
+from vibro_cli.kernels.contact.gap import centre_position
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, acceleration_at, body_of_group, flow
+from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.structs import BodyForces, Flight
+from vibro_cli.kernels.world import FlightRow, World
+
+# Angles of a motion at which forces are fitted, halved: the thirds of a turn, and after them the
+# fifths, for a rotating trace.
+_HALVES = [math.pi * k / n for n in (3, 5) for k in range(n)]
+HALF_SINES = tuple(math.sin(half) for half in _HALVES)
+HALF_COSINES = tuple(math.cos(half) for half in _HALVES)
+COSINES = (1.0, -0.5, -0.5)
+SINES = (0.0, 0.5 * math.sqrt(3.0), -0.5 * math.sqrt(3.0))
+# In place of the number of such an angle: forces after a time, or at a way along a line.
+AT_TIME = -1
+AT_WAY = -2
+
+
+@kernel
+def row_of(world: World, number: int, ball: int) -> int:
+    """The row of the flight that a body began together with that of row ``number``.
+
+    A group is logged body by body; flights under way stand in front of a log in order of bodies.
+    """
+    row = world.log[number]
+    bodies = world.settings[0].bodies
+    place = (ball - row.group_first) % bodies
+    index = number + place - (row.body - row.group_first) % bodies
+    if 0 <= index < world.clock[0].flight_rows:
+        other = world.log[index]
+        if other.body == ball and other.t == row.t and other.t_low == row.t_low:
+            return index
+    return ball
+
+
+@kernel
+def bodies_of(world: World, row: FlightRow) -> tuple[int, int, int]:
+    """The first body of a motion, their number, and where their forces are in ``world.forces``."""
+    if row.grouped == 1:
+        return row.group_first, row.group_count, 0
+    return row.body, 1, world.settings[0].bodies
+
+
+@kernel
+def is_pendulum(flight: Flight) -> bool:
+    """Tell whether a motion is one on an arc, its forces harmonic in its angle."""
+    return flight.form != POLYNOMIAL and flight.frequency != 0.0 and flight.at_rest == 0
+
+
+@kernel
+def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight) -> None:
+    """Set normal force and friction (N) of every body of a motion, in ``world.forces``.
+
+    Parameters
+    ----------
+    world
+        With the logs of the run.
+    number
+        Row of the flight of one of its bodies.
+    angle
+        At one of the fitted angles; ``AT_TIME`` for a time (s) after its start, ``AT_WAY`` for a
+        way (m) along a line.
+    t
+        That time or way.
+    scratch
+        A flight to work with; of a body alone it is that of its row.
+    """
+    row = world.log[number]
+    first, count, base = bodies_of(world, row)
+    for place in range(count):
+        ball = (first + place) % world.settings[0].bodies
+        index = number
+        if row.grouped == 1:
+            index = row_of(world, number, ball)
+            recall_flight(world, world.log[index], index, scratch)
+        _set_motion(world, index, world.forces[base + place], angle, t, scratch)
+    place = 0
+    step = 1
+    if row.at_rest == 1:
+        # At rest on a wall to the left, whose force is not known: from the free end on.
+        one = world.forces[base]
+        back, _ = parts_of_weight(world, one.x, one.sine, one.cosine)
+        if back > 0.0:
+            place = count - 1
+            step = -1
+    before = 0.0
+    for i in range(count):
+        ball = (first + place) % world.settings[0].bodies
+        one = world.forces[base + place]
+        mass = world.bodies[ball].mass
+        kappa = world.bodies[ball].kappa
+        back, onto = parts_of_weight(world, one.x, one.sine, one.cosine)
+        normal = mass * (onto + one.bend)
+        along = -mass * (back + kappa * one.acceleration)
+        if i > 0:
+            nx, ny = _direction(world.forces[base + place - step], one)
+            along += before * (nx * one.cosine + ny * one.sine)
+            normal -= before * (ny * one.cosine - nx * one.sine)
+        if i < count - 1:
+            nx, ny = _direction(one, world.forces[base + place + step])
+            before = along / (nx * one.cosine + ny * one.sine)
+            normal += before * (ny * one.cosine - nx * one.sine)
+        one.normal = normal
+        one.friction = (kappa - 1.0) * mass * abs(one.acceleration)
+        place += step
+
+
+@kernel
+def _direction(a: BodyForces, b: BodyForces) -> tuple[float, float]:
+    """Unit vector from one centre to the other."""
+    dx = b.x - a.x
+    dy = b.y - a.y
+    distance = math.sqrt(dx * dx + dy * dy)
+    return dx / distance, dy / distance
+
+
+@kernel
+def _set_motion(
+    world: World, index: int, one: BodyForces, angle: int, t: float, scratch: Flight
+) -> None:
+    """Set centre, slope, ``v^2/rho`` and ``v'`` of a body, see :func:`set_forces`."""
+    row = world.log[index]
+    piece = world.pieces[row.piece]
+    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    rho = track.path_radius
+    if angle == AT_TIME:
+        s, c, p = flow(scratch, t)
+        one.acceleration = acceleration_at(scratch, rho, t, s, c)
+        speed = track.speed_factor * p
+        squared = speed * speed
+    elif angle == AT_WAY:
+        s = scratch.flow_s + t
+        c = scratch.flow_c
+        one.acceleration = acceleration_at(scratch, rho, 0.0, s, c)
+        squared = 0.0
+    else:
+        s, c, bend, squared = pendulum_at(scratch, HALF_SINES[angle], HALF_COSINES[angle])
+        s, c, _ = body_of_group(scratch, s, c, 0.0)
+        one.acceleration = rho * bend
+        squared *= rho * rho
+    one.x, one.y = centre_position(piece, track, s, c)
+    one.sine = piece.tangent_y
+    one.cosine = piece.tangent_x
+    one.bend = 0.0
+    if rho > 0.0:
+        one.sine = 2.0 * s * c
+        one.cosine = piece.sign * ((c - s) * (c + s))
+        one.bend = piece.sign * squared / rho
+
+
+@kernel
+def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, float, float, float]:
+    """``(S, C)``, ``f''`` and ``f'^2`` of a group's pendulum at one of the fitted angles."""
+    w2 = flight.frequency * flight.frequency
+    square = 4.0 * w2 * (flight.parameter - sine * sine)
+    return sine, cosine, -w2 * (2.0 * sine * cosine), square
+
+
+@kernel
+def set_ends(world: World, number: int, duration: float, scratch: Flight) -> None:
+    """Set the forces of every body of a motion at its start, and after its duration (s)."""
+    _, count, base = bodies_of(world, world.log[number])
+    set_forces(world, number, AT_TIME, duration, scratch)
+    for place in range(count):
+        one = world.forces[base + place]
+        one.end_normal = one.normal
+        one.end_friction = one.friction
+    set_forces(world, number, AT_TIME, 0.0, scratch)
+    for place in range(count):
+        one = world.forces[base + place]
+        one.start_normal = one.normal
+        one.start_friction = one.friction
+
+
+@kernel
+def fit_forces(world: World, number: int, scratch: Flight) -> None:
+    """Set the forces of every body of a motion as functions of its angle, where it has one.
+
+    ``press`` is ``a + b cos f + c sin f``, ``drag`` is ``q sin f`` with the angle of the pendulum.
+    """
+    row = world.log[number]
+    first, count, base = bodies_of(world, row)
+    for place in range(count):
+        _clear(world.forces[base + place])
+    recall_flight(world, row, number, scratch)
+    if not is_pendulum(scratch):
+        return
+    for angle in range(3):
+        set_forces(world, number, angle, 0.0, scratch)
+        for place in range(count):
+            one = world.forces[base + place]
+            one.press[0] += one.normal / 3.0
+            one.press[1] += one.normal * COSINES[angle] * (2.0 / 3.0)
+            one.press[2] += one.normal * SINES[angle] * (2.0 / 3.0)
+    for place in range(count):
+        ball = (first + place) % world.settings[0].bodies
+        body = world.bodies[ball]
+        rho = world.tracks[ball * world.settings[0].pieces + row.piece].path_radius
+        drag = (body.kappa - 1.0) * body.mass * rho * row.frequency * row.frequency
+        world.forces[base + place].drag[2] = drag
+
+
+@kernel
+def _clear(one: BodyForces) -> None:
+    for k in range(5):
+        one.press[k] = 0.0
+        one.drag[k] = 0.0

@@ -1,0 +1,1 @@
+"""The first contact of two bodies, with a certificate that there is none before."""

@@ -1,0 +1,195 @@
+"""Short flights from contact to contact, timed by how far the bodies go and not by where they are.
+
+Two bodies that part from contact have a gap of exactly zero there. Its later value as a difference
+of two places is rounded as the places are, which late in an accumulation is more than the gap
+itself; as a difference of two displacements from there it is rounded as these are.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.contact.first_contact import pace
+from vibro_cli.kernels.contact.gap import centre_position, centre_tangent
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow
+from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, theta_functions
+from vibro_cli.kernels.structs import Clock, Flight, PairData, PieceData, TrackData
+
+# A flight whose relative rate times its length is more than this (rad, or a share of the bodies'
+# places) is timed well enough by places.
+FAR = 0.2
+# Times the frequency; displacements of longer flights are no smaller than places.
+LONG = 1.0
+# Times the greater frequency; a bounce that ends sooner is a short one, whose end as displacements
+# tell it may come before that which places tell, and before another contact.
+SHORT = 0.001
+# Corrections of an instant below this share of it are its rounding.
+SETTLED = 1.0e-11
+MOST_STEPS = 6
+# Near the top of a bounce a step of Newton's leads anywhere; one longer than this share is not his.
+LONG_STEP = 0.5
+
+
+@kernel
+def displacement(flight: Flight, t: float) -> tuple[float, float]:
+    """Sine and cosine of half the angle through which a body has gone since its flight began.
+
+    ``S C0 - C S0`` and ``C C0 + S S0`` with the state of :func:`flow` put in and ``1 - cn`` as
+    ``sn^2/(1 + cn)``: no difference of places is left. On a line the way (m) and 1.
+    """
+    s0 = flight.flow_s
+    c0 = flight.flow_c
+    p0 = flight.flow_p
+    if flight.at_rest == 1:
+        return 0.0, 1.0
+    if flight.form == LINE:
+        return t * (p0 + 0.5 * flight.line_acceleration * t), 1.0
+    s, c, d, common = theta_functions(flight, flight.frequency * t)
+    sc0 = s * c0
+    rest = s * s / (common + c)
+    both = c0 * c0 * common + s0 * s0 * c
+    inverse = 1.0 / (c * c + sc0 * sc0)
+    sine = (p0 * s * both - s0 * c0 * d * rest) * inverse
+    return sine, (d * both + s0 * p0 * c0 * (s * rest)) * inverse
+
+
+@kernel
+def short_bounce(a: Flight, b: Flight) -> float:
+    """Return how long (s) a bounce of two bodies may last and be a short one."""
+    fastest = max(pace(a), pace(b))
+    return SHORT / fastest if fastest > 0.0 else 0.0
+
+
+@kernel
+def _long_or_grouped(flight: Flight, t: float) -> bool:
+    """Tell whether displacements of a flight over a time t (s) are not better than its places."""
+    if flight.grouped == 1 or flight.form == POLYNOMIAL or flight.form == HYPERBOLIC_TINY:
+        return True
+    return flight.frequency * t > LONG
+
+
+@kernel
+def _step(gap: float, rate: float, first_rate: float, t: float) -> float:
+    """Step from t towards the end of a bounce that began at 0 with ``first_rate``.
+
+    Newton's, or where that is long the one that holds for a rate that falls evenly.
+    """
+    if rate < 0.0 and gap >= LONG_STEP * t * rate and gap <= -LONG_STEP * t * rate:
+        return -gap / rate
+    return t * (first_rate + rate) / (first_rate - rate)
+
+
+@kernel
+def sharpened_on_arc(a: Flight, b: Flight, t: float, pair: PairData, clock: Clock) -> float:
+    """Time of a contact on one arc (s), t nearly, that ends a flight from contact.
+
+    The states of contact, left in ``pair``, are sharpened too; a flight that is not a short one is
+    left as it is.
+    """
+    if _long_or_grouped(a, t) or _long_or_grouped(b, t):
+        return t
+    first_rate = 2.0 * (b.own_frequency * b.flow_p - a.own_frequency * a.flow_p)
+    for _ in range(MOST_STEPS):
+        rate = 2.0 * (b.own_frequency * pair.b_p - a.own_frequency * pair.a_p)
+        if rate >= first_rate or rate * t < -FAR:
+            break
+        sine_a, cosine_a = displacement(a, t)
+        sine_b, cosine_b = displacement(b, t)
+        change = _step(2.0 * (sine_b * cosine_a - cosine_b * sine_a), rate, first_rate, t)
+        t += change
+        _keep_flows(a, b, t, pair, clock)
+        if abs(change) <= SETTLED * t:
+            break
+    return t
+
+
+@kernel
+def _keep_flows(a: Flight, b: Flight, t: float, pair: PairData, clock: Clock) -> None:
+    """Leave the states a time t (s) after the start of both flights in ``pair``."""
+    clock.evaluations += 1
+    pair.a_s, pair.a_c, pair.a_p = flow(a, t)
+    pair.b_s, pair.b_c, pair.b_p = flow(b, t)
+
+
+@kernel
+def sharpened_by_distance(
+    a: Flight,
+    b: Flight,
+    t: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    piece_b: PieceData,
+    track_b: TrackData,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """As :func:`sharpened_on_arc`, for two pieces, by ``d^2 - (r_a + r_b)^2``."""
+    if _long_or_grouped(a, t) or _long_or_grouped(b, t):
+        return t
+    # The line of centres where the flights begin, drawn to the length it has in contact.
+    ax, ay = centre_position(piece_a, track_a, a.flow_s, a.flow_c)
+    bx, by = centre_position(piece_b, track_b, b.flow_s, b.flow_c)
+    scale = pair.distance / math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+    x = (bx - ax) * scale
+    y = (by - ay) * scale
+    size = pair.distance + track_a.path_radius + track_b.path_radius
+    first_rate = _rate_of_square(
+        x, y, piece_a, track_a, a.flow_s, a.flow_c, a.flow_p,
+        piece_b, track_b, b.flow_s, b.flow_c, b.flow_p,
+    )  # fmt: skip
+    for _ in range(MOST_STEPS):
+        mx, my = _centre_displacement(a, piece_a, track_a, t)
+        nx, ny = _centre_displacement(b, piece_b, track_b, t)
+        ux = nx - mx
+        uy = ny - my
+        rate = _rate_of_square(
+            x + ux, y + uy, piece_a, track_a, pair.a_s, pair.a_c, pair.a_p,
+            piece_b, track_b, pair.b_s, pair.b_c, pair.b_p,
+        )  # fmt: skip
+        if rate >= first_rate or rate * t < -2.0 * FAR * pair.distance * size:
+            break
+        change = _step((2.0 * x + ux) * ux + (2.0 * y + uy) * uy, rate, first_rate, t)
+        t += change
+        _keep_flows(a, b, t, pair, clock)
+        if abs(change) <= SETTLED * t:
+            break
+    return t
+
+
+@kernel
+def _rate_of_square(
+    x: float,
+    y: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    a_s: float,
+    a_c: float,
+    a_p: float,
+    piece_b: PieceData,
+    track_b: TrackData,
+    b_s: float,
+    b_c: float,
+    b_p: float,
+) -> float:
+    """Rate (m^2/s) of the square of the distance of two bodies that is (x, y) in their states."""
+    tax, tay = centre_tangent(piece_a, a_s, a_c)
+    tbx, tby = centre_tangent(piece_b, b_s, b_c)
+    va = track_a.speed_factor * a_p
+    vb = track_b.speed_factor * b_p
+    return 2.0 * (x * (vb * tbx - va * tax) + y * (vb * tby - va * tay))
+
+
+@kernel
+def _centre_displacement(
+    flight: Flight, piece: PieceData, track: TrackData, t: float
+) -> tuple[float, float]:
+    """How far a body's centre has gone since its flight began (m)."""
+    sine, cosine = displacement(flight, t)
+    if piece.sign == 0.0:
+        return piece.tangent_x * sine, piece.tangent_y * sine
+    # Along the tangent half-way.
+    tx, ty = centre_tangent(piece, flight.flow_s, flight.flow_c)
+    chord = 2.0 * track.path_radius * sine
+    sign = piece.sign
+    return chord * (tx * cosine - sign * ty * sine), chord * (ty * cosine + sign * tx * sine)

@@ -1,0 +1,253 @@
+"""Two neighbours at their present places: gap, line of centres, speeds and accelerations along it.
+
+On one piece a contact has constants, which are used in place of the centres: the results then
+depend neither on where the trace lies nor on left and right. On two pieces the centres decide.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.contact.gap import centre_position, centre_tangent
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, tangential_acceleration
+from vibro_cli.kernels.structs import Flight
+from vibro_cli.kernels.world import World
+
+# The line of centres is level with the trace up to this share.
+LIFT_ROUNDING = 1.0e-14
+# At one instant gaps below this many units in the last place of the positions are contact.
+CONTACT_ROUNDING = 16.0 * 2.220446049250313e-16
+
+
+@kernel
+def surface_gap(
+    world: World, j: int, a_s: float, a_c: float, b_s: float, b_c: float
+) -> tuple[float, float]:
+    """Gap of a pair (m) at given places on its present pieces, and the size that its rounding has.
+
+    On an arc from ``d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((f - beta)/2) sin((f + beta)/2)``, on a
+    line likewise, without cancellation.
+    """
+    settings = world.settings[0]
+    pair = world.pairs[j]
+    piece = world.pieces[world.flights[pair.a].piece]
+    piece_b = world.pieces[world.flights[pair.b].piece]
+    track_a = world.tracks[pair.a * settings.pieces + world.flights[pair.a].piece]
+    track_b = world.tracks[pair.b * settings.pieces + world.flights[pair.b].piece]
+    reach = pair.distance
+    if world.flights[pair.a].piece != world.flights[pair.b].piece:
+        ax, ay = centre_position(piece, track_a, a_s, a_c)
+        bx, by = centre_position(piece_b, track_b, b_s, b_c)
+        distance = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+        return distance - reach, abs(ax) + abs(ay) + abs(bx) + abs(by) + reach
+    contact = world.contacts[j * settings.pieces + world.flights[pair.a].piece]
+    if piece.sign == 0.0:
+        along = b_s - a_s
+        square = (along - contact.sine) * (along + contact.sine)
+        size = abs(a_s) + abs(b_s) + reach
+    else:
+        sine = abs(b_s * a_c - b_c * a_s)
+        cosine = abs(b_c * a_c + b_s * a_s)
+        less = sine * contact.cosine - cosine * contact.sine
+        more = sine * contact.cosine + cosine * contact.sine
+        square = 4.0 * (track_a.path_radius * track_b.path_radius) * (less * more)
+        size = 2.0 * (track_a.path_radius + track_b.path_radius) + reach
+    return square / (reach + math.sqrt(max(reach * reach + square, 0.0))), size
+
+
+@kernel
+def present_gap(world: World, j: int) -> tuple[float, float]:
+    """Gap of a pair (m) in the states held by its flights, and the size that its rounding has."""
+    a = world.flights[world.pairs[j].a]
+    b = world.flights[world.pairs[j].b]
+    return surface_gap(world, j, a.s, a.c, b.s, b.c)
+
+
+@kernel
+def line_of_centres(world: World, j: int) -> tuple[float, float]:
+    """Vector (m) from the centre of a pair's left body to that of its right one."""
+    pieces = world.settings[0].pieces
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    track_a = world.tracks[pair.a * pieces + a.piece]
+    track_b = world.tracks[pair.b * pieces + b.piece]
+    ax, ay = centre_position(world.pieces[a.piece], track_a, a.s, a.c)
+    bx, by = centre_position(world.pieces[b.piece], track_b, b.s, b.c)
+    return bx - ax, by - ay
+
+
+@kernel
+def tangent(world: World, ball: int) -> tuple[float, float]:
+    """Unit tangent of the path of a body's centre at its present place."""
+    flight = world.flights[ball]
+    return centre_tangent(world.pieces[flight.piece], flight.s, flight.c)
+
+
+@kernel
+def parts_of_weight(world: World, x: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Gravity (m/s^2) back along a slope and onto it, given its sine and cosine.
+
+    On a turning trace with what turning adds at the place ``x`` (m) of the centre.
+    """
+    gravity = world.settings[0].gravity
+    return gravity * sine, gravity * cosine
+
+
+@kernel
+def set_normals(world: World, j: int) -> None:
+    """Set ``n t`` of both bodies of a pair in contact, from their present places."""
+    pair = world.pairs[j]
+    piece = world.flights[pair.a].piece
+    contact = world.contacts[j * world.settings[0].pieces + piece]
+    if piece == world.flights[pair.b].piece and contact.normal_a > 0.0:
+        pair.normal_a = contact.normal_a
+        pair.normal_b = contact.normal_b
+        return
+    dx, dy = line_of_centres(world, j)
+    distance = math.sqrt(dx * dx + dy * dy)
+    tax, tay = tangent(world, pair.a)
+    tbx, tby = tangent(world, pair.b)
+    pair.normal_a = (dx * tax + dy * tay) / distance
+    pair.normal_b = (dx * tbx + dy * tby) / distance
+
+
+@kernel
+def lifted_body(world: World, j: int) -> int:
+    """The body of a touching pair that an impact would lift off a one-sided trace, or -1.
+
+    The impulse P along the line of centres n needs impulses ``P n n_a`` and ``-P n n_b`` of the
+    trace along its normals; a one-sided trace cannot pull.
+    """
+    pair = world.pairs[j]
+    dx, dy = line_of_centres(world, j)
+    tax, tay = tangent(world, pair.a)
+    tbx, tby = tangent(world, pair.b)
+    rounding = LIFT_ROUNDING * pair.distance
+    if dy * tax - dx * tay < -rounding:
+        return pair.a
+    if dy * tbx - dx * tby > rounding:
+        return pair.b
+    return -1
+
+
+@kernel
+def set_speed(world: World, ball: int) -> None:
+    """Set a body's scratch speed from its state."""
+    flight = world.flights[ball]
+    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    flight.speed = track.speed_factor * flight.p
+
+
+@kernel
+def parting_speed(world: World, j: int) -> float:
+    """Speed (m/s) at which a pair parts along its line of centres."""
+    pair = world.pairs[j]
+    speed_a = world.flights[pair.a].speed
+    speed_b = world.flights[pair.b].speed
+    return pair.normal_b * speed_b - pair.normal_a * speed_a
+
+
+@kernel
+def speed_of_pair(world: World, j: int) -> float:
+    """Size (m/s) of the speeds of a pair along its line of centres, for their rounding."""
+    pair = world.pairs[j]
+    speed_a = abs(pair.normal_a * world.flights[pair.a].speed)
+    return speed_a + abs(pair.normal_b * world.flights[pair.b].speed)
+
+
+@kernel
+def supported(flight: Flight) -> bool:
+    """Tell whether a wall keeps a body from moving, being pressed to it at rest."""
+    return flight.wall_side != 0 and flight.speed * flight.wall_side >= 0.0
+
+
+@kernel
+def mobility(world: World, ball: int) -> float:
+    """Acceleration of a body for one newton along its path; none at a wall."""
+    flight = world.flights[ball]
+    return 0.0 if supported(flight) else 1.0 / world.bodies[ball].rolling_mass
+
+
+@kernel
+def free_acceleration(world: World, ball: int) -> float:
+    """Tangential acceleration (m/s^2) of a body under gravity alone."""
+    flight = world.flights[ball]
+    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    if supported(flight):
+        return 0.0
+    if track.path_radius == 0.0:
+        return track.line_acceleration
+    return -track.gravity_rate * (2.0 * flight.s * flight.c)
+
+
+@kernel
+def present_acceleration(world: World, ball: int) -> float:
+    """Tangential acceleration (m/s^2) of a body at the start of its flight, in contact or not."""
+    flight = world.flights[ball]
+    if flight.grouped == 0:
+        return free_acceleration(world, ball)
+    if flight.form == POLYNOMIAL:
+        return flight.series[0]
+    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    return tangential_acceleration(flight, track.path_radius, flight.s, flight.c)
+
+
+@kernel
+def free_approach(world: World, j: int) -> float:
+    """Second derivative of a pair's distance (m/s^2) without contact forces (normals set)."""
+    pair = world.pairs[j]
+    drive_b = pair.normal_b * free_acceleration(world, pair.b)
+    return drive_b - pair.normal_a * free_acceleration(world, pair.a) + _curve(world, j)
+
+
+@kernel
+def present_approach(world: World, j: int) -> float:
+    """Second derivative of a pair's distance (m/s^2) on its present flights (normals set)."""
+    pair = world.pairs[j]
+    drive_b = pair.normal_b * present_acceleration(world, pair.b)
+    return drive_b - pair.normal_a * present_acceleration(world, pair.a) + _curve(world, j)
+
+
+@kernel
+def _curve(world: World, j: int) -> float:
+    """The part of a distance's second derivative (m/s^2) that the speeds make."""
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    if a.piece == b.piece:
+        # On one piece only a change of the angle, or of the way, between the bodies makes one.
+        track_a = world.tracks[pair.a * world.settings[0].pieces + a.piece]
+        track_b = world.tracks[pair.b * world.settings[0].pieces + b.piece]
+        rho_a = track_a.path_radius
+        rho_b = track_b.path_radius
+        along = parting_speed(world, j)
+        if rho_a == 0.0:
+            rate = b.speed - a.speed
+            return (rate - along) * (rate + along) / pair.distance
+        rate = b.speed / rho_b - a.speed / rho_a
+        cosine = b.c * a.c + b.s * a.s
+        turned = (rho_a * rho_b) * (2.0 * cosine * cosine - 1.0) * rate * rate
+        return (turned - along * along) / pair.distance
+    dx, dy = line_of_centres(world, j)
+    tax, tay = tangent(world, pair.a)
+    tbx, tby = tangent(world, pair.b)
+    across = dx * (b.speed * tby - a.speed * tay) - dy * (b.speed * tbx - a.speed * tax)
+    cax, cay = _centripetal(world, pair.a)
+    cbx, cby = _centripetal(world, pair.b)
+    across /= pair.distance
+    return (dx * (cbx - cax) + dy * (cby - cay) + across * across) / pair.distance
+
+
+@kernel
+def _centripetal(world: World, ball: int) -> tuple[float, float]:
+    """Acceleration of a body's centre across its path (m/s^2)."""
+    flight = world.flights[ball]
+    piece = world.pieces[flight.piece]
+    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    if piece.sign == 0.0:
+        return 0.0, 0.0
+    central = piece.sign * (flight.speed * flight.speed / track.path_radius)
+    tx, ty = tangent(world, ball)
+    return -ty * central, tx * central

@@ -1,0 +1,275 @@
+"""The certified search for the first contact of two neighbours, on a line and on two pieces.
+
+Each step is one that provably ends before the first contact, from bounds on the derivatives of the
+gap over both flights; when a simple root ahead is certified to be the first one, it is refined on
+the flows themselves. Nothing is sampled and no contact is passed over.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.contact.gap import distance_gap
+from vibro_cli.kernels.flow.flow import (
+    LINE,
+    POLYNOMIAL,
+    acceleration_at,
+    flow_of_two,
+    nudge,
+    tangential_acceleration,
+)
+from vibro_cli.kernels.numerics.conservative_advancement import (
+    LEAST_BOUND,
+    first_root_of_parabola,
+    safe_step_third_order,
+    unresolved_step,
+)
+from vibro_cli.kernels.structs import (
+    PARTING,
+    RELEASED,
+    Clock,
+    Flight,
+    PairData,
+    PairTrack,
+    PieceData,
+    TrackData,
+)
+
+NONE_BEFORE_LIMIT = -1.0
+# A correction below this size, relative to the time scales, is the last one.
+FINAL_CORRECTION = 1.0e-5
+# ... and below this one where the iteration is of third order, not of fourth.
+FINAL_CORRECTION_BY_DISTANCE = 1.0e-6
+# Share of the size of the places by which a gap cannot be told from contact.
+UNRESOLVED = 4.0 * 2.220446049250313e-16
+
+
+@kernel
+def keep_states(
+    pair: PairData, a_s: float, a_c: float, a_p: float, b_s: float, b_c: float, b_p: float
+) -> None:
+    """Keep states of both bodies as those of contact."""
+    pair.a_s = a_s
+    pair.a_c = a_c
+    pair.a_p = a_p
+    pair.b_s = b_s
+    pair.b_c = b_c
+    pair.b_p = b_p
+
+
+@kernel
+def keep_present(a: Flight, b: Flight, age_a: float, age_b: float, pair: PairData) -> None:
+    """Keep the states of now as those of contact."""
+    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
+    keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+
+
+@kernel
+def contact_on_line(
+    a: Flight,
+    b: Flight,
+    age_a: float,
+    age_b: float,
+    touching: int,
+    limit: float,
+    contact: PairTrack,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """First contact of two bodies on one line, where the gap is a parabola in time."""
+    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
+    clock.evaluations += 1
+    gap = max((b_s - a_s) - contact.sine, 0.0)
+    rate = b_p - a_p
+    second = tangential_acceleration(b, 0.0, b_s, b_c) - tangential_acceleration(a, 0.0, a_s, a_c)
+    if touching != 0:
+        # They go apart, whatever the rounding of their speeds says.
+        gap = 0.0
+        rate = max(rate, 0.0)
+        if touching == RELEASED:
+            second = max(second, 0.0)
+    h = first_root_of_parabola(gap, rate, second)
+    if h < 0.0 or h > limit:
+        pair.searched = limit
+        return NONE_BEFORE_LIMIT
+    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
+    keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+    return h
+
+
+@kernel
+def contact_by_distance(
+    a: Flight,
+    b: Flight,
+    age_a: float,
+    age_b: float,
+    touching: int,
+    horizon: float,
+    limit: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    piece_b: PieceData,
+    track_b: TrackData,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """First contact of two bodies on different pieces, from ``d'' >= -(|A_a| + |A_b|)``.
+
+    Parameters and result as for :func:`kernels.contact.arc_contact.contact_on_arc`.
+    """
+    bound = a.acceleration_bound + b.acceleration_bound
+    span = min(a.exit_after - age_a, b.exit_after - age_b)
+    bound_3 = third_derivative_bound(a, b, track_a, track_b, age_a, age_b, pair.distance, span)
+    fastest = max(pace(a), pace(b))
+    t = pair.searched
+    while True:
+        a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + t, age_b + t)
+        clock.evaluations += 1
+        gap, rate, second = distance_gap(
+            piece_a, track_a, a_s, a_c, a_p,
+            acceleration_at(a, track_a.path_radius, age_a + t, a_s, a_c),
+            piece_b, track_b, b_s, b_c, b_p,
+            acceleration_at(b, track_b.path_radius, age_b + t, b_s, b_c),
+            pair.distance,
+        )  # fmt: skip
+        if gap < 0.0:
+            gap = 0.0
+        if touching != 0 and t == 0.0:
+            gap = 0.0
+            rate = max(rate, 0.0)
+            if rate == 0.0 and second < 0.0 and touching == PARTING:
+                keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+                return 0.0
+            if touching == RELEASED:
+                second = max(second, 0.0)
+        step = safe_step_third_order(gap, rate, second, bound, bound_3)
+        bouncing = touching == PARTING and t == 0.0 and second < 0.0
+        if gap == 0.0 and rate >= 0.0 and not bouncing:
+            # At least so long the bodies are in contact or apart by less than rounding.
+            size = _size(piece_a, track_a) + _size(piece_b, track_b) + pair.distance
+            step = max(step, unresolved_step(second, bound_3, UNRESOLVED * size))
+        if rate < 0.0:
+            h = first_root_of_parabola(gap, rate, second)
+            if 0.0 <= h < 3.0 * step + 1.0e-9 and h * fastest < 1.0:
+                h = _refine_by_distance(
+                    a, b, age_a + t, age_b + t, h, step, bound,
+                    piece_a, track_a, piece_b, track_b, pair, clock,
+                )  # fmt: skip
+                if h > NONE_BEFORE_LIMIT:
+                    if t + h < 0.0:
+                        # In contact already, by rounding: now, in the states of now.
+                        keep_present(a, b, age_a, age_b, pair)
+                        return 0.0
+                    pair.searched = limit
+                    return t + h if t + h <= limit else NONE_BEFORE_LIMIT
+        if t + step > horizon:
+            pair.searched = t + step
+            return NONE_BEFORE_LIMIT
+        if t + step == t:
+            keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            return t
+        t += step
+
+
+@kernel
+def third_derivative_bound(
+    a: Flight,
+    b: Flight,
+    track_a: TrackData,
+    track_b: TrackData,
+    age_a: float,
+    age_b: float,
+    distance: float,
+    span: float,
+) -> float:
+    """Bound on ``|d'''|`` (m/s^3) of the distance d of two bodies while they are apart.
+
+    ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the relative velocity V, its part V_t across
+    the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <= 0.385 |V|^3``.
+    """
+    speed_a, jerk_a = speed_and_jerk(a, track_a, age_a + span)
+    speed_b, jerk_b = speed_and_jerk(b, track_b, age_b + span)
+    speed = speed_a + speed_b
+    turning = speed / distance
+    acceleration = a.acceleration_bound + b.acceleration_bound
+    return jerk_a + jerk_b + turning * (3.0 * acceleration + 1.2 * turning * speed)
+
+
+@kernel
+def speed_and_jerk(flight: Flight, track: TrackData, until: float) -> tuple[float, float]:
+    """Bounds on the speed (m/s) and the jerk (m/s^3) of a body's centre on its flight."""
+    if flight.at_rest == 1:
+        return 0.0, 0.0
+    if flight.form == LINE:
+        return abs(flight.flow_p) + abs(flight.line_acceleration) * until, 0.0
+    rho = track.path_radius
+    if flight.form == POLYNOMIAL:
+        speed = abs(flight.flow_p) + flight.acceleration_bound * flight.segment
+    else:
+        speed = 2.0 * flight.frequency * rho * math.sqrt(flight.parameter)
+    if rho == 0.0:
+        return speed, flight.jerk_bound
+    bend = speed / rho
+    return speed, rho * flight.jerk_bound + bend * (3.0 * flight.acceleration_bound + bend * speed)
+
+
+@kernel
+def pace(flight: Flight) -> float:
+    """Return the rate (1/s) at which a flight's derivatives grow from one to the next."""
+    return max(flight.frequency, flight.line_growth)
+
+
+@kernel
+def _size(piece: PieceData, track: TrackData) -> float:
+    """Size (m) of a body's places on a piece, for their rounding."""
+    return abs(piece.x) + abs(piece.y) + piece.length + track.path_radius
+
+
+@kernel
+def _refine_by_distance(
+    a: Flight,
+    b: Flight,
+    age_a: float,
+    age_b: float,
+    h: float,
+    safe: float,
+    bound: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    piece_b: PieceData,
+    track_b: TrackData,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """Halley's iteration on the distance, accepted only if the root is certified to be the first.
+
+    Before a root with slope ``d' < 0`` the gap is positive for ``2 |d'|/B``; if that reaches back
+    into the safe step from now, no earlier root exists.
+    """
+    guess = h
+    fastest = max(pace(a), pace(b))
+    for _ in range(12):
+        a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
+        clock.evaluations += 1
+        gap, rate, second = distance_gap(
+            piece_a, track_a, a_s, a_c, a_p,
+            acceleration_at(a, track_a.path_radius, age_a + h, a_s, a_c),
+            piece_b, track_b, b_s, b_c, b_p,
+            acceleration_at(b, track_b.path_radius, age_b + h, b_s, b_c),
+            pair.distance,
+        )  # fmt: skip
+        if rate >= 0.0:
+            return NONE_BEFORE_LIMIT
+        change = -gap * rate / (rate * rate - 0.5 * gap * second)
+        h += change
+        if abs(h - guess) > 0.5 * guess + 1.0e-9:
+            return NONE_BEFORE_LIMIT
+        if abs(change) * (abs(second) - fastest * rate) < -FINAL_CORRECTION_BY_DISTANCE * rate:
+            if h < -1.0e-13 or h + 1.98 * rate / max(bound, LEAST_BOUND) >= safe:
+                return NONE_BEFORE_LIMIT
+            a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
+            b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
+            keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            return h
+    return NONE_BEFORE_LIMIT

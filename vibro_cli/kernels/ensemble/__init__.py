@@ -1,0 +1,1 @@
+"""Many runs of one system, one after another or in the lanes of registers."""

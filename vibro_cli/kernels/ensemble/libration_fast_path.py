@@ -1,0 +1,278 @@
+"""A shorter way from impact to impact for two bodies that swing on one arc, to the same bits.
+
+Nothing is looked up, searched for or bounded that such a flight does not need; both bodies go
+through the same operations at once, in the two lanes of a register. Each event of another kind is
+left to the event loop (``kernels.events.event_loop``), after which the run comes back here.
+"""
+
+from __future__ import annotations
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.compile.lanes import Two, any_lane, either, in_lane, two_lanes
+from vibro_cli.kernels.contact.two_librations import TwoBodies, TwoSwings, TwoTracks, contact_of_two
+from vibro_cli.kernels.events.event_log import do_part, log_impact
+from vibro_cli.kernels.events.event_loop import drop_rows, proceed
+from vibro_cli.kernels.flow.begin_flight import LEAST_SIZE, log_flight, place_at, projected
+from vibro_cli.kernels.flow.flight import (
+    CREST_NEIGHBOURHOOD,
+    energy_on_piece,
+    head_on_arc,
+    launch,
+    most_of_swings,
+    size_of_root,
+    widest_pull,
+)
+from vibro_cli.kernels.flow.flow import swings
+from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
+from vibro_cli.kernels.impact.laws import impact_of_pair
+from vibro_cli.kernels.numerics.elliptic import (
+    PARAMETER_SPLIT,
+    TRIGONOMETRIC,
+    set_libration,
+    set_two_theta_constants,
+)
+from vibro_cli.kernels.numerics.error_free import add_to_time, time_between
+from vibro_cli.kernels.structs import NEVER, PARTING
+from vibro_cli.kernels.world import (
+    COLLISION,
+    END_COLLISIONS,
+    LOG_FULL,
+    RUNNING,
+    World,
+)
+
+# Where there is nothing to go this way, the event loop is left alone for up to so many impacts.
+LONGEST_STAY = 1 << 12
+
+
+@kernel
+def proceed_swinging(world: World, bodies: TwoBodies) -> int:
+    """Do what ``kernels.events.event_loop.proceed`` does to go on, for two bodies on an open
+    trace."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    most = settings.stop_collisions
+    stay = 1
+    while True:
+        if fits(world, world.flights[0].piece):
+            before = clock.collisions
+            cause = _swing(world, bodies)
+            if cause != RUNNING:
+                return cause
+            stay = 1 if clock.collisions > before else stay
+        settings.stop_collisions = min(most, clock.collisions + stay)
+        cause = proceed(world, False)
+        settings.stop_collisions = most
+        if cause != END_COLLISIONS or clock.collisions >= most:
+            return cause
+        stay = min(2 * stay, LONGEST_STAY)
+
+
+@kernel
+def fits(world: World, piece: int) -> bool:
+    """Tell whether two bodies have just parted and swing on an arc, far from its ends."""
+    clock = world.clock[0]
+    pair = world.pairs[0]
+    valley = world.pieces[piece].sign > 0.0 and world.contacts[piece].normal_a > 0.0
+    fit = valley and clock.held_pairs == 0 and clock.unlogged == 0
+    fit = fit and pair.touching == PARTING and pair.searched == 0.0 and pair.contact_t == NEVER
+    for ball in range(2):
+        flight = world.flights[ball]
+        track = world.tracks[ball * world.settings[0].pieces + piece]
+        end = min(track.left_s * track.left_s, track.right_s * track.right_s)
+        fit = fit and flight.piece == piece and swings(flight) and flight.form == TRIGONOMETRIC
+        fit = fit and track.lowest_s2 == 0.0 and flight.exit_after == NEVER
+        fit = fit and 0.0 < flight.parameter < end and flight.root_complement > 0.0
+        fit = fit and flight.anchor < 0 and flight.t == clock.t and flight.t_low == clock.t_low
+    return fit
+
+
+@kernel
+def _swing(world: World, bodies: TwoBodies) -> int:
+    """Go on from impact to impact; return the cause of an end, or ``RUNNING`` before others."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    a = world.flights[0]
+    b = world.flights[1]
+    two = bodies.swings[0]
+    _gather(world, two, bodies.tracks[0])
+    cause = RUNNING
+    while True:
+        if max(clock.impact_rows, clock.flight_rows) > settings.room:
+            if settings.keep == 1:
+                cause = LOG_FULL
+                break
+            drop_rows(clock)
+        set_libration(two, two.parameter, two.root_complement)
+        if a.frequency != b.frequency:
+            a.angular_bound = widest_pull(a.frequency, a.parameter)
+            b.angular_bound = widest_pull(b.frequency, b.parameter)
+        # Counted as by the event loop, whose first evaluation is of the states at the start.
+        evaluations = clock.evaluations
+        clock.searches += 1
+        clock.evaluations += 1
+        if not _next_impact(world, two, bodies.tracks[0]):
+            clock.searches -= 1
+            clock.evaluations = evaluations
+            break
+        if clock.collisions >= settings.stop_collisions:
+            cause = END_COLLISIONS
+            break
+    _launch(world)
+    return cause
+
+
+@kernel
+def _gather(world: World, two: TwoSwings, tracks: TwoTracks) -> None:
+    """Put both flights into lanes."""
+    a = world.flights[0]
+    b = world.flights[1]
+    track_a = world.tracks[a.piece]
+    track_b = world.tracks[world.settings[0].pieces + b.piece]
+    two.frequency = two_lanes(a.frequency, b.frequency)
+    two.flow_s = two_lanes(a.s, b.s)
+    two.flow_c = two_lanes(a.c, b.c)
+    two.flow_p = two_lanes(a.p, b.p)
+    two.head = two_lanes(a.head, b.head)
+    two.parameter = two_lanes(a.parameter, b.parameter)
+    two.root_complement = two_lanes(a.root_complement, b.root_complement)
+    most = min(PARAMETER_SPLIT, min(most_of_swings(track_a), most_of_swings(track_b)))
+    two.most_parameter = two_lanes(most, most)
+    two.weight = two_lanes(world.bodies[0].weight, world.bodies[1].weight)
+    tracks.speed_factor = two_lanes(track_a.speed_factor, track_b.speed_factor)
+    tracks.top = two_lanes(track_a.top, track_b.top)
+    tracks.bottom = two_lanes(track_a.bottom, track_b.bottom)
+    tracks.twice_radius = two_lanes(track_a.twice_radius, track_b.twice_radius)
+
+
+@kernel
+def _launch(world: World) -> None:
+    """Set both flights up as the event loop has them."""
+    settings = world.settings[0]
+    a = world.flights[0]
+    b = world.flights[1]
+    set_two_theta_constants(a, a.parameter, a.root_complement, b, b.parameter, b.root_complement)
+    for ball in range(2):
+        flight = world.flights[ball]
+        track = world.tracks[ball * settings.pieces + flight.piece]
+        launch(flight, world.bodies[ball], world.pieces[flight.piece], track, 0)
+
+
+@kernel
+def _next_impact(world: World, two: TwoSwings, tracks: TwoTracks) -> bool:
+    """Go on to the next impact; tell whether there is one of this kind."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    pair = world.pairs[0]
+    a = world.flights[0]
+    b = world.flights[1]
+    contact = world.contacts[a.piece]
+    h = contact_of_two(two, a, b, contact, clock)
+    if h <= 0.0:
+        return False
+    t, t_low = add_to_time(clock.t, clock.t_low, h)
+    if time_between(t, t_low, settings.stop_t, 0.0) >= 0.0:
+        return False
+    s = two.contact_s
+    c = two.contact_c
+    scale = 1.5 - 0.5 * (s * s + c * c)
+    s *= scale
+    c *= scale
+    sc = s * c
+    size = two.contact_p * two.contact_p + sc * sc
+    if any_lane(size < LEAST_SIZE):
+        return False
+    s, c, p = projected(two, s, c, two.contact_p, sc, size)
+    speed = tracks.speed_factor * p
+    va = in_lane(speed, 0)
+    vb = in_lane(speed, 1)
+    wa, wb, loss = impact_of_pair(
+        settings.law, pair.restitution, world.bodies[0], world.bodies[1],
+        contact.normal_a, contact.normal_b, va, vb,
+    )  # fmt: skip
+    u = contact.normal_b * wb - contact.normal_a * wa
+    if u * u <= SMALL_BOUNCE * settings.gravity * pair.distance:
+        return False
+    if not do_part(contact.normal_a, contact.normal_b, wa, wb, abs(va) + abs(vb)):
+        return False
+    after = two_lanes(wa, wb) / tracks.speed_factor
+    before_a = a.head
+    before_b = b.head
+    more = _share_energy(world, two, tracks, s, c, after, loss)
+    if more < 0:
+        return False
+    clock.t = t
+    clock.t_low = t_low
+    place_at(a, t, t_low, in_lane(s, 0), in_lane(c, 0), in_lane(p, 0))
+    place_at(b, t, t_low, in_lane(s, 1), in_lane(c, 1), in_lane(p, 1))
+    a.speed = va
+    b.speed = vb
+    pair.normal_a = contact.normal_a
+    pair.normal_b = contact.normal_b
+    row = world.impacts[clock.impact_rows]
+    log_impact(world, 0, wa, wb, settings.law, loss)
+    row.head_a_pre = before_a
+    row.head_b_pre = before_b
+    row.head_a_post = a.head
+    row.head_b_post = b.head
+    two.flow_s = s
+    two.flow_c = c
+    two.flow_p = after
+    a.p = in_lane(after, 0)
+    b.p = in_lane(after, 1)
+    a.speed = wa
+    b.speed = wb
+    log_flight(world, 1 - more, COLLISION)
+    log_flight(world, more, COLLISION)
+    pair.touching = PARTING
+    return True
+
+
+@kernel
+def _share_energy(
+    world: World, two: TwoSwings, tracks: TwoTracks, s: Two, c: Two, p: Two, loss: float
+) -> int:
+    """Give both bodies their energies and parameters after an impact (see ``changes``).
+
+    Returns the body with more energy; -1 if the flights after it are not librations far from a
+    crest and the ends of the arc, or neither has more.
+    """
+    a = world.flights[0]
+    b = world.flights[1]
+    pieces = world.settings[0].pieces
+    if any_lane(c * c + p * p < CREST_NEIGHBOURHOOD) or any_lane(abs(p) >= abs(c)):
+        return -1
+    head = head_on_arc(tracks, s, c, p)
+    energy = two.weight * head
+    energy_a = in_lane(energy, 0)
+    energy_b = in_lane(energy, 1)
+    total = world.bodies[0].weight * a.head + world.bodies[1].weight * b.head - loss
+    if energy_a == energy_b:
+        return -1
+    m = s * s + p * p
+    root = size_of_root(c, p)
+    more = 0 if energy_a > energy_b else 1
+    other = world.flights[more]
+    kept = other.head
+    track = world.tracks[more * pieces + a.piece]
+    other.head = (total - min(energy_a, energy_b)) / world.bodies[more].weight
+    rest, rest_root = energy_on_piece(other, track, track)
+    if more == 0:
+        m = two_lanes(rest, in_lane(m, 1))
+        root = two_lanes(rest_root, in_lane(root, 1))
+    else:
+        m = two_lanes(in_lane(m, 0), rest)
+        root = two_lanes(in_lane(root, 0), rest_root)
+    if any_lane(either(m <= 0.0, either(m >= two.most_parameter, root <= 0.0))):
+        other.head = kept
+        return -1
+    less = world.flights[1 - more]
+    less.head = in_lane(head, 1) if more == 0 else in_lane(head, 0)
+    world.clock[0].energy_correction += abs(total - (energy_a + energy_b))
+    two.parameter = m
+    two.root_complement = root
+    a.parameter = in_lane(m, 0)
+    b.parameter = in_lane(m, 1)
+    a.root_complement = in_lane(root, 0)
+    b.root_complement = in_lane(root, 1)
+    return more

@@ -1,0 +1,1 @@
+"""The event loop: what happens next, what it does, what is logged."""

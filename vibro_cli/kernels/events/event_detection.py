@@ -1,0 +1,272 @@
+"""Which pair meets first: the certified search, for every pair that may meet at all."""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.contact.arc_contact import contact_on_arc
+from vibro_cli.kernels.contact.bounce import sharpened_by_distance, sharpened_on_arc, short_bounce
+from vibro_cli.kernels.contact.first_contact import (
+    contact_by_distance,
+    contact_on_line,
+    keep_states,
+)
+from vibro_cli.kernels.contact.gap import centre_position, centre_tangent
+from vibro_cli.kernels.flow.begin_flight import state_at
+from vibro_cli.kernels.flow.flow import LINE
+from vibro_cli.kernels.numerics.error_free import add_to_time, time_between
+from vibro_cli.kernels.structs import (
+    CLOSING,
+    NEVER,
+    PARTING,
+    Flight,
+    PairData,
+    PairTrack,
+    PieceData,
+    TrackData,
+)
+from vibro_cli.kernels.world import World
+
+# Cosines of bounds are compared with room for their rounding.
+CAUTION = 1.0e-12
+
+
+@kernel
+def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
+    """Search all pairs up to an instant; return the pair that meets first, or -1.
+
+    The steps of a search follow from its two flights alone. It goes on where it was cut short, at
+    the end of a step, so that it finds the same whatever cut it short: another event, or the stop
+    of a run that is continued.
+    """
+    first = -1
+    settings = world.settings[0]
+    for j in range(settings.pairs):
+        pair = world.pairs[j]
+        if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
+            first = j
+            horizon_t = pair.contact_t
+            horizon_low = pair.contact_t_low
+    for j in range(settings.pairs):
+        pair = world.pairs[j]
+        if pair.apart == 1 or pair.held == 1:
+            continue
+        ahead = time_between(horizon_t, horizon_low, pair.begin_t, pair.begin_t_low)
+        if (ahead > 0.0 and ahead >= pair.searched) or pair.touching == CLOSING:
+            if pair.contact_t == NEVER:
+                _search_pair(world, j, pair, ahead)
+            if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
+                first = j
+                horizon_t = pair.contact_t
+                horizon_low = pair.contact_t_low
+    return first
+
+
+@kernel
+def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
+    """Go on with the search of one pair; a contact found is kept in the pair."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    clock.searches += 1
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    apart = world.far[j * settings.pieces + a.piece][b.piece] == 1
+    apart = apart or (a.at_rest == 1 and b.at_rest == 1)
+    apart = apart or _is_left_to_the_other(world, pair)
+    laps = b.lap - a.lap + pair.seam
+    # Almost a lap ahead on the same line, b is behind a: they meet as the other pair, if at all.
+    apart = apart or (a.piece == b.piece and world.pieces[a.piece].sign == 0.0 and laps != 0)
+    if apart and pair.touching != CLOSING:
+        clock.skipped_apart += 1
+        pair.apart = 1
+        return
+    if pair.touching == CLOSING:
+        pair.contact_t = pair.begin_t
+        pair.contact_t_low = pair.begin_t_low
+        pair.a_s, pair.a_c, pair.a_p = state_at(world, pair.a, pair.begin_t, pair.begin_t_low)
+        pair.b_s, pair.b_c, pair.b_p = state_at(world, pair.b, pair.begin_t, pair.begin_t_low)
+        return
+    to_a = time_between(a.exit_t, a.exit_t_low, pair.begin_t, pair.begin_t_low)
+    to_b = time_between(b.exit_t, b.exit_t_low, pair.begin_t, pair.begin_t_low)
+    limit = min(to_a, to_b)
+    if pair.searched >= limit:
+        return  # to the end of a flight
+    # The end of a short bounce is known only once it is sharpened: no horizon comes before.
+    ahead = max(ahead, min(limit, short_bounce(a, b)))
+    touching = pair.touching
+    if settings.pairs == 2 and settings.bodies == 2 and touching == 0 and a.piece != b.piece:
+        touching = world.pairs[1 - j].touching
+    age_a = time_between(pair.begin_t, pair.begin_t_low, a.t, a.t_low)
+    age_b = time_between(pair.begin_t, pair.begin_t_low, b.t, b.t_low)
+    piece = world.pieces[a.piece]
+    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    if a.piece == b.piece and piece.sign != 0.0:
+        contact = world.contacts[j * settings.pieces + a.piece]
+        orientation = 1.0 if laps == 0 else -1.0
+        if kept_apart(a, b, contact, laps):
+            clock.skipped_apart += 1
+            pair.apart = 1
+            return
+        h = contact_on_arc(
+            a, b, age_a, age_b, pair.touching, ahead, limit, contact, orientation, pair, clock
+        )
+        if h > 0.0 and pair.touching == PARTING:
+            h = max(sharpened_on_arc(a, b, age_a + h, pair, clock) - age_a, 0.0)
+    elif a.piece == b.piece and laps == 0 and a.form == LINE and b.form == LINE:
+        contact = world.contacts[j * settings.pieces + a.piece]
+        h = contact_on_line(a, b, age_a, age_b, pair.touching, limit, contact, pair, clock)
+    else:
+        piece_b = world.pieces[b.piece]
+        if _separated(a, piece, track_a, b, piece_b, track_b, pair.distance):
+            clock.skipped_apart += 1
+            pair.apart = 1
+            return
+        h = contact_by_distance(
+            a, b, age_a, age_b, touching, ahead, limit,
+            piece, track_a, piece_b, track_b, pair, clock,
+        )  # fmt: skip
+        if h > 0.0 and touching == PARTING:
+            t = sharpened_by_distance(
+                a, b, age_a + h, piece, track_a, piece_b, track_b, pair, clock
+            )
+            h = max(t - age_a, 0.0)
+    if h >= 0.0:
+        pair.contact_t, pair.contact_t_low = add_to_time(pair.begin_t, pair.begin_t_low, h)
+        if settings.pairs == 2 and settings.bodies == 2 and a.piece != b.piece:
+            _hand_over(world, pair, world.pairs[1 - j])
+
+
+@kernel
+def _is_left_to_the_other(world: World, pair: PairData) -> bool:
+    """Tell whether two bodies on a closed trace, which are two pairs, are searched as the other.
+
+    On two pieces one search finds the contact of either pair; while one lasts there is no other.
+    """
+    settings = world.settings[0]
+    if settings.pairs != 2 or settings.bodies != 2:
+        return False
+    if world.flights[0].piece == world.flights[1].piece:
+        return False
+    return pair.seam == 1 or world.pairs[1].held == 1
+
+
+@kernel
+def _hand_over(world: World, pair: PairData, other: PairData) -> None:
+    """Give a contact of two bodies on two pieces to the other pair if it is on that side."""
+    settings = world.settings[0]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    piece_a = world.pieces[a.piece]
+    piece_b = world.pieces[b.piece]
+    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    ax, ay = centre_position(piece_a, track_a, pair.a_s, pair.a_c)
+    bx, by = centre_position(piece_b, track_b, pair.b_s, pair.b_c)
+    tx, ty = centre_tangent(piece_a, pair.a_s, pair.a_c)
+    ux, uy = centre_tangent(piece_b, pair.b_s, pair.b_c)
+    if (bx - ax) * (tx + ux) + (by - ay) * (ty + uy) >= 0.0:
+        return
+    keep_states(other, pair.b_s, pair.b_c, pair.b_p, pair.a_s, pair.a_c, pair.a_p)
+    other.contact_t = pair.contact_t
+    other.contact_t_low = pair.contact_t_low
+    other.apart = 0
+    pair.contact_t = NEVER
+    pair.contact_t_low = 0.0
+    pair.apart = 1
+
+
+@kernel
+def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
+    """Tell whether two librations in a circle keep two bodies apart across its top.
+
+    The flights stay within ``|f| <= 2 asin sqrt m``; they meet over the top only if both half
+    angles and half the angle of contact add up to pi.
+    """
+    root_a = a.root_complement
+    root_b = b.root_complement
+    if laps == 0 or a.grouped + b.grouped != 0 or root_a <= 0.0 or root_b <= 0.0:
+        return False
+    if a.c <= 0.0 or b.c <= 0.0:
+        return False
+    reach = root_a * root_b - math.sqrt(a.parameter * b.parameter)
+    return reach > CAUTION - contact.cosine
+
+
+@kernel
+def _separated(
+    a: Flight,
+    piece_a: PieceData,
+    track_a: TrackData,
+    b: Flight,
+    piece_b: PieceData,
+    track_b: TrackData,
+    distance: float,
+) -> bool:
+    """Tell whether the flights are kept apart by the horizontal extents of their paths."""
+    low_a, high_a = horizontal_extent(a, piece_a, track_a)
+    low_b, high_b = horizontal_extent(b, piece_b, track_b)
+    return low_b - high_a > distance or low_a - high_b > distance
+
+
+@kernel
+def horizontal_extent(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
+    """Least and greatest x of the centre on a flight, where x grows along its path.
+
+    Else infinite.
+    """
+    if flight.grouped == 1:
+        return -NEVER, NEVER
+    if piece.sign == 0.0:
+        if piece.tangent_x <= 0.0:
+            return -NEVER, NEVER
+        low, high = _line_range(flight, track)
+        return track.line_x + piece.tangent_x * low, track.line_x + piece.tangent_x * high
+    # Within 90 degrees of the bottom of a valley or the crest of a hump.
+    s2 = min(flight.parameter, track.highest_s2)
+    if piece.sign > 0.0 and (s2 > 0.5 or flight.c < 0.0):
+        return -NEVER, NEVER
+    if piece.sign < 0.0 and track.lowest_s2 < 0.5:
+        return -NEVER, NEVER
+    low, high = _sine_range(flight, piece, track)
+    radius = track.path_radius
+    return piece.x + radius * low, piece.x + radius * high
+
+
+@kernel
+def _line_range(flight: Flight, track: TrackData) -> tuple[float, float]:
+    start = flight.s
+    a = flight.line_acceleration
+    end = start
+    if flight.exit_side == 1:
+        end = track.right_s
+    elif flight.exit_side == -1:
+        end = track.left_s
+    turn = start
+    if flight.p * a < 0.0 and flight.at_rest == 0:
+        turn = start - 0.5 * flight.p * flight.p / a
+        turn = min(max(turn, track.left_s), track.right_s)
+    return min(start, min(end, turn)), max(start, max(end, turn))
+
+
+@kernel
+def _sine_range(flight: Flight, piece: PieceData, track: TrackData) -> tuple[float, float]:
+    """Least and greatest ``sign sin f`` (valley: sin phi, hump: sin psi) on a flight."""
+    sign = piece.sign
+    start = sign * 2.0 * flight.s * flight.c
+    if flight.at_rest == 1:
+        return start, start
+    right = flight.p > 0.0 or (flight.p == 0.0 and flight.s * flight.c < 0.0)
+    turn = 2.0 * math.sqrt(flight.parameter) * abs(flight.root_complement)
+    high = start
+    low = start
+    if flight.exit_side == 1:
+        high = sign * 2.0 * track.right_s * track.right_c
+    elif flight.exit_side == 0 or right:
+        high = turn if sign > 0.0 or flight.c < 0.0 else -turn
+    if flight.exit_side == -1:
+        low = sign * 2.0 * track.left_s * track.left_c
+    elif flight.exit_side == 0 or not right:
+        low = -turn if sign > 0.0 or flight.c > 0.0 else turn
+    return min(low, start), max(high, start)

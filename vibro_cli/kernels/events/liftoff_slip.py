@@ -1,0 +1,517 @@
+"""Kernels that find what happens on a flight between its start and its end.
+
+Those are turning points, and the instants at which a force passes its limit: the normal force of a
+body falls through zero, or rolling needs more than the friction there is. On an arc, alone or in
+contact, the normal force is ``a + b cos f + c sin f`` and the friction ``q |sin f|`` in the angle f
+of the pendulum, so both are known in closed form; on a line both are constant. Segments of a motion
+in contact across pieces are short against its time scales; there the ends of each one decide. A
+flight alone whose least normal force, over all that its energy and its piece leave it, is positive
+is not looked at any further.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, row_of, set_ends, set_forces
+from vibro_cli.kernels.flow.flight import squared_rate_at
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow
+from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.flow.time_of_flight import time_to
+from vibro_cli.kernels.numerics.elliptic import quarter_period
+from vibro_cli.kernels.structs import NEVER, BodyForces, Flight
+from vibro_cli.kernels.world import World
+
+TURNING = 0
+LIFT_OFF = 1
+SLIP = 2
+
+# A force beyond its limit by less than this share of the forces is so by rounding alone.
+FORCE_ROUNDING = 1.0e-12
+# Where bounds leave this share of a body's weight, no rounding leads beyond a limit.
+CAUTION = 1.0e-6
+# Places of an orbit that can be asked for at once: up to four angles, on either branch.
+MOST_PLACES = 8
+
+
+@struct
+class Span:
+    """A flight of the log, until it ends or until the run has come so far."""
+
+    row: int  # of the log
+    duration: float  # s
+    ended: int  # 0: it goes on beyond
+    turnings: int  # passages of each kind found when it was asked before
+    lifts: int
+    slips: int
+    begun: int  # 1: its start was looked at then
+    lift_start: int  # 1: the normal force is below zero at the start, and at the end
+    lift_end: int
+    slip_start: int  # 1: friction is beyond its limit
+    slip_end: int
+    normal: float  # at the start, N
+
+
+@struct
+class Passage:
+    """An instant on a flight at which something happens, and the state there."""
+
+    span: int
+    kind: int
+    after: float  # from the start of the flight, s
+    s: float
+    c: float
+    p: float
+    normal: float  # N
+
+
+@struct
+class Course:
+    """When a flight passes one state of its orbit: the next time, and the period (s)."""
+
+    after: float
+    period: float
+
+
+@struct
+class Progress:
+    """What is asked, and how far the spans have been gone through."""
+
+    turning_points: int  # 1 if turning points are wanted
+    friction: float  # coefficient of the trace, negative if slip is not asked for
+    span: int  # the next one, its kind, and the passages that are filled in
+    kind: int
+    filled: int
+    group: int  # 1 + row of the first body of the group whose forces are at hand; 0 none
+
+
+class Search(NamedTuple):
+    """What is asked of some flights, room for what is found, and scratch."""
+
+    spans: Sequence[Span]
+    progress: Sequence[Progress]  # one
+    passages: Sequence[Passage]
+    courses: Sequence[Course]  # MOST_PLACES
+    flights: Sequence[Flight]  # two: that of the present span, and scratch
+
+
+@kernel
+def find_passages(world: World, search: Search) -> int:
+    """Find the passages on flights, from where ``progress`` is until all is done or full.
+
+    Parameters
+    ----------
+    world
+        With the log that the spans are of.
+    search
+        The spans, best in order of the log; the forces at both ends are filled in, and the
+        passages, those of a flight and kind in order of time.
+
+    Returns
+    -------
+    The number of passages filled in; there may be more if that is all the room there is.
+    """
+    now = search.progress[0]
+    now.filled = 0
+    while now.span < len(search.spans):
+        if now.kind == TURNING:
+            if now.turning_points == 1 and not _add_turnings(world, search):
+                return now.filled
+            now.kind = LIFT_OFF
+        if not _add_limits(world, search):
+            return now.filled
+        now.kind = TURNING
+        now.span += 1
+    return now.filled
+
+
+@kernel
+def _add_turnings(world: World, search: Search) -> bool:
+    """Add the turning points of a flight; tell whether there was room for all."""
+    span = search.spans[search.progress[0].span]
+    flight = search.flights[0]
+    recall_flight(world, world.log[span.row], span.row, flight)
+    if flight.at_rest == 1:
+        return True
+    if flight.form == POLYNOMIAL:
+        if span.ended == 0:
+            return True
+        search.courses[0].after = _turning_on_segment(flight, span.duration)
+        search.courses[0].period = NEVER
+        return _add(search, 1, TURNING)
+    return _add(search, turning_courses(flight, span.duration, search.courses), TURNING)
+
+
+@kernel
+def turning_courses(flight: Flight, duration: float, courses: Sequence[Course]) -> int:
+    """Set the courses of the turning points of a flight; return their number."""
+    if flight.form == LINE:
+        a = flight.line_acceleration
+        courses[0].after = -flight.p / a if a != 0.0 else NEVER
+        courses[0].period = NEVER
+        return 1
+    if flight.root_complement <= 0.0:
+        return 0
+    s = math.sqrt(flight.parameter)
+    c = math.copysign(flight.root_complement, flight.flow_c)
+    set_course(courses[0], flight, s, c, 0.0, duration)
+    set_course(courses[1], flight, -s, c, 0.0, duration)
+    return 2
+
+
+@kernel
+def _turning_on_segment(flight: Flight, duration: float) -> float:
+    """Turning point on a short segment across pieces, where the speed is nearly linear in time."""
+    low = 0.0
+    high = duration
+    _, _, start = flow(flight, low)
+    _, _, end = flow(flight, high)
+    if start * end >= 0.0:
+        return NEVER
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            return middle
+        _, _, p = flow(flight, middle)
+        if p * start > 0.0:
+            low = middle
+        else:
+            high = middle
+
+
+@kernel
+def set_course(
+    course: Course, flight: Flight, s: float, c: float, p: float, duration: float
+) -> None:
+    """Set when a flight on an arc passes a state that lies on its orbit."""
+    course.after = NEVER
+    course.period = NEVER
+    if flight.at_rest == 1 or flight.root_complement == 0.0:
+        return
+    first = time_to(flight, s, c, p)
+    if rotates(flight):
+        # A rotation passes a place once on its piece, ahead only.
+        ahead = s * flight.flow_c - c * flight.flow_s
+        if ahead * flight.flow_p > 0.0 and first <= duration:
+            course.after = first
+        return
+    course.after = first
+    course.period = orbit_period(flight)
+
+
+@kernel
+def rotates(flight: Flight) -> bool:
+    """Tell whether the full orbit of a flight on an arc goes over its highest place."""
+    return flight.root_complement < 0.0
+
+
+@kernel
+def orbit_period(flight: Flight) -> float:
+    """Period (s) of the full orbit of a flight on an arc that turns back."""
+    half = 2.0 * quarter_period(flight.parameter, flight.root_complement) / flight.frequency
+    return 2.0 * half
+
+
+@kernel
+def _add(search: Search, count: int, kind: int) -> bool:
+    """Add the passages of some courses in order of time; tell whether there was room for all.
+
+    A turning point at the very end is an impact's or a wall's; a limit is passed there, too.
+    """
+    now = search.progress[0]
+    span = search.spans[now.span]
+    before = span.turnings if kind == TURNING else (span.lifts if kind == LIFT_OFF else span.slips)
+    found = 0
+    while count > 0:
+        least = 0
+        for number in range(1, count):
+            if search.courses[number].after < search.courses[least].after:
+                least = number
+        course = search.courses[least]
+        after = course.after
+        if after > span.duration or (kind == TURNING and after == span.duration):
+            return True
+        course.after += course.period
+        if after <= 0.0:
+            continue
+        found += 1
+        if found <= before:
+            continue
+        if now.filled == len(search.passages):
+            return False
+        row = search.passages[now.filled]
+        row.span = now.span
+        row.kind = kind
+        row.after = after
+        row.s, row.c, row.p = flow(search.flights[0], after)
+        now.filled += 1
+        if kind == TURNING:
+            span.turnings += 1
+        elif kind == LIFT_OFF:
+            span.lifts += 1
+        else:
+            span.slips += 1
+    return True
+
+
+@kernel
+def _add_limits(world: World, search: Search) -> bool:
+    """Add where a body passes a limit of its forces; tell whether there was room for all."""
+    now = search.progress[0]
+    span = search.spans[now.span]
+    if world.log[span.row].grouped == 1:
+        place, lifts, slips = _look_at_group(world, search)
+    else:
+        place = world.settings[0].bodies
+        lifts, slips = look_at_one(world, span, now.friction, search.flights[0])
+    if not lifts and not slips:
+        return True
+    one = world.forces[place]
+    if now.kind == LIFT_OFF:
+        if lifts:
+            first = now.filled
+            count = _courses(world, search, one, -1.0)
+            done = _add(search, count, LIFT_OFF)
+            for number in range(first, now.filled):
+                _set_normal(world, search, search.passages[number], place)
+            if not done:
+                return False
+        now.kind = SLIP
+    return not slips or _add(search, _courses(world, search, one, now.friction), SLIP)
+
+
+@kernel
+def _courses(world: World, search: Search, one: BodyForces, friction: float) -> int:
+    """Set the courses at whose states a limit is passed: of friction, or negative, of lift-off."""
+    span = search.spans[search.progress[0].span]
+    row = world.log[span.row]
+    flight = search.flights[0]
+    if row.at_rest == 1:
+        return 0
+    if flight.form != POLYNOMIAL:
+        return limit_courses(one, friction, flight, span.duration, search.courses)
+    # A segment: its ends decide.
+    search.courses[0].after = NEVER
+    search.courses[0].period = NEVER
+    start = beyond(one.start_normal, one.start_friction, friction)
+    if not start and beyond(one.end_normal, one.end_friction, friction):
+        search.courses[0].after = _limit_on_segment(world, span, friction, search.flights[1])
+    return 1
+
+
+@kernel
+def _limit_on_segment(world: World, span: Span, friction: float, scratch: Flight) -> float:
+    """Time (s) at which a body in contact across pieces passes a limit, once in its segment."""
+    row = world.log[span.row]
+    place = (row.body - row.group_first) % world.settings[0].bodies
+    low = 0.0
+    high = span.duration
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            return high
+        set_forces(world, span.row, AT_TIME, middle, scratch)
+        one = world.forces[place]
+        if beyond(one.normal, one.friction, friction):
+            high = middle
+        else:
+            low = middle
+
+
+@kernel
+def _look_at_group(world: World, search: Search) -> tuple[int, bool, bool]:
+    """Set the forces on a body in contact; where they are, and which limits it may pass.
+
+    Those of its whole group are set at once, for the spans that come next.
+    """
+    now = search.progress[0]
+    span = search.spans[now.span]
+    row = world.log[span.row]
+    flight = search.flights[0]
+    recall_flight(world, row, span.row, flight)
+    goes_on = flight.form == POLYNOMIAL and row.at_rest == 0 and span.ended == 0
+    # Of several launches at one instant only the last one lasts.
+    if goes_on or span.duration <= 0.0:
+        return 0, False, False
+    leader = row_of(world, span.row, row.group_first)
+    if now.group != leader + 1:
+        set_ends(world, leader, span.duration, search.flights[1])
+        fit_forces(world, leader, search.flights[1])
+        now.group = leader + 1
+    place = (row.body - row.group_first) % world.settings[0].bodies
+    set_sides(span, world.forces[place], now.friction)
+    return place, True, now.friction >= 0.0
+
+
+@kernel
+def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tuple[bool, bool]:
+    """Set the forces on a body alone, if it may pass a limit; which ones it may."""
+    row = world.log[span.row]
+    body = world.bodies[row.body]
+    piece = world.pieces[row.piece]
+    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    one = world.forces[world.settings[0].bodies]
+    if piece.sign == 0.0:
+        one.start_normal = body.weight * piece.tangent_x
+        one.start_friction = body.weight * (1.0 - 1.0 / body.kappa) * abs(piece.tangent_y)
+        one.end_normal = one.start_normal
+        one.end_friction = one.start_friction
+        set_sides(span, one, friction)
+        return False, False
+    top = min(track.highest_s2, row.parameter) if row.root_complement >= 0.0 else track.highest_s2
+    bottom = min(track.lowest_s2, top)
+    # N/(m g) = sign (A - B S^2)
+    a = 1.0 + 4.0 * row.parameter / body.kappa
+    b = 2.0 + 4.0 / body.kappa
+    least = a - b * top if piece.sign > 0.0 else b * bottom - a
+    widest = 0.5 if bottom <= 0.5 <= top else (top if top < 0.5 else bottom)
+    most = 2.0 * math.sqrt(max(widest * (1.0 - widest), 0.0)) * (1.0 - 1.0 / body.kappa)
+    lifts = least <= CAUTION * (a + b)
+    slips = friction >= 0.0 and most >= friction * least - CAUTION * (a + b)
+    if row.at_rest == 0 and not lifts and not slips:
+        return False, False
+    recall_flight(world, row, span.row, flight)
+    s, c, p = flow(flight, 0.0)
+    one.start_normal, one.start_friction = _forces(world, span.row, s, c, p)
+    s, c, p = flow(flight, span.duration)
+    one.end_normal, one.end_friction = _forces(world, span.row, s, c, p)
+    set_sides(span, one, friction)
+    one.press[0] = piece.sign * body.weight * (4.0 * flight.parameter - 2.0) / body.kappa
+    one.press[1] = piece.sign * body.weight * (1.0 + 2.0 / body.kappa)
+    one.press[2] = 0.0
+    one.drag[2] = body.weight * (1.0 - 1.0 / body.kappa)
+    return lifts, slips
+
+
+@kernel
+def _forces(world: World, number: int, s: float, c: float, p: float) -> tuple[float, float]:
+    """Normal force and friction (N) of a body alone on an arc.
+
+    ``N = m g sign (cos f + (4/kappa) P^2)``.
+    """
+    row = world.log[number]
+    body = world.bodies[row.body]
+    sign = world.pieces[row.piece].sign
+    normal = sign * body.weight * ((c - s) * (c + s) + (4.0 / body.kappa) * p * p)
+    return normal, body.weight * (1.0 - 1.0 / body.kappa) * abs(2.0 * s * c)
+
+
+@kernel
+def _set_normal(world: World, search: Search, found: Passage, place: int) -> None:
+    """Fill in the normal force of a passage."""
+    number = search.spans[found.span].row
+    if world.log[number].grouped == 1:
+        set_forces(world, number, AT_TIME, found.after, search.flights[1])
+        found.normal = world.forces[place].normal
+    else:
+        found.normal = normal_of_one(world, number, found, search.flights[0])
+
+
+@kernel
+def normal_of_one(world: World, number: int, found: Passage, flight: Flight) -> float:
+    """Normal force (N) of a body alone on an arc where it is in a passage."""
+    normal, _ = _forces(world, number, found.s, found.c, found.p)
+    return normal
+
+
+@kernel
+def set_sides(span: Span, one: BodyForces, friction: float) -> None:
+    """Say on which side of its limits a body starts, and ends."""
+    span.normal = one.start_normal
+    span.lift_start = 1 if beyond(one.start_normal, one.start_friction, -1.0) else 0
+    span.lift_end = 1 if beyond(one.end_normal, one.end_friction, -1.0) else 0
+    span.slip_start = 0
+    span.slip_end = 0
+    if friction >= 0.0:
+        span.slip_start = 1 if beyond(one.start_normal, one.start_friction, friction) else 0
+        span.slip_end = 1 if beyond(one.end_normal, one.end_friction, friction) else 0
+
+
+@kernel
+def beyond(normal: float, force: float, friction: float) -> bool:
+    """Tell whether a body is beyond a limit, by more than the rounding of its forces.
+
+    The trace would have to pull it; with a coefficient, rolling needs more friction than there is.
+    """
+    if friction < 0.0:
+        return normal < -FORCE_ROUNDING * (abs(normal) + force)
+    return force > 0.0 and force - friction * normal > FORCE_ROUNDING * (abs(normal) + force)
+
+
+@kernel
+def limit_courses(
+    one: BodyForces, friction: float, flight: Flight, duration: float, courses: Sequence[Course]
+) -> int:
+    """Set the courses at whose states a limit is passed: of friction, or negative, of lift-off."""
+    if flight.form == LINE:
+        return 0
+    a = one.press[0]
+    b = one.press[1]
+    c = one.press[2]
+    q = one.drag[2]
+    if friction < 0.0:
+        # -N grows beyond zero.
+        return _zero_courses((-a, -b, -c), 0.0, 0, duration, courses, flight)
+    if q <= 0.0:
+        return 0
+    a *= -friction
+    b *= -friction
+    c *= friction
+    count = _zero_courses((a, b, q - c), 1.0, 0, duration, courses, flight)
+    return _zero_courses((a, b, -q - c), -1.0, count, duration, courses, flight)
+
+
+@kernel
+def _zero_courses(
+    excess: tuple[float, float, float],
+    side: float,
+    count: int,
+    duration: float,
+    courses: Sequence[Course],
+    flight: Flight,
+) -> int:
+    """Set the courses at whose states ``a + b cos f + c sin f``, an excess, grows through zero.
+
+    With a side only those where the sine has its sign. Returns the number of courses then.
+    """
+    a, b, c = excess
+    size = math.sqrt(b * b + c * c)
+    if size <= abs(a):
+        return count
+    middle = math.atan2(c, b)
+    width = math.acos(-a / size)
+    for number in range(2):
+        way = 1.0 if number == 0 else -1.0
+        angle = middle + way * width
+        if side != 0.0 and math.sin(angle) * side <= 0.0:
+            continue
+        slope = -way * size * math.sin(width)
+        s = math.sin(0.5 * angle)
+        c_half = math.cos(0.5 * angle)
+        count = _branch_course(s, c_half, slope, count, duration, courses, flight)
+        count = _branch_course(-s, -c_half, slope, count, duration, courses, flight)
+    return count
+
+
+@kernel
+def _branch_course(
+    s: float,
+    c: float,
+    slope: float,
+    count: int,
+    duration: float,
+    courses: Sequence[Course],
+    flight: Flight,
+) -> int:
+    """Set the course of a place that a flight passes with a rate of the sign of ``slope``."""
+    square = squared_rate_at(flight, s, c)
+    if square <= 0.0 or (flight.root_complement >= 0.0 and c * flight.flow_c < 0.0):
+        return count
+    p = math.copysign(math.sqrt(square), slope)
+    if flight.root_complement < 0.0 and p * flight.flow_p <= 0.0:
+        return count
+    set_course(courses[count], flight, s, c, p, duration)
+    return count + 1

@@ -1,0 +1,1 @@
+"""Motion between events in closed form, and how a flight begins."""

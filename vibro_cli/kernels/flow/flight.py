@@ -1,0 +1,349 @@
+"""Launching a flight: its constants, how it ends, and the bounds that the contact search needs."""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.compile.lanes import choose
+from vibro_cli.kernels.flow.flow import LINE
+from vibro_cli.kernels.flow.time_of_flight import time_to
+from vibro_cli.kernels.numerics.elliptic import set_theta_constants
+from vibro_cli.kernels.numerics.error_free import add_to_time
+from vibro_cli.kernels.structs import NEVER, BodyData, Flight, PieceData, TrackData
+
+BOUNDARY = 0
+LIFT_OFF = 1
+# Within C^2 + P^2 below this of a crest the energy is taken from the state, relative to the crest.
+CREST_NEIGHBOURHOOD = 0.05
+# A swing about the bottom that ends below both ends of its piece by this share reaches neither.
+END_ROUNDING = 1.0e-9
+# A body brought to an end of its piece may be beyond it by the rounding of a flight (S, C).
+BEYOND_END = 1.0e-12
+# ... or, short of it, this share of what its sine is the difference of.
+SHORT_OF_END = 4.0 * 2.220446049250313e-16
+
+
+@kernel
+def launch(
+    flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
+) -> None:
+    """Set up the flight that starts from the state, piece and energy held in ``flight``."""
+    flight.at_rest = 0
+    flight.exit_kind = BOUNDARY
+    flight.exit_side = 0
+    flight.exit_after = NEVER
+    flight.exit_p = 0.0
+    flight.grouped = 0
+    flight.wall_side = 0
+    flight.segment = 0.0
+    flight.flow_s = flight.s
+    flight.flow_c = flight.c
+    flight.flow_p = flight.p
+    flight.own_frequency = track.frequency
+    launch_on_piece(flight, body, piece, track, one_sided)
+    if flight.exit_after < NEVER:
+        flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
+    else:
+        flight.exit_t = NEVER
+        flight.exit_t_low = 0.0
+
+
+@kernel
+def launch_on_piece(
+    flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
+) -> None:
+    """Set the form of a flight on its piece, its bounds, and how and after what time it ends."""
+    if piece.sign == 0.0:
+        flight.line_acceleration = track.line_acceleration
+        launch_on_line(flight, track.left_s, track.right_s)
+    else:
+        _launch_on_arc(flight, track, piece)
+    if one_sided == 1:
+        _limit_by_lift_off(flight, body, piece, track)
+
+
+@kernel
+def head_from_state(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> float:
+    """Energy over weight, m above the body's lowest place (B (33) multiplied out)."""
+    if track.path_radius == 0.0:
+        height = track.bottom + track.line_rise * flight.s
+        return height + 0.5 * body.kappa * flight.p * flight.p / gravity
+    return head_on_arc(track, flight.s, flight.c, flight.p)
+
+
+@kernel
+def head_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
+    """Energy over weight (m) in a state on an arc."""
+    s2 = s * s
+    return choose(
+        s2 > 0.5,
+        track.top - track.twice_radius * ((c - p) * (c + p)),
+        track.bottom + track.twice_radius * (s2 + p * p),
+    )
+
+
+@kernel
+def measure_energy(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> None:
+    """Take the energy from the state.
+
+    Near a crest also, to full accuracy, relative to the crest.
+    """
+    flight.head = head_from_state(flight, body, track, gravity)
+    anchor_at_crest(flight, track)
+
+
+@kernel
+def anchor_at_crest(flight: Flight, track: TrackData) -> None:
+    """Measure the energy also relative to the crest of the piece, if the state is near it."""
+    flight.anchor = -1
+    if track.path_radius > 0.0:
+        near = flight.c * flight.c + flight.p * flight.p < CREST_NEIGHBOURHOOD
+        if near:
+            flight.anchor = flight.piece
+            flight.anchor_root = root_of_state(flight.c, flight.p)
+
+
+@kernel
+def root_of_state(c: float, p: float) -> float:
+    """``sign(1-m) sqrt|1-m|`` from ``1 - m = (C - P)(C + P)``, each factor under its own root."""
+    root = size_of_root(c, p)
+    return -root if abs(p) > abs(c) else root
+
+
+@kernel
+def size_of_root(c: float, p: float) -> float:
+    """``sqrt|1 - m|`` from the factors of ``1 - m``."""
+    return math.sqrt(abs(c - p)) * math.sqrt(abs(c + p))
+
+
+@kernel
+def energy_on_piece(
+    flight: Flight, track: TrackData, anchor_track: TrackData
+) -> tuple[float, float]:
+    """Parameter ``m`` and root of its complement on an arc, from the energy that is carried.
+
+    ``anchor_track`` is the body's track on the piece of ``flight.anchor`` (unused without one).
+    """
+    if flight.anchor < 0:
+        complement = (track.top - flight.head) / track.twice_radius
+        root = _signed_root(complement)
+    else:
+        root = flight.anchor_root
+        if flight.anchor != flight.piece:
+            scale = anchor_track.twice_radius / track.twice_radius
+            lift = (track.top - anchor_track.top) / track.twice_radius
+            if lift == 0.0:
+                root *= math.sqrt(scale)
+            else:
+                root = _signed_root(lift + root * abs(root) * scale)
+        complement = root * abs(root)
+    if complement < 0.5:
+        return 1.0 - complement, root
+    return max((flight.head - track.bottom) / track.twice_radius, 0.0), root
+
+
+@kernel
+def _signed_root(complement: float) -> float:
+    root = math.sqrt(abs(complement))
+    return root if complement >= 0.0 else -root
+
+
+@kernel
+def launch_on_line(flight: Flight, left: float, right: float) -> None:
+    """A parabola of given acceleration between two ends: exits by the stable quadratic formula."""
+    flight.form = LINE
+    flight.frequency = 0.0
+    a = flight.line_acceleration
+    flight.angular_bound = 0.0
+    flight.jerk_bound = 0.0
+    flight.acceleration_bound = abs(a)
+    v = flight.flow_p
+    if v == 0.0 and a == 0.0:
+        flight.at_rest = 1
+        return
+    to_right = right - flight.flow_s
+    to_left = flight.flow_s - left
+    if v > 0.0 or (v == 0.0 and a > 0.0):
+        side = 1 if a >= 0.0 or v * v > -2.0 * a * to_right else -1
+    else:
+        side = -1 if a <= 0.0 or v * v > 2.0 * a * to_left else 1
+    flight.exit_side = side
+    length = to_right if side == 1 else to_left
+    speed = v if side == 1 else -v  # towards the exit
+    pull = a if side == 1 else -a
+    end_speed = math.sqrt(max(speed * speed + 2.0 * pull * length, 0.0))
+    if speed >= 0.0:
+        flight.exit_after = 2.0 * length / (speed + end_speed) if length > 0.0 else 0.0
+    else:
+        flight.exit_after = (end_speed - speed) / pull
+    flight.exit_p = end_speed if side == 1 else -end_speed
+
+
+@kernel
+def _launch_on_arc(flight: Flight, track: TrackData, piece: PieceData) -> None:
+    flight.frequency = track.frequency
+    flight.line_acceleration = 0.0
+    if flight.p == 0.0 and (flight.s == 0.0 or flight.c == 0.0):
+        flight.at_rest = 1
+    m = flight.parameter
+    nearer_end = min(track.left_s * track.left_s, track.right_s * track.right_s)
+    if track.lowest_s2 > 0.0 or m >= nearer_end * (1.0 - END_ROUNDING):
+        choose_exit(flight, track.left_s, track.left_c, track.right_s, track.right_c)
+    low = track.lowest_s2
+    high = min(m, track.highest_s2)
+    x_low = 4.0 * low * (1.0 - low)
+    x_high = 4.0 * high * (1.0 - high)
+    sine = 1.0 if low < 0.5 < high else math.sqrt(max(x_low, x_high))
+    w2 = track.frequency * track.frequency
+    flight.angular_bound = w2 * sine
+    flight.jerk_bound = 2.0 * w2 * track.frequency * math.sqrt(max(m - low, 0.0))
+    # |A|^2 = (g/kappa)^2 (4 S^2 C^2 + 16 P^4) is convex in S^2: its ends bound it.
+    p2_low = m - low
+    p2_high = m - high
+    flight.acceleration_bound = track.gravity_rate * math.sqrt(
+        max(x_low + 16.0 * p2_low * p2_low, x_high + 16.0 * p2_high * p2_high)
+    )
+
+
+@kernel
+def widest_pull(frequency: float, m: float) -> float:
+    """Bound on ``|f''|`` (rad/s^2) of a swing through the bottom of an arc."""
+    sine = choose(m > 0.5, 1.0, math.sqrt(max(4.0 * m * (1.0 - m), 0.0)))
+    return frequency * frequency * sine
+
+
+@kernel
+def most_of_swings(track: TrackData) -> float:
+    """Return a parameter below which a swing stays far from the ends of its piece."""
+    nearer_end = min(track.left_s * track.left_s, track.right_s * track.right_s)
+    return nearer_end * (1.0 - 2.0 * END_ROUNDING)
+
+
+@kernel
+def squared_rate_at(flight: Flight, s: float, c: float) -> float:
+    """``P^2`` where the flow passes ``(S, C)``: ``m - S^2``, near the top ``C^2 - (1 - m)``."""
+    if s == flight.flow_s and c == flight.flow_c:
+        return flight.flow_p * flight.flow_p
+    if s * s > 0.5:
+        return c * c - flight.root_complement * abs(flight.root_complement)
+    return flight.parameter - s * s
+
+
+@kernel
+def _reaches(flight: Flight, s: float, c: float) -> bool:
+    """Tell whether the flow passes an end ``(S, C)``, over a top if one lies between."""
+    if flight.flow_c * c < 0.0 and flight.root_complement >= 0.0:
+        return False
+    return squared_rate_at(flight, s, c) > 0.0
+
+
+@kernel
+def at_end(flight: Flight, s: float, c: float, side: float) -> bool:
+    """Tell whether a flow starts at an end of its path, or short of or beyond it by rounding."""
+    if abs(flight.flow_s - s) > BEYOND_END or abs(flight.flow_c - c) > BEYOND_END:
+        return False
+    ahead = flight.flow_s * c
+    behind = flight.flow_c * s
+    return (ahead - behind) * side >= -SHORT_OF_END * (abs(ahead) + abs(behind))
+
+
+@kernel
+def choose_exit(
+    flight: Flight, left_s: float, left_c: float, right_s: float, right_c: float
+) -> None:
+    """Find at which of two ends of its path (as states of its flow) a flight ends, and when."""
+    if flight.at_rest == 1:
+        return
+    pull = -flight.flow_s * flight.flow_c
+    right = flight.flow_p > 0.0 or (flight.flow_p == 0.0 and pull > 0.0)
+    end_s = right_s if right else left_s
+    end_c = right_c if right else left_c
+    if at_end(flight, end_s, end_c, 1.0 if right else -1.0):
+        flight.exit_side = 1 if right else -1
+        flight.exit_p = flight.flow_p
+        flight.exit_after = 0.0
+        return
+    reaches_right = _reaches(flight, right_s, right_c)
+    reaches_left = _reaches(flight, left_s, left_c)
+    if flight.root_complement == 0.0 and flight.flow_p != 0.0:
+        # On the separatrix a body never turns: it leaves ahead or creeps up to the crest for ever.
+        reaches_right = reaches_right and right
+        reaches_left = reaches_left and not right
+    if (right and reaches_right) or (not right and not reaches_left and reaches_right):
+        flight.exit_side = 1
+        flight.exit_p = math.sqrt(squared_rate_at(flight, right_s, right_c))
+        flight.exit_after = time_to(flight, right_s, right_c, flight.exit_p)
+    elif reaches_left:
+        flight.exit_side = -1
+        flight.exit_p = -math.sqrt(squared_rate_at(flight, left_s, left_c))
+        flight.exit_after = time_to(flight, left_s, left_c, flight.exit_p)
+
+
+@kernel
+def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) -> None:
+    """Set the constants of the flow on an arc from the energy that the body carries."""
+    m, root = energy_on_piece(flight, track, anchor_track)
+    set_theta_constants(flight, m, root)
+
+
+@kernel
+def energy_of_state(s: float, c: float, p: float) -> tuple[float, float]:
+    """Parameter ``m`` and root of its complement of a pendulum in a state."""
+    return s * s + p * p, root_of_state(c, p)
+
+
+@kernel
+def set_flow_energy(flight: Flight) -> None:
+    """Set the constants of a group's flow from the state of its pendulum."""
+    m, root = energy_of_state(flight.flow_s, flight.flow_c, flight.flow_p)
+    set_theta_constants(flight, m, root)
+
+
+@kernel
+def _limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData, track: TrackData) -> None:
+    """End the flight where the normal force of a one-sided trace would turn negative.
+
+    N = 0 at ``S^2 = (1 + 4 m/kappa)/(2 + 4/kappa)``; a valley carries below it, a hump above. On a
+    line N = m g cos(alpha) all the way.
+    """
+    if piece.sign == 0.0:
+        if piece.tangent_x < 0.0:
+            _lift_off_now(flight)
+        return
+    limit = (1.0 + 4.0 * flight.parameter / body.kappa) / (2.0 + 4.0 / body.kappa)
+    s2 = flight.s * flight.s
+    outside = s2 > limit if piece.sign > 0.0 else s2 < limit
+    if outside:
+        _lift_off_now(flight)
+        return
+    if limit >= 1.0 or limit >= flight.parameter:
+        return
+    s = math.sqrt(limit)
+    c = math.sqrt(1.0 - limit)
+    p = math.sqrt(max(flight.parameter - limit, 0.0))
+    forward = flight.p if flight.p != 0.0 else -flight.s * flight.c
+    if piece.sign < 0.0:
+        # Below the crest's energy it leaves on the side where it is, else on the side it moves to.
+        s = math.copysign(s, flight.s)
+        to_right = flight.c * s < 0.0 if flight.root_complement >= 0.0 else forward > 0.0
+        c = -math.copysign(c, s) if to_right else math.copysign(c, s)
+    else:
+        to_right = forward > 0.0
+        s = s if to_right else -s
+        if flight.c < 0.0:
+            s = -s
+            c = -c
+    p = p if to_right else -p
+    after = time_to(flight, s, c, p)
+    if after < flight.exit_after:
+        flight.exit_kind = LIFT_OFF
+        flight.exit_after = after
+        flight.exit_p = p
+
+
+@kernel
+def _lift_off_now(flight: Flight) -> None:
+    flight.exit_kind = LIFT_OFF
+    flight.exit_after = 0.0
+    flight.exit_p = flight.p

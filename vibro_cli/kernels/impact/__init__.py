@@ -1,0 +1,1 @@
+"""Impact laws, impacts at one instant, accumulations of impacts."""

@@ -1,0 +1,241 @@
+"""The sum of the bounces of a pair that is left to itself, in closed form (accumulation, Zeno).
+
+With the parting speed u, the approach acceleration ``c`` and its rate ``c'`` all further bounces
+last ``T = T0 - c' T0^2/(3 c)``, ``T0 = 2 u/(c (1 - k))``. It is taken when what this leaves out is
+smaller than the rounding of the gap makes the time of the next bounce uncertain.
+"""
+
+from __future__ import annotations
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.contact.contact_kinematics import (
+    free_acceleration,
+    parting_speed,
+    present_approach,
+    present_gap,
+    speed_of_pair,
+)
+from vibro_cli.kernels.contact.gap import distance_gap
+from vibro_cli.kernels.events.event_log import SPEED_ROUNDING
+from vibro_cli.kernels.flow.begin_flight import state_at
+from vibro_cli.kernels.flow.flow import angular_jerk, tangential_acceleration
+from vibro_cli.kernels.impact.impulse_chain import held_run, joins
+from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, TRANSLATIONAL, weight_and_response
+from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
+from vibro_cli.kernels.structs import CLOSING
+from vibro_cli.kernels.world import World
+
+EPSILON = 2.220446049250313e-16
+# A bounce must be this small against the bodies before its accumulation is looked at.
+SMALL_BOUNCE = 1.0e-4
+# A bounce lower than this many units in the last place of the places is lost in rounding.
+LOST_BOUNCE = 4.0
+# Bodies that go less than this share of that from bounce to bounce go nowhere.
+NOWHERE = 1.0e-3
+# Accelerations below this share of gravity are those of a force that is zero up to rounding.
+NO_PRESSURE = 1.0e-12
+NOT_YET = -1.0
+
+
+@kernel
+def _law_is_normal(world: World, j: int, law: int) -> bool:
+    """Tell whether a law acts on the speed along the line of centres, up to a positive factor."""
+    pair = world.pairs[j]
+    qa, _ = weight_and_response(law, world.bodies[pair.a], pair.normal_a)
+    qb, _ = weight_and_response(law, world.bodies[pair.b], pair.normal_b)
+    return abs(qa * pair.normal_b - qb * pair.normal_a) <= 1.0e-12 * qa * pair.normal_b
+
+
+@kernel
+def closing_law(world: World, first: int, count: int) -> int:
+    """Return the law whose plastic impact is the limit of all bounces of a run of pairs.
+
+    That of the run, if it acts along the lines of centres, for what it balances stays the same in
+    each of them. ``hedrih`` then balances the same as ``normal-impulse``.
+    """
+    law = world.settings[0].law
+    if law != TRANSLATIONAL:
+        return NORMAL_IMPULSE
+    for step in range(count):
+        if not _law_is_normal(world, (first + step) % world.settings[0].pairs, law):
+            return NORMAL_IMPULSE
+    return law
+
+
+@kernel
+def time_to_rest(world: World, j: int) -> float:
+    """Duration (s) of all further bounces of a pair just launched, ``NOT_YET`` if not summable."""
+    pair = world.pairs[j]
+    u = parting_speed(world, j)
+    if u * u > SMALL_BOUNCE * world.settings[0].gravity * pair.distance:
+        return NOT_YET
+    c = -present_approach(world, j)
+    still = u <= SPEED_ROUNDING * speed_of_pair(world, j)
+    if still and abs(c) <= NO_PRESSURE * world.settings[0].gravity:
+        return 0.0  # on one line nothing parts them either
+    if c <= 0.0:
+        return NOT_YET
+    normal = _law_is_normal(world, j, pair.law)
+    # Just launched, the pair approaches by rounding only.
+    if normal and still:
+        return 0.0
+    _, size = present_gap(world, j)
+    rounding = EPSILON * size
+    lost = u * u <= 2.0 * c * LOST_BOUNCE * rounding
+    if not normal and world.flights[pair.a].grouped + world.flights[pair.b].grouped == 0:
+        # There is no sum; free bodies bounce, timed by displacements, until they go nowhere.
+        nowhere = 2.0 * u * speed_of_pair(world, j) <= NOWHERE * c * rounding
+        return 0.0 if still or (lost and nowhere) else NOT_YET
+    if not normal or pair.restitution == 1.0:
+        # Nothing accumulates; but a bounce lower than the rounding of the places is contact.
+        return 0.0 if lost else NOT_YET
+    delay = 2.0 * u / (c * (1.0 - pair.restitution))
+    if not lost and 0.5 * abs(_drift(world, j)) * delay * delay > rounding:
+        return NOT_YET
+    if not lost:
+        delay = _refined(world, j, u, c, rounding, delay)
+        if delay < 0.0 or not _undisturbed(world, j, delay):
+            return NOT_YET
+    if delay >= world.flights[pair.a].exit_after or delay >= world.flights[pair.b].exit_after:
+        return NOT_YET
+    return delay
+
+
+@kernel
+def _drift(world: World, j: int) -> float:
+    """What the bounces of a pair add to the acceleration (m/s^2) that it has in contact.
+
+    ``translational`` keeps the momentum ``sum m v``, which grows in free flight by the mean of the
+    accelerations weighted with m; in contact their mean weighted with ``kappa m`` holds.
+    """
+    pair = world.pairs[j]
+    body_a = world.bodies[pair.a]
+    body_b = world.bodies[pair.b]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    if pair.law != TRANSLATIONAL or body_a.kappa == body_b.kappa or a.grouped + b.grouped > 0:
+        return 0.0
+    pull_a = free_acceleration(world, pair.a)
+    pull_b = free_acceleration(world, pair.b)
+    by_mass = (body_a.mass * pull_a + body_b.mass * pull_b) / (body_a.mass + body_b.mass)
+    rolling = body_a.rolling_mass + body_b.rolling_mass
+    return by_mass - (body_a.rolling_mass * pull_a + body_b.rolling_mass * pull_b) / rolling
+
+
+@kernel
+def carry_drift(world: World, j: int, delay: float) -> float:
+    """Give a pair the speed in contact with which it will come out of its bounces.
+
+    Returns the energy (J) that this takes. To be called before the contact is closed.
+    """
+    pair = world.pairs[j]
+    added = _drift(world, j) * delay
+    if added == 0.0:
+        return 0.0
+    taken = 0.0
+    for end in range(2):
+        ball = pair.a if end == 0 else pair.b
+        speed = world.flights[ball].speed
+        taken -= world.bodies[ball].rolling_mass * added * (speed + 0.5 * added)
+        world.flights[ball].speed = speed + added
+    return taken
+
+
+@kernel
+def _refined(world: World, j: int, u: float, c: float, rounding: float, first_term: float) -> float:
+    """The sum of the bounces with the change of ``c``, ``NOT_YET`` while that leaves out much."""
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    free = a.piece == b.piece and a.grouped == 0 and b.grouped == 0 and a.own_frequency > 0.0
+    rate = (a.jerk_bound + b.jerk_bound) * pair.distance
+    if not free:
+        rate += (a.acceleration_bound + b.acceleration_bound) * _fastest(world, j)
+        missing = first_term * first_term * rate / c
+        return first_term if missing * u <= rounding else NOT_YET
+    jerk = angular_jerk(b, b.s, b.c, b.p) - angular_jerk(a, a.s, a.c, a.p)
+    # On one arc the distance grows with the angle by n t_a rho_a.
+    track = world.tracks[pair.a * world.settings[0].pieces + a.piece]
+    relative = jerk * track.path_radius * pair.normal_a / c
+    missing = first_term * first_term * first_term * (rate / c) * (rate / c)
+    if missing * u > rounding:
+        return NOT_YET
+    return first_term * (1.0 + relative * first_term * (1.0 / 3.0))
+
+
+@kernel
+def _fastest(world: World, j: int) -> float:
+    """A rate (1/s) above those at which the geometry of a pair changes."""
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    return (abs(a.speed) + abs(b.speed)) / pair.distance + a.frequency + b.frequency
+
+
+@kernel
+def _undisturbed(world: World, j: int, delay: float) -> bool:
+    """Tell whether no other body can hit a pair, or those held to it, before a delay (s)."""
+    settings = world.settings[0]
+    first, count = held_run(world, j)
+    for side in range(2):
+        outer = first - 1 if side == 0 else first + count
+        if settings.closed == 1:
+            outer %= settings.pairs
+        other = settings.bodies > count + 1 and 0 <= outer < settings.pairs
+        if other and (_is_hit_now(world, outer, side) or _earliest_contact(world, outer) <= delay):
+            return False
+    return True
+
+
+@kernel
+def _is_hit_now(world: World, outer: int, side: int) -> bool:
+    """Tell whether the far body of an outer pair is in another impact of this very instant.
+
+    Which of the two comes first must not decide: what that body does after its impact is not known
+    yet, or will not have been known to the other pair.
+    """
+    settings = world.settings[0]
+    clock = world.clock[0]
+    pair = world.pairs[outer]
+    if pair.touching != 0:
+        return False  # it is the same impact
+    flight = world.flights[pair.a if side == 0 else pair.b]
+    if flight.t == clock.t and flight.t_low == clock.t_low:
+        return True
+    beyond = outer
+    for _ in range(settings.pairs):
+        beyond += 1 if side == 1 else -1
+        if settings.closed == 1:
+            beyond %= settings.pairs
+        if not 0 <= beyond < settings.pairs:
+            return False
+        other = world.pairs[beyond]
+        meets = other.contact_t == clock.t and other.contact_t_low == clock.t_low
+        if meets or other.touching == CLOSING:
+            return True
+        if not joins(world, beyond, True):
+            return False
+    return False
+
+
+@kernel
+def _earliest_contact(world: World, j: int) -> float:
+    """Time (s) for which a pair certainly stays apart, from its gap, its rate and their bounds."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    a_s, a_c, a_p = state_at(world, pair.a, clock.t, clock.t_low)
+    b_s, b_c, b_p = state_at(world, pair.b, clock.t, clock.t_low)
+    gap, rate, _ = distance_gap(
+        world.pieces[a.piece], track_a, a_s, a_c, a_p,
+        tangential_acceleration(a, track_a.path_radius, a_s, a_c),
+        world.pieces[b.piece], track_b, b_s, b_c, b_p,
+        tangential_acceleration(b, track_b.path_radius, b_s, b_c),
+        pair.distance,
+    )  # fmt: skip
+    bound = a.acceleration_bound + b.acceleration_bound
+    return safe_step_second_order(max(gap, 0.0), rate, bound)

@@ -1,0 +1,215 @@
+"""Chains of touching bodies: their extent, joint impacts and contact forces.
+
+The pair of a body and its right neighbour has the body's own number; a chain is a run of such
+pairs (round the seam of a closed trace).
+"""
+
+from __future__ import annotations
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.contact.contact_kinematics import (
+    CONTACT_ROUNDING,
+    free_approach,
+    mobility,
+    speed_of_pair,
+    surface_gap,
+)
+from vibro_cli.kernels.flow.begin_flight import state_at
+from vibro_cli.kernels.impact.laws import law_approach, weight_and_response
+from vibro_cli.kernels.impact.tridiagonal import solve_from_both_ends
+from vibro_cli.kernels.world import World
+
+
+@kernel
+def held_run(world: World, j: int) -> tuple[int, int]:
+    """First pair and number of pairs of the run of lasting contacts on both sides of pair ``j``."""
+    return _run_around(world, j, False)
+
+
+@kernel
+def chain_of_contacts(world: World, j: int) -> tuple[int, int]:
+    """First pair and number of pairs of the chain that touches when pair ``j`` does."""
+    return _run_around(world, j, True)
+
+
+@kernel
+def row_from(world: World, ball: int, right: bool) -> int:
+    """Number of pairs of the chain that touches a body at the wall on a side."""
+    settings = world.settings[0]
+    count = 0
+    while count < settings.bodies - 1:
+        if not joins(world, ball - count - 1 if right else ball + count, True):
+            break
+        count += 1
+    return count
+
+
+@kernel
+def _run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
+    """Pair ``j`` and its neighbours on both sides, as far as they are held (or touch)."""
+    settings = world.settings[0]
+    first = j
+    count = 1
+    while count < settings.bodies - 1:
+        left = first - 1
+        if left < 0:
+            if settings.closed == 0:
+                break
+            left = settings.pairs - 1
+        if not joins(world, left, touching):
+            break
+        first = left
+        count += 1
+    while count < settings.bodies - 1:
+        right = first + count
+        if right >= settings.pairs:
+            if settings.closed == 0:
+                break
+            right -= settings.pairs
+        if not joins(world, right, touching):
+            break
+        count += 1
+    return first, count
+
+
+@kernel
+def joins(world: World, j: int, touching: bool) -> bool:
+    """Tell whether a pair is held, or else in contact at the present instant up to rounding."""
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    if pair.held == 1:
+        return True
+    if not touching or pair.apart == 1:
+        return False
+    if pair.contact_t == clock.t and pair.contact_t_low == clock.t_low:
+        return True  # whatever the rounding of its places says
+    a_s, a_c, _ = state_at(world, pair.a, clock.t, clock.t_low)
+    b_s, b_c, _ = state_at(world, pair.b, clock.t, clock.t_low)
+    gap, size = surface_gap(world, j, a_s, a_c, b_s, b_c)
+    return gap <= CONTACT_ROUNDING * size
+
+
+@kernel
+def held_from(world: World, first: int, count: int, start: int) -> int:
+    """Number of held pairs in a row from place ``start`` of a chain on."""
+    length = 0
+    while start + length < count:
+        if world.pairs[(first + start + length) % world.settings[0].pairs].held == 0:
+            break
+        length += 1
+    return length
+
+
+@kernel
+def speed_of_chain(world: World, first: int, count: int) -> float:
+    """Size (m/s) of the greatest speeds in a chain, in whose rounding small ones are lost."""
+    fastest = 0.0
+    for step in range(count):
+        fastest = max(fastest, speed_of_pair(world, (first + step) % world.settings[0].pairs))
+    return fastest
+
+
+@kernel
+def share_fastest(world: World, first: int, count: int) -> float:
+    """Size (m/s) of the greatest speeds that a chain has had at this instant.
+
+    A sequence of impacts at one instant may contract to rest: what is left of its speeds is
+    measured by those it began with. The bodies of the chain share what each of them remembers.
+    """
+    bodies = world.settings[0].bodies
+    fastest = speed_of_chain(world, first, count)
+    if count == 0:
+        fastest = abs(world.flights[first].speed)
+    for step in range(count + 1):
+        fastest = max(fastest, world.flights[(first + step) % bodies].fastest)
+    for step in range(count + 1):
+        world.flights[(first + step) % bodies].fastest = fastest
+    return fastest
+
+
+@kernel
+def joint_impulses(world: World, first: int, count: int, law: int, plastic: int) -> None:
+    """Impulses (``solution``) of pairs that close at one instant, each with its own k.
+
+    Row of a pair: its law's relative speed after all impulses is ``-k`` times that before;
+    ``plastic`` takes k = 0 for all. A body that leans on a wall does not yield.
+    """
+    pairs = world.settings[0].pairs
+    for step in range(count):
+        j = (first + step) % pairs
+        pair = world.pairs[j]
+        qa, ha = _weight_and_response(world, law, pair.a, pair.normal_a)
+        qb, hb = _weight_and_response(world, law, pair.b, pair.normal_b)
+        approach = law_approach(
+            law, world.bodies[pair.a], world.bodies[pair.b], pair.normal_a, pair.normal_b,
+            world.flights[pair.a].speed, world.flights[pair.b].speed,
+        )  # fmt: skip
+        k = 0.0 if plastic == 1 else pair.restitution
+        pair.part_a = qa * ha
+        pair.part_b = qb * hb
+        pair.right = (1.0 + k) * approach
+        pair.lower = 0.0
+        pair.upper = 0.0
+        if step > 0:
+            before = world.pairs[(first + step - 1) % pairs]
+            _, h = _weight_and_response(world, law, pair.a, before.normal_b)
+            pair.lower = -qa * h
+        if step < count - 1:
+            after = world.pairs[(first + step + 1) % pairs]
+            _, h = _weight_and_response(world, law, pair.b, after.normal_a)
+            pair.upper = -qb * h
+    solve_from_both_ends(world.pairs, pairs, first, count)
+
+
+@kernel
+def _weight_and_response(world: World, law: int, ball: int, normal: float) -> tuple[float, float]:
+    """Weight and response of a body under a law; none of one that leans on a wall."""
+    q, h = weight_and_response(law, world.bodies[ball], normal)
+    return q, 0.0 if world.flights[ball].wall_side != 0 else h
+
+
+@kernel
+def apply_impulses(world: World, first: int, count: int, law: int) -> None:
+    """Change the speeds of a run of pairs by their impulses, the two of one body at once."""
+    pairs = world.settings[0].pairs
+    for step in range(count + 1):
+        change = 0.0
+        ball = 0
+        if step > 0:
+            pair = world.pairs[(first + step - 1) % pairs]
+            ball = pair.b
+            _, h = _weight_and_response(world, law, ball, pair.normal_b)
+            change = pair.solution * h
+        if step < count:
+            pair = world.pairs[(first + step) % pairs]
+            ball = pair.a
+            _, h = _weight_and_response(world, law, ball, pair.normal_a)
+            change = change - pair.solution * h
+        world.flights[ball].speed += change
+
+
+@kernel
+def contact_forces(world: World, first: int, count: int) -> None:
+    """Forces (``solution``, N) that keep a run of pairs in contact (normals and speeds set)."""
+    pairs = world.settings[0].pairs
+    for step in range(count):
+        j = (first + step) % pairs
+        pair = world.pairs[j]
+        ease_a = mobility(world, pair.a)
+        ease_b = mobility(world, pair.b)
+        pair.right = -free_approach(world, j)
+        pair.part_a = pair.normal_a * pair.normal_a * ease_a
+        pair.part_b = pair.normal_b * pair.normal_b * ease_b
+        if pair.part_a + pair.part_b == 0.0:
+            # Both rest at walls: nothing moves, nothing presses.
+            pair.part_a = 0.5
+            pair.part_b = 0.5
+        pair.lower = 0.0
+        pair.upper = 0.0
+        if step > 0:
+            before = world.pairs[(first + step - 1) % pairs]
+            pair.lower = -pair.normal_a * before.normal_b * ease_a
+        if step < count - 1:
+            after = world.pairs[(first + step + 1) % pairs]
+            pair.upper = -pair.normal_b * after.normal_a * ease_b
+    solve_from_both_ends(world.pairs, pairs, first, count)

@@ -1,0 +1,120 @@
+"""The three impact laws, for one pair and for several pairs at one instant.
+
+Every law is an impulse ``I`` between the bodies of a pair that turns the law's own relative speed
+``u = q_a v_a - q_b v_b`` (of approach) into ``-k u``; the speeds change by ``-I h_a`` and
+``+I h_b``:
+
+===============  ==================  ==================
+law              weight ``q``        response ``h``
+===============  ==================  ==================
+hedrih           ``1/r``             ``r/J_P = 1/(kappa m r)``
+translational    ``1``               ``1/m``
+normal-impulse   ``n t``             ``n t/(kappa m)``
+===============  ==================  ==================
+
+Sources: A (3), B (15)-(17), (20), C (3) for ``hedrih``; B (1)-(12) for ``translational``; Newton's
+restitution on the speed of approach with rolling kept for ``normal-impulse``.
+"""
+
+from __future__ import annotations
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.numerics.error_free import difference_of_products
+from vibro_cli.kernels.structs import BodyData
+
+HEDRIH = 0
+TRANSLATIONAL = 1
+NORMAL_IMPULSE = 2
+LAW_NAMES = ("hedrih", "translational", "normal-impulse")
+
+
+@kernel
+def weight_and_response(law: int, body: BodyData, normal: float) -> tuple[float, float]:
+    """Return ``(q, h)`` of one body under a law; ``normal`` is ``n t`` of its path."""
+    if law == HEDRIH:
+        return 1.0 / body.radius, 1.0 / (body.rolling_mass * body.radius)
+    if law == TRANSLATIONAL:
+        return 1.0, 1.0 / body.mass
+    return normal, normal / body.rolling_mass
+
+
+@kernel
+def law_approach(
+    law: int,
+    body_a: BodyData,
+    body_b: BodyData,
+    normal_a: float,
+    normal_b: float,
+    speed_a: float,
+    speed_b: float,
+) -> float:
+    """Relative speed ``u = q_a v_a - q_b v_b`` of a law, to about one rounding of itself."""
+    if law == TRANSLATIONAL:
+        return speed_a - speed_b
+    if law == HEDRIH:
+        if body_a.radius == body_b.radius:
+            return (speed_a - speed_b) / body_a.radius
+        # Not with the weights 1/r, whose roundings a small relative speed would show.
+        across = difference_of_products(body_b.radius, speed_a, body_a.radius, speed_b)
+        return across / (body_a.radius * body_b.radius)
+    if normal_a == normal_b:
+        return normal_a * (speed_a - speed_b)
+    return difference_of_products(normal_a, speed_a, normal_b, speed_b)
+
+
+@kernel
+def loss_of_impulse(
+    law: int,
+    restitution: float,
+    body_a: BodyData,
+    body_b: BodyData,
+    impulse: float,
+    approach: float,
+    sum_a: float,
+    sum_b: float,
+) -> float:
+    """Rolling energy (J) that the impulse of a pair takes, which turns ``u`` into ``-k u``.
+
+    ``sum_a, sum_b`` are the sums of each body's speeds before and after (m/s).
+    """
+    if law == TRANSLATIONAL and body_a.kappa != body_b.kappa:
+        # The law balances m v, the bodies carry kappa m v^2/2.
+        return 0.5 * impulse * difference_of_products(body_a.kappa, sum_a, body_b.kappa, sum_b)
+    loss = 0.5 * (1.0 - restitution) * impulse * approach
+    return loss * body_a.kappa if law == TRANSLATIONAL else loss
+
+
+@kernel
+def impact_of_pair(
+    law: int,
+    restitution: float,
+    body_a: BodyData,
+    body_b: BodyData,
+    normal_a: float,
+    normal_b: float,
+    speed_a: float,
+    speed_b: float,
+) -> tuple[float, float, float]:
+    """Speeds after the impact of one pair, and the energy that the law takes.
+
+    Returns
+    -------
+    ``v_a+``, ``v_b+`` (m/s) and the loss of rolling energy (J), formed from the impulse: for
+    ``hedrih`` and ``normal-impulse`` ``(1 - k) I u/2`` (B (20)), never a difference of energies.
+    """
+    qa, ha = weight_and_response(law, body_a, normal_a)
+    qb, hb = weight_and_response(law, body_b, normal_b)
+    approach = law_approach(law, body_a, body_b, normal_a, normal_b, speed_a, speed_b)
+    impulse = (1.0 + restitution) * approach / (qa * ha + qb * hb)
+    after_a = speed_a - impulse * ha
+    after_b = speed_b + impulse * hb
+    sum_a = speed_a + after_a
+    sum_b = speed_b + after_b
+    loss = loss_of_impulse(law, restitution, body_a, body_b, impulse, approach, sum_a, sum_b)
+    return after_a, after_b, loss
+
+
+@kernel
+def separation_speed(normal_a: float, normal_b: float, speed_a: float, speed_b: float) -> float:
+    """Speed at which a pair parts along its line of centres, ``n (v_b t_b - v_a t_a)``, m/s."""
+    return normal_b * speed_b - normal_a * speed_a

@@ -1,0 +1,327 @@
+"""Impacts of several touching pairs at one instant, solved jointly.
+
+All pairs of a chain that close at that instant are solved together, each with its own k; pairs that
+close because of it follow at the same instant as impacts of their own, and so on.
+"""
+
+from __future__ import annotations
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.cluster.active_contacts import HELD_ROUNDING, settle
+from vibro_cli.kernels.cluster.contact_changes import close_accumulated, launch_chain
+from vibro_cli.kernels.contact.contact_kinematics import (
+    lifted_body,
+    parting_speed,
+    set_normals,
+    set_speed,
+    speed_of_pair,
+)
+from vibro_cli.kernels.events.event_log import SPEED_ROUNDING, log_impact, parts
+from vibro_cli.kernels.events.wall_rest import touches_dissipative_wall
+from vibro_cli.kernels.flow.begin_flight import bring_to
+from vibro_cli.kernels.flow.flight import head_from_state
+from vibro_cli.kernels.impact.chattering import closing_law
+from vibro_cli.kernels.impact.impulse_chain import apply_impulses, joint_impulses, share_fastest
+from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, loss_of_impulse
+from vibro_cli.kernels.impact.plastic_limit import FREE, PRESSING, half_approach, press_speeds
+from vibro_cli.kernels.structs import PairData
+from vibro_cli.kernels.world import (
+    COLLISION,
+    END_INADMISSIBLE,
+    END_LIFT_OFF,
+    RUNNING,
+    ImpactRow,
+    World,
+)
+
+# So many rounds of impacts of a chain at one instant are taken to contract without end.
+MOST_ROUNDS = 1000
+
+
+@kernel
+def collide_jointly(world: World, first: int, count: int) -> int:
+    """Carry out the impacts of a chain of touching pairs at the present instant."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    _bring_chain(world, first, count)
+    before = energy_of_chain(world, first, count)
+    start_row = clock.impact_rows
+    loss = 0.0
+    admissible = True
+    if _is_endless(world, first, count):
+        loss = _limit(world, first, count)
+    else:
+        loss, admissible = _impulses(world, first, count)
+    if not admissible:
+        _complete_as_law_says(world, start_row)
+        return END_INADMISSIBLE
+    if settings.one_sided == 1:
+        for row in range(start_row, clock.impact_rows):
+            lifted = lifted_body(world, world.impacts[row].pair)
+            if lifted >= 0:
+                clock.last_ball = lifted
+                _complete_as_law_says(world, start_row)
+                return END_LIFT_OFF
+    if clock.impact_rows > start_row:
+        # Speeds have changed: no pair need be held whatever its force.
+        for step in range(count):
+            world.pairs[(first + step) % settings.pairs].pressing = FREE
+    settle(world, first, count)
+    launch_chain(world, first, count, COLLISION)
+    loss += _take_closing_losses(world, first, count, start_row)
+    if close_accumulated(world, first, count):
+        loss += _take_closing_losses(world, first, count, start_row)
+    after = energy_of_chain(world, first, count)
+    clock.energy_correction += abs(before - loss - after)
+    for row in range(start_row, clock.impact_rows):
+        _complete(world, world.impacts[row], clock.impact_rows - start_row)
+    return RUNNING
+
+
+@kernel
+def _take_closing_losses(world: World, first: int, count: int, start_row: int) -> float:
+    """Add what closing contacts took (J) to the rows of their impacts; return its sum.
+
+    The loss of a contact without a row of its own here is shared by all rows of the impact.
+    """
+    clock = world.clock[0]
+    pairs = world.settings[0].pairs
+    total = 0.0
+    shared = 0.0
+    # From both ends at once, so that the sum of a mirror image is the same.
+    for step in range((count + 1) // 2):
+        opposite = count - 1 - step
+        left = _closing_loss_left(world, (first + step) % pairs, start_row)
+        right = 0.0
+        if opposite > step:
+            right = _closing_loss_left(world, (first + opposite) % pairs, start_row)
+        shared += left + right
+    for step in range(count):
+        total += world.pairs[(first + step) % pairs].closing_loss
+    rows = clock.impact_rows - start_row
+    if rows == 0:
+        clock.energy_correction += abs(shared)
+    elif shared != 0.0:
+        for row in range(start_row, clock.impact_rows):
+            world.impacts[row].loss += shared / rows
+    return total
+
+
+@kernel
+def _closing_loss_left(world: World, j: int, start_row: int) -> float:
+    """Add what a closing contact took (J) to the rows of its impacts; return it if it has none."""
+    pair = world.pairs[j]
+    left = pair.closing_loss
+    for row in range(start_row, world.clock[0].impact_rows):
+        impact = world.impacts[row]
+        if impact.pair == j and pair.held == 1:
+            impact.contact = 1
+            impact.loss += left
+            left = 0.0
+    return left
+
+
+@kernel
+def _bring_chain(world: World, first: int, count: int) -> None:
+    """Put the bodies of a chain into their states at the instant; set speeds and normals."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    for step in range(count + 1):
+        bring_to(world, (first + step) % settings.bodies, clock.t, clock.t_low)
+        set_speed(world, (first + step) % settings.bodies)
+    for step in range(count):
+        set_normals(world, (first + step) % settings.pairs)
+    most = 0
+    for step in range(count + 1):
+        most = max(most, world.flights[(first + step) % settings.bodies].impacts)
+    for step in range(count + 1):
+        world.flights[(first + step) % settings.bodies].impacts = most + 1
+        world.flights[(first + step) % settings.bodies].wall_side = 0
+
+
+@kernel
+def energy_of_chain(world: World, first: int, count: int) -> float:
+    """Energy (J) of the bodies of a chain from their states."""
+    settings = world.settings[0]
+    total = 0.0
+    for step in range(count + 1):
+        ball = (first + step) % settings.bodies
+        flight = world.flights[ball]
+        body = world.bodies[ball]
+        track = world.tracks[ball * settings.pieces + flight.piece]
+        flight.head = head_from_state(flight, body, track, settings.gravity)
+        total += body.weight * flight.head
+    return total
+
+
+@kernel
+def _impulses(world: World, first: int, count: int) -> tuple[float, bool]:
+    """Apply the joint impulses of all closing pairs and log them.
+
+    Returns the energy lost (J), and whether every pair of an impact parts after it, by the law or
+    by what is put in its place.
+    """
+    pairs = world.settings[0].pairs
+    rounding = SPEED_ROUNDING * share_fastest(world, first, count)
+    for step in range(count):
+        number = (first + step) % pairs
+        pair = world.pairs[number]
+        least = rounding
+        if pair.held == 1:
+            # What a flight in contact leaves by rounding is no impact.
+            least = max(least, HELD_ROUNDING * speed_of_pair(world, number))
+        pair.closing = 1 if parting_speed(world, number) < -least else 0
+    loss = 0.0
+    admissible = True
+    start = 0
+    while start < count:
+        length = 0
+        while start + length < count and world.pairs[(first + start + length) % pairs].closing == 1:
+            length += 1
+        if length > 0:
+            begin = (first + start) % pairs
+            start_row = world.clock[0].impact_rows
+            lost, fine = _impulses_of_run(world, begin, length, world.settings[0].law)
+            if not fine and world.settings[0].substitute == 1:
+                lost = _substitute(world, begin, length, start_row)
+                fine = True
+            loss += lost
+            admissible = admissible and fine
+        start += length + 1
+    return loss, admissible
+
+
+@kernel
+def _is_endless(world: World, first: int, count: int) -> bool:
+    """Tell whether a sequence of impacts at one instant is taken to its limit.
+
+    One with dissipation that goes on so long contracts; without it every sequence ends.
+    """
+    dissipates = touches_dissipative_wall(world, first)
+    dissipates = dissipates or touches_dissipative_wall(
+        world, (first + count) % world.settings[0].bodies
+    )
+    for step in range(count):
+        pair = world.pairs[(first + step) % world.settings[0].pairs]
+        dissipates = dissipates or pair.restitution < 1.0
+    return dissipates and world.flights[first].impacts > MOST_ROUNDS
+
+
+@kernel
+def _limit(world: World, first: int, count: int) -> float:
+    """Take a chain to the limit of its sequence of impacts; return the energy lost (J).
+
+    That is its plastic impact, with the walls that it touches: see ``plastic.press_speeds``.
+    """
+    settings = world.settings[0]
+    clock = world.clock[0]
+    law = closing_law(world, first, count)
+    loss = press_speeds(world, first, count, law)
+    start_row = clock.impact_rows
+    for step in range(count):
+        pair = world.pairs[(first + step) % settings.pairs]
+        if pair.pressing == PRESSING:
+            log_impact(world, (first + step) % settings.pairs, 0.0, 0.0, law, 0.0)
+            row = world.impacts[clock.impact_rows - 1]
+            row.head_a_pre = world.flights[pair.a].head
+            row.head_b_pre = world.flights[pair.b].head
+            row.loss = half_approach(world, (first + step) % settings.pairs, law)
+    apply_impulses(world, first, count, law)
+    for number in range(start_row, clock.impact_rows):
+        row = world.impacts[number]
+        pair = world.pairs[row.pair]
+        row.speed_a_post = world.flights[pair.a].speed
+        row.speed_b_post = world.flights[pair.b].speed
+        row.loss = pair.solution * (row.loss + half_approach(world, row.pair, law))
+        loss += row.loss
+    return loss
+
+
+@kernel
+def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[float, bool]:
+    settings = world.settings[0]
+    clock = world.clock[0]
+    joint_impulses(world, begin, length, law, 0)
+    fastest = world.flights[begin].fastest
+    start_row = clock.impact_rows
+    for step in range(length):
+        log_impact(world, (begin + step) % settings.pairs, 0.0, 0.0, law, 0.0)
+        row = world.impacts[clock.impact_rows - 1]
+        pair = world.pairs[(begin + step) % settings.pairs]
+        row.head_a_pre = world.flights[pair.a].head
+        row.head_b_pre = world.flights[pair.b].head
+        row.simultaneous = 1 if length > 1 else 0
+    apply_impulses(world, begin, length, law)
+    loss = 0.0
+    fine = True
+    for step in range(length):
+        pair = world.pairs[(begin + step) % settings.pairs]
+        row = world.impacts[start_row + step]
+        row.speed_a_post = world.flights[pair.a].speed
+        row.speed_b_post = world.flights[pair.b].speed
+        row.admissible = parts(pair, row.speed_a_post, row.speed_b_post, fastest)
+        row.loss = _loss_of_pair(world, pair, row, law)
+        loss += row.loss
+        fine = fine and row.admissible == 1
+    return loss, fine
+
+
+@kernel
+def _substitute(world: World, begin: int, length: int, start_row: int) -> float:
+    """Let a run of pairs whose law is inadmissible follow ``normal-impulse``; its loss (J).
+
+    It alone: runs share no bodies, and what one does must not depend on another one.
+    """
+    clock = world.clock[0]
+    clock.collisions -= clock.impact_rows - start_row
+    clock.impact_rows = start_row
+    for step in range(length + 1):
+        set_speed(world, (begin + step) % world.settings[0].bodies)
+    loss, _ = _impulses_of_run(world, begin, length, NORMAL_IMPULSE)
+    for row in range(start_row, clock.impact_rows):
+        world.impacts[row].substituted = 1
+        world.impacts[row].admissible = 0
+    return loss
+
+
+@kernel
+def _loss_of_pair(world: World, pair: PairData, row: ImpactRow, law: int) -> float:
+    """Rolling energy (J) that the impulse of one pair takes."""
+    body_a = world.bodies[row.a]
+    body_b = world.bodies[row.b]
+    before_a = row.speed_a_pre
+    before_b = row.speed_b_pre
+    approach = law_approach(law, body_a, body_b, row.normal_a, row.normal_b, before_a, before_b)
+    sum_a = before_a + row.speed_a_post
+    sum_b = before_b + row.speed_b_post
+    k = pair.restitution
+    return loss_of_impulse(law, k, body_a, body_b, pair.solution, approach, sum_a, sum_b)
+
+
+@kernel
+def _complete(world: World, row: ImpactRow, impacts: int) -> None:
+    """Fill in what is known only after the whole instant."""
+    row.head_a_post = world.flights[row.a].head
+    row.head_b_post = world.flights[row.b].head
+    if impacts > 1:
+        row.simultaneous = 1
+
+
+@kernel
+def _complete_as_law_says(world: World, start_row: int) -> None:
+    for row in range(start_row, world.clock[0].impact_rows):
+        complete_inadmissible(world, world.impacts[row])
+
+
+@kernel
+def complete_inadmissible(world: World, row: ImpactRow) -> None:
+    """Complete the row with what the law says; the states stay those before the impact."""
+    gravity = world.settings[0].gravity
+    kappa_a = world.bodies[row.a].kappa
+    kappa_b = world.bodies[row.b].kappa
+    va = row.speed_a_pre
+    vb = row.speed_b_pre
+    wa = row.speed_a_post
+    wb = row.speed_b_post
+    row.head_a_post = row.head_a_pre + 0.5 * kappa_a * (wa - va) * (wa + va) / gravity
+    row.head_b_post = row.head_b_pre + 0.5 * kappa_b * (wb - vb) * (wb + vb) / gravity

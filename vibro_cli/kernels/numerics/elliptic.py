@@ -1,0 +1,344 @@
+"""Jacobi elliptic functions by theta series in the nome, and Carlson's symmetric integral.
+
+The functions solve Euler's top ``s' = c d, c' = -s d, d' = -m s c`` from ``(0, 1, 1)`` for every
+``m >= 0``: for ``m <= 1`` they are sn, cn, dn of parameter ``m``; for ``m > 1`` they follow from
+those of parameter ``1/m`` by the reciprocal-modulus transformation. What depends on ``m`` alone is
+set up once for a flight (:func:`set_theta_constants`); one evaluation then costs one sine and
+cosine or one exponential, and a division that the caller shares (:func:`theta_functions`).
+
+The parameter is given twice, as ``m`` and as the signed root of its complement
+``root_complement = sign(1 - m) sqrt|1 - m|``, because near the separatrix the complement holds all
+the information and ``m`` none. Formulas: DLMF 20.2, 22.2 (theta series), 19.36 (Carlson's R_F).
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.kernels.numerics.trigonometry import sine_cosine
+
+# Above this parameter the series run in the complementary nome (hyperbolic form).
+PARAMETER_SPLIT = 0.8
+# Below this root of the complement, products of it underflow and the flow rescales its formulas.
+ROOT_COMPLEMENT_TINY = 1.0e-70
+# Below it a quarter period comes from its expansion at the separatrix.
+ROOT_COMPLEMENT_SMALL = 1.0e-3
+# Below it the hyperbolic sine comes from its power series, to its own last place.
+SMALL_ARGUMENT = 0.35
+
+TRIGONOMETRIC = 0
+HYPERBOLIC = 1
+HYPERBOLIC_TINY = 2  # hyperbolic, complement so small that its products would underflow
+
+
+@struct
+class ThetaConstants:
+    """What the theta series of one parameter need (fields of a flight)."""
+
+    parameter: float  # m
+    root_complement: float  # sign(1 - m) sqrt|1 - m|
+    form: int  # TRIGONOMETRIC, HYPERBOLIC, HYPERBOLIC_TINY
+    reciprocal: int  # 1: m > 1, so cn and dn change places
+    argument_scale: float  # z = u scale (trigonometric), z = u + u scale (hyperbolic)
+    even_0: float
+    even_2: float
+    even_4: float
+    odd_1: float
+    odd_3: float
+    sum_0: float
+    sum_2: float
+    difference_1: float
+    difference_3: float
+    sine_scale: float
+    cosine_scale: float
+    delta_scale: float
+    two_nome: float
+    root_nome: float  # square root of the complementary nome (hyperbolic)
+    half_period: float  # -ln(complementary nome), high part
+    half_period_low: float  # and low part
+
+
+@kernel
+def set_theta_constants(theta: ThetaConstants, m: float, root_complement: float) -> None:
+    """Fill ``theta`` for parameter ``m`` and ``root_complement = sign(1 - m) sqrt|1 - m|``."""
+    theta.parameter = m
+    theta.root_complement = root_complement
+    root = abs(root_complement)
+    rate = 1.0  # factor of the argument under the reciprocal-modulus transformation
+    excess = 0.0  # rate - 1 without cancellation
+    reduced = m
+    theta.reciprocal = 0
+    if root_complement < 0.0:
+        rate = math.sqrt(m)
+        excess = root * root / (1.0 + rate)
+        root = root / rate
+        reduced = 1.0 / m
+        theta.reciprocal = 1
+    if reduced <= PARAMETER_SPLIT:
+        nome = _direct_nome(reduced, root)
+        theta.form = TRIGONOMETRIC
+    else:
+        nome = _complementary_nome(theta, reduced, root)
+        theta.form = HYPERBOLIC if root > ROOT_COMPLEMENT_TINY else HYPERBOLIC_TINY
+    _set_series(theta, nome, rate, excess)
+
+
+@kernel
+def set_two_theta_constants(
+    a: ThetaConstants,
+    a_m: float,
+    a_root_complement: float,
+    b: ThetaConstants,
+    b_m: float,
+    b_root_complement: float,
+) -> None:
+    """Do what :func:`set_theta_constants` does twice; for two librations the steps take turns."""
+    least = min(a_root_complement, b_root_complement)
+    if least < 0.0 or max(a_m, b_m) > PARAMETER_SPLIT:
+        set_theta_constants(a, a_m, a_root_complement)
+        set_theta_constants(b, b_m, b_root_complement)
+        return
+    set_librations(a, a_m, a_root_complement, b, b_m, b_root_complement)
+
+
+@kernel
+def set_librations(
+    a: ThetaConstants,
+    a_m: float,
+    a_root_complement: float,
+    b: ThetaConstants,
+    b_m: float,
+    b_root_complement: float,
+) -> None:
+    """Fill two sets for parameters up to ``PARAMETER_SPLIT``."""
+    a_nome = _direct_nome(a_m, a_root_complement)
+    b_nome = _direct_nome(b_m, b_root_complement)
+    a.parameter = a_m
+    a.root_complement = a_root_complement
+    a.reciprocal = 0
+    a.form = TRIGONOMETRIC
+    b.parameter = b_m
+    b.root_complement = b_root_complement
+    b.reciprocal = 0
+    b.form = TRIGONOMETRIC
+    _set_series(a, a_nome, 1.0, 0.0)
+    _set_series(b, b_nome, 1.0, 0.0)
+
+
+@kernel
+def set_libration(theta: ThetaConstants, m: float, root_complement: float) -> None:
+    """Fill one set for a parameter up to ``PARAMETER_SPLIT``."""
+    theta.parameter = m
+    theta.root_complement = root_complement
+    theta.reciprocal = 0
+    theta.form = TRIGONOMETRIC
+    _set_series(theta, _direct_nome(m, root_complement), 1.0, 0.0)
+
+
+@kernel
+def _direct_nome(m: float, root_complement: float) -> float:
+    """Nome of parameter ``m`` (DLMF 19.5.5 with ``lambda = (1 - sqrt k')/(2 (1 + sqrt k'))``)."""
+    b = 1.0 + math.sqrt(root_complement)
+    small = 0.5 * m / ((1.0 + root_complement) * b * b)
+    x = small * small
+    x = x * x
+    x2 = x * x
+    high = (15.0 + x * 150.0) + x2 * (1707.0 + x * 20910.0)
+    return small * ((1.0 + x * 2.0) + x2 * high)
+
+
+@kernel
+def _complementary_nome(theta: ThetaConstants, m: float, root_complement: float) -> float:
+    """Nome of the complement, its root, and its logarithm in two doubles."""
+    k = math.sqrt(m)
+    root = root_complement * math.sqrt(0.5 / (1.0 + k)) / (1.0 + math.sqrt(k))
+    x = root * root
+    x = x * x
+    x = x * x
+    root *= 1.0 + x * (1.0 + 7.0 * x)
+    theta.root_nome = root
+    if root > 0.0:
+        h = -math.log(root)
+        back = math.exp(-h)
+        theta.half_period = 2.0 * h
+        theta.half_period_low = -2.0 * (root - back) / back
+    else:
+        theta.half_period = 1.0e300
+        theta.half_period_low = 0.0
+    return root * root
+
+
+@kernel
+def _set_series(theta: ThetaConstants, nome: float, rate: float, excess: float) -> None:
+    """Coefficients of the even and odd parts of the theta series, and the scales."""
+    q = nome
+    q2 = q * q
+    q4 = q2 * q2
+    q6 = q4 * q2
+    q8 = q4 * q4
+    q9 = q8 * q
+    q10 = q8 * q2
+    q12 = q6 * q6
+    theta_3_less_1 = 2.0 * ((q + q4) + q9)
+    theta_3 = 1.0 + theta_3_less_1
+    theta_4 = 1.0 - 2.0 * (q - q4 + q9)
+    theta_2 = 1.0 + q2 + q6 + q12  # of theta_2, without the factor 2 q^(1/4)
+    theta.even_0 = 1.0 - 2.0 * q4
+    theta.even_2 = q2
+    theta.even_4 = q12
+    theta.odd_1 = 1.0 - 3.0 * q8
+    theta.odd_3 = q6
+    theta.sum_0 = 1.0 - q2 - q6 + q12
+    theta.sum_2 = q4 - q10
+    theta.difference_1 = q - q4 * q - 2.0 * q10 * q
+    theta.difference_3 = q9
+    theta.two_nome = 2.0 * q
+    inverse = 1.0 / theta_3
+    if theta.form == TRIGONOMETRIC:
+        theta.argument_scale = rate * inverse * inverse
+        theta.sine_scale = theta_3 / (theta_2 * rate)
+        theta.cosine_scale = theta_4 / theta_2
+        theta.delta_scale = theta_4 * inverse
+    else:
+        theta.argument_scale = (
+            (excess - theta_3_less_1 * (2.0 + theta_3_less_1)) * inverse * inverse
+        )
+        theta.sine_scale = theta_3 / (theta_4 * rate)
+        theta.cosine_scale = theta_2 / theta_4
+        theta.delta_scale = theta_2 * inverse
+
+
+@kernel
+def theta_functions(theta: ThetaConstants, u: float) -> tuple[float, float, float, float]:
+    """Return ``(s D, c D, d D, D)``: the three functions at ``u`` over a common denominator."""
+    if theta.form == TRIGONOMETRIC:
+        s, c = sine_cosine(u * theta.argument_scale)
+        return trigonometric_form(theta, s, c)
+    s, c, d, common = _hyperbolic(theta, u)
+    if theta.reciprocal == 1:
+        return s, d, c, common
+    return s, c, d, common
+
+
+@kernel
+def trigonometric_form(
+    theta: ThetaConstants, s: float, c: float
+) -> tuple[float, float, float, float]:
+    """As :func:`theta_functions`, of sine and cosine of ``u argument_scale``."""
+    x = theta.two_nome - 2.0 * theta.two_nome * (s * s)
+    x2 = x * x
+    total = theta.sum_0 + x2 * theta.sum_2
+    difference = x * (theta.difference_1 + x2 * theta.difference_3)
+    even = theta.even_0 + x2 * (theta.even_2 + x2 * theta.even_4)
+    odd = x * (theta.odd_1 + x2 * theta.odd_3)
+    sine = (theta.sine_scale * s) * (total - difference)
+    cosine = (theta.cosine_scale * c) * (total + difference)
+    delta = theta.delta_scale * (even + odd)
+    if theta.reciprocal == 1:
+        return sine, delta, cosine, even - odd
+    return sine, cosine, delta, even - odd
+
+
+@kernel
+def _hyperbolic(theta: ThetaConstants, u: float) -> tuple[float, float, float, float]:
+    z = u + u * theta.argument_scale
+    n = math.floor(z / theta.half_period + 0.5)
+    r = (z - n * theta.half_period) - n * theta.half_period_low
+    e = math.exp(-abs(r))
+    e2 = e * e
+    x1 = theta.root_nome / e if e > 0.0 else 0.0
+    x2 = theta.root_nome * e
+    x = x1 * x1 + x2 * x2
+    square = x * x
+    even = theta.even_0 + square * theta.even_2
+    odd = x * (theta.odd_1 + square * theta.odd_3)
+    total = theta.sum_0 + square * theta.sum_2
+    difference = x * theta.difference_1
+    distance = 1.0 - e2 if abs(r) > SMALL_ARGUMENT else 2.0 * e * _hyperbolic_sine(abs(r))
+    s = theta.sine_scale * distance * (total - difference)
+    c = theta.cosine_scale * (2.0 * e) * (even - odd)
+    d = theta.delta_scale * (2.0 * e) * (even + odd)
+    if r < 0.0:
+        s = -s
+    if n - 2.0 * math.floor(0.5 * n) != 0.0:
+        s = -s
+        c = -c
+    return s, c, d, (1.0 + e2) * (total + difference)
+
+
+@kernel
+def _hyperbolic_sine(r: float) -> float:
+    """Hyperbolic sine for r below ``SMALL_ARGUMENT``, by its power series."""
+    z = r * r
+    series = 1.0 + z * (1.0 / 42.0) * (1.0 + z * (1.0 / 72.0) * (1.0 + z * (1.0 / 110.0)))
+    return r + r * z * (1.0 / 6.0) * (1.0 + z * (1.0 / 20.0) * series)
+
+
+@kernel
+def rf_near_logarithm(root_x: float, root_y: float, z: float) -> float:
+    """Carlson's ``R_F(x, y, z)`` for x and y below 1e-40 z, given their square roots.
+
+    ``ln(4 sqrt z/(sqrt x + sqrt y))/sqrt z`` (DLMF 19.27.2), where x and y may underflow.
+    """
+    root = math.sqrt(z)
+    return math.log(4.0 * root / (root_x + root_y)) / root
+
+
+@kernel
+def quarter_period(m: float, root_complement: float) -> float:
+    """Argument from the bottom to the turning point (m < 1) or to the top (m > 1).
+
+    K(m) for a libration, ``K(1/m)/sqrt m`` for a rotation.
+    """
+    root = abs(root_complement)
+    size = 1.0 if root_complement >= 0.0 else m
+    if root >= ROOT_COMPLEMENT_SMALL:
+        return carlson_rf(root * root, 0.0, size)
+    scale = math.sqrt(size)
+    relative = root / scale
+    logarithm = math.log(4.0 / relative)
+    # DLMF 19.12.1; the next term is below 1e-17.
+    quarter = 0.25 * relative * relative
+    return (
+        logarithm + quarter * (logarithm - 1.0 + 2.25 * quarter * (logarithm - 7.0 / 6.0))
+    ) / scale
+
+
+@kernel
+def carlson_rf(x: float, y: float, z: float) -> float:
+    """Carlson's ``R_F(x, y, z)`` for non-negative arguments, at most one of them zero.
+
+    Duplication until the spread is below 1e-2, then the series to seventh order (DLMF 19.36.1),
+    whose eighth-order terms are below 1e-17: every duplication adds a rounding error, the series
+    hardly any. Two zero arguments give infinity.
+    """
+    if x + y <= 0.0 or y + z <= 0.0 or z + x <= 0.0:
+        return math.inf
+    a = (x + y + z) * (1.0 / 3.0)
+    dx = a - x
+    dy = a - y
+    dz = a - z
+    spread = max(abs(dx), abs(dy), abs(dz))
+    factor = 1.0
+    while spread >= 1.0e-2 * a * factor:
+        sx = math.sqrt(x)
+        sy = math.sqrt(y)
+        sz = math.sqrt(z)
+        shift = sx * (sy + sz) + sy * sz
+        x = 0.25 * (x + shift)
+        y = 0.25 * (y + shift)
+        z = 0.25 * (z + shift)
+        a = 0.25 * (a + shift)
+        factor *= 4.0
+    scale = 1.0 / (a * factor)
+    dx *= scale
+    dy *= scale
+    dz *= scale
+    e2 = dx * dy - dz * dz
+    e3 = dx * dy * dz
+    series = e2 * (
+        -0.1 + e2 * (1.0 / 24.0 - e2 * (5.0 / 208.0)) - e3 * (3.0 / 44.0 - e2 * (1.0 / 16.0))
+    ) + e3 * (1.0 / 14.0 + e3 * (3.0 / 104.0))
+    root = 1.0 / math.sqrt(a)
+    return root + root * series

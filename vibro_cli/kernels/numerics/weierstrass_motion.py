@@ -1,0 +1,378 @@
+"""Motion under a quartic: ``u'^2 = a0 u^4 + 4 a1 u^3 + 6 a2 u^2 + 4 a3 u + a4`` from ``u = 0``.
+
+By Weierstrass's formula ``u`` is rational in his function and its derivative, whatever the roots of
+the quartic: oscillation between two of them, in either of two wells, or rotation through infinity.
+His function is used as ``z = wp - a2/2``, which solves ``z'^2 = 4 z^3 + 6 a2 z^2 + b z + c``; where
+a motion is slow, next to a saddle or a centre, the small roots of that cubic keep their relative
+accuracy. ``u = X/Y = tan h``: the pair (X, Y) has no pole. Formulas: Whittaker and Watson 20.6;
+DLMF 23.6 (Weierstrass by Jacobi), 19.25 (Carlson).
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.kernels.numerics.elliptic import (
+    ThetaConstants,
+    carlson_rf,
+    quarter_period,
+    set_theta_constants,
+    theta_functions,
+)
+
+RECTANGULAR = 0  # three real roots e1 > e2 > e3 of the cubic
+RHOMBIC = 1  # one real root, two conjugate ones
+# Below this share of the other factors a root's distance is taken from the derivative.
+NEAR_ROOT = 0.25
+POLISHING_STEPS = 3
+# Up to here the root of a cubic with one real root is guessed by a polynomial.
+FLAT = 1.25
+# Below this square of the share that cancellation leaves of a form, the other one is taken.
+NEAR_NOTHING = 1.0e-3
+
+
+@struct
+class QuarticConstants(ThetaConstants):
+    """What the motion under one quartic needs (fields of a flight)."""
+
+    quartic_0: float  # a0
+    quartic_1: float  # a1
+    quartic_2: float  # a2
+    quartic_3: float  # a3
+    start_rate: float  # u' at the start: its square is a4
+    lattice: int  # RECTANGULAR or RHOMBIC
+    turns_over: int  # 1: u passes infinity
+    root: float  # z of the greatest real root (rectangular), of the real one (rhombic)
+    second: float  # e1 - e2; rhombic: real part of e1 - e2
+    third: float  # e1 - e3; rhombic: imaginary part of e1 - e2
+    rate_scale: float  # argument of the theta functions for one unit of time
+    back: float  # u'^2 z where it comes back to the start
+    returns_early: int  # 1: it does so within half a period
+
+
+@kernel
+def set_quartic_constants(
+    motion: QuarticConstants, a0: float, a1: float, a2: float, a3: float, rate: float, over: int
+) -> None:
+    """Fill in the constants of the motion that starts at ``u = 0`` with ``u' = rate``."""
+    motion.quartic_0 = a0
+    motion.quartic_1 = a1
+    motion.quartic_2 = a2
+    motion.quartic_3 = a3
+    motion.start_rate = rate
+    motion.turns_over = over
+    a4 = rate * rate
+    motion.back = a3 * a3 - 1.5 * a2 * a4
+    motion.returns_early = 1 if (2.0 * a3 * motion.back + a1 * a4 * a4) * rate < 0.0 else 0
+    p2 = 1.5 * a2
+    p1 = a1 * a3 - 0.25 * a0 * a4
+    p0 = 0.25 * (a0 * (a3 * a3 - 1.5 * a2 * a4) + a1 * a1 * a4)
+    r = _isolated_root(p2, p1, p0)
+    if abs(r) * (r * r) >= abs(p0) and r != 0.0:
+        product = -p0 / r
+        total = (product - p1) / r
+    else:
+        total = p2 + r
+        product = p1 + r * total
+    discriminant = total * total - 4.0 * product
+    if discriminant >= 0.0:
+        _set_rectangular(motion, r, total, product, math.sqrt(discriminant))
+    else:
+        _set_rhombic(motion, r, -0.5 * total, 0.5 * math.sqrt(-discriminant))
+
+
+@kernel
+def _isolated_root(p2: float, p1: float, p0: float) -> float:
+    """The real root of ``z^3 + p2 z^2 + p1 z + p0`` that lies furthest from the other two."""
+    shift = p2 / 3.0
+    g = shift * shift - p1 / 3.0
+    h = 0.5 * (shift * (p1 - 2.0 * shift * shift) - p0)
+    if g > 0.0:
+        size = math.sqrt(g)
+        ratio = abs(h) / (g * size)
+        if ratio <= 1.0:
+            y = _trisected(ratio)
+        else:
+            v = (ratio + math.sqrt((ratio - 1.0) * (ratio + 1.0))) ** (1.0 / 3.0)
+            y = v + 1.0 / v
+        e = size * y
+    elif g < 0.0:
+        size = math.sqrt(-g)
+        ratio = abs(h) / (-g * size)
+        if ratio <= FLAT:
+            e = size * _hyperbolically_trisected(ratio)
+        else:
+            v = (ratio + math.sqrt(ratio * ratio + 1.0)) ** (1.0 / 3.0)
+            e = size * (v - 1.0 / v)
+    else:
+        e = (2.0 * abs(h)) ** (1.0 / 3.0)
+    z = (e if h >= 0.0 else -e) - shift
+    # Polished in z itself, so that a small root is known to full relative accuracy (Halley).
+    for _ in range(POLISHING_STEPS):
+        slope = p1 + z * (2.0 * p2 + 3.0 * z)
+        value = p0 + z * (p1 + z * (p2 + z))
+        below = slope * slope - value * (p2 + 3.0 * z)
+        if below == 0.0:
+            break
+        change = value * slope / below
+        z -= change
+        # It converges cubically: the next change would be below rounding.
+        if abs(change) <= 3.0e-6 * abs(z):
+            break
+    return z
+
+
+@kernel
+def _trisected(x: float) -> float:
+    """``2 cos(arccos(x)/3)`` for x from 0 to 1, to 7e-7: the greatest y with y^3 - 3 y = 2 x."""
+    square = x * x
+    low = (1.73205196 + 0.333245128 * x) + square * (-0.0951072518 + 0.0439555711 * x)
+    return low + (square * square) * (-0.0181083439 + 0.0039638132 * x)
+
+
+@kernel
+def _hyperbolically_trisected(x: float) -> float:
+    """``2 sinh(arsinh(x)/3)`` for x from 0 to FLAT, to 1.3e-6: the y with y^3 + 3 y = 2 x."""
+    s = x * x
+    square = s * s
+    low = (0.666665828 - 0.0987088431 * s) + square * (0.0432535053 - 0.0231401238 * s)
+    high = (0.0109748166 - 0.00348264796 * s) + square * 0.000508576893
+    return x * (low + (square * square) * high)
+
+
+@kernel
+def _set_rectangular(
+    motion: QuarticConstants, r: float, total: float, product: float, width: float
+) -> None:
+    """Three real roots: ``r`` and those of ``z^2 + total z + product``, ``width`` apart."""
+    motion.lattice = RECTANGULAR
+    outer = -0.5 * (total + width) if total >= 0.0 else 0.5 * (width - total)
+    inner = product / outer if outer != 0.0 else 0.0
+    high = max(outer, inner)
+    low = min(outer, inner)
+    if r >= high:
+        motion.root = r
+        motion.second = r - high
+        motion.third = r - low
+        m = width / motion.third if motion.third > 0.0 else 0.0
+        complement = motion.second / motion.third if motion.third > 0.0 else 1.0
+    else:
+        motion.root = high
+        motion.second = width
+        motion.third = high - r
+        m = (low - r) / motion.third
+        complement = width / motion.third
+    motion.rate_scale = math.sqrt(motion.third)
+    set_theta_constants(motion, m, math.sqrt(complement))
+
+
+@kernel
+def _set_rhombic(motion: QuarticConstants, r: float, real: float, imaginary: float) -> None:
+    """One real root ``r`` and two conjugate ones."""
+    motion.lattice = RHOMBIC
+    motion.root = r
+    motion.second = r - real
+    motion.third = imaginary
+    away = motion.second
+    size = math.sqrt(away * away + imaginary * imaginary)
+    near = 0.5 * imaginary * imaginary / (size * (size + abs(away)))
+    far = 0.5 * (size + abs(away)) / size
+    motion.rate_scale = math.sqrt(size)
+    if away >= 0.0:
+        set_theta_constants(motion, near, math.sqrt(far))
+    else:
+        set_theta_constants(motion, far, math.sqrt(near))
+
+
+@kernel
+def quartic_motion(motion: QuarticConstants, t: float) -> tuple[float, float, float]:
+    """Return ``sin h``, ``cos h`` and ``h'`` (``u = tan h``) a time ``t`` after the start."""
+    s, c, d, n = theta_functions(motion, motion.rate_scale * t)
+    scale = motion.rate_scale
+    square = scale * scale
+    # z = root + level/sigma^2, z' = -2 slope/sigma^3, all over a common denominator.
+    if motion.lattice == RECTANGULAR:
+        sigma = s
+        level = square * (c * c)
+        slope = square * scale * (c * d * n)
+    else:
+        sigma = s * d
+        level = square * (c * c) * (n * n)
+        sc = s * c
+        slope = square * scale * (c * n) * (d * d * (n * n) - motion.parameter * (sc * sc))
+    return _by_weierstrass(motion, sigma, level, slope)
+
+
+@kernel
+def _by_weierstrass(
+    motion: QuarticConstants, sigma: float, level: float, slope: float
+) -> tuple[float, float, float]:
+    """State from ``z = root + level/sigma^2`` and its slope, by a form of ``u`` far from 0/0.
+
+    With ``a0 > 0`` both forms of ``u = X/Y`` become 0/0: the first where ``z = +- u' sqrt(a0)/2``,
+    as often as u passes infinity; the second, of whose X a factor is divided out, as long before
+    the end of a period as the motion comes back to its start after the beginning. A motion that
+    turns over never comes back.
+    """
+    a3 = motion.quartic_3
+    rate = motion.start_rate
+    if motion.turns_over == 0 and sigma < 0.0:
+        # It repeats after a period of z, where both change their signs.
+        sigma = -sigma
+        slope = -slope
+    square = sigma * sigma
+    z = motion.root * square + level
+    if rate == 0.0:
+        # From a turning point: u = a3/z.
+        x = a3 * square
+        size = 1.0 / (x * x + z * z)
+        root = math.sqrt(size)
+        return x * root, z * root, 2.0 * a3 * slope * sigma * size
+    if motion.quartic_0 <= 0.0:
+        return _by_first_form(motion, sigma, z, slope, 0.0)
+    a4 = rate * rate
+    along = 2.0 * a3 * z + motion.quartic_1 * a4 * square
+    turned = rate * _bend(motion, z, square)
+    pushed = 4.0 * a3 * slope * sigma
+    before = a4 * z
+    after = motion.back * square
+    x_part = 2.0 * (before - after)
+    x = sigma * x_part
+    y = 2.0 * rate * slope - sigma * along
+    size = x * x + y * y
+    if motion.turns_over == 1:
+        sign = 1.0 if rate > 0.0 else -1.0
+    else:
+        # On which side of the start it is: it has not come back yet, or has.
+        if motion.returns_early == 1:
+            ahead = slope > 0.0 and x_part > 0.0
+        else:
+            ahead = slope >= 0.0 or x_part < 0.0
+        sign = rate if ahead else -rate
+        terms = 2.0 * (abs(before) + abs(after)) * abs(sigma) + 2.0 * abs(rate * slope)
+        terms += abs(sigma * along)
+        if size < NEAR_NOTHING * (terms * terms):
+            return _by_first_form(motion, sigma, z, slope, sign)
+        sign = -1.0 if x * sign < 0.0 or (x == 0.0 and y < 0.0) else 1.0
+    moved = x_part * (turned - pushed) - 4.0 * a4 * slope * y
+    size = 1.0 / size
+    root = sign * math.sqrt(size)
+    return x * root, y * root, moved * size
+
+
+@kernel
+def _bend(motion: QuarticConstants, z: float, square: float) -> float:
+    """``z'' sigma^4``."""
+    a4 = motion.start_rate * motion.start_rate
+    b = 2.0 * motion.quartic_1 * motion.quartic_3 - 0.5 * motion.quartic_0 * a4
+    return 6.0 * z * (z + motion.quartic_2 * square) + b * (square * square)
+
+
+@kernel
+def _by_first_form(
+    motion: QuarticConstants, sigma: float, z: float, slope: float, side: float
+) -> tuple[float, float, float]:
+    """As :func:`_by_weierstrass` by Weierstrass's own form; ``side`` has the sign of ``sin h``.
+
+    With ``a0 <= 0`` it is never 0/0, and its signs are right: ``side`` is 0.
+    """
+    a3 = motion.quartic_3
+    rate = motion.start_rate
+    a4 = rate * rate
+    square = sigma * sigma
+    x_part = 2.0 * rate * slope + sigma * (2.0 * a3 * z + motion.quartic_1 * a4 * square)
+    x = sigma * x_part
+    y = 2.0 * z * z - 0.5 * motion.quartic_0 * a4 * (square * square)
+    turned = rate * _bend(motion, z, square) + 4.0 * a3 * slope * sigma
+    moved = 8.0 * x_part * z * slope - turned * y
+    size = 1.0 / (x * x + y * y)
+    root = math.sqrt(size)
+    if x * side < 0.0:
+        root = -root
+    return x * root, y * root, moved * size
+
+
+@kernel
+def squared_rate(motion: QuarticConstants, sine: float, cosine: float) -> float:
+    """``h'^2`` where the motion passes ``h``."""
+    s2 = sine * sine
+    c2 = cosine * cosine
+    sc = sine * cosine
+    even = motion.quartic_0 * s2 * s2 + 6.0 * motion.quartic_2 * s2 * c2
+    odd = 4.0 * sc * (motion.quartic_1 * s2 + motion.quartic_3 * c2)
+    return even + odd + motion.start_rate * motion.start_rate * (c2 * c2)
+
+
+@kernel
+def period_of(motion: QuarticConstants) -> float:
+    """Time after which the motion repeats."""
+    return 2.0 * quarter_period(motion.parameter, motion.root_complement) / motion.rate_scale
+
+
+@kernel
+def time_to_place(motion: QuarticConstants, sine: float, cosine: float, rate: float) -> float:
+    """Return the first time at which the motion is at ``h`` with ``h' = rate``.
+
+    The place must lie on the motion; ``sine`` and ``cosine`` may both have the other sign.
+    """
+    z, derivative = _place_on_curve(motion, sine, cosine, rate)
+    distance = z - motion.root
+    if motion.lattice == RECTANGULAR:
+        e2 = distance + motion.second
+        e3 = distance + motion.third
+        others = e2 * e3
+        if distance < NEAR_ROOT * e2:
+            distance = derivative * derivative / others
+        t = carlson_rf(max(distance, 0.0), e2, e3)
+        return t if derivative >= 0.0 else period_of(motion) - t
+    e2 = distance + motion.second
+    others = e2 * e2 + motion.third * motion.third
+    size = motion.rate_scale * motion.rate_scale
+    if distance < NEAR_ROOT * size:
+        distance = derivative * derivative / others
+    distance = max(distance, 0.0)
+    # 2 sqrt(size) t = F(phi), cos phi = (distance - size)/(distance + size).
+    inverse = 1.0 / (distance + size)
+    c = (distance - size) * inverse
+    s = 2.0 * math.sqrt(distance * size) * inverse
+    m1 = motion.root_complement * motion.root_complement
+    t = 0.5 * s * carlson_rf(c * c, c * c + m1 * s * s, 1.0) / motion.rate_scale
+    if c < 0.0:
+        half = 0.5 * period_of(motion)
+        return half - t if derivative >= 0.0 else half + t
+    return t if derivative >= 0.0 else period_of(motion) - t
+
+
+@kernel
+def _place_on_curve(
+    motion: QuarticConstants, s: float, c: float, rate: float
+) -> tuple[float, float]:
+    """``z`` and ``-z'/2`` at the time of a place: Weierstrass's and Biermann's formulas."""
+    a0 = motion.quartic_0
+    a1 = motion.quartic_1
+    a2 = motion.quartic_2
+    a3 = motion.quartic_3
+    start = motion.start_rate
+    a4 = start * start
+    product = start * rate
+    straight = a4 * c * c + 2.0 * a3 * s * c
+    back = product * straight < 0.0
+    if back:
+        top = (6.0 * a2 * a4 - 4.0 * a3 * a3) * (c * c) + 4.0 * a1 * a4 * (s * c)
+        z = 0.5 * (top + a0 * a4 * (s * s)) / (product - straight)
+    elif s == 0.0:
+        return math.inf, math.inf
+    else:
+        z = 0.5 * (product + straight) / (s * s)
+    cubed = s * s * s
+    derivative = rate * (a4 * c + a3 * s)
+    bent = start * (a4 * (c * c * c) + 3.0 * s * c * (a3 * c + a2 * s) + a1 * cubed)
+    if back and product < 0.0 and abs(s) < abs(c):
+        # On the way back the terms of one form cancel, near the start those of the other.
+        ahead = (s / c) * (2.0 * z * z - 0.5 * a0 * a4)
+        along = 2.0 * a3 * z
+        lost = (abs(ahead) + abs(along)) * abs(cubed)
+        if lost <= (abs(derivative) + abs(bent)) * abs(start):
+            return z, 0.5 * (ahead - along - a1 * a4) / start
+    return z, 0.5 * (derivative + bent) / cubed

@@ -1,0 +1,303 @@
+"""Impacts of neighbours on the line.
+
+On the line both centres move along it: the laws are those of `kernels.impact.laws` with the cosine
+``c = 2 sqrt(r_a r_b)/(r_a + r_b)`` between it and the line of centres. Neighbouring pairs that
+approach at one instant are solved jointly; pairs that approach because of it follow at the same
+instant, and so on.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.impact.laws import (
+    HEDRIH,
+    NORMAL_IMPULSE,
+    impact_of_pair,
+    law_approach,
+    loss_of_impulse,
+    weight_and_response,
+)
+from vibro_cli.kernels.impact.tridiagonal import solve_from_both_ends
+from vibro_cli.kernels.springs.logging import log_states, renew_energies
+from vibro_cli.kernels.springs.search import gap_of, is_in_contact
+from vibro_cli.kernels.springs.series import acceleration_of
+from vibro_cli.kernels.springs.world import (
+    COLLIDED,
+    COLLISION,
+    CONTACT_CLOSED,
+    END_INADMISSIBLE,
+    PARTING,
+    RESTING,
+    RUNNING,
+    ImpactRow,
+    World,
+)
+
+# Speeds within so much of each other, as a share of their sum, are equal but for rounding.
+ROUNDING = 8.0 * 2.0**-52
+# Bounces that would all be over within this share of 1/w0 are taken as one: what they would still
+# move the bodies by is below the square of it.
+NEARLY_OVER = 1.0e-7
+
+
+@kernel
+def approach_of(world: World, pair: int) -> float:
+    """Return the speed (m/s) at which a body and its right neighbour approach; 0 if rounding."""
+    one = world.springs[pair].v
+    other = world.springs[pair + 1].v
+    speed = one - other
+    return speed if abs(speed) > ROUNDING * (abs(one) + abs(other)) else 0.0
+
+
+@kernel
+def collide_approaching(world: World) -> int:
+    """Carry out the impacts of all pairs in contact that approach now.
+
+    Returns COLLIDED, RUNNING if no pair approaches, or the end that an impact brings.
+    """
+    last = world.settings[0].bodies - 1
+    for pair in range(last):
+        closing = is_in_contact(world, pair) and approach_of(world, pair) > 0.0
+        world.pairs[pair].closing = 1 if closing else 0
+    cause = RUNNING
+    first = 0
+    while first < last:
+        count = 0
+        while first + count < last and world.pairs[first + count].closing == 1:
+            count += 1
+        if count > 0:
+            if count == 1 and touches_no_other(world, first):
+                ended = _collide_alone(world, first)
+            else:
+                ended = _collide_jointly(world, first, count)
+            if ended != RUNNING:
+                return ended
+            cause = COLLIDED
+        first += count + 1
+    return cause
+
+
+@kernel
+def touches_no_other(world: World, pair: int) -> bool:
+    """Whether the bodies of a pair touch no other ones."""
+    if pair > 0 and is_in_contact(world, pair - 1):
+        return False
+    return pair + 2 >= world.settings[0].bodies or not is_in_contact(world, pair + 1)
+
+
+@kernel
+def _collide_alone(world: World, pair: int) -> int:
+    """Carry out the impact of a pair that touches no other body; RUNNING or the end it brings."""
+    clock = world.clock[0]
+    row = _new_row(world, pair)
+    state = world.pairs[pair]
+    apply_law(world, row, world.settings[0].law, state.restitution)
+    if not _parts(row):
+        row.admissible = 0
+        if world.settings[0].substitute == 0:
+            return END_INADMISSIBLE
+        row.substituted = 1
+        apply_law(world, row, NORMAL_IMPULSE, state.restitution)
+    lasting = _time_of_bounces(world, pair, row.v_b_post - row.v_a_post)
+    if lasting >= 0.0:
+        row.contact = 1
+        _apply_plastic(world, row)
+    state.known = RESTING if row.v_a_post == row.v_b_post else PARTING
+    world.springs[pair].v = row.v_a_post
+    world.springs[pair + 1].v = row.v_b_post
+    clock.lost += row.loss
+    renew_energies(world)
+    if lasting >= 0.0:
+        hold(world, pair, lasting)
+    else:
+        log_states(world, COLLISION, pair, 0.0)
+    return RUNNING
+
+
+@kernel
+def hold(world: World, pair: int, lasting: float) -> None:
+    """Begin lasting contact; the bodies have one speed."""
+    world.pairs[pair].held = 1
+    world.pairs[pair].known = RESTING
+    world.clock[0].contacts += 1
+    renew_energies(world)
+    log_states(world, CONTACT_CLOSED, pair, lasting)
+
+
+@kernel
+def _collide_jointly(world: World, first: int, count: int) -> int:
+    """Carry out the impacts of neighbouring pairs at one instant; RUNNING or the end it brings."""
+    clock = world.clock[0]
+    start = clock.impact_rows
+    for pair in range(first, first + count):
+        _new_row(world, pair)
+    law = world.settings[0].law
+    if not _impulses(world, start, count, law):
+        for number in range(start, start + count):
+            world.impacts[number].admissible = 0
+        if world.settings[0].substitute == 0:
+            return END_INADMISSIBLE
+        for number in range(start, start + count):
+            world.impacts[number].substituted = 1
+        _impulses(world, start, count, NORMAL_IMPULSE)
+    for number in range(start, start + count):
+        row = world.impacts[number]
+        world.springs[row.pair].v = row.v_a_post
+        world.springs[row.pair + 1].v = row.v_b_post
+        world.pairs[row.pair].known = PARTING
+        clock.lost += row.loss
+    renew_energies(world)
+    log_states(world, COLLISION, first, 0.0)
+    return RUNNING
+
+
+@kernel
+def _impulses(world: World, start: int, count: int, law: int) -> bool:
+    """Set the speeds after a joint impact, from row ``start`` on; whether every pair parts."""
+    first = world.impacts[start].pair
+    for pair in range(first, first + count):
+        _set_row(world, pair, law, first, count)
+    solve_from_both_ends(world.pairs, world.settings[0].bodies - 1, first, count)
+    for number in range(start, start + count):
+        row = world.impacts[number]
+        row.law = law
+        row.v_a_post = _speed_after(world, row.pair, law, first, count)
+        row.v_b_post = _speed_after(world, row.pair + 1, law, first, count)
+    fine = True
+    for number in range(start, start + count):
+        row = world.impacts[number]
+        fine = fine and _parts(row)
+        one = world.bodies[row.pair]
+        other = world.bodies[row.pair + 1]
+        c = inclination(world, row.pair)
+        approach = law_approach(law, one, other, c, c, row.v_a_pre, row.v_b_pre)
+        state = world.pairs[row.pair]
+        sum_a = row.v_a_pre + row.v_a_post
+        sum_b = row.v_b_pre + row.v_b_post
+        k = state.restitution
+        row.loss = loss_of_impulse(law, k, one, other, state.solution, approach, sum_a, sum_b)
+    return fine
+
+
+@kernel
+def _set_row(world: World, pair: int, law: int, first: int, count: int) -> None:
+    """Set the row of a pair: its relative speed after all impulses is -k times that before."""
+    row = world.pairs[pair]
+    one = world.bodies[pair]
+    other = world.bodies[pair + 1]
+    c = inclination(world, pair)
+    qa, ha = weight_and_response(law, one, c)
+    qb, hb = weight_and_response(law, other, c)
+    row.part_a = qa * ha
+    row.part_b = qb * hb
+    speeds = law_approach(law, one, other, c, c, world.springs[pair].v, world.springs[pair + 1].v)
+    row.right = (1.0 + row.restitution) * speeds
+    row.lower = 0.0
+    row.upper = 0.0
+    if pair > first:
+        _, h = weight_and_response(law, one, inclination(world, pair - 1))
+        row.lower = -qa * h
+    if pair + 1 < first + count:
+        _, h = weight_and_response(law, other, inclination(world, pair + 1))
+        row.upper = -qb * h
+
+
+@kernel
+def _speed_after(world: World, body: int, law: int, first: int, count: int) -> float:
+    """Speed (m/s) of a body after the impulses of the pairs on both of its sides."""
+    change = 0.0
+    if body > first:
+        _, h = weight_and_response(law, world.bodies[body], inclination(world, body - 1))
+        change = world.pairs[body - 1].solution * h
+    if body < first + count:
+        _, h = weight_and_response(law, world.bodies[body], inclination(world, body))
+        change = change - world.pairs[body].solution * h
+    return world.springs[body].v + change
+
+
+@kernel
+def _new_row(world: World, pair: int) -> ImpactRow:
+    """Begin the row of an impact."""
+    clock = world.clock[0]
+    row = world.impacts[clock.impact_rows]
+    clock.impact_rows += 1
+    clock.collisions += 1
+    clock.steps = 0
+    one = world.springs[pair]
+    other = world.springs[pair + 1]
+    row.t = clock.t
+    row.t_low = clock.t_low
+    row.pair = pair
+    row.x_a = one.foot + one.x
+    row.x_b = other.foot + other.x
+    row.v_a_pre = one.v
+    row.v_b_pre = other.v
+    row.gap = gap_of(world, pair)
+    row.admissible = 1
+    row.substituted = 0
+    row.contact = 0
+    row.simultaneous = 1 if clock.at_once > 0 else 0
+    clock.at_once += 1
+    speeds = abs(one.v) + abs(other.v)
+    row.grazing = 1 if one.v - other.v <= 64.0 * ROUNDING * speeds else 0
+    return row
+
+
+@kernel
+def _parts(row: ImpactRow) -> bool:
+    """Whether the law sends the bodies apart, as far as the rounding of all speeds can tell."""
+    separating = row.v_b_post - row.v_a_post
+    speeds = abs(row.v_a_post) + abs(row.v_b_post) + abs(row.v_a_pre) + abs(row.v_b_pre)
+    return separating >= -ROUNDING * speeds
+
+
+@kernel
+def inclination(world: World, pair: int) -> float:
+    """Return the cosine of the angle between the line and the line of centres."""
+    one = world.bodies[pair].radius
+    other = world.bodies[pair + 1].radius
+    return 1.0 if one == other else 2.0 * math.sqrt(one * other) / (one + other)
+
+
+@kernel
+def apply_law(world: World, row: ImpactRow, law: int, restitution: float) -> None:
+    """Set the speeds after the impact of a pair by a law, and the energy it takes."""
+    c = inclination(world, row.pair)
+    one = world.bodies[row.pair]
+    other = world.bodies[row.pair + 1]
+    row.law = law
+    row.v_a_post, row.v_b_post, row.loss = impact_of_pair(
+        law, restitution, one, other, c, c, row.v_a_pre, row.v_b_pre
+    )
+
+
+@kernel
+def _time_of_bounces(world: World, pair: int, separating: float) -> float:
+    """How long all further bounces would last (s), if so short that contact begins; else -1.
+
+    Each lasts ``2 u/A`` and begins with k times the speed u of the one before.
+    """
+    k = world.pairs[pair].restitution
+    pressed = acceleration_of(world.springs[pair]) - acceleration_of(world.springs[pair + 1])
+    if k == 1.0 or pressed <= 0.0:
+        return -1.0
+    lasting = 2.0 * max(separating, 0.0) / (pressed * (1.0 - k))
+    return lasting if lasting * frequency(world, pair) <= NEARLY_OVER else -1.0
+
+
+@kernel
+def frequency(world: World, pair: int) -> float:
+    """Return the greater of the frequencies w0 (rad/s) of the springs of a pair."""
+    return math.sqrt(max(world.springs[pair].square, world.springs[pair + 1].square))
+
+
+@kernel
+def _apply_plastic(world: World, row: ImpactRow) -> None:
+    """Give both bodies the speed that the bounces tend to: the law at k = 0."""
+    law = row.law
+    if law == HEDRIH and world.bodies[row.pair].radius != world.bodies[row.pair + 1].radius:
+        law = NORMAL_IMPULSE  # equal omega would not be one speed
+    apply_law(world, row, law, 0.0)
+    row.v_b_post = row.v_a_post

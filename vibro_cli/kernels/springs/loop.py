@@ -1,0 +1,189 @@
+"""The event loop of the springs: a step of the series, cut at the first event within it."""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.numerics.error_free import add_to_time
+from vibro_cli.kernels.springs.contact import open_contact, settle_contacts, touches_at_start
+from vibro_cli.kernels.springs.impacts import collide_approaching
+from vibro_cli.kernels.springs.logging import log_states, renew_energies
+from vibro_cli.kernels.springs.search import first_event, forget, move
+from vibro_cli.kernels.springs.series import expand, group_size, keep_energy
+from vibro_cli.kernels.springs.world import (
+    COLLIDED,
+    DECISION,
+    END_COLLISIONS,
+    END_NO_MORE,
+    END_QUIET,
+    END_TIME,
+    IMPACTS,
+    LOG_FULL,
+    NEVER,
+    PARTING,
+    RUNNING,
+    SETTLED,
+    START,
+    SpringBody,
+    World,
+)
+
+# So many steps without an event are more than a run is worth: it is refused.
+MOST_STEPS = 20_000_000
+
+
+@kernel
+def advance(world: World) -> int:
+    """Run until the end, or until a log is full; return the cause.
+
+    A run that ends by time stands at the beginning of its last step until it is finished.
+    """
+    clock = world.clock[0]
+    settings = world.settings[0]
+    if settings.finishing == 1:
+        return _finish(world)
+    if clock.begun == 0:
+        clock.begun = 1
+        clock.unsettled = IMPACTS
+        touches_at_start(world)
+        renew_energies(world)
+        log_states(world, START, 0, 0.0)
+    cause = _run(world)
+    clock.work = 0
+    return cause
+
+
+@kernel
+def _run(world: World) -> int:
+    """Go from step to step; return why it came back."""
+    clock = world.clock[0]
+    settings = world.settings[0]
+    while True:
+        clock.work += 1
+        # The rows of one instant are wanted together, as long as there is room for them at all.
+        room = settings.room
+        if clock.unsettled != SETTLED:
+            room = 2 * (settings.room - settings.bodies)
+        if clock.impact_rows >= room or clock.state_rows >= room:
+            return LOG_FULL
+        if clock.work >= 2 * settings.room:  # to be compiled if it comes back often
+            return LOG_FULL
+        if clock.unsettled != SETTLED:
+            cause = _settle(world)
+        elif clock.collisions >= settings.stop_collisions:
+            return END_COLLISIONS
+        else:
+            cause = _step(world)
+        if cause != RUNNING:
+            return cause
+
+
+@kernel
+def _settle(world: World) -> int:
+    """Do the next thing for bodies in contact at the present instant; RUNNING or the run's end."""
+    clock = world.clock[0]
+    if clock.unsettled == IMPACTS:
+        if clock.collisions < world.settings[0].stop_collisions:
+            cause = collide_approaching(world)
+            if cause != RUNNING:
+                return RUNNING if cause == COLLIDED else cause
+        clock.unsettled = DECISION
+    settle_contacts(world)
+    return RUNNING
+
+
+@kernel
+def _step(world: World) -> int:
+    """Go on by one step, or to the first event within it."""
+    clock = world.clock[0]
+    settings = world.settings[0]
+    left = settings.stop_time - clock.t - clock.t_low
+    if left <= 0.0:
+        return END_TIME
+    clock.steps += 1
+    if clock.steps % 1024 == 1 and settings.stop_time >= NEVER and never_meet(world):
+        return END_NO_MORE
+    if clock.steps > MOST_STEPS:
+        return END_QUIET
+    step = expand(world)
+    # Of the whole step, wherever the run stops: it goes on from here with the same bits.
+    time, pair = first_event(world, step)
+    if pair >= 0:
+        step = time
+    if step > left or (step == left and pair < 0):
+        clock.steps -= 1
+        return END_TIME
+    _go_on(world, step)
+    if pair >= 0:
+        if world.pairs[pair].held == 1:
+            open_contact(world, pair)
+        else:
+            world.pairs[pair].known = PARTING
+            clock.unsettled = IMPACTS
+    return RUNNING
+
+
+@kernel
+def _go_on(world: World, step: float) -> None:
+    """Move all bodies on by a time (s) within the step of their series, energies kept."""
+    clock = world.clock[0]
+    move(world, step)
+    clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
+    if step > 0.0:
+        forget(world)
+        clock.at_once = 0
+    _keep_energies(world)
+
+
+@kernel
+def _finish(world: World) -> int:
+    """Move all bodies from the last whole step on to the end of the run."""
+    clock = world.clock[0]
+    end = world.settings[0].stop_time
+    left = end - clock.t - clock.t_low
+    if left > 0.0:
+        expand(world)
+        _go_on(world, left)
+    clock.t, clock.t_low = end, 0.0
+    return END_TIME
+
+
+@kernel
+def _keep_energies(world: World) -> None:
+    first = 0
+    while first < world.settings[0].bodies:
+        count = group_size(world, first)
+        keep_energy(world, first, count)
+        first += count
+
+
+@kernel
+def never_meet(world: World) -> bool:
+    """Whether the energies keep all neighbours apart for ever; groups in contact may still part."""
+    for pair in range(world.settings[0].bodies - 1):
+        if world.pairs[pair].held == 1:
+            return False
+        one = world.springs[pair]
+        other = world.springs[pair + 1]
+        if one.foot + farthest(one, 1.0) + world.pairs[pair].touch >= other.foot - farthest(
+            other, -1.0
+        ):
+            return False
+    return True
+
+
+@kernel
+def farthest(spring: SpringBody, side: float) -> float:
+    """Return how far to a side (+1 right, -1 left) a body can get by its energy, m from its foot.
+
+    The length of its spring stays within l -+ sqrt(2 e)/w; below the energy of the saddle the body
+    stays on its side of the foot.
+    """
+    swing = math.sqrt(2.0 * spring.energy / spring.square) * (1.0 + 1.0e-12)
+    longest = spring.length + swing
+    outer = math.sqrt(max(longest * longest - spring.height * spring.height, 0.0))
+    shortest = spring.length - swing
+    if shortest > spring.height and spring.x * side < 0.0:
+        return -math.sqrt(shortest * shortest - spring.height * spring.height)
+    return outer

@@ -1,0 +1,183 @@
+"""Taylor series of the bodies' places, and how far they hold.
+
+``x'' = -w^2 (x - l x/s)``, ``s = sqrt(b^2 + x^2)`` (C (4)), by recurrence: the coefficients of s
+from those of x^2, of y = x/s from x = s y. Bodies in lasting contact move as one; each adds its
+share ``M_i/M`` of the acceleration.
+
+How far: for complex places within R of the present one, R < s, the length stays above s - R, the
+acceleration below ``A = w^2 (|x| + R)(1 + l/(s - R))``. So for complex times up to T, ``|v| T +
+A T^2/2 = R``, the place stays within R, and by Cauchy the coefficients of its series are at most
+``R/T^k``: what a step ``h = q T`` leaves out is below ``R q^(N+1)/(1 - q)``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.springs.world import (
+    BODY_ROWS,
+    FORCE,
+    LENGTH,
+    NEVER,
+    ORDER,
+    PLACE,
+    RATIO,
+    SpringBody,
+    World,
+)
+
+# q: 0.2^25 0.5 = 1.7e-18 of the spring's length.
+STEP = 0.2
+# R as a share of s.
+REACH = 0.5
+
+
+@kernel
+def group_size(world: World, first: int) -> int:
+    """Return how many bodies move as one with the body ``first``, their leftmost."""
+    count = 1
+    while first + count < world.settings[0].bodies and world.pairs[first + count - 1].held == 1:
+        count += 1
+    return count
+
+
+@kernel
+def mass_of_group(world: World, first: int, count: int) -> float:
+    """Return the rolling mass (kg) of a group."""
+    mass = 0.0
+    for body in range(first, first + count):
+        mass += world.bodies[body].rolling_mass
+    return mass
+
+
+@kernel
+def expand(world: World) -> float:
+    """Set the series of all bodies at the present instant; return the step (s) they hold for."""
+    step = NEVER
+    first = 0
+    while first < world.settings[0].bodies:
+        count = group_size(world, first)
+        _expand_group(world, first, count)
+        step = min(step, STEP * _radius(world, first, count))
+        first += count
+    return step
+
+
+@kernel
+def _radius(world: World, first: int, count: int) -> float:
+    """The time T (s) up to which the series of a group are bounded."""
+    reach = NEVER
+    acceleration = 0.0
+    for body in range(first, first + count):
+        spring = world.springs[body]
+        length = math.sqrt(spring.height * spring.height + spring.x * spring.x)
+        reach = min(reach, REACH * length)
+    for body in range(first, first + count):
+        spring = world.springs[body]
+        length = math.sqrt(spring.height * spring.height + spring.x * spring.x)
+        factor = 1.0 + spring.length / (length - reach)
+        acceleration = max(acceleration, spring.square * (abs(spring.x) + reach) * factor)
+    speed = abs(world.springs[first].v)
+    return 2.0 * reach / (speed + math.sqrt(speed * speed + 2.0 * acceleration * reach))
+
+
+@kernel
+def _expand_group(world: World, first: int, count: int) -> None:
+    """Set the series of the bodies of a group."""
+    rows = world.series
+    mass = mass_of_group(world, first, count)
+    for body in range(first, first + count):
+        base = body * BODY_ROWS
+        rows[base + PLACE] = world.springs[body].x
+        rows[base + PLACE + 1] = world.springs[first].v
+    for k in range(ORDER - 1):
+        common = 0.0
+        for body in range(first, first + count):
+            force = _next_force(world, body, k)
+            common += world.bodies[body].rolling_mass * force
+        common /= mass
+        if count == 1:
+            common = rows[first * BODY_ROWS + FORCE + k]
+        for body in range(first, first + count):
+            rows[body * BODY_ROWS + PLACE + k + 2] = common / ((k + 1) * (k + 2))
+
+
+@kernel
+def _next_force(world: World, body: int, k: int) -> float:
+    """Set and return the k-th coefficient of the free acceleration of a body, m/s^(2 + k)."""
+    rows = world.series
+    spring = world.springs[body]
+    base = body * BODY_ROWS
+    place, length, ratio = base + PLACE, base + LENGTH, base + RATIO
+    square = 0.0
+    for i in range(k + 1):
+        square += rows[place + i] * rows[place + k - i]
+    if k == 0:
+        start = math.sqrt(spring.height * spring.height + square)
+        rows[length] = start
+        rows[ratio] = rows[place] / start
+    else:
+        start = rows[length]
+        for i in range(1, k):
+            square -= rows[length + i] * rows[length + k - i]
+        rows[length + k] = square / (2.0 * start)
+        rest = rows[place + k]
+        for i in range(1, k + 1):
+            rest -= rows[length + i] * rows[ratio + k - i]
+        rows[ratio + k] = rest / start
+    force = -spring.square * (rows[place + k] - spring.length * rows[ratio + k])
+    if k == 0:  # without cancellation where the spring is nearly unstressed
+        force = -spring.square * rows[ratio] * (rows[length] - spring.length)
+    rows[base + FORCE + k] = force
+    return force
+
+
+@kernel
+def acceleration_of(spring: SpringBody) -> float:
+    """Return the free acceleration (m/s^2) of a body at the present instant."""
+    length = math.sqrt(spring.height * spring.height + spring.x * spring.x)
+    return -spring.square * spring.x / length * (length - spring.length)
+
+
+@kernel
+def energy_of(spring: SpringBody) -> float:
+    """Return the energy of a body over its rolling mass, m^2/s^2: v^2/2 + w^2 (s - l)^2/2."""
+    length = math.sqrt(spring.height * spring.height + spring.x * spring.x)
+    stretch = length - spring.length
+    return 0.5 * (spring.v * spring.v + spring.square * stretch * stretch)
+
+
+@kernel
+def energy_of_group(world: World, first: int, count: int) -> float:
+    """Return the energy of a group over its rolling mass, m^2/s^2."""
+    if count == 1:
+        return energy_of(world.springs[first])
+    total = 0.0
+    for body in range(first, first + count):
+        total += world.bodies[body].rolling_mass * energy_of(world.springs[body])
+    return total / mass_of_group(world, first, count)
+
+
+@kernel
+def keep_energy(world: World, first: int, count: int) -> None:
+    """Bring place and speed of a group back to its energy, by the shortest way in (w x, v)."""
+    spring = world.springs[first]
+    surplus = energy_of_group(world, first, count) - spring.energy
+    mass = mass_of_group(world, first, count)
+    rise = 0.0
+    square = 0.0
+    for body in range(first, first + count):
+        share = world.bodies[body].rolling_mass / mass
+        rise -= share * acceleration_of(world.springs[body])
+        square += share * world.springs[body].square
+    steepness = rise * rise / square + spring.v * spring.v
+    # Where both are small a rounding of the energy would move the body too far.
+    if steepness <= 1.0e-9 * (spring.energy + square * spring.height * spring.height):
+        return
+    world.clock[0].energy_correction += mass * abs(surplus)
+    back = surplus / steepness
+    for body in range(first, first + count):
+        world.springs[body].x -= back * rise / square
+        world.springs[body].v -= back * spring.v if body > first else 0.0
+    spring.v -= back * spring.v

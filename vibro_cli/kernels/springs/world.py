@@ -1,0 +1,186 @@
+"""What the event loop of the springs works on: one tuple of records, rows of series, and logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from vibro_cli.compile.kernel import struct
+from vibro_cli.kernels.impact.tridiagonal import ChainRow
+from vibro_cli.kernels.structs import BodyData
+
+ORDER = 24  # of the Taylor series of a body's place
+ROW = ORDER + 1
+# Rows of a body: its place, the spring's length, place over length, free acceleration.
+PLACE, LENGTH, RATIO, FORCE = 0, ROW, 2 * ROW, 3 * ROW
+BODY_ROWS = 4 * ROW
+
+# How much of the gap of a pair is known to be zero at the start of a step: nothing, the gap, its
+# rate too, its second derivative too.
+FREE = 0
+PARTING = 1
+RESTING = 2
+RELEASED = 3
+
+# What is still to be done at the present instant for bodies in contact.
+SETTLED = 0
+IMPACTS = 1  # those that approach collide
+DECISION = 2  # which of the others stay in contact
+CHANGES = 3  # to carry out what is decided, one pair after another
+
+# ``stays`` of a pair that rolls on in contact, and of one that does if it is pressed together.
+STAYS = 1
+MAY = 2
+
+# Why the loop came back; END_… are causes of the end of a run.
+RUNNING = 0
+END_TIME = 1
+END_COLLISIONS = 2
+END_NO_MORE = 3
+END_INADMISSIBLE = 4
+END_QUIET = 5
+LOG_FULL = 6
+END_INTERRUPTED = 8  # from outside
+COLLIDED = 7  # not a cause: there was an impact
+END_NAMES = {
+    END_TIME: "time",
+    END_COLLISIONS: "collisions",
+    END_NO_MORE: "no_more_collisions",
+    END_INADMISSIBLE: "inadmissible",
+    END_INTERRUPTED: "interrupted",
+}
+
+# What a state in the log begins with.
+START = 0
+COLLISION = 1
+CONTACT_CLOSED = 2
+CONTACT_OPENED = 3
+
+NEVER = 1.0e300
+
+
+@struct
+class SpringBody:
+    """A body with its spring, and its state at the present instant."""
+
+    square: float  # w0^2 = c/(kappa m), 1/s^2
+    length: float  # l, m
+    height: float  # b, m
+    foot: float  # m along the line
+    x: float  # from the foot's place, m
+    v: float  # m/s
+    energy: float  # of its group over the group's rolling mass, m^2/s^2
+
+
+@struct
+class SpringPair(ChainRow):
+    """A body and its right neighbour, with its row in the system of a chain of contacts."""
+
+    touch: float  # distance along the line of touching centres, m
+    restitution: float
+    held: int  # 1: in lasting contact
+    known: int  # FREE, PARTING, RESTING or RELEASED
+    closing: int  # scratch of an instant: takes part in a joint impact
+    stays: int  # scratch of an instant: STAYS, MAY or 0
+    needed: float  # and the acceleration (m/s^2) that has to press it together for that
+
+
+@struct
+class Clock:
+    """The state of the run as a whole."""
+
+    t: float
+    t_low: float
+    collisions: int
+    contacts: int
+    impact_rows: int
+    state_rows: int
+    begun: int
+    steps: int  # since the last event
+    work: int  # steps since the loop came back
+    at_once: int  # impacts at the present instant
+    unsettled: int  # what to do for contacts at it: IMPACTS, DECISION or CHANGES, else 0
+    energy_correction: float
+    lost: float  # by impacts, J
+
+
+@struct
+class Settings:
+    """What does not change."""
+
+    law: int
+    substitute: int
+    stop_time: float
+    stop_collisions: int
+    room: int
+    bodies: int
+    finishing: int  # 1: only go on from the last step to the stop
+
+
+@struct
+class ImpactRow:
+    """One impact of a pair."""
+
+    t: float
+    t_low: float
+    pair: int
+    x_a: float  # along the line
+    x_b: float
+    v_a_pre: float
+    v_b_pre: float
+    v_a_post: float
+    v_b_post: float
+    loss: float
+    gap: float
+    law: int
+    admissible: int
+    substituted: int
+    simultaneous: int
+    grazing: int
+    contact: int
+
+
+@struct
+class StateRow:
+    """One body after an event of any body."""
+
+    t: float
+    t_low: float
+    event: int  # number of the event
+    cause: int
+    pair: int  # that it happened to
+    body: int
+    x: float
+    v: float
+    energy: float
+    held: int  # with its right neighbour
+    value: float  # contact_closed: how long the bounces before it would last, s
+
+
+class World(NamedTuple):
+    """All records of a run."""
+
+    clock: Sequence[Clock]
+    settings: Sequence[Settings]
+    bodies: Sequence[BodyData]
+    springs: Sequence[SpringBody]
+    pairs: Sequence[SpringPair]
+    series: list[float]  # BODY_ROWS of each body
+    gaps: list[float]  # a row of each pair: its gap, or the force in its contact
+    impacts: Sequence[ImpactRow]
+    states: Sequence[StateRow]
+
+
+RECORDS: dict[str, type] = {
+    "clock": Clock,
+    "settings": Settings,
+    "bodies": BodyData,
+    "springs": SpringBody,
+    "pairs": SpringPair,
+    "impacts": ImpactRow,
+    "states": StateRow,
+}
+STATE = ("clock", "springs", "pairs")
+"""The records that change in a run, which are its state."""
+LOGS = {"impacts": "impact_rows", "states": "state_rows"}
+"""The logs, and the field of the clock that counts their rows."""

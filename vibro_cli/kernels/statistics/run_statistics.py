@@ -1,0 +1,382 @@
+"""What a summary says of a run, gathered from its logs by kernels: single runs and grids share it.
+
+On an arc ``N/(m g) = sign(cos f + (4/kappa) P^2)`` is linear in ``S^2`` (f = phi in a valley, psi
++ pi on a hump, whose sign is -1), so its extremes over a flight lie at the extremes of ``S^2``;
+the friction that rolling needs, ``|F|/N`` with ``F = m g sin(alpha)(1 - 1/kappa)``, is stationary
+also where ``cos f = -B/A``, ``N/m = A + B cos f``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.kernels.contact.gap import centre_position
+from vibro_cli.kernels.flow.flow import flow
+from vibro_cli.kernels.flow.replay import energy_of_row, half_period, recall_flight
+from vibro_cli.kernels.statistics.cluster_statistics import friction_demand, group_extremes
+from vibro_cli.kernels.structs import NEVER, BodyData, Flight, PieceData
+from vibro_cli.kernels.world import (
+    END_INADMISSIBLE,
+    RUNNING,
+    WALL,
+    FlightRow,
+    ImpactRow,
+    World,
+)
+
+# A square below another one by this factor is so whatever the rounding of both.
+BELOW = 1.0 - 1.0e-12
+
+
+@struct
+class Outcome:
+    """What a summary says of a whole run."""
+
+    end_cause: int
+    end_t: float  # s
+    end_t_low: float
+    quiet_t: float  # s
+    collisions: int
+    crossings: int
+    contacts: int
+    impacts: int  # that took effect: without an inadmissible one that ended the run
+    walls: int
+    first_t: float  # of all impacts, s
+    last_t: float
+    correction: float  # J
+    max_gap: float  # at all impacts, m
+    least_force: float  # N
+    most_demand: float  # of friction
+    kept: int  # rows of impacts that were kept
+
+
+@struct
+class FinalState:
+    """A body at the end of a run, and its energies."""
+
+    start_energy: float  # J
+    end_energy: float
+    piece: int
+    s: float
+    c: float
+    p: float
+    latest: int  # scratch: the row of its last flight
+
+
+@kernel
+def tally(
+    world: World,
+    known: int,
+    cause: int,
+    end_t: float,
+    end_t_low: float,
+    outcomes: Sequence[Outcome],
+    number: int,
+    finals: Sequence[FinalState],
+    scratch: Sequence[Flight],
+) -> None:
+    """Fill in the outcome of a run, and the final state of every body.
+
+    Parameters
+    ----------
+    world
+        After the run, with all its rows in the logs (their numbers are those of the clock).
+    known
+        0, or the number of bodies for a part of a run that is not the first: the log then begins
+        with the present flight of every body, and the outcome tells of the parts before.
+    cause, end_t, end_t_low
+        Why and when (two doubles, s) the run ended; ``RUNNING`` if it has not, for a part of it.
+    outcomes, number
+        Outcomes of runs, and which is that of this one; filled in.
+    finals
+        A row for each body, run by run; filled in.
+    scratch
+        A flight to work with.
+    """
+    clock = world.clock[0]
+    bodies = world.settings[0].bodies
+    first_final = number * bodies
+    outcome = outcomes[number]
+    flight = scratch[0]
+    if known == 0:
+        _begin(outcome)
+    _tally_impacts(world, cause, outcome)
+    for ball in range(bodies):
+        finals[first_final + ball].latest = ball if known > 0 else -1
+    _tally_flights(world, known, outcome, finals, first_final, flight)
+    if cause == RUNNING:
+        return
+    outcome.end_cause = cause
+    outcome.end_t = end_t
+    outcome.end_t_low = end_t_low
+    outcome.quiet_t = clock.quiet_t
+    outcome.collisions = clock.collisions
+    outcome.crossings = clock.crossings
+    outcome.contacts = clock.contacts
+    outcome.correction = clock.energy_correction
+    for ball in range(bodies):
+        _finish(world, ball, outcome, finals[first_final + ball], flight)
+
+
+@kernel
+def _begin(outcome: Outcome) -> None:
+    outcome.impacts = 0
+    outcome.walls = 0
+    outcome.first_t = NEVER
+    outcome.last_t = NEVER
+    outcome.max_gap = 0.0
+    outcome.least_force = NEVER
+    outcome.most_demand = 0.0
+
+
+@kernel
+def _tally_impacts(world: World, cause: int, outcome: Outcome) -> None:
+    count = world.clock[0].impact_rows
+    if count > 0:
+        if outcome.first_t == NEVER:
+            outcome.first_t = world.impacts[0].t
+        outcome.last_t = world.impacts[count - 1].t
+    outcome.impacts += count - 1 if cause == END_INADMISSIBLE else count
+    largest = outcome.max_gap
+    pair = -1
+    piece = -1
+    sine = 0.0
+    cosine = 0.0
+    for number in range(count):
+        row = world.impacts[number]
+        if row.piece_a != row.piece_b:
+            largest = max(largest, abs(_gap(world, row, 0.0, 1.0)))
+            continue
+        if row.pair != pair or row.piece_a != piece:
+            pair = row.pair
+            piece = row.piece_a
+            sine, cosine = _half_angle_of_contact(world, row)
+        largest = max(largest, abs(_gap(world, row, sine, cosine)))
+    outcome.max_gap = largest
+
+
+@kernel
+def residual_gap(world: World, row: ImpactRow) -> float:
+    """Distance of the surfaces (m) left in the states of an impact, without cancellation."""
+    sine, cosine = _half_angle_of_contact(world, row)
+    return _gap(world, row, sine, cosine)
+
+
+@kernel
+def _half_angle_of_contact(world: World, row: ImpactRow) -> tuple[float, float]:
+    """Sine and cosine of half the angle of contact on an arc, where both bodies are on it."""
+    pieces = world.settings[0].pieces
+    rho_a = world.tracks[row.a * pieces + row.piece_a].path_radius
+    rho_b = world.tracks[row.b * pieces + row.piece_b].path_radius
+    if row.piece_a != row.piece_b or rho_a == 0.0:
+        return 0.0, 1.0
+    return half_angle_on_arc(rho_a * rho_b, world.bodies[row.a].radius, world.bodies[row.b].radius)
+
+
+@kernel
+def half_angle_on_arc(product: float, radius_a: float, radius_b: float) -> tuple[float, float]:
+    """As :func:`_half_angle_of_contact`, of ``rho_a rho_b`` and the radii."""
+    sine = math.sqrt(radius_a * radius_b / product)
+    short = min(sine, 1.0)
+    return sine, math.sqrt(1.0 - short * short)
+
+
+@kernel
+def _gap(world: World, row: ImpactRow, half_sine: float, half_cosine: float) -> float:
+    """As :func:`residual_gap`, with half the angle of contact on the arc."""
+    pieces = world.settings[0].pieces
+    track_a = world.tracks[row.a * pieces + row.piece_a]
+    track_b = world.tracks[row.b * pieces + row.piece_b]
+    radius_a = world.bodies[row.a].radius
+    radius_b = world.bodies[row.b].radius
+    reach = radius_a + radius_b
+    if row.piece_a != row.piece_b:
+        ax, ay = centre_position(world.pieces[row.piece_a], track_a, row.a_s, row.a_c)
+        bx, by = centre_position(world.pieces[row.piece_b], track_b, row.b_s, row.b_c)
+        dx = bx - ax
+        dy = by - ay
+        return math.sqrt(dx * dx + dy * dy) - reach
+    if track_a.path_radius == 0.0:
+        along = row.b_s - row.a_s
+        distance = 2.0 * math.sqrt(radius_a * radius_b)
+        return (along - distance) * (along + distance) / (2.0 * reach)
+    # d^2 - (r_a + r_b)^2 = 4 rho_a rho_b sin((delta - beta)/2) sin((delta + beta)/2)
+    product = track_a.path_radius * track_b.path_radius
+    return gap_on_arc(product, reach, row.a_s, row.a_c, row.b_s, row.b_c, half_sine, half_cosine)
+
+
+@kernel
+def gap_on_arc(
+    product: float,
+    reach: float,
+    a_s: float,
+    a_c: float,
+    b_s: float,
+    b_c: float,
+    half_sine: float,
+    half_cosine: float,
+) -> float:
+    """Gap (m) of two bodies on one arc, of ``rho_a rho_b`` and ``r_a + r_b``."""
+    delta = abs(b_s * a_c - b_c * a_s)
+    cosine = abs(b_c * a_c + b_s * a_s)
+    less = delta * half_cosine - cosine * half_sine
+    more = delta * half_cosine + cosine * half_sine
+    return 2.0 * product * less * more / reach
+
+
+@kernel
+def _tally_flights(
+    world: World,
+    known: int,
+    outcome: Outcome,
+    finals: Sequence[FinalState],
+    first_final: int,
+    scratch: Flight,
+) -> None:
+    """Forces of every flight that another one of its body followed; energies at the start."""
+    for number in range(known, world.clock[0].flight_rows):
+        row = world.log[number]
+        final = finals[first_final + row.body]
+        if row.cause == WALL:
+            outcome.walls += 1
+        if final.latest < 0:
+            final.start_energy = energy_of_row(world, row, row.s, row.c, row.p)
+        else:
+            before = world.log[final.latest]
+            duration = (row.t - before.t) + (row.t_low - before.t_low)
+            end = (row.before_s, row.before_c, row.before_p)
+            # Of several launches of a group at one instant only the last one lasts.
+            if before.grouped == 0 or duration > 0.0:
+                _tally_forces(world, final.latest, duration, end, outcome, scratch)
+        final.latest = number
+
+
+@kernel
+def _finish(world: World, ball: int, outcome: Outcome, final: FinalState, scratch: Flight) -> None:
+    """Forces of the last flight of a body; its state and energy at the end."""
+    row = world.log[final.latest]
+    duration = (outcome.end_t - row.t) + (outcome.end_t_low - row.t_low)
+    recall_flight(world, row, final.latest, scratch)
+    s, c, p = flow(scratch, duration)
+    final.piece = row.piece
+    final.s = s
+    final.c = c
+    final.p = p
+    final.end_energy = energy_of_row(world, row, s, c, p)
+    _tally_forces(world, final.latest, duration, (s, c, p), outcome, scratch)
+
+
+@kernel
+def _tally_forces(
+    world: World,
+    number: int,
+    duration: float,
+    end: tuple[float, float, float],
+    outcome: Outcome,
+    scratch: Flight,
+) -> None:
+    """Count in the normal forces and the demand of friction of one flight.
+
+    A group in lasting contact is counted with the flight of its first body.
+    """
+    row = world.log[number]
+    if row.grouped != 0:
+        if row.group_first == row.body:
+            least, demand = group_extremes(world, number, duration, end, scratch)
+            outcome.least_force = min(outcome.least_force, least)
+            outcome.most_demand = max(outcome.most_demand, demand)
+        return
+    tally_alone(world, number, duration, end, outcome, scratch)
+
+
+@kernel
+def tally_alone(
+    world: World,
+    number: int,
+    duration: float,
+    end: tuple[float, float, float],
+    outcome: Outcome,
+    scratch: Flight,
+) -> None:
+    """Count in the normal forces and the demand of friction of a flight of a body by itself."""
+    row = world.log[number]
+    body = world.bodies[row.body]
+    piece = world.pieces[row.piece]
+    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    if track.path_radius == 0.0:
+        outcome.least_force = min(outcome.least_force, body.weight * piece.tangent_x)
+        demand = friction_demand(
+            body.weight * abs(piece.tangent_y) * (1.0 - 1.0 / body.kappa),
+            body.weight * piece.tangent_x,
+        )
+        outcome.most_demand = max(outcome.most_demand, demand)
+        return
+    low, high = _range(row, track.frequency, duration, end)
+    m = row.parameter
+    least = min(arc_force(body, piece, m, low), arc_force(body, piece, m, high))
+    outcome.least_force = min(outcome.least_force, least)
+    most = outcome.most_demand
+    most = max(most, _arc_demand(body, piece, m, low, most))
+    most = max(most, _arc_demand(body, piece, m, high, most))
+    # N/(m g) = sign (A + B cos f) with S^2 = (1 - cos f)/2.
+    b = 1.0 + 2.0 / body.kappa
+    a = 4.0 * m / body.kappa - 2.0 / body.kappa
+    if abs(a) > b:
+        stationary = 0.5 * (1.0 + b / a)
+        if low <= stationary <= high:
+            most = max(most, _arc_demand(body, piece, m, stationary, most))
+    outcome.most_demand = most
+
+
+@kernel
+def _range(
+    row: FlightRow, frequency: float, duration: float, final: tuple[float, float, float]
+) -> tuple[float, float]:
+    """Extremes of ``S^2`` over a flight on an arc."""
+    end_s, end_c, end_p = final
+    start = row.s * row.s
+    end = end_s * end_s
+    low = min(start, end)
+    high = max(start, end)
+    libration = row.root_complement >= 0.0
+    half = half_period(row, frequency, duration)
+    whole = duration >= half
+    moving = row.at_rest == 0
+    if libration:
+        reversed_ = row.p * end_p <= 0.0 and row.p != 0.0
+        if moving and (whole or reversed_):
+            high = row.parameter
+    elif whole or row.c * end_c < 0.0:
+        high = 1.0
+    # The bottom: passed when S changes sign, or between two turning points.
+    inward = row.s * row.c * row.p < 0.0
+    again = libration and moving and inward and duration >= 0.5 * half
+    if row.s * end_s < 0.0 or (moving and whole) or again:
+        low = 0.0
+    return low, high
+
+
+@kernel
+def arc_force(body: BodyData, piece: PieceData, m: float, s2: float) -> float:
+    """Normal force (N) of a free flight of parameter ``m`` where it passes ``S^2`` on an arc."""
+    return body.weight * piece.sign * ((1.0 + 4.0 * m / body.kappa) - (2.0 + 4.0 / body.kappa) * s2)
+
+
+@kernel
+def _arc_demand(body: BodyData, piece: PieceData, m: float, s2: float, most: float) -> float:
+    """Demand of friction of a free flight where it passes ``S^2``, or 0 if that is below ``most``.
+
+    Squares tell that without a root and a quotient.
+    """
+    normal = arc_force(body, piece, m, s2)
+    square = max(s2 * (1.0 - s2), 0.0)
+    share = 1.0 - 1.0 / body.kappa
+    if normal > 0.0:
+        pull = 2.0 * body.weight * share
+        held = most * normal
+        if pull * pull * square <= BELOW * (held * held):
+            return 0.0
+    sine = 2.0 * math.sqrt(square)
+    return friction_demand(body.weight * sine * share, normal)

@@ -1,0 +1,296 @@
+"""Where a ball that moves straight on meets the wall, its centre at the distance r from it.
+
+A conic (ellipse or circle with the semi-axes a, b) is met on its offset curve, which is no ellipse.
+With the unit normal ``n`` of the wall at some point, the centre of a ball that touches it there is
+``c = (a^2 n_x, b^2 n_y)/H - s r n``, ``H^2 = a^2 n_x^2 + b^2 n_y^2``, s = 1 inside and -1 outside;
+its curve turns with the radius ``a^2 b^2/H^3 - s r``. While that is positive (build refuses other
+balls) the centres that touch enclose a convex region, left once by a straight line, where
+``n u > 0`` for its direction u, and entered once, where ``n u < 0``. On either half the distance
+``u x (c - p)`` of c from the line grows or falls throughout: its one root is bracketed, and
+Newton's steps that leave the bracket are replaced by its middle. So the contact found is the first.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.numerics.error_free import difference_of_products
+from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.table.world import (
+    CONIC,
+    MEETS_WALL,
+    NEVER,
+    Ball,
+    Edge,
+    Meeting,
+    WallData,
+    World,
+)
+
+EPSILON = 2.0**-52
+MOST_STEPS = 200
+# Once steps are below this share of the half turn, they shrink until rounding decides them.
+SETTLED = 1.0e-6
+# Components of a velocity across a wall below this share of it are rounding, not approach.
+RESOLVED = 4.0 * EPSILON
+# A slower ball (m/s) is at rest: the square of its speed has no digits any more.
+SLOWEST = 1.0e-145
+
+
+@kernel
+def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: Meeting) -> float:
+    """Return the time (s) until a ball at (x, y) meets the wall, and where; NEVER if it does not.
+
+    ``to`` gets the place of the centre, the normal and the edge; the ball moves as ``ball`` says.
+    """
+    wall = world.wall[0]
+    speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
+    if speed < SLOWEST:
+        return NEVER
+    if wall.kind == CONIC:
+        return _meet_conic(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, to) / speed
+    best = NEVER
+    for index in range(len(world.edges)):
+        edge = world.edges[index]
+        best = _meet_edge(edge, index, body.radius, x, y, ball.vx, ball.vy, speed, best, to)
+        if edge.corner == 1:
+            best = _meet_corner(edge, index, body.radius, x, y, ball.vx, ball.vy, best, to)
+    return best
+
+
+@kernel
+def _meet_conic(
+    wall: WallData, radius: float, x: float, y: float, ux: float, uy: float, to: Meeting
+) -> float:
+    """Distance along the unit vector u to the contact; NEVER if there is none ahead."""
+    px = x - wall.x
+    py = y - wall.y
+    if wall.a == wall.b:
+        return _meet_circle(wall, wall.a - wall.side * radius, px, py, ux, uy, to)
+    # Normals within a quarter turn of +u inside, of -u outside: t is the tangent of half the angle.
+    fx = wall.side * ux
+    fy = wall.side * uy
+    offset = wall.side * radius
+    if wall.side < 0.0 and not _crosses(wall, offset, px, py, fx, fy):
+        return NEVER
+    t = _root(wall, offset, px, py, fx, fy)
+    cx, cy, nx, ny, _ = _touch(wall, offset, fx, fy, t)
+    ahead = (cx - px) * ux + (cy - py) * uy
+    if wall.side < 0.0 and ahead < -8.0 * EPSILON * (wall.a + wall.b + abs(px) + abs(py)):
+        return NEVER
+    if ahead < 0.0:
+        # By rounding it is beyond the wall: it touches where it is, not where it came through,
+        # which along the wall may be far behind.
+        t = _root(wall, offset, px, py, nx, ny)
+        cx, cy, nx, ny, _ = _touch(wall, offset, nx, ny, t)
+    _note(wall, wall.x + cx, wall.y + cy, nx, ny, to)
+    return max(ahead, 0.0)
+
+
+@kernel
+def _root(wall: WallData, offset: float, px: float, py: float, fx: float, fy: float) -> float:
+    """Tangent of half the angle from f to the normal where the line through p along f is met."""
+    low, high, last = -1.0, 1.0, 2.0
+    t = _first_guess(wall, offset, px, py, fx, fy)
+    for _ in range(MOST_STEPS):
+        cx, cy, _, _, turning = _touch(wall, offset, fx, fy, t)
+        away = fx * (cy - py) - fy * (cx - px)
+        if away < 0.0:
+            low = t
+        else:
+            high = t
+        step = 2.0
+        if turning > 0.0:
+            step = -0.5 * (1.0 + t * t) * away / turning
+        size = abs(step)
+        if size <= EPSILON or (last < SETTLED and size >= 0.5 * last):
+            return t  # as near as the rounding of the distance allows
+        last = size
+        t += step
+        if not low < t < high:
+            t = 0.5 * (low + high)
+            last = 2.0
+            if not low < t < high:
+                return t
+    return t
+
+
+@kernel
+def _touch(
+    wall: WallData, offset: float, fx: float, fy: float, t: float
+) -> tuple[float, float, float, float, float]:
+    """Centre that touches, normal there, and how fast the centre leaves the line as it turns."""
+    cosine = (1.0 - t * t) / (1.0 + t * t)
+    sine = 2.0 * t / (1.0 + t * t)
+    nx = fx * cosine - fy * sine
+    ny = fx * sine + fy * cosine
+    h = math.sqrt(wall.a * wall.a * nx * nx + wall.b * wall.b * ny * ny)
+    cx = (wall.a * wall.a / h - offset) * nx
+    cy = (wall.b * wall.b / h - offset) * ny
+    ratio = wall.a * wall.b / h
+    return cx, cy, nx, ny, (ratio * ratio / h - offset) * cosine
+
+
+@kernel
+def _note(wall: WallData, x: float, y: float, nx: float, ny: float, to: Meeting) -> None:
+    """Note a contact on a conic, n its outer normal."""
+    to.kind = MEETS_WALL
+    to.other = 0
+    to.x = x
+    to.y = y
+    to.normal_x = wall.side * nx
+    to.normal_y = wall.side * ny
+
+
+@kernel
+def _crosses(wall: WallData, offset: float, px: float, py: float, fx: float, fy: float) -> bool:
+    """Whether the line through p along f crosses the region of centres that touch or overlap."""
+    first_x, first_y, _, _, _ = _touch(wall, offset, fx, fy, -1.0)
+    last_x, last_y, _, _, _ = _touch(wall, offset, fx, fy, 1.0)
+    first = fx * (first_y - py) - fy * (first_x - px)
+    last = fx * (last_y - py) - fy * (last_x - px)
+    return first < 0.0 and last > 0.0
+
+
+@kernel
+def _first_guess(
+    wall: WallData, offset: float, px: float, py: float, fx: float, fy: float
+) -> float:
+    """Guess of the contact, from the ellipse whose semi-axes are shorter (longer) by r."""
+    a = wall.a - offset
+    b = wall.b - offset
+    qx, qy, gx, gy = px / a, py / b, fx / a, fy / b
+    square = gx * gx + gy * gy
+    along = qx * gx + qy * gy
+    across = qx * gy - qy * gx
+    root = math.sqrt(max(square - across * across, 0.0))
+    ahead = (root - along) / square
+    nx = (qx + ahead * gx) / a
+    ny = (qy + ahead * gy) / b
+    length = math.sqrt(nx * nx + ny * ny)
+    cosine = (nx * fx + ny * fy) / length
+    sine = (fx * ny - fy * nx) / length
+    if cosine <= 0.0:
+        return 0.0
+    return sine / (1.0 + cosine)
+
+
+@kernel
+def _meet_circle(
+    wall: WallData, rho: float, px: float, py: float, ux: float, uy: float, to: Meeting
+) -> float:
+    """The same for a circle on which the centres that touch lie at the distance rho."""
+    along = px * ux + py * uy
+    across = difference_of_products(px, uy, py, ux)
+    square = (rho - across) * (rho + across)
+    if square <= 0.0:
+        if wall.side < 0.0:
+            return NEVER
+        square = 0.0
+    root = math.sqrt(square)
+    if wall.side > 0.0:
+        ahead = root - along
+    else:
+        if along >= 0.0:
+            return NEVER
+        outside = (math.sqrt(px * px + py * py) - rho) * (math.sqrt(px * px + py * py) + rho)
+        ahead = outside / (root - along)
+    ahead = max(ahead, 0.0)
+    nx = px + ahead * ux
+    ny = py + ahead * uy
+    length = math.sqrt(nx * nx + ny * ny)
+    nx /= length
+    ny /= length
+    _note(wall, wall.x + rho * nx, wall.y + rho * ny, nx, ny, to)
+    return ahead
+
+
+@kernel
+def _meet_edge(
+    edge: Edge,
+    index: int,
+    radius: float,
+    x: float,
+    y: float,
+    vx: float,
+    vy: float,
+    speed: float,
+    best: float,
+    to: Meeting,
+) -> float:
+    """The sooner of a time and that until a straight side is met, which is then noted."""
+    closing = vx * edge.normal_x + vy * edge.normal_y
+    if closing <= RESOLVED * speed:
+        return best
+    distance = (edge.x - x) * edge.normal_x + (edge.y - y) * edge.normal_y - radius
+    time = max(distance / closing, 0.0)
+    if time >= best:
+        return best
+    place = (x - edge.x + time * vx) * edge.along_x + (y - edge.y + time * vy) * edge.along_y
+    if place < -edge.open_start or place > edge.length + edge.open_end:
+        return best
+    if distance < 0.0 and -distance > 1.0e-9 * (edge.length + radius):
+        return best  # it is behind this side, and sees it from there
+    to.kind = MEETS_WALL
+    to.other = index
+    to.normal_x = edge.normal_x
+    to.normal_y = edge.normal_y
+    to.x = edge.x + place * edge.along_x - radius * edge.normal_x
+    to.y = edge.y + place * edge.along_y - radius * edge.normal_y
+    return time
+
+
+@kernel
+def _meet_corner(
+    edge: Edge,
+    index: int,
+    radius: float,
+    x: float,
+    y: float,
+    vx: float,
+    vy: float,
+    best: float,
+    to: Meeting,
+) -> float:
+    """The same for the first corner of a side: the centre comes to the distance r from it."""
+    rounding = RESOLVED * (abs(vx) + abs(vy))
+    time = time_to_distance(edge.x - x, edge.y - y, -vx, -vy, radius, rounding)
+    if time >= best:
+        return best
+    nx = edge.x - (x + time * vx)
+    ny = edge.y - (y + time * vy)
+    length = math.sqrt(nx * nx + ny * ny)
+    if length == 0.0:
+        return best
+    to.kind = MEETS_WALL
+    to.other = index
+    to.normal_x = nx / length
+    to.normal_y = ny / length
+    to.x = edge.x - radius * to.normal_x
+    to.y = edge.y - radius * to.normal_y
+    return time
+
+
+@kernel
+def time_to_distance(
+    dx: float, dy: float, wx: float, wy: float, distance: float, rounding: float
+) -> float:
+    """Return when ``|d + w t|`` falls to a distance (s from now), or NEVER.
+
+    The root of ``w^2 t^2 + 2 d w t + d^2 - D^2`` at which the distance falls, without cancellation:
+    ``t = c/(root - d w)``, ``root^2 = (|w| D - |d x w|)(|w| D + |d x w|)``. An approach slower than
+    ``rounding`` (m/s) is none.
+    """
+    closing = dx * wx + dy * wy
+    apart = math.sqrt(dx * dx + dy * dy)
+    if closing >= -rounding * apart:
+        return NEVER
+    square = wx * wx + wy * wy
+    across = abs(difference_of_products(dx, wy, dy, wx))
+    reach = math.sqrt(square) * distance
+    inside = (reach - across) * (reach + across)
+    if inside < 0.0:
+        return NEVER
+    beyond = (apart - distance) * (apart + distance)
+    return max(beyond / (math.sqrt(inside) - closing), 0.0)

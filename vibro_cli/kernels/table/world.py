@@ -1,0 +1,256 @@
+"""What the event loop of the table works on: one tuple of records, and the logs that it fills."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from vibro_cli.compile.kernel import struct
+from vibro_cli.kernels.structs import BodyData
+
+# What a ball meets next.
+NOTHING = 0
+MEETS_WALL = 1
+MEETS_BALL = 2
+
+# Why the loop came back; all but LOG_FULL are causes of the end of a run.
+RUNNING = 0
+END_TIME = 1
+END_COLLISIONS = 2
+END_BOUNCES = 3
+END_NO_MORE = 4
+END_INADMISSIBLE = 5
+END_WALL_CONTACT = 6
+END_ACCUMULATION = 7
+LOG_FULL = 8
+END_INTERRUPTED = 9  # from outside
+END_NAMES = {
+    END_TIME: "time",
+    END_COLLISIONS: "collisions",
+    END_BOUNCES: "bounces",
+    END_NO_MORE: "no_more_collisions",
+    END_INADMISSIBLE: "inadmissible",
+    END_WALL_CONTACT: "wall_contact",
+    END_ACCUMULATION: "accumulation",
+    END_INTERRUPTED: "interrupted",
+}
+
+NO_WALL = 0
+CONIC = 1  # an ellipse, or a circle
+POLYGON = 2
+
+NEVER = 1.0e300  # an instant, s, after the end of every run
+
+
+@struct
+class Ball:
+    """The straight motion of one ball since its last event."""
+
+    x: float  # centre at the instant t, m
+    y: float
+    vx: float  # m/s
+    vy: float
+    t: float  # in two doubles, s
+    t_low: float
+    square: float  # square of the speed that it has by the laws, m^2/s^2
+
+
+@struct
+class Meeting:
+    """What a ball meets next: the wall, or a ball after it in the list."""
+
+    kind: int
+    other: int  # the ball, or the edge of a polygon
+    t: float  # in two doubles, s
+    t_low: float
+    x: float  # centre of the ball at the wall, m
+    y: float
+    normal_x: float  # from the ball to the wall
+    normal_y: float
+
+
+@struct
+class WallData:
+    """The wall as a whole."""
+
+    kind: int
+    side: float  # +1: the balls are inside, -1: outside
+    x: float  # centre of a conic, m
+    y: float
+    a: float  # semi-axes, m
+    b: float
+    restitution: float
+
+
+@struct
+class Edge:
+    """A straight side of a polygon, from one corner to the next, and its first corner."""
+
+    x: float  # m
+    y: float
+    along_x: float
+    along_y: float
+    normal_x: float  # away from the balls
+    normal_y: float
+    length: float
+    corner: int  # 1: a ball can touch the corner itself
+    open_start: float  # how far beyond its ends the side is met, m
+    open_end: float
+
+
+@struct
+class Touch:
+    """Two balls that touch at the present instant, and what is solved for them."""
+
+    a: int
+    b: int
+    normal_x: float  # from a to b
+    normal_y: float
+    weight_a: float  # of the law, see `kernels.impact.laws`
+    weight_b: float
+    response_a: float
+    response_b: float
+    diagonal: float
+    approach: float  # the law's relative speed
+    impulse: float  # in two doubles
+    impulse_low: float
+    left: float  # of the right-hand side, in two doubles
+    left_low: float
+    direction: float  # of the next step
+    change: float  # of the relative speed by that direction, in two doubles
+    change_low: float
+
+
+@struct
+class Share:
+    """What all impulses at the present instant change in the velocity of a ball."""
+
+    place: int  # in the group, from 1; 0: it is not in it
+    x: float  # m/s, in two doubles
+    x_low: float
+    y: float
+    y_low: float
+
+
+@struct
+class Clock:
+    """The state of the run as a whole."""
+
+    t: float
+    t_low: float
+    collisions: int
+    bounces: int
+    pair_rows: int
+    bounce_rows: int
+    stalled: int  # events in a row without time between them
+    group: int  # balls in the group that collides now
+    energy_correction: float
+    begun: int
+
+
+@struct
+class Settings:
+    """What does not change."""
+
+    law: int
+    substitute: int
+    restitution: float
+    stop_time: float
+    stop_collisions: int
+    stop_bounces: int
+    room: int
+    leaves: int  # of the tournament
+
+
+@struct
+class PairRow:
+    """One impact of two balls."""
+
+    event: int  # number of the event, of either kind
+    t: float
+    t_low: float
+    a: int
+    b: int
+    x_a: float
+    y_a: float
+    x_b: float
+    y_b: float
+    vx_a_pre: float
+    vy_a_pre: float
+    vx_b_pre: float
+    vy_b_pre: float
+    vx_a_post: float
+    vy_a_post: float
+    vx_b_post: float
+    vy_b_post: float
+    normal_x: float
+    normal_y: float
+    normal_a_pre: float  # components along the line of centres
+    normal_b_pre: float
+    normal_a_post: float
+    normal_b_post: float
+    loss: float
+    gap: float
+    law: int
+    admissible: int
+    substituted: int
+    simultaneous: int
+    grazing: int
+
+
+@struct
+class BounceRow:
+    """One impact of a ball on the wall."""
+
+    event: int
+    t: float
+    t_low: float
+    ball: int
+    edge: int
+    x: float
+    y: float
+    normal_x: float
+    normal_y: float
+    vx_pre: float
+    vy_pre: float
+    vx_post: float
+    vy_post: float
+    loss: float
+    grazing: int
+
+
+class World(NamedTuple):
+    """All records of a run."""
+
+    clock: Sequence[Clock]
+    settings: Sequence[Settings]
+    wall: Sequence[WallData]
+    edges: Sequence[Edge]
+    bodies: Sequence[BodyData]
+    balls: Sequence[Ball]
+    meetings: Sequence[Meeting]
+    tree: list[int]  # tournament of the balls' meetings: the winner of each match, root at 1
+    touches: Sequence[Touch]
+    shares: Sequence[Share]
+    group: list[int]  # balls that touch one another now
+    pair_log: Sequence[PairRow]
+    bounce_log: Sequence[BounceRow]
+
+
+RECORDS: dict[str, type] = {
+    "clock": Clock,
+    "settings": Settings,
+    "wall": WallData,
+    "edges": Edge,
+    "bodies": BodyData,
+    "balls": Ball,
+    "meetings": Meeting,
+    "touches": Touch,
+    "shares": Share,
+    "pair_log": PairRow,
+    "bounce_log": BounceRow,
+}
+STATE = ("clock", "balls", "meetings")
+"""The records that change in a run, which are its state; the tournament follows from them."""
+LOGS = {"pair_log": "pair_rows", "bounce_log": "bounce_rows"}
+"""The logs, and the field of the clock that counts their rows."""

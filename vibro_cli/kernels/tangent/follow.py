@@ -1,0 +1,380 @@
+"""The tangent map of a run, from the logs of its event loop.
+
+Bodies are independent of one another between events: of each the tangent vectors are those at the
+start of its present flight, and are carried on when that ends. A row of the log of flights says
+when and how; impacts are in their own log. No other part of the solver knows of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.contact.gap import centre_position, centre_tangent
+from vibro_cli.kernels.flow.flow import acceleration_at
+from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.impact.laws import TRANSLATIONAL
+from vibro_cli.kernels.numerics.error_free import time_between
+from vibro_cli.kernels.structs import Flight
+from vibro_cli.kernels.tangent.flight_jacobian import flight_jacobian
+from vibro_cli.kernels.tangent.frame import (
+    begin_frame,
+    growth_of_pair,
+    orthogonalise,
+    scaled_back,
+)
+from vibro_cli.kernels.tangent.impacts import strike
+from vibro_cli.kernels.tangent.world import Tangents
+from vibro_cli.kernels.world import (
+    COLLISION,
+    CROSSING,
+    RUNNING,
+    SEGMENT,
+    START,
+    WALL,
+    FlightRow,
+    World,
+)
+
+
+@kernel
+def follow_tangents(
+    world: World,
+    known: int,
+    cause: int,
+    end_t: float,
+    end_t_low: float,
+    tangents: Tangents,
+    scratch: Sequence[Flight],
+) -> None:
+    """Carry tangent vectors through a part of a run.
+
+    Parameters
+    ----------
+    world
+        With the rows of the part in its logs; its pairs are used as scratch.
+    known
+        0, or the number of bodies for a part that is not the first (see ``run_statistics.tally``).
+    cause, end_t, end_t_low
+        ``RUNNING``, or why and when (two doubles, s) the run ended: then all bodies are carried to
+        that instant.
+    tangents
+        Changed; its columns of impacts are filled in.
+    scratch
+        A flight to work with.
+    """
+    state = tangents.state[0]
+    rows = world.clock[0].flight_rows
+    if known == 0:
+        begin_frame(tangents)
+        state.rough = 0
+        state.begin_t = world.log[0].t
+    for ball in range(known):
+        tangents.current[0, ball] = ball
+    impact = 0
+    row = known
+    while row < rows:
+        count = _rows_of_instant(world, row, rows)
+        impact = _happen(world, tangents, row, count, impact, scratch)
+        row += count
+    while impact < world.clock[0].impact_rows:
+        # Nothing goes on from an impact that is not carried out.
+        tangents.amplification[0, impact] = math.nan
+        tangents.smooth[0, impact] = 0
+        for column in range(len(tangents.frame)):
+            tangents.growth[impact, column] = tangents.sums[0, column]
+        impact += 1
+    if cause != RUNNING:
+        for ball in range(world.settings[0].bodies):
+            _carry(world, tangents, ball, end_t, end_t_low, scratch)
+        orthogonalise(tangents)
+    state.end_t = end_t
+
+
+@kernel
+def _rows_of_instant(world: World, first: int, rows: int) -> int:
+    """Number of flights, from a row on, that begin in one event: at one instant, no body twice."""
+    start = world.log[first]
+    count = 1
+    while first + count < rows:
+        row = world.log[first + count]
+        if row.t != start.t or row.t_low != start.t_low:
+            return count
+        walls = (row.cause == WALL or row.cause == SEGMENT) and (
+            start.cause == WALL or start.cause == SEGMENT
+        )
+        if row.cause != start.cause and not walls:
+            return count
+        for step in range(count):
+            if world.log[first + step].body == row.body:
+                return count
+        count += 1
+    return count
+
+
+@kernel
+def _happen(
+    world: World,
+    tangents: Tangents,
+    first: int,
+    count: int,
+    impact: int,
+    scratch: Sequence[Flight],
+) -> int:
+    """Carry tangent vectors over one event; returns the row of the next impact."""
+    ended = _arrive_all(world, tangents, first, count, scratch)
+    for column in range(len(tangents.frame)):
+        tangents.delay[0, column] = 0.0
+    begin = impact
+    if world.log[first].cause == COLLISION:
+        impact = _collide(world, tangents, first, count, impact)
+    elif ended >= 0:
+        _reach_end(tangents, ended)
+        if world.log[tangents.current[0, ended]].cause == WALL:
+            _rebound(world, tangents, ended)
+    if ended >= 0 or impact > begin:
+        for step in range(count):
+            _change_force(world, tangents, first + step, scratch[0])
+    _constrain(world, tangents, first, count)
+    if impact > begin:
+        _tell(world, tangents, begin, impact)
+    return impact
+
+
+@kernel
+def _arrive_all(
+    world: World, tangents: Tangents, first: int, count: int, scratch: Sequence[Flight]
+) -> int:
+    """Carry the bodies of an event to it; returns the one at an end of its piece, or -1."""
+    ended = -1
+    for step in range(count):
+        row = world.log[first + step]
+        if row.cause != START:
+            before = world.log[tangents.current[0, row.body]].piece
+            _carry(world, tangents, row.body, row.t, row.t_low, scratch)
+            _arrive(world, tangents, row, before, scratch[0])
+            if row.cause == WALL or (row.cause == CROSSING and (row.piece != before or count == 1)):
+                ended = row.body
+        tangents.current[0, row.body] = first + step
+    return ended
+
+
+@kernel
+def _carry(
+    world: World, tangents: Tangents, ball: int, t: float, t_low: float, scratch: Sequence[Flight]
+) -> None:
+    """Carry the tangent vectors of a body to an instant of its flight, which is recalled."""
+    number = tangents.current[0, ball]
+    row = world.log[number]
+    flight = scratch[0]
+    tau = tangents.state[0].time_scale
+    age = time_between(t, t_low, row.t, row.t_low)
+    recall_flight(world, row, number, flight)
+    if age > 0.0 and not _leans(world, row):
+        one, two, three, four = flight_jacobian(flight, age)
+        two /= tau
+        three *= tau
+        for column in range(len(tangents.frame)):
+            way = tangents.frame[2 * ball, column]
+            rate = tangents.frame[2 * ball + 1, column]
+            tangents.frame[2 * ball, column] = one * way + two * rate
+            tangents.frame[2 * ball + 1, column] = three * way + four * rate
+
+
+@kernel
+def _leans(world: World, row: FlightRow) -> bool:
+    """Tell whether a body rests because a wall holds it, and not in equilibrium."""
+    if row.at_rest == 0:
+        return False
+    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    if track.path_radius == 0.0:
+        return row.grouped == 1 or track.line_acceleration != 0.0
+    return row.grouped == 1 or row.s * row.c != 0.0
+
+
+@kernel
+def _arrive(world: World, tangents: Tangents, row: FlightRow, piece: int, flight: Flight) -> None:
+    """Set the speed and the acceleration of a body at the end of a flight on a piece."""
+    track = world.tracks[row.body * world.settings[0].pieces + piece]
+    start = world.log[tangents.current[0, row.body]]
+    age = time_between(row.t, row.t_low, start.t, start.t_low)
+    tangents.arriving[row.body, 0] = track.speed_factor * row.before_p
+    tangents.arriving[row.body, 1] = acceleration_at(
+        flight, track.path_radius, age, row.before_s, row.before_c
+    )
+
+
+@kernel
+def _reach_end(tangents: Tangents, ball: int) -> None:
+    """Set the derivative of the time at which a body comes to an end of its piece."""
+    speed = tangents.arriving[ball, 0]
+    if speed == 0.0:
+        tangents.state[0].rough = 1
+        return
+    for column in range(len(tangents.frame)):
+        tangents.delay[0, column] = -tangents.frame[2 * ball, column] / speed
+
+
+@kernel
+def _rebound(world: World, tangents: Tangents, ball: int) -> None:
+    """Carry the tangent vectors of a body over its impact at a wall."""
+    settings = world.settings[0]
+    tau = tangents.state[0].time_scale
+    speed = tangents.arriving[ball, 0]
+    pull = tangents.arriving[ball, 1]
+    restitution = settings.right_wall if speed > 0.0 else settings.left_wall
+    for column in range(len(tangents.frame)):
+        delay = tangents.delay[0, column]
+        way = tangents.frame[2 * ball, column]
+        rate = tangents.frame[2 * ball + 1, column]
+        tangents.frame[2 * ball, column] = way + (1.0 + restitution) * speed * delay
+        tangents.frame[2 * ball + 1, column] = (
+            -restitution * rate - (1.0 + restitution) * pull * tau * delay
+        )
+
+
+@kernel
+def _change_force(world: World, tangents: Tangents, number: int, flight: Flight) -> None:
+    """Let a flight that begins at a later time begin with what its force has changed by then."""
+    row = world.log[number]
+    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    recall_flight(world, row, number, flight)
+    pull = acceleration_at(flight, track.path_radius, 0.0, row.s, row.c)
+    jump = (pull - tangents.arriving[row.body, 1]) * tangents.state[0].time_scale
+    if jump != 0.0:
+        for column in range(len(tangents.frame)):
+            tangents.frame[2 * row.body + 1, column] -= jump * tangents.delay[0, column]
+
+
+@kernel
+def _collide(world: World, tangents: Tangents, first: int, count: int, impact: int) -> int:
+    """Carry tangent vectors over the impacts of an event; returns the row of the next impact."""
+    while impact < world.clock[0].impact_rows and _belongs(world, tangents, first, count, impact):
+        length = 1
+        while _is_joint(world, impact + length - 1) and length < count - 1:
+            length += 1
+        for step in range(length):
+            row = world.impacts[impact + step]
+            if row.normal_a * row.speed_a_pre == row.normal_b * row.speed_b_pre:
+                tangents.state[0].rough = 1
+                return impact + length
+        strike(world, tangents, impact, length)
+        impact += length
+    return impact
+
+
+@kernel
+def _belongs(world: World, tangents: Tangents, first: int, count: int, impact: int) -> bool:
+    """Tell whether an impact is of an event: at its instant, of bodies as they arrive at it."""
+    row = world.impacts[impact]
+    start = world.log[first]
+    if row.t != start.t or row.t_low != start.t_low:
+        return False
+    found = 0
+    for step in range(count):
+        ball = world.log[first + step].body
+        if ball == row.a and tangents.arriving[ball, 0] == row.speed_a_pre:
+            found += 1
+        if ball == row.b and tangents.arriving[ball, 0] == row.speed_b_pre:
+            found += 1
+    return found == 2
+
+
+@kernel
+def _is_joint(world: World, impact: int) -> bool:
+    """Tell whether an impact and the next one were solved together, as their common body says."""
+    if impact + 1 >= world.clock[0].impact_rows:
+        return False
+    row = world.impacts[impact]
+    after = world.impacts[impact + 1]
+    if row.t != after.t or row.t_low != after.t_low or row.b != after.a:
+        return False
+    return row.speed_b_pre == after.speed_a_pre and row.speed_b_post == after.speed_a_post
+
+
+@kernel
+def _constrain(world: World, tangents: Tangents, first: int, count: int) -> None:
+    """Take from tangent vectors what lasting contact takes: gaps, and how fast they change."""
+    step = 0
+    while step < count:
+        row = world.log[first + step]
+        members = 1
+        if row.grouped == 1:
+            members = row.group_count
+        if _leans(world, row):
+            tangents.state[0].lost = 1
+            for column in range(len(tangents.frame)):
+                tangents.frame[2 * row.body, column] = 0.0
+                tangents.frame[2 * row.body + 1, column] = 0.0
+            members = 1
+        elif members > 1:
+            _unite(world, tangents, row)
+        step += members
+
+
+@kernel
+def _unite(world: World, tangents: Tangents, row: FlightRow) -> None:
+    """Project tangent vectors onto the common motion of a group, which keeps its momentum."""
+    bodies = world.settings[0].bodies
+    tangents.state[0].lost = 1
+    by_mass = world.settings[0].law == TRANSLATIONAL
+    for column in range(len(tangents.frame)):
+        for part in range(2):
+            ratio = 1.0
+            momentum = 0.0
+            inertia = 0.0
+            for step in range(row.group_count):
+                ball = (row.group_first + step) % bodies
+                if step > 0:
+                    ratio *= _ratio(world, tangents, (ball - 1) % bodies, ball)
+                body = world.bodies[ball]
+                weight = (body.mass if by_mass else body.rolling_mass) * ratio
+                momentum += weight * tangents.frame[2 * ball + part, column]
+                inertia += weight * ratio
+            ratio = 1.0
+            for step in range(row.group_count):
+                ball = (row.group_first + step) % bodies
+                if step > 0:
+                    ratio *= _ratio(world, tangents, (ball - 1) % bodies, ball)
+                tangents.frame[2 * ball + part, column] = ratio * momentum / inertia
+
+
+@kernel
+def _ratio(world: World, tangents: Tangents, a: int, b: int) -> float:
+    """Speed of a body over that of its left neighbour, with which it is in lasting contact."""
+    pieces = world.settings[0].pieces
+    one = world.log[tangents.current[0, a]]
+    other = world.log[tangents.current[0, b]]
+    track_a = world.tracks[a * pieces + one.piece]
+    track_b = world.tracks[b * pieces + other.piece]
+    if one.piece == other.piece:
+        return track_b.path_radius / track_a.path_radius if track_a.path_radius > 0.0 else 1.0
+    ax, ay = centre_position(world.pieces[one.piece], track_a, one.s, one.c)
+    bx, by = centre_position(world.pieces[other.piece], track_b, other.s, other.c)
+    tax, tay = centre_tangent(world.pieces[one.piece], one.s, one.c)
+    tbx, tby = centre_tangent(world.pieces[other.piece], other.s, other.c)
+    along_b = (bx - ax) * tbx + (by - ay) * tby
+    return ((bx - ax) * tax + (by - ay) * tay) / along_b
+
+
+@kernel
+def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
+    """Fill in what the impacts of an event have made of a change of the start."""
+    state = tangents.state[0]
+    if len(tangents.times) > begin:
+        for column in range(len(tangents.frame)):
+            value = 0.0
+            for other in range(column + 1):
+                value += tangents.delay[0, other] * tangents.product[other, column]
+            for impact in range(begin, end):
+                tangents.times[impact, column] = scaled_back(tangents, value)
+    orthogonalise(tangents)
+    for impact in range(begin, end):
+        row = world.impacts[impact]
+        for column in range(len(tangents.frame)):
+            tangents.growth[impact, column] = tangents.sums[0, column]
+        tangents.amplification[0, impact] = growth_of_pair(tangents, row.a, row.b)
+        rough = state.rough == 1 or end > begin + 1 or row.simultaneous == 1 or row.contact == 1
+        tangents.smooth[0, impact] = 0 if rough else 1
+    state.rough = 0

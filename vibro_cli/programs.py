@@ -1,0 +1,55 @@
+"""The programs of the library: which kernels are called from Python, with which overrides.
+
+``python -m vibro_cli.programs`` makes the library of a source checkout anew.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from vibro_cli.compile.build import BuildError, build
+from vibro_cli.compile.kinds import TranslationError
+from vibro_cli.compile.translate import Program
+from vibro_cli.kernels.ensemble.followed import follow_points
+from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
+from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
+from vibro_cli.kernels.ensemble.points import run_points
+from vibro_cli.kernels.ensemble.stacks import fill_stacked, run_stacked
+from vibro_cli.kernels.events.event_loop import proceed
+from vibro_cli.kernels.events.liftoff_slip import find_passages
+from vibro_cli.kernels.flow.replay import sample_flights
+from vibro_cli.kernels.rotating import TURNING
+from vibro_cli.kernels.statistics.impact_columns import fill_columns
+from vibro_cli.kernels.statistics.run_statistics import tally
+from vibro_cli.kernels.tangent.follow import follow_tangents
+from vibro_cli.stress.judge import judge_flights
+from vibro_cli.stress.kernels import find_first_contacts, follow_all
+from vibro_cli.systems import NAMES, system_named
+
+
+def programs() -> list[Program]:
+    """Return the programs, those first that take longest to compile."""
+    solving = (proceed, tally, run_points, run_stacked, sample_flights, find_passages)
+    of_trace = (
+        *solving,
+        proceed_swinging,
+        run_points_in_lanes,
+        fill_columns,
+        fill_stacked,
+        follow_tangents,
+        follow_points,
+        find_first_contacts,
+    )
+    return [
+        Program("trace", of_trace),
+        Program("rotating", solving, TURNING),
+        *(Program(name, system_named(name).kernels) for name in NAMES[1:]),
+        Program("judge", (judge_flights, follow_all)),
+    ]
+
+
+if __name__ == "__main__":
+    try:
+        build(programs())
+    except (BuildError, TranslationError) as error:
+        sys.exit(f"vibro: {error}")

@@ -1,0 +1,77 @@
+"""The stretches of a run on a trace: what the bodies are on goes on from one to the next.
+
+In front of the flights that have begun in a stretch stand those that were under way before, one
+for each body, so that a stretch can be understood by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.compile.kernel import dtype
+from vibro_cli.kernels.world import LOGS, RECORDS
+from vibro_cli.systems.driver import Driver, EventLoop
+from vibro_cli.systems.stream import Stretch, Stretches
+
+
+class TraceStretches(Stretches):
+    """The stretches of a run in progress (see ``systems.stream.Stretches``)."""
+
+    def __init__(self, loop: EventLoop, driver: Driver, stop_time: float | None) -> None:
+        super().__init__(loop, driver, stop_time)
+        self._told = 0
+        self._nothing = {name: np.zeros(0, dtype=dtype(RECORDS[name])) for name in LOGS}
+        self._carried: dict[str, Any] = self._nothing
+
+    @property
+    def under_way(self) -> Any:
+        """The flight that each body is on: rows of the log."""
+        return self._carried["log"]
+
+    def _framed(self, logs: dict[str, Any]) -> Stretch:
+        known = len(self._carried["log"])
+        segments = logs["segments"].copy()
+        segments["flight"] += known - self._told
+        self._told += len(logs["log"])
+        logs["segments"] = np.concatenate([self._carried["segments"], segments])
+        logs["log"] = np.concatenate([self._carried["log"], logs["log"]])
+        self._carried = self._nothing | under_way(logs)
+        return self._stretch(logs)._replace(known=known)
+
+    def _ended(self) -> Stretch:
+        """Flights under way, which the end of the run still has to be told of."""
+        return self._stretch(self._carried)._replace(known=len(self._carried["log"]))
+
+    def _stretch(self, logs: Mapping[str, Any]) -> Stretch:
+        settled = earliest_unlogged(self._driver.world.pairs)
+        return super()._stretch(logs)._replace(settled=settled)
+
+
+def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the last flight of each body and their segments, for the logs to begin with."""
+    log, segments = logs["log"], logs["segments"]
+    bodies = int(log["body"].max()) + 1
+    last = np.empty(bodies, dtype=np.int64)
+    last[log["body"]] = np.arange(len(log))  # of equal ones the last
+    rows = last.tolist()
+    kept = [
+        (body, segment)
+        for body, row in enumerate(rows)
+        for segment in np.flatnonzero(segments["flight"] == row).tolist()
+    ]
+    carried = segments[[segment for _, segment in kept]]
+    carried["flight"] = [body for body, _ in kept]
+    return {"log": log[rows], "segments": carried}
+
+
+def earliest_unlogged(pairs: Any) -> float:
+    """Return when the first lasting contact began or ended that is not logged yet (s)."""
+    if isinstance(pairs, np.ndarray):
+        open_ones = pairs[pairs["held"] != pairs["logged"]]
+        times = (open_ones["change_t"] + open_ones["delay"]).tolist()
+    else:
+        times = [pair.change_t + pair.delay for pair in pairs if pair.held != pair.logged]
+    return min(times, default=np.inf)

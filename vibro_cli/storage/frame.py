@@ -1,0 +1,153 @@
+"""Tables for Python: columns as numpy arrays, and for every library that reads Arrow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from html import escape
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
+
+_SHOWN = 5
+"""Rows that a notebook shows."""
+
+
+class Table:
+    """The columns of a table by their names, each a numpy array of shape ``(rows,)``.
+
+    Units and meanings are in ``units`` and ``descriptions``. Where there is no value, numbers are
+    NaN and words are None; a column of whole numbers or truth values is then a masked array. Arrays
+    cannot be written to; ``.copy()`` gives one that can.
+
+    It is used like a dictionary (``table["t"]``, ``"t" in table``, ``dict(table)``), and has the
+    Arrow PyCapsule interface: polars, pyarrow and duckdb take it as it is, for instance
+    ``polars.DataFrame(run.collisions)``.
+
+    Parameters
+    ----------
+    name
+        That of its file, without the suffix.
+    data
+        The table of pyarrow, with units and descriptions in the metadata of its fields.
+    """
+
+    def __init__(self, name: str, data: pa.Table) -> None:
+        self.name = name
+        self._data = data
+
+    @property
+    def rows(self) -> int:
+        """The number of rows."""
+        return int(self._data.num_rows)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of every column: "" for a plain number and for words."""
+        return self._told(b"unit")
+
+    @property
+    def descriptions(self) -> dict[str, str]:
+        """What every column means."""
+        return self._told(b"description")
+
+    def _told(self, key: bytes) -> dict[str, str]:
+        return {one.name: (one.metadata or {}).get(key, b"").decode() for one in self._data.schema}
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a column; raises ``KeyError`` with the names there are."""
+        if name not in self._data.column_names:
+            names = ", ".join(self._data.column_names)
+            raise KeyError(f"{self.name} has no column {name!r}, but {names}")
+        return _as_array(self._data[name])
+
+    # Not a collections.abc.Mapping: polars would take its arrays, without what is missing in them.
+
+    def keys(self) -> list[str]:
+        """Return the names of the columns."""
+        return list(self._data.column_names)
+
+    def values(self) -> list[NDArray[Any]]:
+        """Return the columns."""
+        return [self[name] for name in self]
+
+    def items(self) -> list[tuple[str, NDArray[Any]]]:
+        """Return names and columns."""
+        return [(name, self[name]) for name in self]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._data.column_names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._data.column_names)
+
+    def __len__(self) -> int:
+        """Return the number of columns, as of a dictionary; ``rows`` is that of the rows."""
+        return int(self._data.num_columns)
+
+    def to_arrow(self) -> pa.Table:
+        """Return the table of pyarrow."""
+        return self._data
+
+    def __arrow_c_schema__(self) -> object:
+        return self._data.schema.__arrow_c_schema__()
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        return self._data.__arrow_c_stream__(requested_schema)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a data frame of pandas; raises ``ImportError`` where it is not installed."""
+        _check_installed("pandas")
+        return self._data.to_pandas()
+
+    def to_polars(self) -> polars.DataFrame:
+        """Return a data frame of polars; raises ``ImportError`` where it is not installed."""
+        _check_installed("polars")
+        import polars
+
+        return polars.DataFrame(self._data)
+
+    def __repr__(self) -> str:
+        return f"<Table {self.name}: {self.rows} rows, {len(self)} columns>"
+
+    def _repr_html_(self) -> str:
+        """Show the first rows in a notebook."""
+        heads = "".join(
+            f"<th>{escape(name)}{f' [{unit}]' if unit else ''}</th>"
+            for name, unit in self.units.items()
+        )
+        rows = "".join(
+            f"<tr>{''.join(f'<td>{escape(_shown(value))}</td>' for value in row.values())}</tr>"
+            for row in self._data.slice(0, _SHOWN).to_pylist()
+        )
+        first = f", the first {_SHOWN}" if self.rows > _SHOWN else ""
+        caption = f"{escape(self.name)}: {self.rows} rows{first}"
+        return f"<table><caption>{caption}</caption><tr>{heads}</tr>{rows}</table>"
+
+
+def _as_array(column: pa.ChunkedArray) -> NDArray[Any]:
+    numbers = pa.types.is_floating(column.type)
+    if column.null_count == 0 or numbers or pa.types.is_string(column.type):
+        return np.asarray(column.to_numpy())
+    missing = column.is_null().to_numpy()
+    empty = False if pa.types.is_boolean(column.type) else 0
+    return np.ma.MaskedArray(column.fill_null(empty).to_numpy(), missing)
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _check_installed(library: str) -> None:
+    if find_spec(library) is None:
+        raise ImportError(
+            f"to_{library}() needs {library}, which is not installed: pip install {library}"
+        )

@@ -1,0 +1,189 @@
+"""Scenes drawn at random against an oracle of 40 digits: impacts, walls, lasting contact.
+
+A motion is compared with the oracle's at instants spread over it, in units of what a small change
+of the inputs does to it, as far as that is not lost; contacts by the instants at which they begin
+and end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from copy import deepcopy
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibro_cli.scenario import ScenarioError
+from vibro_cli.simulation.run import Run, simulate_system
+from vibro_cli.stress.drawing import draw
+from vibro_cli.stress.finding import Document, Finding, Plan, Worst
+from vibro_cli.stress.highprecision.oracle import Oracle, Told
+from vibro_cli.stress.highprecision.scene import scene_of_system
+from vibro_cli.stress.highprecision.taylor import mp
+from vibro_cli.stress.scenes import system_of
+from vibro_cli.stress.watched import GivenUp, Watched
+
+CHECK = "digits"
+EPSILON = 2.0**-52
+MARK = 64.0  # of eps times the amplification
+INSTANTS = 16
+CHANGE = 2.0**-30  # of an input, relative
+# Motion beyond this amplification says nothing any more.
+LOST = 1.0e6
+MOST_EVENTS = 300
+SECONDS = 60.0  # of the processor
+NEARBY = 1.0e-4  # s
+CONTACT_KINDS = ("contact_closed", "contact_opened")
+
+Floats = Any  # an array of numbers
+
+
+class Verdict(NamedTuple):
+    """How far a run is from the oracle's; None where there was nothing to compare."""
+
+    motion: float | None = None
+    """Greatest distance in units of eps times amplification, up to the first lasting contact."""
+    after: float | None = None
+    """Greatest distance (m, m/s) beyond 64 of these units from then on."""
+    contacts: float | None = None
+    """Greatest distance (s) of instants at which a contact begins or ends."""
+    why: str = ""
+    """Why there was nothing to compare, or what else is wrong."""
+
+
+def check(plan: Plan) -> list[Finding]:
+    """Motion and contacts of drawn scenes."""
+    motion, after, contacts, undecided = Worst(), Worst(), Worst(), Worst()
+    watched = Watched(compared)
+    for number in range(plan.scenes(6, 200)):
+        document = draw(plan.seed, number)
+        try:
+            verdict = watched(document, SECONDS)
+        except GivenUp as reason:
+            verdict = Verdict(why=str(reason))
+        if verdict.motion is not None:
+            motion.take(verdict.motion, document)
+        if verdict.after is not None:
+            after.take(verdict.after, document)
+        if verdict.contacts is not None:
+            contacts.take(verdict.contacts, document)
+        undecided.take(float(verdict.motion is None), document)
+    tried = "scenes drawn at random, followed by an oracle of 40 digits"
+    return [
+        motion.finding(CHECK, "error of the motion / (eps x amplification)", tried, MARK),
+        after.finding(CHECK, "error beyond that after lasting contact (m, m/s)", tried, 1e-10),
+        contacts.finding(CHECK, "error of a contact's beginning or end (s)", tried, 1e-10),
+        undecided.finding(CHECK, "scenes that were not compared", tried, None),
+    ]
+
+
+def compared(document: Document, engine: str = "compiled") -> Verdict:
+    """Compare the run of a document with the oracle."""
+    try:
+        run = _solved(document)
+    except Exception as fault:
+        return Verdict(why=repr(fault))
+    end = float(run.checkpoint()["end_time"])
+    if end == 0.0:
+        return Verdict(why=f"the run ends at once: {run.end_cause}")
+    times = np.linspace(0.0, end, INSTANTS + 2)[1:-1]
+    ours = motion_at(run, times)
+    grown = amplification(document, times, ours)
+    known = int(np.argmax(np.append(grown.max(axis=(1, 2)), np.inf) > LOST))
+    if known == 0:
+        return Verdict(why="the motion is lost in rounding at once")
+    oracle = Oracle(
+        scene_of_system(run.system), run.system.law,
+        run.system.inadmissible == "normal-impulse", MOST_EVENTS,
+    )  # fmt: skip
+    why = ""
+    try:
+        oracle.run(mp.mpf(float(times[known - 1])), [mp.mpf(t) for t in times[:known]])
+    except ArithmeticError as reason:
+        why = str(reason)
+        known = len(oracle.told.samples)  # as far as it came
+    if known == 0:
+        return Verdict(why=why)
+    return _verdict(run, oracle.told, ours, grown, times[:known])
+
+
+def _solved(document: Document) -> Run:
+    stop = document["stop"]
+    return simulate_system(system_of(document), stop.get("time"), stop.get("collisions"))
+
+
+def motion_at(run: Run, times: Floats) -> Floats:
+    """Instants by bodies by ``x, y, speed`` (m, m/s)."""
+    sample = run.sample(times)
+    shape = (len(times), len(run.system.bodies))
+    return np.stack([sample[name].reshape(shape) for name in ("x", "y", "speed")], axis=2)
+
+
+def changed_documents(document: Document) -> Iterator[Document]:
+    """The document with each of its numbers in turn a little different."""
+    places: list[tuple[tuple[Any, ...], str]] = [((), "gravity")]
+    for number in range(len(document["balls"])):
+        places += [(("balls", number), key) for key in ("radius", "mass", "angle", "position")]
+        places.append((("balls", number), "speed"))
+    for number in range(len(document["trace"]["arcs"])):
+        for key in ("radius", "length", "end_slope"):
+            places.append((("trace", "arcs", number), key))
+    for way, key in (*places, (("trace",), "start_slope"), (("collision",), "k")):
+        changed = deepcopy(document)
+        holder: Any = changed
+        for step in way:
+            holder = holder.get(step, {}) if isinstance(step, str) else holder[step]
+        value = holder.get(key)
+        if isinstance(value, float) and value != 0.0:
+            holder[key] = value * (1.0 - CHANGE)
+            yield changed
+
+
+def amplification(document: Document, times: Floats, ours: Floats) -> Floats:
+    """What a relative change of 1 of an input would do to the motion, at least its own size."""
+    size = np.abs(ours).max(axis=0)
+    grown = np.broadcast_to(np.maximum(size, 1.0), ours.shape).copy()
+    for other in changed_documents(document):
+        try:
+            theirs = motion_at(_solved(other), times)
+        except (ScenarioError, ArithmeticError, ValueError):
+            continue  # a closed trace does not close any more, bodies overlap, or it ends before
+        grown = np.maximum(grown, np.abs(theirs - ours) / CHANGE)
+    return np.maximum.accumulate(grown.max(axis=1, keepdims=True), axis=0) + 0.0 * grown
+
+
+def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -> Verdict:
+    if len(told.samples) < len(times):
+        ended = f"the oracle ends {told.end_cause} at {float(told.end_time):.9g}"
+        return Verdict(motion=np.inf, why=ended)
+    closings = [float(event.t) for event in told.events if event.kind == "contact_closed"]
+    first = min(closings, default=np.inf)
+    motion, after = 0.0, None
+    for row, bodies in enumerate(told.samples):
+        for ball, (state, x, y) in enumerate(bodies):
+            for column, exact in enumerate((x, y, state.speed)):
+                off = abs(float(exact - mp.mpf(float(ours[row, ball, column]))))
+                unit = EPSILON * float(grown[row, ball, column])
+                if times[row] < first:
+                    motion = max(motion, off / unit)
+                else:
+                    after = max(after or 0.0, off - MARK * unit)
+    return Verdict(motion, after, _contacts_off(run, told, float(times[-1])))
+
+
+def _contacts_off(run: Run, told: Told, end: float) -> float | None:
+    """How far apart (s) contacts begin and end in both.
+
+    Where no force presses (two alike on a line) contact and none are one motion, and only one of
+    both may speak of contact: events without one like them nearby are not compared.
+    """
+    events = run.events
+    theirs = np.array([float(event.t) for event in told.events])
+    worst: float | None = None
+    for n in np.flatnonzero(np.isin(events["event"], CONTACT_KINDS) & (events["t"] < end)):
+        one = (events["event"][n], int(events["ball"][n]) - 1, int(events["other"][n]) - 1)
+        alike = [(event.kind, event.a, event.b) == one for event in told.events]
+        off = np.abs(theirs[alike] - float(events["t"][n])).min(initial=np.inf)
+        if off < NEARBY:
+            worst = max(worst or 0.0, float(off))
+    return worst

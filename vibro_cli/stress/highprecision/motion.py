@@ -1,0 +1,364 @@
+"""Motion of bodies that are free or in lasting contact, as Taylor series in whole numbers.
+
+A number is a whole multiple of ``2^-BITS``. Of each body: place ``(x, y)`` of the centre, tangent
+``(c, s)`` of its path, speed ``v``, coordinate ``q`` of its piece. With the path's curvature
+``kappa_c`` and the force along the path
+
+``x' = v c,  y' = v s,  c' = -kappa_c v s,  s' = kappa_c v c,``
+``kappa v' = -g s + Omega^2 (x - x_0) c + (contact forces)/m.``
+
+Bodies in contact keep their distance: ``n (A_b - A_a) + |V_b - V_a|^2/d = 0``, n from a to b, which
+determines the forces, order by order. Lines, arcs and pairs on two pieces are one formula; nothing
+is known here of elliptic functions, of periods or of the energy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import mul
+from typing import Any, NamedTuple
+
+from vibro_cli.stress.highprecision.scene import Scene
+from vibro_cli.stress.highprecision.taylor import Real, mp
+
+BITS = 168
+ORDER = 44
+# The last terms of a series are below this.
+LEFT_OUT = 2.0**-156
+# A first guess of a step (s) and the most it may grow from one to the next.
+FIRST_STEP = 0.05
+GROWTH = 3.0
+# Series of a much longer step lose digits when they are shortened.
+SHORTER = 0.2
+
+Whole = int
+Series = list[int]
+
+
+def whole(value: Real) -> Whole:
+    """A number as a multiple of ``2^-BITS``."""
+    return int(mp.nint(mp.ldexp(value, BITS)))
+
+
+def real(value: Whole) -> Real:
+    """A multiple of ``2^-BITS`` as a number."""
+    return mp.ldexp(mp.mpf(value), -BITS)
+
+
+def product(a: Series, b: Series, k: int) -> Whole:
+    """Coefficient k of the product of two series."""
+    total: int = sum(map(mul, a[: k + 1], b[k::-1]))
+    return total >> BITS
+
+
+def scaled(a: Whole, b: Whole) -> Whole:
+    """Product of two numbers."""
+    return (a * b) >> BITS
+
+
+class State(NamedTuple):
+    """Where a body is and how fast."""
+
+    piece: int
+    place: Real  # phi, psi or a distance
+    speed: Real
+
+
+class Path:
+    """The path of a body's centre on a piece."""
+
+    def __init__(self, scene: Scene, ball: int, piece: int) -> None:
+        self.shape = scene.pieces[piece]
+        self.body = scene.bodies[ball]
+        self.rho = self.shape.size - self.shape.sign * self.body.radius
+        on_arc = self.shape.sign != 0
+        self.curvature = self.shape.sign / self.rho if on_arc else mp.zero
+        self.per_length = 1 / self.rho if on_arc else mp.one  # change of the coordinate
+
+    def centre(self, place: Real) -> tuple[Real, Real]:
+        """Centre of the body."""
+        x, y = self.shape.origin
+        cosine, sine = self.tangent(place)
+        if self.shape.sign == 0:
+            radius = self.body.radius
+            return x + place * cosine - radius * sine, y + place * sine + radius * cosine
+        return x + self.shape.sign * self.rho * sine, y - self.shape.sign * self.rho * cosine
+
+    def tangent(self, place: Real) -> tuple[Real, Real]:
+        """Direction in which the centre moves to the right."""
+        slope = self.shape.sign * place if self.shape.sign else self.shape.slopes[0]
+        return mp.cos(slope), mp.sin(slope)
+
+
+@dataclass
+class Course:
+    """Series of one body over a step, in shares of it."""
+
+    x: Series
+    y: Series
+    c: Series
+    s: Series
+    v: Series
+    q: Series
+    along: Series  # V_x
+    across: Series  # V_y
+    rate: Series  # v', not in shares
+
+    def columns(self) -> tuple[Series, ...]:
+        """All its series."""
+        return (
+            self.x, self.y, self.c, self.s, self.v, self.q, self.along, self.across, self.rate
+        )  # fmt: skip
+
+
+class Constraint(NamedTuple):
+    """A pair that keeps its distance: a, b among the bodies of the group."""
+
+    a: int
+    b: int
+    distance: Real
+
+
+class Group:
+    """Bodies that move together: one free one, or several in contact.
+
+    Parameters
+    ----------
+    scene
+        What is run.
+    balls
+        Numbers of the bodies.
+    states
+        Where they are.
+    constraints
+        The pairs that keep their distance, bodies counted within the group.
+    still
+        Whether a wall holds them all.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        balls: Sequence[int],
+        states: Sequence[State],
+        constraints: Sequence[Constraint],
+        still: bool = False,
+    ) -> None:
+        self.scene, self.balls, self.constraints, self.still = scene, balls, constraints, still
+        self.states = states
+        self.paths = [Path(scene, n, s.piece) for n, s in zip(balls, states, strict=True)]
+        self.forces: list[Series] = []
+        self.courses: list[Course] = []
+
+    def _begin(self, path: Path, state: State) -> Course:
+        x, y, c, s, v, q = (
+            [whole(number)]
+            for number in (
+                *path.centre(state.place), *path.tangent(state.place), state.speed, state.place
+            )
+        )  # fmt: skip
+        return Course(x, y, c, s, v, q, [], [], [])
+
+    def expand(self, step: Real, order: int) -> None:
+        """Compute the series for a step (s)."""
+        h = whole(step)
+        self.forces = [[] for _ in self.constraints]
+        self.courses = [
+            self._begin(path, state) for path, state in zip(self.paths, self.states, strict=True)
+        ]
+        constants = [self._constants(path, h) for path in self.paths]
+        contacts = [_Contact(self, one) for one in self.constraints]
+        inverse = _inverse(self, contacts)
+        for k in range(order):
+            for course, constant in zip(self.courses, constants, strict=True):
+                _force_free(course, constant, k, self.still)
+            if contacts and not self.still:
+                _add_forces(self, contacts, inverse, k)
+            for course, constant in zip(self.courses, constants, strict=True):
+                _advance(course, constant, k)
+
+    def _constants(self, path: Path, h: Whole) -> _Constants:
+        scene, kappa = self.scene, path.body.kappa
+        return _Constants(
+            h, scaled(h, whole(path.curvature)), scaled(h, whole(path.per_length)),
+            whole(scene.gravity / kappa), whole(scene.turning_square / kappa), whole(scene.axis),
+        )  # fmt: skip
+
+    def tail(self) -> float:
+        """Size of the last terms."""
+        columns = [one for course in self.courses for one in course.columns()]
+        last = max(abs(value) for one in columns for value in one[-3:])
+        return float(last) / 2.0**BITS
+
+    def shorten(self, ratio: Real) -> None:
+        """Rescale the series to a share of the step."""
+        power, factor = 1 << BITS, whole(ratio)
+        powers = []
+        for _ in self.courses[0].x:
+            powers.append(power)
+            power = scaled(power, factor)
+        columns = [one for course in self.courses for one in course.columns()]
+        for one in (*columns, *self.forces):
+            for k, value in enumerate(one):
+                one[k] = scaled(value, powers[k])
+
+    def at(self, u: Whole) -> list[State]:
+        """States at a share of the step."""
+        return [
+            State(old.piece, real(value_of(course.q, u)), real(value_of(course.v, u)))
+            for old, course in zip(self.states, self.courses, strict=True)
+        ]
+
+
+class _Constants(NamedTuple):
+    """Numbers of one body on its piece that do not change."""
+
+    h: Whole
+    curvature_h: Whole
+    per_length_h: Whole
+    pull: Whole  # g/kappa
+    turning: Whole  # Omega^2/kappa
+    axis: Whole
+
+
+def value_of(series: Series, u: Whole) -> Whole:
+    """Sum of a series at a share of the step."""
+    total = 0
+    for coefficient in reversed(series):
+        total = ((total * u) >> BITS) + coefficient
+    return total
+
+
+def _force_free(course: Course, constant: _Constants, k: int, still: bool) -> None:
+    """Coefficient k of the velocity, and of ``v'`` without contact forces."""
+    course.along.append(product(course.v, course.c, k))
+    course.across.append(product(course.v, course.s, k))
+    rate = -scaled(constant.pull, course.s[k])
+    if constant.turning:
+        arm = course.x[: k + 1]
+        arm[0] -= constant.axis
+        rate += scaled(constant.turning, product(arm, course.c, k))
+    course.rate.append(0 if still else rate)
+
+
+def _advance(course: Course, constant: _Constants, k: int) -> None:
+    """Coefficient k + 1 of everything that is integrated."""
+    along, across = course.along[k], course.across[k]
+    course.x.append(scaled(along, constant.h) // (k + 1))
+    course.y.append(scaled(across, constant.h) // (k + 1))
+    course.c.append(-scaled(across, constant.curvature_h) // (k + 1))
+    course.s.append(scaled(along, constant.curvature_h) // (k + 1))
+    course.q.append(scaled(course.v[k], constant.per_length_h) // (k + 1))
+    course.v.append(scaled(course.rate[k], constant.h) // (k + 1))
+
+
+class _Contact:
+    """Series of one pair in contact."""
+
+    def __init__(self, group: Group, constraint: Constraint) -> None:
+        self.a, self.b = constraint.a, constraint.b
+        self.courses = (group.courses[self.a], group.courses[self.b])
+        self.inverse_distance = whole(1 / constraint.distance)
+        self.curvature = [whole(group.paths[n].curvature) for n in (self.a, self.b)]
+        bodies = [group.paths[n].body for n in (self.a, self.b)]
+        self.mobility = [whole(1 / (body.kappa * body.mass)) for body in bodies]
+        self.normal: tuple[Series, Series] = ([], [])
+        self.along: tuple[Series, Series] = ([], [])  # n t of a and of b
+        self.square: tuple[Series, Series] = ([], [])  # v^2
+        self.inward: tuple[Series, Series] = ([], [])  # n N, N the normal of the path
+        self.relative: tuple[Series, Series] = ([], [])  # V_b - V_a
+
+    def extend(self, k: int) -> Whole:
+        """Coefficient k of all that is known; return that of what the forces must balance."""
+        a, b = self.courses
+        for axis, (one, other) in enumerate(((a.x, b.x), (a.y, b.y))):
+            self.normal[axis].append(scaled(other[k] - one[k], self.inverse_distance))
+        self.relative[0].append(b.along[k] - a.along[k])
+        self.relative[1].append(b.across[k] - a.across[k])
+        balance = sum(product(one, one, k) for one in self.relative)
+        balance = scaled(balance, self.inverse_distance)
+        nx, ny = self.normal
+        for side, (course, sign) in enumerate(((a, -1), (b, 1))):
+            self.along[side].append(product(nx, course.c, k) + product(ny, course.s, k))
+            self.inward[side].append(product(ny, course.c, k) - product(nx, course.s, k))
+            self.square[side].append(product(course.v, course.v, k))
+            turned = product(self.square[side], self.inward[side], k)
+            balance += sign * scaled(self.curvature[side], turned)
+        return balance
+
+
+def _inverse(group: Group, contacts: list[_Contact]) -> list[list[Whole]]:
+    """Inverse of the matrix that turns forces into accelerations of the distances."""
+    if not contacts or group.still:
+        return []
+    normals = []
+    for one in contacts:
+        pair = [group.courses[one.a], group.courses[one.b]]
+        dx, dy = (
+            scaled(after[0] - before[0], one.inverse_distance)
+            for before, after in ((pair[0].x, pair[1].x), (pair[0].y, pair[1].y))
+        )
+        along = [scaled(dx, course.c[0]) + scaled(dy, course.s[0]) for course in pair]
+        normals.append({one.a: -real(along[0]), one.b: real(along[1])})
+    mobility = [1 / (path.body.kappa * path.body.mass) for path in group.paths]
+    size = len(contacts)
+    matrix = mp.matrix(size, size)
+    for row, mine in enumerate(normals):
+        for column, other in enumerate(normals):
+            matrix[row, column] = mp.fsum(
+                mine[n] * other[n] * mobility[n] for n in mine if n in other
+            )
+    solution = matrix**-1
+    return [[whole(solution[row, column]) for column in range(size)] for row in range(size)]
+
+
+def _add_forces(group: Group, contacts: list[_Contact], inverse: list[list[Whole]], k: int) -> None:
+    """Coefficient k of the contact forces, and their part of ``v'``.
+
+    What is known of order k is put in first, with the forces' coefficient k as zero.
+    """
+    balances = [one.extend(k) for one in contacts]
+    for one, force in zip(contacts, group.forces, strict=True):
+        force.append(0)
+        for side, sign in ((0, -1), (1, 1)):
+            share = scaled(product(force, one.along[side], k), one.mobility[side])
+            one.courses[side].rate[k] += sign * share
+    for number, one in enumerate(contacts):
+        a, b = one.courses
+        balances[number] += product(b.rate, one.along[1], k) - product(a.rate, one.along[0], k)
+    for row, (one, force) in enumerate(zip(contacts, group.forces, strict=True)):
+        force[k] = -sum(scaled(inverse[row][n], balances[n]) for n in range(len(contacts)))
+        for side, sign in ((0, -1), (1, 1)):
+            share = scaled(scaled(force[k], one.along[side][0]), one.mobility[side])
+            one.courses[side].rate[k] += sign * share
+
+
+def expand_all(groups: Sequence[Group], guess: Real, order: int = ORDER) -> Real:
+    """Expand groups over one step, the longest (up to a guess, s) that all series allow.
+
+    If a guessed order does not suffice, to the full one.
+    """
+    for group in groups:
+        group.expand(guess, order)
+    tail = max(group.tail() for group in groups)
+    if tail > LEFT_OUT and order < ORDER:
+        return expand_all(groups, guess)
+    ratio: Any = mp.one
+    if tail > LEFT_OUT:
+        ratio = mp.mpf((LEFT_OUT / tail) ** (1.0 / (ORDER - 2)))
+        if ratio < SHORTER:
+            return expand_all(groups, guess * ratio)
+        for group in groups:
+            group.shorten(ratio)
+    return guess * ratio
+
+
+def order_for(step: float, longest: float) -> int:
+    """The order that a step (s) needs, if the longest one of the full order is known."""
+    if step >= longest:
+        return ORDER
+    # The terms of the full order fall by this factor from one to the next at the longest step.
+    fall = LEFT_OUT ** (1.0 / ORDER)
+    return min(max(math.ceil(math.log(LEFT_OUT) / math.log(fall * step / longest)) + 3, 8), ORDER)

@@ -1,0 +1,358 @@
+"""An oracle: the whole motion of a scene in 40 digits, found by itself, event after event.
+
+It knows the model and nothing of the solver: Taylor series of the equations of motion, first zeros
+of polynomials, joint impacts with walls among them, lasting contact with its forces. Bounces that
+accumulate are followed until their rest is shorter than ``REST``; then they have come to their end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from vibro_cli.stress.highprecision.arrangement import LEFT_WALL, RIGHT_WALL, Arrangement
+from vibro_cli.stress.highprecision.first_zero import (
+    Undecided,
+    first_zero,
+    without_leading_zeros,
+)
+from vibro_cli.stress.highprecision.instant import (
+    ZERO,
+    Inadmissible,
+    Laws,
+    Touch,
+    closing_acceleration,
+    collide,
+    pressing,
+    speed_of,
+)
+from vibro_cli.stress.highprecision.motion import (
+    BITS,
+    FIRST_STEP,
+    GROWTH,
+    ORDER,
+    Constraint,
+    Course,
+    Group,
+    Path,
+    Series,
+    State,
+    Whole,
+    expand_all,
+    order_for,
+    product,
+    real,
+    whole,
+)
+from vibro_cli.stress.highprecision.scene import Scene
+from vibro_cli.stress.highprecision.taylor import Real, mp
+
+REST = mp.mpf(10) ** -17  # s
+SAME = mp.mpf(10) ** -30  # s: closer than this is one instant
+# A step that is to reach the next bounce is so much longer than the estimate.
+BEYOND = mp.mpf("1.1")
+# Speeds of what is left of a sequence of impacts that was broken off, of ``instant.ZERO``.
+LEFT_OVER = 1000
+
+
+class Event(NamedTuple):
+    """Something that happened; bodies from 0."""
+
+    t: Real
+    kind: str  # impact, wall, crossing, contact_closed, contact_opened
+    a: int
+    b: int = -1
+
+
+@dataclass
+class Told:
+    """What an oracle tells of a motion."""
+
+    events: list[Event] = field(default_factory=list)
+    samples: list[list[tuple[State, Real, Real]]] = field(default_factory=list)
+    """At each wanted instant of every body its state and its centre."""
+    end_cause: str = "time"
+    end_time: Real = mp.zero
+
+
+class _Watch(NamedTuple):
+    """A polynomial whose first zero is an event."""
+
+    kind: str  # crossing, wall, impact, opening
+    key: int  # twice the body, plus one to the right; or the pair
+    series: Series
+
+
+class _EndOfTrace(Exception):
+    """A body has come to an end of the trace without a wall."""
+
+
+class Oracle:
+    """Bodies of a scene on their way.
+
+    Parameters
+    ----------
+    scene
+        What is run.
+    law
+        ``hedrih``, ``normal-impulse`` or ``translational``.
+    substitute
+        Whether an inadmissible impact follows ``normal-impulse`` (else it ends the motion).
+    most_events
+        More than these are too many.
+    """
+
+    def __init__(self, scene: Scene, law: str, substitute: bool, most_events: int = 20_000) -> None:
+        self.scene = scene
+        self.laws = Laws(scene, law)
+        self.substitute = substitute
+        self.most_events = most_events
+        self.now = Arrangement(scene)
+        self.now.into_contact()
+        self.t = mp.zero
+        self.held: set[int] = set()  # pairs, and walls that hold a body
+        self.told = Told()
+        self._guess = mp.mpf(FIRST_STEP)
+        self._longest = 0.0  # s, of the last step of the full order
+
+    def run(self, until: Real, times: Sequence[Real] = ()) -> Told:
+        """Go on to an instant (s) and tell what happened, with samples at some instants.
+
+        Raises
+        ------
+        Undecided
+            Where what happens depends on digits that are not there, and after too many events.
+        """
+        waiting = list(times)
+        try:
+            self._happen([])
+            while self.t < until:
+                if len(self.told.events) > self.most_events:
+                    raise Undecided("too many events")
+                self._step(until, waiting)
+        except Inadmissible:
+            self.told.end_cause = "inadmissible"
+        except _EndOfTrace:
+            self.told.end_cause = "end_of_trace"
+        self.told.end_time = self.t
+        return self.told
+
+    def _step(self, until: Real, waiting: list[Real]) -> None:
+        groups = self._groups()
+        order = order_for(float(self._guess), self._longest)
+        step = expand_all(groups, self._guess, order)
+        if order == ORDER:
+            self._longest = float(step)
+        self._guess = min(step * GROWTH, mp.mpf(1))
+        rest = whole((until - self.t) / step)
+        u, happening = self._first(self._watches(groups), min(1 << BITS, rest))
+        while waiting and waiting[0] <= self.t + real(u) * step:
+            share = whole((waiting.pop(0) - self.t) / step)
+            self.told.samples.append(self._sample(_states(groups, share)))
+        self.now.states = _states(groups, u)
+        self.t = until if u == rest else self.t + real(u) * step
+        if happening:
+            self._happen(happening)
+
+    def _sample(self, states: Sequence[State]) -> list[tuple[State, Real, Real]]:
+        return [
+            (state, *Path(self.scene, ball, state.piece).centre(state.place))
+            for ball, state in enumerate(states)
+        ]
+
+    # -- what may happen in a step ------------------------------------------------------------
+
+    def _groups(self) -> list[Group]:
+        """Bodies that move together."""
+        groups = []
+        for balls in self._sets():
+            pairs = self._held_among(balls)
+            constraints = []
+            for pair in pairs:
+                a, b = (balls.index(n) for n in self.now.pairs[pair])
+                constraints.append(Constraint(a, b, self.now.reach(pair)))
+            last = len(self.scene.bodies) - 1
+            still = (LEFT_WALL in self.held and 0 in balls) or (
+                RIGHT_WALL in self.held and last in balls
+            )
+            states = [self.now.states[n] for n in balls]
+            groups.append(Group(self.scene, balls, states, constraints, still))
+        return groups
+
+    def _sets(self) -> list[list[int]]:
+        """Bodies joined by held pairs."""
+        sets = [{n} for n in range(len(self.scene.bodies))]
+        for pair, bodies in enumerate(self.now.pairs):
+            if pair in self.held:
+                one, other = (next(s for s in sets if n in s) for n in bodies)
+                if one is not other:
+                    sets.remove(other)
+                    one |= other
+        return [sorted(one) for one in sets]
+
+    def _held_among(self, balls: Sequence[int]) -> list[int]:
+        """Held pairs of some bodies."""
+        return [
+            pair for pair, bodies in enumerate(self.now.pairs)
+            if pair in self.held and bodies[0] in balls
+        ]  # fmt: skip
+
+    def _watches(self, groups: Sequence[Group]) -> list[_Watch]:
+        """Polynomials of everything that may happen."""
+        courses = {n: c for g in groups for n, c in zip(g.balls, g.courses, strict=True)}
+        found = []
+        for ball, course in courses.items():
+            for right, wall in enumerate((LEFT_WALL, RIGHT_WALL)):
+                place = self.now.wall_place(ball, wall)
+                if place is not None and wall in self.held:
+                    continue
+                shape = self.now.path(ball).shape
+                goal = whole((shape.high if right else shape.low) if place is None else place)
+                way = [-q for q in course.q] if right else list(course.q)
+                way[0] += goal if right else -goal
+                kind = "crossing" if place is None else "wall"
+                found.append(_Watch(kind, 2 * ball + right, way))
+        for pair, (a, b) in enumerate(self.now.pairs):
+            if pair not in self.held:
+                distance = _distance(courses[a], courses[b], self.now.reach(pair))
+                found.append(_Watch("impact", pair, distance))
+        return [*found, *self._openings(groups)]
+
+    def _openings(self, groups: Sequence[Group]) -> list[_Watch]:
+        """Polynomials of the contact forces."""
+        found = []
+        for group in groups:
+            if not group.still:
+                pairs = self._held_among(group.balls)
+                for pair, force in zip(pairs, group.forces, strict=True):
+                    found.append(_Watch("opening", pair, force))
+        return found
+
+    def _first(self, watches: Sequence[_Watch], end: Whole) -> tuple[Whole, list[_Watch]]:
+        """Share of the step at which something first happens, and what."""
+        found: list[tuple[Whole, _Watch]] = []
+        for watch in watches:
+            series = without_leading_zeros(watch.series)
+            zero: Whole | None = None
+            if series and series[0] < 0 and len(series) < len(watch.series):
+                # It begins at zero and goes the forbidden way.
+                if watch.kind not in ("opening", "crossing"):
+                    raise Undecided(f"{watch.kind} {watch.key} at once, t = {float(self.t)}")
+                zero = 0
+            elif series:
+                zero = first_zero(series, end)
+            if zero is not None:
+                found.append((zero, watch))
+                end = zero
+        near = whole(SAME) + 2
+        return end, [watch for zero, watch in found if zero <= end + near]
+
+    # -- events -------------------------------------------------------------------------------
+
+    def _happen(self, happening: Sequence[_Watch]) -> None:
+        """Carry out everything that happens at the present instant; crossings first."""
+        for watch in happening:
+            if watch.kind == "crossing":
+                self._cross(watch.key // 2, watch.key % 2 == 1)
+        touches = self.now.touches(self.held)
+        before = self.now.speeds
+        self.now.speeds, used = collide(self.laws, touches, before, self.substitute)
+        for touch in touches:
+            if touch.key in used:
+                kind = "impact" if touch.key >= 0 else "wall"
+                self.told.events.append(Event(self.t, kind, *touch.bodies))
+        self._settle(touches, used, max(abs(speed) for speed in before))
+
+    def _cross(self, ball: int, to_right: bool) -> None:
+        pieces = self.scene.pieces
+        state = self.now.states[ball]
+        target = state.piece + (1 if to_right else -1)
+        if not self.scene.closed and not 0 <= target < len(pieces):
+            raise _EndOfTrace
+        target %= len(pieces)
+        place = pieces[target].low if to_right else pieces[target].high
+        self.now.states[ball] = state._replace(piece=target, place=place)
+        self.told.events.append(Event(self.t, "crossing", ball))
+
+    def _settle(self, touches: Sequence[Touch], used: dict[int, str], fastest: Real) -> None:
+        """Find out what stays in contact; ``fastest`` is a speed before the impacts (m/s)."""
+        held_before, speeds = self.held, self.now.speeds
+        most = LEFT_OVER * ZERO * fastest
+        still = [touch for touch in touches if abs(speed_of(touch.row, speeds)) <= most]
+        ended = self._at_an_end(touches, still, used)
+        still = [touch for touch in touches if touch in still or touch in ended]
+        if still:
+            # What is left of a sequence that was broken off, of bounces at their end, of rounding.
+            law = next((used[t.key] for t in still if t.key in used), self.laws.law)
+            self.now.speeds = self.laws.equalise(still, speeds, law)
+        held, idle = pressing(
+            still, self.now.accelerations(still), self.now.mobility(), self.scene.gravity
+        )
+        self.held = {touch.key for touch in held}
+        self._keep_idle(idle)
+        for touch in touches:
+            if touch.key >= 0 and (touch.key in self.held) != (touch.key in held_before):
+                kind = "contact_closed" if touch.key in self.held else "contact_opened"
+                self.told.events.append(Event(self.t, kind, *touch.bodies))
+
+    def _at_an_end(
+        self, touches: Sequence[Touch], still: Sequence[Touch], used: dict[int, str]
+    ) -> list[Touch]:
+        """Touches whose further bounces take no time that counts."""
+        found = []
+        for touch in touches:
+            if touch in still or touch.key not in used:
+                continue
+            accelerations = self.now.accelerations([*still, touch])
+            closing = closing_acceleration(
+                [*still, touch], accelerations, self.now.mobility(), self.scene.gravity
+            )
+            if closing > 0:
+                flight = 2 * speed_of(touch.row, self.now.speeds) / closing
+                if flight < REST * (1 - touch.restitution):
+                    found.append(touch)
+                else:
+                    self._guess = min(self._guess, flight * BEYOND)
+        return found
+
+    def _keep_idle(self, idle: Sequence[Touch]) -> None:
+        """Hold the touches without a force, except those that a force would have to pull at once.
+
+        Where there is none a little later either, contact is kept.
+        """
+        waiting = {touch.key for touch in idle}
+        self.held |= waiting
+        while waiting:
+            groups = self._groups()
+            expand_all(groups, mp.mpf(FIRST_STEP))
+            pulled = set()
+            for watch in self._openings(groups):
+                series = without_leading_zeros(watch.series)
+                if series and series[0] < 0:
+                    pulled.add(watch.key)
+            if not pulled & waiting:
+                return
+            self.held -= pulled & waiting
+            waiting -= pulled
+
+
+def _states(groups: Sequence[Group], share: Whole) -> list[State]:
+    """States of all bodies at a share of the step, in their order."""
+    found = {
+        ball: state
+        for group in groups
+        for ball, state in zip(group.balls, group.at(share), strict=True)
+    }
+    return [found[ball] for ball in sorted(found)]
+
+
+def _distance(one: Course, other: Course, reach: Real) -> Series:
+    """Squared distance of two centres less that of contact."""
+    sides = [
+        [after - before for before, after in zip(*axis, strict=True)]
+        for axis in ((one.x, other.x), (one.y, other.y))
+    ]
+    total = [sum(product(side, side, k) for side in sides) for k in range(len(one.x))]
+    total[0] -= whole(reach * reach)
+    return total

@@ -1,0 +1,282 @@
+"""What every motion must keep, judged from a finished run: no formula of the solver is used.
+
+No overlap of any two bodies at any sampled instant, the bodies in their order, none beyond a wall,
+no jump, energy that never grows, and that only impacts and walls take away; bodies that touch at
+their impacts, and impacts that obey their law.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibro_cli.mechanics.system import System
+from vibro_cli.simulation.run import Run
+
+# m, at sizes of a few metres: what rounding of places may do.
+OVERLAP = 1.0e-12
+NEARBY = 1.0e-9  # m: touches
+# Of the energy that moves.
+ENERGY = 1.0e-10
+# Impacts in less than this time (s) do not get on.
+CROWDED, MOMENT = 10_000, 1.0e-9
+# Relative, of what a law keeps at one impact.
+LAW = 1.0e-12
+
+Floats = Any  # an array of numbers
+
+
+class Fault(NamedTuple):
+    """One thing that is wrong with a run."""
+
+    kind: str
+    text: str
+
+
+class Motion(NamedTuple):
+    """A sampled motion: an array with a row for each instant, a column for each body."""
+
+    t: Floats
+    s: Floats
+    x: Floats
+    y: Floats
+    speed: Floats
+    arc: Floats
+
+
+def motion_of(run: Run, samples: int) -> Motion:
+    """The motion at so many instants spread evenly, and where flights end."""
+    end = float(run.checkpoint()["end_time"])
+    # Ends of flights: crossings, impacts, walls, and where contacts begin and end.
+    known = run.flights()["t_end"][:samples]
+    times = np.unique(np.concatenate([np.linspace(0.0, end, samples), known[known <= end]]))
+    table = run.sample(times)
+    count = len(run.system.bodies)
+    columns = [table[name].reshape(-1, count) for name in ("s", "x", "y", "speed", "arc")]
+    return Motion(times, *columns)
+
+
+def faults_of(run: Run, samples: int = 500) -> list[Fault]:
+    """Everything that is wrong with a run."""
+    motion = motion_of(run, samples)
+    faults = [*ending(run), *overlaps(run, motion), *order(run, motion), *walls(run, motion)]
+    faults += [*jumps(run, motion), *standing(run, motion), *energy(run, motion)]
+    return [*faults, *impacts(run)]
+
+
+def ending(run: Run) -> list[Fault]:
+    """Why the run may not have ended as it says."""
+    system, cause = run.system, run.end_cause
+    if cause == "inadmissible":
+        newton = system.law == "normal-impulse" or system.inadmissible == "normal-impulse"
+        return [Fault("ending", "inadmissible under normal-impulse")] if newton else []
+    open_ends = not system.trace.closed and None in (system.left_end, system.right_end)
+    if cause == "end_of_trace" and not open_ends:
+        return [Fault("ending", "end of trace beyond walls")]
+    if cause == "lift_off" and system.surface != "one-sided":
+        return [Fault("ending", "lift-off from a two-sided trace")]
+    hits = run.collisions["t"]
+    if len(hits) > CROWDED and (hits[CROWDED:] - hits[:-CROWDED]).min() < MOMENT:
+        return [Fault("ending", f"{CROWDED} impacts in less than {MOMENT:g} s")]
+    if cause not in ("time", "collisions", "end_of_trace", "lift_off"):
+        return [Fault("ending", f"end cause {cause}")]
+    return []
+
+
+def overlaps(run: Run, motion: Motion) -> list[Fault]:
+    """Pairs of bodies, neighbours or not, that are inside one another."""
+    faults = []
+    radii = [body.radius for body in run.system.bodies]
+    size = max(1.0, float(np.abs([motion.x, motion.y]).max()))
+    for b in range(len(radii)):
+        for a in range(b):
+            dx, dy = (side[:, b] - side[:, a] for side in (motion.x, motion.y))
+            depth = radii[a] + radii[b] - np.hypot(dx, dy)
+            if not depth.max() <= OVERLAP * size:
+                first = int(np.argmax(~(depth <= OVERLAP * size)))
+                when = f"t = {motion.t[first]:.9g}, {depth.max():.3g} m deep"
+                faults.append(Fault("overlap", f"bodies {a + 1}, {b + 1} from {when}"))
+    return faults
+
+
+def order(run: Run, motion: Motion) -> list[Fault]:
+    """Bodies that are not in the order of the start."""
+    trace = run.system.trace
+    steps = np.diff(motion.s, axis=1)
+    if trace.closed:
+        around = np.mod(np.diff(motion.s, axis=1, append=motion.s[:, :1]), trace.length)
+        wrong = np.abs(around.sum(axis=1) - trace.length) > 0.5 * trace.length
+        if motion.s.shape[1] == 1:
+            wrong = np.zeros(len(wrong), dtype=bool)
+    else:
+        wrong = (steps <= 0.0).any(axis=1)
+    if wrong.any():
+        return [Fault("order", f"lost at t = {motion.t[np.argmax(wrong)]:.9g}")]
+    return []
+
+
+def walls(run: Run, motion: Motion) -> list[Fault]:
+    """Bodies beyond a wall."""
+    faults = []
+    pieces = run.system.trace.pieces
+    for right, wall in enumerate((run.system.left_end, run.system.right_end)):
+        if wall is None or run.system.trace.closed:
+            continue
+        piece, sign = (pieces[-1], 1.0) if right else (pieces[0], -1.0)
+        corner = piece.end if right else piece.start
+        slope = piece.end_slope if right else piece.start_slope
+        away = (motion.x - corner[0]) * math.cos(slope) + (motion.y - corner[1]) * math.sin(slope)
+        depth = sign * away + np.array([body.radius for body in run.system.bodies])
+        # The plane goes on beyond the trace, which may come back to it on the other side.
+        near = np.abs(motion.s - (piece.start_s + piece.length if right else 0.0))
+        beside = (motion.arc == piece.index + 1) & (near < 1.5 * piece.radius)
+        depth = np.where(beside, depth, -1.0)
+        if depth.max() > OVERLAP * max(1.0, float(np.abs(motion.x).max())):
+            where = "right" if right else "left"
+            faults.append(Fault("wall", f"{depth.max():.3g} m beyond the {where} wall"))
+    return faults
+
+
+def jumps(run: Run, motion: Motion) -> list[Fault]:
+    """Centres that move farther between two instants than their speeds allow."""
+    dt = np.diff(motion.t)[:, None]
+    way = np.hypot(np.diff(motion.x, axis=0), np.diff(motion.y, axis=0))
+    table = run.collisions
+    told = [np.abs(table[f"speed_{end}_{when}"]) for end in "ab" for when in ("pre", "post")]
+    fastest = max(float(column.max(initial=0.0)) for column in [*told, np.abs(motion.speed)])
+    turning = run.system.turning.square if run.system.turning else 0.0
+    pull = run.system.gravity + turning * float(np.abs(motion.x).max() + 10.0)
+    excess = way - (fastest + 2.0 * pull * dt) * dt - 1.0e-12 * (1.0 + np.abs(motion.x[1:]))
+    if not excess.max(initial=0.0) <= 0.0:
+        row, body = np.unravel_index(np.argmax(excess), excess.shape)
+        return [Fault("jump", f"body {body + 1} by {excess.max():.3g} m at {motion.t[row]:.9g}")]
+    return []
+
+
+def standing(run: Run, motion: Motion) -> list[Fault]:
+    """Bodies that stand still with nothing to lean on."""
+    still = (motion.speed[:-1] == 0.0) & (motion.speed[1:] == 0.0)
+    still &= np.diff(motion.t)[:, None] > 1.0e-6
+    for row, body in np.argwhere(still).tolist():
+        pull = _pull(run, motion, row, body)
+        leans = _leans(run, motion, row, body, 1 if pull > 0.0 else -1)
+        if abs(pull) > 1.0e-9 * run.system.gravity and not leans:
+            return [Fault("standing", f"body {body + 1} stands free at t = {motion.t[row]:.9g}")]
+    return []
+
+
+def _pull(run: Run, motion: Motion, row: int, body: int) -> float:
+    """Force of gravity and turning along the trace (N/kg)."""
+    system: System = run.system
+    piece = system.trace.pieces[int(motion.arc[row, body]) - 1]
+    slope = piece.start_slope
+    if not piece.is_line:
+        slope += piece.sign * (motion.s[row, body] - piece.start_s) / piece.radius
+    pull = -system.gravity * math.sin(slope)
+    if system.turning is not None:
+        arm = float(motion.x[row, body]) - system.turning.x
+        pull += system.turning.square * arm * math.cos(slope)
+    return pull
+
+
+def _leans(run: Run, motion: Motion, row: int, body: int, side: int) -> bool:
+    """Whether a body touches a wall or a neighbour on a side (1 right, -1 left)."""
+    system, count = run.system, len(run.system.bodies)
+    wall = system.right_end if side > 0 else system.left_end
+    piece = system.trace.pieces[-1 if side > 0 else 0]
+    radius = system.bodies[body].radius
+    end, slope = (piece.end, piece.end_slope) if side > 0 else (piece.start, piece.start_slope)
+    dx, dy = motion.x[row, body] - end[0], motion.y[row, body] - end[1]
+    depth = radius + side * (dx * math.cos(slope) + dy * math.sin(slope))
+    if wall is not None and not system.trace.closed and abs(depth) < NEARBY:
+        return True
+    other = body + side
+    if system.trace.closed:
+        other %= count
+    if not 0 <= other < count or other == body:
+        return False
+    dx, dy = (place[row, other] - place[row, body] for place in (motion.x, motion.y))
+    return bool(math.hypot(dx, dy) < radius + system.bodies[other].radius + NEARBY)
+
+
+def energies(run: Run, motion: Motion) -> tuple[Floats, float]:
+    """Energy (J) at every instant, and how much of it moves."""
+    system = run.system
+    mass = np.array([body.mass for body in system.bodies])
+    kappa = np.array([body.kappa for body in system.bodies])
+    kinetic = 0.5 * kappa * mass * motion.speed**2
+    height = mass * system.gravity * motion.y
+    if system.turning is not None:
+        height = height - 0.5 * mass * system.turning.square * (motion.x - system.turning.x) ** 2
+    total = (kinetic + height).sum(axis=1)
+    scale = float(kinetic.sum(axis=1).max() + np.ptp(height, axis=0).sum() + np.abs(height).max())
+    return total, scale
+
+
+def grows_by_its_law(run: Run) -> bool:
+    """Whether impacts may add rolling energy: m v is kept, not kappa m v."""
+    kappas = {body.kappa for body in run.system.bodies}
+    return run.system.law == "translational" and len(kappas) > 1
+
+
+def energy(run: Run, motion: Motion) -> list[Fault]:
+    """Energy that grows, or is lost where nothing happens."""
+    total, scale = energies(run, motion)
+    steps = np.diff(total) / scale
+    flights = run.flights()
+    hits = np.concatenate([run.collisions["t"], flights["t_end"][flights["cause_end"] == "wall"]])
+    happens = np.histogram(hits, motion.t)[0] > 0 if len(motion.t) > 1 else np.zeros(0, bool)
+    happens = happens | np.isin(motion.t[1:], hits) | np.isin(motion.t[:-1], hits)
+    faults = []
+    for kind, wrong in (
+        ("energy_lost", ~happens & (steps < -ENERGY)),
+        ("energy_grows", steps > ENERGY),
+    ):
+        if kind == "energy_grows" and grows_by_its_law(run):
+            wrong = wrong & ~happens
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            faults.append(Fault(kind, f"by {steps[row]:.3g} of it at t = {motion.t[row]:.9g}"))
+    if not faults and not grows_by_its_law(run) and (total[-1] - total[0]) > ENERGY * scale:
+        faults.append(Fault("energy_grows", f"by {(total[-1] - total[0]) / scale:.3g} in all"))
+    return faults
+
+
+def impacts(run: Run) -> list[Fault]:
+    """Impacts without contact, or against their law."""
+    table = run.collisions
+    faults = []
+    gap = np.abs(table["gap"])
+    if len(gap) and not gap.max() <= OVERLAP * 10.0:
+        faults.append(Fault("gap", f"bodies {gap.max():.3g} m apart at an impact"))
+    plain = ~table["simultaneous"] & ~table["contact"] & ~table["grazing"]
+    before = np.abs(table["speed_a_pre"]) + np.abs(table["speed_b_pre"])
+    receding = plain & (table["approach_speed"] < -1.0e-9 * before)
+    if receding.any():
+        faults.append(Fault("receding", f"impact {int(np.argmax(receding)) + 1}"))
+    for row in np.flatnonzero(plain).tolist():
+        one, two = (run.system.bodies[int(table[f"ball_{end}"][row]) - 1] for end in "ab")
+        off = _against_law(table, row, one, two)
+        if off > LAW:
+            faults.append(Fault("law", f"impact {row + 1} off by {off:.3g}"))
+            break
+    return faults
+
+
+def _against_law(table: Any, row: int, one: Any, two: Any) -> float:
+    """How far (relative) an impact is from keeping what its law keeps."""
+    law = str(table["law"][row])
+    change_a = table["speed_a_post"][row] - table["speed_a_pre"][row]
+    change_b = table["speed_b_post"][row] - table["speed_b_pre"][row]
+    if law == "translational":
+        given, taken = one.mass * change_a, two.mass * change_b
+    elif law == "hedrih":
+        given = one.kappa * one.mass * one.radius * change_a
+        taken = two.kappa * two.mass * two.radius * change_b
+    else:
+        return 0.0
+    before = abs(table["speed_a_pre"][row]) + abs(table["speed_b_pre"][row])
+    most = max(abs(one.kappa * one.mass * before), abs(two.kappa * two.mass * before), 1e-300)
+    return float(abs(given + taken) / (abs(given) + abs(taken) + most))

@@ -1,0 +1,211 @@
+"""Tables and their columns, each declared once: name, type, unit, nullability, meaning, value.
+
+The parquet schemas, the checks before writing, `vibro schema tables` and the tables' reference in
+docs/ all come from these declarations, and so do the columns themselves where they say their value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from vibro_cli.kernels.impact.laws import LAW_NAMES
+
+SCHEMA_VERSION = "1"
+
+ColumnType = Literal["float64", "int64", "bool", "string"]
+Columns = dict[str, Any]
+"""Columns by their names; arrays of equal length."""
+Value = Callable[[Any], Any]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column; `nullable` says whether null may stand in it, `unit` is "" for a plain number."""
+
+    name: str
+    type: ColumnType
+    unit: str
+    description: str
+    nullable: bool = False
+    words: tuple[str, ...] = ()
+    """The words of a column that is made as numbers, from 0."""
+    value: Value | None = field(default=None, compare=False)
+    """From what the rows are made of; None where a kernel fills the column."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: its name, what one row of it is, and its columns in order."""
+
+    name: str
+    row: str
+    columns: tuple[Column, ...]
+
+    @property
+    def file(self) -> str:
+        """The name of its file without the suffix: that of a system's table stands before it."""
+        return self.name.rpartition(".")[2]
+
+    @property
+    def schema_id(self) -> str:
+        """Name and version of the schema, as written into the files' metadata."""
+        return f"{self.name}/{SCHEMA_VERSION}"
+
+    def filled(self, source: Any) -> Columns:
+        """Return all columns, from what their values are made of."""
+        return {column.name: column.value(source) for column in self.columns if column.value}
+
+    def in_words(self, columns: Columns) -> Columns:
+        """Return columns in which words are given by their numbers with the words."""
+        import numpy as np
+
+        words = {column.name: column.words for column in self.columns if column.words}
+        return columns | {
+            name: np.array(words[name], dtype=object)[values]
+            for name, values in columns.items()
+            if name in words
+        }
+
+
+def number(
+    name: str, unit: str, description: str, nullable: bool = False, value: Value | None = None
+) -> Column:
+    """A column of numbers with a unit."""
+    return Column(name, "float64", unit, description, nullable, value=value)
+
+
+def count(
+    name: str, description: str, nullable: bool = False, value: Value | None = None
+) -> Column:
+    """A column of whole numbers."""
+    return Column(name, "int64", "", description, nullable, value=value)
+
+
+def flag(name: str, description: str, value: Value | None = None) -> Column:
+    """A column of truth values."""
+    return Column(name, "bool", "", description, value=value)
+
+
+def word(
+    name: str,
+    description: str,
+    words: tuple[str, ...] = (),
+    nullable: bool = False,
+    value: Value | None = None,
+) -> Column:
+    """A column of words; where `words` are given, its values are their numbers."""
+    return Column(name, "string", "", description, nullable, words, value)
+
+
+def of_log(name: str) -> Value:
+    """Return the value of a column that is a field of the log."""
+    return lambda rows: rows[name]
+
+
+def is_one(name: str) -> Value:
+    """Return the value of a column that says whether a field of the log is 1."""
+    return lambda rows: rows[name] == 1
+
+
+LAW = word(
+    "law", "impact law that gave the speeds after the impact", LAW_NAMES, value=of_log("law")
+)
+
+
+def impact_head() -> Iterator[Column]:
+    """What every table of impacts begins with."""
+    yield count("n", "number of the impact, from 1", value=lambda rows: rows.number)
+    yield number("t", "s", "time of the impact, the nearest double", value=of_log("t"))
+    text = "what t lacks: t + t_low is the time in two doubles"
+    yield number("t_low", "s", text, value=of_log("t_low"))
+    text = "time since the previous row (null in the first)"
+    yield number("dt", "s", text, True, lambda rows: rows.between)
+
+
+def impact_tail() -> Iterator[Column]:
+    """What every impact of two bodies ends with, besides the trace's."""
+    text = "energy lost in the impact"
+    yield number("energy_loss", "J", text, value=of_log("loss"))
+    text = "J_Pb (ω_b⁺ − ω_b⁻), the moment of the impulse"
+    yield number("impulse_moment", "N m s", text, value=lambda rows: rows.impulse_moment)
+    text = "speed of approach along the line of centres, before"
+    yield number("approach_speed", "m/s", text, value=lambda rows: rows.approach_speed)
+    text = "speed of separation along the line of centres, after"
+    yield number("separation_speed", "m/s", text, value=lambda rows: rows.separation_speed)
+    text = "horizontal distance of the centres beyond that of touching"
+    yield number("gap", "m", text, value=of_log("gap"))
+    yield LAW
+    text = "whether the bodies separate after the law of the scenario"
+    yield flag("admissible", text, is_one("admissible"))
+    text = "whether the normal-impulse law stood in for an inadmissible impact"
+    yield flag("substituted", text, is_one("substituted"))
+    text = "whether the event before it was at the same instant, or others are solved with it"
+    yield flag("simultaneous", text, is_one("simultaneous"))
+    yield grazing()
+
+
+KINETIC = "kinetic energy ½ κ m v² = ½ J_P ω²"
+IMPULSE = "m_b (v_b⁺ − v_b⁻), the impulse, under the law of translation (else null)"
+
+
+def impulse() -> Column:
+    """The impulse on body b, where the law is that of translation, B (6)."""
+    return number("impulse", "N s", IMPULSE, True, lambda rows: rows.impulse)
+
+
+def phases(
+    prefix: str,
+    text: str,
+    words: tuple[str, ...],
+    value: Callable[[str, str], Value] | None = None,
+) -> Iterator[Column]:
+    """Where both bodies are in their phase planes, before and after the impact.
+
+    `value` gives that of a column from the end, `a` or `b`, and `pre` or `post`.
+    """
+    for when, said in (("pre", "before"), ("post", "after")):
+        for end in "ab":
+            of_end = None if value is None else value(end, when)
+            name, what = f"{prefix}_{end}_{when}", f"{text}; body {end}, {said} the impact"
+            yield word(name, what, words, value=of_end)
+
+
+def grazing() -> Column:
+    """Whether an impact is a mere touch."""
+    text = "whether the contact cannot be told from a touch in double precision"
+    return flag("grazing", text, is_one("grazing"))
+
+
+def summary_head(causes: str) -> Iterator[Column]:
+    """What every summary begins with; `causes` are those of the end."""
+    text = "ok, invalid (the scenario is not possible) or failed"
+    yield word("status", text, value=lambda totals: "ok")
+    yield word("reason", "why the status is not ok", (), True, lambda totals: None)
+    yield word("end_cause", causes, (), True, lambda totals: totals.end_cause)
+    text = "time at which the run ended"
+    yield number("end_time", "s", text, True, lambda totals: totals.end_time)
+
+
+def of_clock(name: str) -> Value:
+    """Return the value of a column of a summary that is a field of the run's clock."""
+    return lambda totals: int(totals.clock[name])
+
+
+def summary_balance() -> Iterator[Column]:
+    """Times, energies and gaps of every summary, besides the trace's."""
+    text = "time of the first impact of two bodies"
+    yield number("first_collision_time", "s", text, True, lambda totals: totals.first_time)
+    text = "time of the last impact of two bodies"
+    yield number("last_collision_time", "s", text, True, lambda totals: totals.last_time)
+    text = "energy of all bodies at the start"
+    yield number("energy_start", "J", text, True, lambda totals: totals.energy_start)
+    text = "energy of all bodies at the end"
+    yield number("energy_end", "J", text, True, lambda totals: totals.energy_end)
+    text = "relative change of the energy, where it should be kept"
+    yield number("energy_drift", "", text, True, lambda totals: totals.energy_drift)
+    text = "sum of the corrections that keep the energy, absolute"
+    yield number("energy_correction", "J", text, True, lambda t: t.clock["energy_correction"])
+    text = "largest distance left between bodies at an impact"
+    yield number("max_gap", "m", text, True, lambda totals: totals.largest_gap)

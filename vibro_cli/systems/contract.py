@@ -1,0 +1,255 @@
+"""The contract of a system: everything that differs from one to another, as one object.
+
+A system is a folder of this package. Its ``__init__`` has one object, ``SYSTEM``, of a class that
+fulfils :class:`System`; what is heavy is imported by the methods that need it. Nobody outside its
+folder asks for a system by its name or its type: they ask its object.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+    from vibro_cli.compile.kernel import Kernel, Overrides
+    from vibro_cli.figures.kinds import Kind, KindOfBody
+    from vibro_cli.grids.document import Grid
+    from vibro_cli.grids.systems import Solver
+    from vibro_cli.scenario.base import ScenarioTable
+    from vibro_cli.storage.stored import StoredRun
+    from vibro_cli.systems.columns import Table
+    from vibro_cli.systems.driver import Driver, EventLoop
+    from vibro_cli.systems.rows import Bodies, ImpactRows
+    from vibro_cli.systems.stream import Stretch, Stretches
+    from vibro_cli.systems.wanted import Limits, Wanted
+
+Rows = dict[str, Any]
+"""Columns of equal length by their names."""
+Sink = Callable[[str, Rows], None]
+"""Takes the name of a table and more columns of it; words are given by their numbers."""
+
+
+class NoPortrait(ValueError):
+    """What is solved has no portrait; the message says what was found and expected."""
+
+
+class Tables(Protocol):
+    """What the tables of a run say, stretch by stretch."""
+
+    def take(self, stretch: Stretch) -> None:
+        """Hand the rows of a stretch to the sink; the last one has a cause of the end."""
+
+    def summary(self) -> Rows:
+        """Return the columns of the summary, of one row, once the run has ended."""
+
+
+class Trajectory(Protocol):
+    """The motion of all bodies at any time of a stretch of the run, in closed form."""
+
+    last: Any
+    """What the motion in the next stretch goes on from."""
+
+    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
+        """Return the columns of the motion table: for each time (s) a row for each body."""
+
+
+class ImpactLog(NamedTuple):
+    """A table of impacts, and the log that it is made of."""
+
+    log: str
+    table: Table
+    rows: type[ImpactRows]
+    """Of the log, with the values of the table's columns."""
+    bodies: type[Bodies]
+    """Of systems, with what the rows need of them."""
+    title: str = "Impacts"
+    words: str = "impacts"
+    none: str = "was no impact of two bodies"
+
+
+class System(ABC):
+    """Everything that differs from one system to another."""
+
+    name: ClassVar[str]
+    """As scenarios have it in ``system``."""
+
+    # From what a user wrote to what is solved: scenario/, build/.
+
+    @property
+    @abstractmethod
+    def model(self) -> type[ScenarioTable]:
+        """The pydantic model of its scenarios."""
+
+    @abstractmethod
+    def build(self, scenario: Any) -> Any:
+        """Return what is solved; raises ``ScenarioError`` with everything that is wrong."""
+
+    @abstractmethod
+    def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
+        """Return what a user should know about a sound system, a sentence each."""
+
+    def limits(self, scenario: Any) -> Limits:
+        """Return where the run of a scenario stops."""
+        from vibro_cli.systems.wanted import Limits
+
+        stop = scenario.stop
+        return Limits(stop.time, stop.collisions, getattr(stop, "bounces", None))
+
+    def wanted(self, scenario: Any) -> Wanted:
+        """Return what is to be computed of a scenario beside the impacts."""
+        from vibro_cli.systems.wanted import Wanted
+
+        return Wanted(**scenario.output.model_dump())
+
+    def one_sided(self, scenario: Any) -> bool:
+        """Whether bodies may lift off what they roll on."""
+        return False
+
+    # The solver: systems/driver.py, systems/stream.py, systems/run.py.
+
+    @property
+    @abstractmethod
+    def loop(self) -> EventLoop:
+        """The event loop with its records, logs and causes of the end."""
+
+    @property
+    def kernels(self) -> tuple[Kernel, ...]:
+        """The kernels that are called from Python; those of the trace are in programs.py.
+
+        The library is built before numpy is there: nothing but kernels may be imported here.
+        """
+        return ()
+
+    @abstractmethod
+    def world(self, system: Any, limits: Limits) -> Any:
+        """Return the records of a system at the start, interpreted, with empty logs."""
+
+    def overrides(self, system: Any) -> Overrides | None:
+        """Return the kernels that stand for others in this system, None without any."""
+        return None
+
+    def stretches(self, driver: Driver, stop_time: float | None) -> Stretches:
+        """Return the run of a driver in stretches."""
+        from vibro_cli.systems.stream import Stretches
+
+        return Stretches(self.loop, driver, stop_time)
+
+    def skipped(self, clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
+        """Say what was not computed of a run with this clock and end (s), and why."""
+        return wanted.left_out(end)
+
+    def solver(self, grid: Grid, engine: str) -> Solver:
+        """Return a solver of the points of a grid: without another, each is a run of its own."""
+        from vibro_cli.grids.runs import RunSolver
+
+        return RunSolver(grid, engine)
+
+    # Tables: systems/columns.py declares columns.
+
+    impact_tables: ClassVar[tuple[str, ...]] = ("collisions",)
+    """The tables of impacts that grids can keep."""
+
+    @abstractmethod
+    def tables(self) -> tuple[Table, ...]:
+        """Return every table with all columns it may have; the summary's stand for a body `i`."""
+
+    @abstractmethod
+    def summary(self, bodies: int, grown: bool = False) -> Table:
+        """Return the summary of runs with so many bodies; of a trace, `grown` with exponents."""
+
+    def table(self, name: str, column_names: Sequence[str]) -> Table | None:
+        """Return the table with a name for data with these columns, None where there is none."""
+        if name == "summary":
+            return self.summary(sum(column.startswith("x_") for column in column_names))
+        return {table.file: table for table in self.tables()}.get(name)
+
+    @abstractmethod
+    def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
+        """Return what makes the tables with these names of a run, and its summary."""
+
+    @property
+    def impact_logs(self) -> dict[str, ImpactLog]:
+        """The tables of impacts by their names, where columns are made from rows of logs."""
+        return {}
+
+    @abstractmethod
+    def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Trajectory:
+        """Return the motion in a stretch of a run, which may be all of it.
+
+        `before` is the ``last`` of the trajectory of the stretch before it.
+        """
+
+    # Figures: figures/kinds.py.
+
+    @property
+    @abstractmethod
+    def figures(self) -> Mapping[str, Kind[Any] | KindOfBody]:
+        """Every kind of figure of a run, by name."""
+
+    default_figures: ClassVar[tuple[str, ...]]
+    """Those that are drawn where nothing is said."""
+
+    has_film: ClassVar[bool] = False
+    """Whether there are films of runs."""
+
+    def figure_width(self, system: Any) -> str:
+        """Return how wide the figures of a run are drawn, ``"single"`` or ``"double"``."""
+        return "single"
+
+    # Reports and `vibro check`: report/, commands/.
+
+    papers: ClassVar[tuple[str, ...]]
+    """Letters of the papers that the system is from, see report/words.py."""
+
+    @abstractmethod
+    def method(self, scenario: Mapping[str, Any]) -> str:
+        """Return how a scenario (its plain values) is solved, in a sentence or two."""
+
+    def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
+        """Return what stands in a report about a run with a name, see report/content.py."""
+        from vibro_cli.report.system_content import section
+
+        return section(run, name, beside)
+
+    def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
+        """Return what a scenario means, as plain values, see systems/describe.py."""
+        from vibro_cli.systems.describe import understood
+
+        return understood(scenario, system, self.warnings(scenario, system))
+
+    def understood_lines(self, found: dict[str, Any]) -> Iterator[str]:
+        """Return that as lines of text."""
+        from vibro_cli.systems.describe import lines_of
+
+        return lines_of(found)
+
+    has_orbits: ClassVar[bool] = False
+    """Whether periodic orbits are looked for."""
+    has_families: ClassVar[bool] = False
+    """Whether portraits can be drawn over a range of a parameter."""
+
+    def family_type(self, system: Any, ball: int) -> str | None:
+        """Return the type of a body's portrait (from 1); None where there are no families."""
+        return None
+
+    def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
+        """Return the portraits of a body in some systems, each under its title."""
+        raise NotImplementedError
+
+    @abstractmethod
+    def portrait(
+        self, system: Any, width: str, drawn: bool
+    ) -> tuple[dict[str, Any], dict[str, Figure]]:
+        """Return what a portrait without a run shows, and figures by the stems of their files.
+
+        Raises `NoPortrait` where there is none.
+        """
+
+    @abstractmethod
+    def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
+        """Return what a portrait shows as lines of text."""

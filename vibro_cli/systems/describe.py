@@ -1,0 +1,85 @@
+"""What a scenario means, in plain values and in lines of text (`vibro check`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from vibro_cli.mechanics.body import Body
+
+
+def understood(scenario: Any, system: Any, warnings: tuple[str, ...]) -> dict[str, Any]:
+    """Return what a scenario means: given values, defaults and what follows from them."""
+    return {
+        "name": scenario.name,
+        "valid": True,
+        "scenario": scenario.resolved(),
+        "bodies": [described(ball, body) for ball, body in enumerate(system.bodies, 1)],
+        "law": system.law,
+        "inadmissible": system.inadmissible,
+        "warnings": list(warnings),
+    }
+
+
+def described(ball: int, body: Body) -> dict[str, Any]:
+    """Return what a body is, whatever it rolls on."""
+    return {
+        "ball": ball,
+        "body": body.kind,
+        "radius": body.radius,
+        "mass": body.mass,
+        "kappa": body.kappa,
+        "rolling_inertia": body.rolling_inertia,
+    }
+
+
+def body_line(body: dict[str, Any]) -> str:
+    """Return what a body is, as text."""
+    return (
+        f"  ball {body['ball']}  {body['body']}, r = {body['radius']:g} m, "
+        f"m = {body['mass']:.6g} kg, κ = {body['kappa']:.6g}, "
+        f"J_P = {body['rolling_inertia']:.6g} kg m²"
+    )
+
+
+def lines_of(found: dict[str, Any]) -> Iterator[str]:
+    """Return what was understood, as text."""
+    scenario = found["scenario"]
+    yield f"{found['name']}: valid"
+    yield f"  system {scenario['system']}"
+    if "wall" in scenario:
+        yield f"  wall {_settings(scenario['wall'])}"
+    for body, given in zip(found["bodies"], scenario["balls"], strict=True):
+        start = {key: value for key, value in given.items() if key not in _OF_THE_BODY}
+        yield f"{body_line(body)}; {_settings(start)}"
+        if "swing" in body:
+            yield _swing_line(body["swing"])
+    yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
+    if "k" in scenario["collision"]:
+        yield f"  k = {scenario['collision']['k']}"
+    yield f"  stop {_settings(scenario['stop'])}"
+    for warning in found["warnings"]:
+        yield f"  warning: {warning}"
+
+
+def _swing_line(swing: dict[str, float | None]) -> str:
+    """The constants of a swing on a spring, C (4)."""
+    small, own = (
+        "none" if swing[key] is None else f"{swing[key]:.9g} s"
+        for key in ("small_period", "period")
+    )
+    return (
+        f"          ω₀ = {swing['omega_0']:.9g} 1/s; period of small swings {small}, "
+        f"of this one {own}"
+    )
+
+
+_OF_THE_BODY = ("body", "radius", "mass", "density", "inertia_ratio", "thickness")
+
+
+def _settings(settings: dict[str, Any]) -> str:
+    """Return the settings of a table, on one line; those of a table within it in parentheses."""
+    return ", ".join(
+        f"{key} ({_settings(value)})" if isinstance(value, dict) else f"{key} = {value}"
+        for key, value in settings.items()
+    )

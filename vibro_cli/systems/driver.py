@@ -1,0 +1,256 @@
+"""Driving the event loop of a system with either engine, and emptying its logs in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.kernel import Overrides
+from vibro_cli.compile.native import compiled
+from vibro_cli.errors import VibroError
+from vibro_cli.systems.record import Log, plain_rows, set_rows
+from vibro_cli.systems.watching import tell
+
+# Interpreted, the kernels are the reference of every bit; compiled they are faster.
+ENGINES = ("compiled", "python")
+# Room in the logs, in rows; the interpreter's are made of objects and stay small.
+INTERPRETED_ROWS = 256
+COMPILED_ROWS = 16384
+# Where rows are dropped, the logs stay in the processor's cache.
+DROPPED_ROWS = 64
+# So many rows of a log without an impact are more than it is worth: the run is refused.
+QUIET_ROWS = 2_000_000
+
+
+class TooQuiet(VibroError, RuntimeError):
+    """Nothing meets for very long; the message says for how long, and until when."""
+
+
+class Earlier(NamedTuple):
+    """The part of a run that is continued: its state at the end, and its logs."""
+
+    state: dict[str, Any]
+    logs: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class EventLoop:
+    """What the kernels of a system are called by, and the records that they work on."""
+
+    advance: Callable[[Any], int]
+    """The event loop, a kernel; it returns ``log_full`` when it is to be called again."""
+    records: Mapping[str, type]
+    logs: Mapping[str, str]
+    """Logs, and the field of the clock that counts their rows."""
+    state: tuple[str, ...]
+    """The records that change in a run, which are its state."""
+    end_names: Mapping[int, str]
+    """Causes of the end by their numbers."""
+    end_time: int
+    """The cause of an end by time."""
+    end_interrupted: int
+    """The cause of an end that was asked for from outside."""
+    log_full: int
+    rows_of_event: int
+    """An event adds at most so many rows for each body."""
+    start: Callable[[Any], None] | None = None
+    """A kernel that is called once, before the loop."""
+    enter: Callable[[Any, Overrides | None], int] | None = None
+    """Calls the compiled loop, where that is not all."""
+    counted: Mapping[str, str] | None = None
+    """Logs of which the clock also counts all rows of the run, and the field that does."""
+    work_done: tuple[str, ...] = ()
+    """Fields of the clock that say what the solver did: a continued run counts them anew, as
+    searches cut short by a stop are repeated."""
+    quiet_log: tuple[str, str] | None = None
+    """A log that may not grow for very long without an impact, and what its rows are in words."""
+    quiet_cause: tuple[int, str] | None = None
+    """The cause with which the loop gives up for want of impacts, and among what in words."""
+    finishes: bool = False
+    """Whether the loop is to go on from its last step to a stop by time, as
+    ``settings.finishing`` asks."""
+
+    def room(self, rows: int, world: Any) -> int:
+        """Return so many rows, and as many as one event may add."""
+        return rows + self.rows_of_event * len(world.bodies)
+
+
+class Driver:
+    """One run in progress; its ``world`` is a named tuple of interpreted records at first."""
+
+    def __init__(
+        self,
+        loop: EventLoop,
+        world: Any,
+        engine_name: str,
+        earlier: Earlier | None = None,
+        overrides: Overrides | None = None,
+    ) -> None:
+        if engine_name not in ENGINES:
+            raise ValueError(f"engine must be compiled or python, not {engine_name!r}")
+        self._loop = loop
+        self._overrides = overrides
+        self.logs = {name: Log(loop.records[name]) for name in loop.logs}
+        self.rows = dict.fromkeys(loop.logs, 0)
+        """Rows of each log so far."""
+        self.engine = "python"
+        # A compiled run starts interpreted: at most one event, hence the rows of one.
+        rows = DROPPED_ROWS if engine_name == "compiled" else INTERPRETED_ROWS
+        self.world = _interpreted_logs(loop, world, rows)
+        if earlier is not None:
+            restore(loop, self.world, earlier.state)
+            for name, rows in earlier.logs.items():
+                self._take(name, rows, len(rows))
+        elif loop.start is not None:
+            engine.interpreted(loop.start, overrides)(self.world)
+            self._collect()
+        if engine_name == "compiled":
+            self.engine = "compiled"
+            self.world = compiled_world(loop, self.world)
+
+    def run(self) -> int:
+        """Run to the end; return the cause, else as :meth:`rounds`."""
+        *_, cause = self.rounds()
+        return cause
+
+    def rounds(self) -> Iterator[int]:
+        """Run on, each time until the logs are full; yield that cause, at last the end's.
+
+        Raises
+        ------
+        TooQuiet
+            After ``QUIET_ROWS`` rows of the loop's log in a row without an impact, or when the
+            loop itself gives up.
+        """
+        loop = self._loop
+        collisions, quiet = -1.0, 0
+        while True:
+            cause = self._advance()
+            self._collect()
+            tell(self.clock_value("t"), self.clock_value("collisions"))
+            if loop.quiet_cause is not None and cause == loop.quiet_cause[0]:
+                raise self._too_quiet(loop.quiet_cause[1])
+            if cause != loop.log_full:
+                yield cause
+                return
+            if loop.quiet_log is not None:
+                log, words = loop.quiet_log
+                if self.clock_value("collisions") != collisions:
+                    collisions, quiet = self.clock_value("collisions"), self.rows[log]
+                if self.rows[log] > quiet + QUIET_ROWS:
+                    raise self._too_quiet(f"{QUIET_ROWS:,} {words}")
+            yield cause
+
+    def _too_quiet(self, words: str) -> TooQuiet:
+        return TooQuiet(
+            f"no impact among the last {words}, until t = {self.clock_value('t'):.6g} s; "
+            "expected a stop.time not far beyond the last impact"
+        )
+
+    def finish(self) -> None:
+        """Have the loop go on from its last step to the stop."""
+        settings: Any = self.world.settings[0]
+        if self.engine == "compiled":
+            settings["finishing"] = 1
+        else:
+            settings.finishing = 1
+        self._advance()
+
+    def _advance(self) -> int:
+        loop = self._loop
+        if self.engine != "compiled":
+            return engine.interpreted(loop.advance, self._overrides)(self.world)
+        if loop.enter is not None:
+            return loop.enter(self.world, self._overrides)
+        return int(compiled(loop.advance, self._overrides)(self.world))
+
+    def _collect(self) -> None:
+        for name, used in self._loop.logs.items():
+            count = int(self.clock_value(used))
+            rows: Any = getattr(self.world, name)
+            if count > 0 and self.engine == "compiled":
+                self._take(name, rows[:count].copy(), count)
+                # The loop may fill in what differs from zero only.
+                rows[:count].view("u1").fill(0)
+            else:
+                self._take(name, rows, count)
+            self._set_clock(used, 0)
+        for name, field in (self._loop.counted or {}).items():
+            self._set_clock(field, self.rows[name])
+
+    def _take(self, name: str, rows: Any, count: int) -> None:
+        self.logs[name].take(rows, count)
+        self.rows[name] += count
+
+    def clock_value(self, name: str) -> float:
+        """Return a field of the run's clock, whichever engine holds it."""
+        clock: Any = self.world.clock[0]
+        return float(clock[name] if self.engine == "compiled" else getattr(clock, name))
+
+    def clock(self) -> dict[str, Any]:
+        """Return all fields of the run's clock."""
+        record = self._loop.records["clock"]
+        values = plain_rows(self.world.clock, record)[0]
+        return dict(zip(record.fields, values, strict=True))  # type: ignore[attr-defined]
+
+    def _set_clock(self, name: str, value: int) -> None:
+        clock: Any = self.world.clock[0]
+        if self.engine == "compiled":
+            clock[name] = value
+        else:
+            setattr(clock, name, value)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that changes in a run, exactly, as plain values (see :func:`restore`)."""
+        records = self._loop.records
+        values = {n: plain_rows(getattr(self.world, n), records[n]) for n in self._loop.state}
+        for name in self._loop.work_done:
+            values["clock"][0][tuple(records["clock"].fields).index(name)] = 0  # type: ignore[attr-defined]
+        return values
+
+
+def restore(loop: EventLoop, world: Any, state: Mapping[str, Any]) -> None:
+    """Put an interpreted world into a state given by :meth:`Driver.state`.
+
+    Raises
+    ------
+    ValueError
+        If the state does not fit the world.
+    """
+    for name in loop.state:
+        set_rows(getattr(world, name), loop.records[name], state[name])
+
+
+def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:
+    room = loop.room(rows, world)
+    world.settings[0].room = room
+    logs = {name: engine.interpreted_rows(loop.records[name], 2 * room) for name in loop.logs}
+    return world._replace(**logs)
+
+
+def compiled_world(loop: EventLoop, world: Any, logs_of: Any = None) -> Any:
+    """Return a world of arrays with the contents of one of interpreted records.
+
+    Its logs are new, or those of another compiled world with as many bodies.
+    """
+    import numpy as np
+
+    settings = world.settings[0]
+    keeps = getattr(settings, "keep", 1) == 1
+    room = loop.room(COMPILED_ROWS if keeps else DROPPED_ROWS, world)
+    settings.room = room
+    arrays: dict[str, Any] = {}
+    for name, rows in world._asdict().items():
+        cls = loop.records.get(name)
+        if name in loop.logs and logs_of is not None:
+            arrays[name] = getattr(logs_of, name)
+        elif name in loop.logs:
+            arrays[name] = np.zeros(2 * room, dtype=engine.dtype(loop.records[name]))
+        elif cls is not None:
+            arrays[name] = engine.compiled_rows(rows, cls)
+        else:  # plain numbers
+            kind = np.float64 if len(rows) and isinstance(rows[0], float) else np.int64
+            arrays[name] = np.array(rows, dtype=kind)
+    return type(world)(**arrays)

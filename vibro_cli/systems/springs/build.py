@@ -1,0 +1,94 @@
+"""From the scenario of springs to the system that is solved, with all that is wrong at once."""
+
+from __future__ import annotations
+
+from vibro_cli.build.bodies import bodies_of
+from vibro_cli.build.findings import Findings, Given
+from vibro_cli.mechanics.body import Body
+from vibro_cli.systems.bodies import touching_distance
+from vibro_cli.systems.springs.scenario import SpringsScenario
+from vibro_cli.systems.springs.system import InitialState, Spring, SpringsSystem
+
+# Within these bounds no step, energy or frequency leaves the range of doubles.
+_STIFFNESSES = (1e-30, 1e30)
+
+
+def build_springs(scenario: SpringsScenario) -> SpringsSystem:
+    """Return the system of a scenario, checked against the mechanics.
+
+    Raises ScenarioError with every problem: numbers that doubles cannot compute with, bodies that
+    start out of order or overlap, or that could touch over a small one between them.
+    """
+    findings = Findings(scenario)
+    _check_sizes(scenario, findings)
+    findings.settle()
+    bodies = bodies_of(scenario.balls, findings)
+    initial = _initial(scenario, bodies, findings)
+    _check_neighbours(bodies, findings)
+    findings.settle()
+    springs = [ball.spring for ball in scenario.balls]
+    return SpringsSystem(
+        bodies=bodies,
+        springs=tuple(Spring(s.stiffness, s.length, s.height, s.foot) for s in springs),
+        initial=initial,
+        restitution=scenario.collision.k,
+        law=scenario.collision.law,
+        inadmissible=scenario.collision.inadmissible,
+    )
+
+
+def _check_sizes(scenario: SpringsScenario, findings: Findings) -> None:
+    lengths: list[Given] = []
+    numbers: list[Given] = []
+    for number, ball in enumerate(scenario.balls, 1):
+        path = f"balls[{number}]"
+        lengths += [(f"{path}.radius", ball.radius or None), (f"{path}.thickness", ball.thickness)]
+        lengths += [(f"{path}.spring.{key}", getattr(ball.spring, key)) for key in _LENGTHS]
+        numbers += [(f"{path}.{key}", getattr(ball, key)) for key in ("position", "speed", "omega")]
+        numbers.append((f"{path}.spring.foot", ball.spring.foot))
+        stiffness = ball.spring.stiffness
+        if not _STIFFNESSES[0] <= stiffness <= _STIFFNESSES[1]:
+            expected = f"a stiffness from {_STIFFNESSES[0]} to {_STIFFNESSES[1]} N/m"
+            findings.add(f"{path}.spring.stiffness", repr(stiffness), expected)
+    findings.add_wrong_lengths(lengths)
+    findings.add_wrong_numbers(numbers)
+    findings.add_wrong_time(scenario.stop.time)
+
+
+_LENGTHS = ("length", "height")
+
+
+def _initial(
+    scenario: SpringsScenario, bodies: tuple[Body, ...], findings: Findings
+) -> tuple[InitialState, ...]:
+    """Where each body starts; bodies out of order or overlapping are findings."""
+    states: list[InitialState] = []
+    for number, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True), 1):
+        position = ball.position
+        touch = touching_distance(bodies[number - 2], body) if number > 1 else 0.0
+        if position is None:
+            position = states[-1].position + touch
+        elif number > 1:
+            room = position - states[-1].position - touch
+            if room < -1e-15 * (abs(position) + abs(states[-1].position)):
+                found = f"{position!r}, {-room:.6g} m too far to the left"
+                expected = f"a place right of body {number - 1}: from {position - room!r} m on"
+                findings.add(f"balls[{number}].position", found, expected)
+        speed = ball.speed if ball.speed is not None else (ball.omega or 0.0) * body.radius
+        states.append(InitialState(position, speed))
+    return tuple(states)
+
+
+def _check_neighbours(bodies: tuple[Body, ...], findings: Findings) -> None:
+    """Check that bodies which are not neighbours cannot touch over those between them."""
+    for first in range(len(bodies)):
+        reach = 0.0
+        for second in range(first + 1, len(bodies)):
+            reach += touching_distance(bodies[second - 1], bodies[second])
+            over = touching_distance(bodies[first], bodies[second])
+            if second > first + 1 and over >= reach:
+                between = range(first + 1, second)
+                small = min(between, key=lambda index: bodies[index].radius)
+                expected = f"one so large that bodies {first + 1} and {second + 1} cannot touch"
+                path = f"balls[{small + 1}].radius"
+                findings.add(path, repr(bodies[small].radius), f"{expected} over it")

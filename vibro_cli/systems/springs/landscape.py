@@ -1,0 +1,337 @@
+"""Level curves of bodies on springs, one alone or several that move as one, from the energy.
+
+Of bodies in lasting contact the place of the first gives those of the others, so that they too are
+one point in a potential: U(q) = Σ c/2 (√(b² + (q + d)²) - l)² / Σ κ m, and v² = 2 (E - U) (C (4)).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from vibro_cli.systems.springs.system import Spring, SpringsSystem, singular_points
+
+Array = NDArray[np.float64]
+
+_HALVINGS = 80
+"""Of an interval with a turning point, until nothing is left of it but rounding."""
+_SCANNED = 4096
+"""Intervals in which places without force are looked for, where springs act together."""
+_QUADRATURE = 128
+"""Points of the sum that gives a time to a few percent, ..."""
+_FINE = 4096
+"""... and of one for the period of a motion of many of them."""
+_SUB = 8
+"""Points of the sum that gives the time from one point of a motion to the next."""
+
+
+@dataclass(frozen=True)
+class SpringsLandscape:
+    """The potential of bodies that move as one, over the displacement q (m) of the first."""
+
+    springs: tuple[Spring, ...]
+    offsets: tuple[float, ...]
+    """Displacement of each body from the foot of its spring, less that of the first (m)."""
+    mass: float
+    """Σ κ m (kg)."""
+
+    @staticmethod
+    def of(system: SpringsSystem, first: int, last: int) -> SpringsLandscape:
+        """Return the potential of bodies in contact, from one to another (from 0)."""
+        members = range(first, last + 1)
+        bodies = [system.bodies[n] for n in members]
+        springs = tuple(system.springs[n] for n in members)
+        places = [0.0]
+        for left, right in pairwise(bodies):
+            places.append(places[-1] + 2.0 * math.sqrt(left.radius * right.radius))
+        offsets = tuple(
+            place - spring.foot + springs[0].foot
+            for place, spring in zip(places, springs, strict=True)
+        )
+        mass = sum(body.kappa * body.mass for body in bodies)
+        return SpringsLandscape(springs, offsets, mass)
+
+    def potential(self, q: Array) -> Array:
+        """Return U(q), the energy of the springs over the mass (m²/s²)."""
+        total = np.zeros(np.shape(q))
+        for spring, offset in zip(self.springs, self.offsets, strict=True):
+            stretch = np.hypot(spring.height, q + offset) - spring.length
+            total = total + 0.5 * spring.stiffness / self.mass * stretch**2
+        return total
+
+    def slope(self, q: float) -> float:
+        """Return dU/dq at a place (m/s²)."""
+        total = 0.0
+        for spring, offset in zip(self.springs, self.offsets, strict=True):
+            length = math.hypot(spring.height, q + offset)
+            pull = spring.stiffness * (length - spring.length) * (q + offset) / length
+            total += pull / self.mass
+        return total
+
+    @cached_property
+    def level_places(self) -> Array:
+        """Places without force, from left to right: least and greatest potential by turns."""
+        own = [
+            [place - offset for place, _ in singular_points(spring)]
+            for spring, offset in zip(self.springs, self.offsets, strict=True)
+        ]
+        if len(own) == 1:
+            return np.array(own[0])
+        # To the left of all that each spring has alone every one of them pulls to the right.
+        low, high = min(map(min, own)), max(map(max, own))
+        room = 1e-9 * (abs(low) + abs(high) + self.springs[0].height)
+        grid = np.linspace(low - room, high + room, _SCANNED + 1)
+        force = np.array([self.slope(place) for place in grid.tolist()])
+        changes = np.flatnonzero((force[1:] > 0.0) != (force[:-1] > 0.0))
+        return np.array([brentq(self.slope, grid[n], grid[n + 1], xtol=1e-15) for n in changes])
+
+    @property
+    def crests(self) -> Array:
+        """Places of the greatest potential between two of the least."""
+        return self.level_places[1::2]
+
+    def energy(self, q: Array, speed: Array) -> Array:
+        """Return the energy over the mass, v²/2 + U (m²/s²)."""
+        return 0.5 * speed**2 + self.potential(q)
+
+    def reaches(self, q: Array, energy: Array) -> tuple[Array, Array]:
+        """Return the turning points to the left and to the right of places, at given energies."""
+        left, right = (self._turning(q, energy, side) for side in (-1.0, 1.0))
+        return np.minimum(left, q), np.maximum(right, q)
+
+    def _turning(self, q: Array, energy: Array, side: float) -> Array:
+        """Return where bodies that go to one side (-1 left, 1 right) from places turn."""
+        barred = self._bound(energy, side)
+        passed = q.copy()
+        places = self.level_places[:: int(side)]
+        heights = self.potential(places)
+        free = np.ones(len(q), dtype=np.bool_)
+        for place, height in zip(places, heights, strict=True):
+            ahead = free & (side * (place - q) > 0.0)
+            stopped = ahead & (height > energy)
+            barred = np.where(stopped, place, barred)
+            free &= ~stopped
+            passed = np.where(ahead & ~stopped, place, passed)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (passed + barred)
+            beyond = self.potential(middle) > energy
+            passed, barred = np.where(beyond, passed, middle), np.where(beyond, middle, barred)
+        return passed
+
+    def _bound(self, energy: Array, side: float) -> Array:
+        """Return a place beyond every turning point: one spring alone would take the energy."""
+        bounds = []
+        for spring, offset in zip(self.springs, self.offsets, strict=True):
+            longest = spring.length + np.sqrt(2.0 * self.mass / spring.stiffness * energy)
+            square = np.maximum(longest**2 - spring.height**2, 0.0)
+            bounds.append(np.sqrt(square) - side * offset)
+        bound: Array = side * np.min(bounds, axis=0)
+        return bound
+
+    def upper_half(self, energy: float, count: int) -> list[tuple[Array, Array]]:
+        """Return places (m) and speeds (m/s, not negative) of each level curve of an energy.
+
+        `count` points in each part between turning points and crests, dense towards their ends.
+        """
+        bottoms = self.level_places[::2]
+        reached = bottoms[self.potential(bottoms) <= energy]
+        low, high = self.reaches(reached, np.full(len(reached), energy))
+        spans = dict.fromkeys(zip(low.tolist(), high.tolist(), strict=True))
+        curves = []
+        for left, right in spans:
+            inner = [crest for crest in self.crests.tolist() if left < crest < right]
+            ends = [left, *inner, right]
+            bend = 0.5 - 0.5 * np.cos(np.linspace(0.0, math.pi, count))
+            parts = [one + (other - one) * bend for one, other in pairwise(ends)]
+            q = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+            speed = np.sqrt(np.maximum(2.0 * (energy - self.potential(q)), 0.0))
+            speed[0] = speed[-1] = 0.0
+            curves.append((q, speed))
+        return curves
+
+    def period(self, q: Array, speed: Array) -> Array:
+        """Return the periods (s) of motions through given states; infinite at rest."""
+        return _Loops.of(self, q, self.energy(q, speed)).period
+
+    def branches(
+        self, start: tuple[Array, Array], end: tuple[Array, Array], duration: Array, count: int
+    ) -> tuple[Array, Array]:
+        """Return the phase curves of motions without an impact, from state to state.
+
+        `start` and `end` are displacements (m) and speeds (m/s), each of shape (motions,),
+        `duration` the times between them (s); the result has the shape (motions, count). The energy
+        is constant along each; a motion of several periods gives its closed curve once, and on to
+        its end. An end that is not known is NaN.
+        """
+        loops = _Loops.of(self, start[0], self.energy(*start))
+        first, sweep = loops.swept(start, end, duration)
+        whole = np.floor(sweep / loops.round)
+        shown = sweep - np.maximum(whole - 1.0, 0.0) * loops.round
+        q, speed = loops.states(first[:, None] + shown[:, None] * np.linspace(0.0, 1.0, count))
+        known = np.isfinite(end[1])
+        q[:, 0], speed[:, 0] = start
+        q[known, -1], speed[known, -1] = end[0][known], end[1][known]
+        return q, speed
+
+    def course(
+        self, start: tuple[float, float], end: tuple[float, float], duration: float, each: int
+    ) -> tuple[Array, Array, Array]:
+        """Return times from the start (s), displacements (m) and speeds (m/s) of one motion.
+
+        `each` points in every period; a motion is as in `branches`. The states have the energy
+        exactly, the times to a small part of a period.
+        """
+        states = [(np.array([place]), np.array([speed])) for place, speed in (start, end)]
+        loops = _Loops.of(self, states[0][0], self.energy(*states[0]), _FINE)
+        first, sweep = loops.swept(states[0], states[1], np.array([duration]))
+        if not math.isfinite(end[1]):
+            sweep = loops.reached(first, duration)
+        count = max(1, math.ceil(each * float(sweep[0] / loops.round[0])))
+        share = np.linspace(0.0, 1.0, count + 1)
+        q, speed = loops.states(first[:, None] + sweep[:, None] * share)
+        q[0, 0], speed[0, 0] = start
+        if math.isfinite(end[1]):
+            q[0, -1], speed[0, -1] = end
+        middles = (np.arange(count * _SUB) + 0.5) / (count * _SUB)
+        steps = loops.paces(first[:, None] + sweep[:, None] * middles)[0]
+        passed = np.append(0.0, np.cumsum(steps.reshape(count, _SUB).sum(axis=1)))
+        times = duration * (passed / passed[-1] if passed[-1] > 0.0 else share)
+        return times, q[0], speed[0]
+
+
+@dataclass(frozen=True)
+class _Loops:
+    """Closed level curves, each run through by a phase.
+
+    The upper half from the left turning point to the right one, then the lower half back; the phase
+    grows by 1 from one turning point or crest to the next.
+    """
+
+    landscape: SpringsLandscape
+    energy: Array
+    nodes: Array
+    """Turning points and the crests between them, shape (loops, nodes); others at the ends."""
+    marks: Array
+    """The phase of each node on the upper half."""
+    quadrature: int
+    """Points of the sums that give times."""
+
+    @staticmethod
+    def of(
+        landscape: SpringsLandscape, q: Array, energy: Array, quadrature: int = _QUADRATURE
+    ) -> _Loops:
+        low, high = landscape.reaches(q, energy)
+        inner = np.clip(landscape.crests[None, :], low[:, None], high[:, None])
+        nodes = np.column_stack([low, inner, high])
+        parts = np.where(np.diff(nodes, axis=1) > 0.0, 1.0, 0.0)
+        parts[:, 0] += np.where(np.sum(parts, axis=1) == 0.0, 1.0, 0.0)  # a body at rest
+        marks = np.column_stack([np.zeros(len(q)), np.cumsum(parts, axis=1)])
+        return _Loops(landscape, energy, nodes, marks, quadrature)
+
+    @property
+    def round(self) -> Array:
+        """The phase of a whole turn."""
+        turn: Array = 2.0 * self.marks[:, -1]
+        return turn
+
+    def phase(self, q: Array, speed: Array) -> Array:
+        """Return the phases of states."""
+        part = np.sum(q[:, None] >= self.nodes[:, 1:-1], axis=1)
+        # Nodes at the right end have a place of their own only for the last part that has a length.
+        while True:
+            empty = (part > 0) & (self._at(self.nodes, part + 1) <= self._at(self.nodes, part))
+            if not np.any(empty):
+                break
+            part = np.where(empty, part - 1, part)
+        left, right = self._at(self.nodes, part), self._at(self.nodes, part + 1)
+        wide = np.where(right > left, right - left, 1.0)
+        share = np.clip((q - left) / wide, 0.0, 1.0)
+        # Half the angle from both sides: near an end the share has lost its digits.
+        bend = 2.0 * np.arctan2(np.sqrt(share), np.sqrt(np.clip((right - q) / wide, 0.0, 1.0)))
+        upper = self._at(self.marks, part) + bend / math.pi
+        phases: Array = np.where(speed >= 0.0, upper, self.round - upper)
+        return phases
+
+    @staticmethod
+    def _at(values: Array, part: NDArray[np.int64]) -> Array:
+        found: Array = np.take_along_axis(values, part[:, None], axis=1)[:, 0]
+        return found
+
+    def _places(self, phase: Array) -> tuple[Array, Array]:
+        """Return the places at phases of shape (loops, points), and |dq/dphase| there."""
+        turn = np.mod(phase, self.round[:, None])
+        folded = np.minimum(turn, self.round[:, None] - turn)
+        q = np.empty_like(phase)
+        rate = np.empty_like(phase)
+        for part in range(self.nodes.shape[1] - 1):
+            low, high = self.nodes[:, part, None], self.nodes[:, part + 1, None]
+            begins, ends = self.marks[:, part, None], self.marks[:, part + 1, None]
+            angle = math.pi * (folded - begins)
+            bent = low + (high - low) * np.sin(0.5 * angle) ** 2
+            here = (folded >= begins) & (folded <= ends) & (ends > begins)
+            q = np.where(here, bent, q)
+            rate = np.where(here, 0.5 * math.pi * (high - low) * np.abs(np.sin(angle)), rate)
+        return q, rate
+
+    def states(self, phase: Array) -> tuple[Array, Array]:
+        """Return places (m) and speeds (m/s) at phases of shape (loops, points)."""
+        q, _ = self._places(phase)
+        square = 2.0 * (self.energy[:, None] - self.landscape.potential(q))
+        turn = np.mod(phase, self.round[:, None])
+        back = turn > 0.5 * self.round[:, None]
+        speed = np.where(back, -1.0, 1.0) * np.sqrt(np.maximum(square, 0.0))
+        return q, speed
+
+    def swept(
+        self, start: tuple[Array, Array], end: tuple[Array, Array], duration: Array
+    ) -> tuple[Array, Array]:
+        """Return the phases of starts, and by how much they grow in times (s) up to the ends."""
+        known = np.isfinite(end[1])
+        first = self.phase(*start)
+        place, speed = (np.where(known, end[n], start[n]) for n in range(2))
+        last = self.phase(place, speed)
+        sweep = np.mod(last - first, self.round)
+        over = (duration - self._time(first, sweep)) / self.period
+        between = sweep + np.maximum(np.round(over), -1.0) * self.round
+        turned = duration / self.period * self.round
+        whole: Array = np.where(known, np.maximum(between, 0.0), turned)
+        return first, whole
+
+    def reached(self, first: Array, duration: float) -> Array:
+        """Return by how much the phase of the only loop grows in a time (s)."""
+        period, turn = float(self.period[0]), float(self.round[0])
+        if math.isinf(period):
+            return np.zeros(1)
+        share = (np.arange(self.quadrature) + 0.5) / self.quadrature
+        steps = self.paces(first[:, None] + turn * share)[0]
+        passed = np.append(0.0, np.cumsum(steps)) * (period / np.sum(steps))
+        whole, rest = divmod(duration, period)
+        parts = np.linspace(0.0, turn, self.quadrature + 1)
+        return np.array([whole * turn + np.interp(rest, passed, parts)])
+
+    @cached_property
+    def period(self) -> Array:
+        """The time of a whole turn (s); infinite at rest."""
+        time = self._time(np.zeros(len(self.energy)), self.round)
+        period: Array = np.where(time > 0.0, time, math.inf)
+        return period
+
+    def _time(self, first: Array, sweep: Array) -> Array:
+        """Return the time (s) of sweeps of the phase, as exactly as turns are to be counted."""
+        share = (np.arange(self.quadrature) + 0.5) / self.quadrature
+        time: Array = np.mean(self.paces(first[:, None] + sweep[:, None] * share), axis=1) * sweep
+        return time
+
+    def paces(self, phase: Array) -> Array:
+        """Return the times per phase (s) at phases of shape (loops, points)."""
+        q, rate = self._places(phase)
+        square = 2.0 * (self.energy[:, None] - self.landscape.potential(q))
+        speed = np.sqrt(np.maximum(square, 0.0))
+        each: Array = np.divide(rate, speed, out=np.zeros_like(rate), where=speed > 0.0)
+        return each

@@ -1,0 +1,234 @@
+"""Phase portrait of a body on a spring, and below it its energies (C fig. 5).
+
+In the portrait: level curves, separatrix, singular points, the branches of the run and the jumps at
+its impacts. Below: the energy of the spring over the same place, and the body's total energy, which
+stays between impacts and jumps with the speed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.figure import Figure
+
+from vibro_cli.analysis.levels import LevelCurve
+from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint
+from vibro_cli.figures import strokes, style
+from vibro_cli.figures.background import Background, level_energies, saddle_energies
+from vibro_cli.figures.chart import LEFT
+from vibro_cli.figures.legend import (
+    Entry,
+    behind_entries,
+    draw_legend,
+    last_time,
+    rows_of,
+)
+from vibro_cli.figures.panels import BOTTOM, RIGHT, Panel, Window
+from vibro_cli.figures.portrait import draw_motion, few, legend_rows
+from vibro_cli.figures.portrait_over_energies import draw_energies, limit_energies, panels_over
+from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.trajectory import Trajectory
+from vibro_cli.mechanics.trace import LINE as STRAIGHT
+from vibro_cli.mechanics.trace import Piece
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.springs.landscape import SpringsLandscape
+from vibro_cli.systems.springs.portrait_type import TYPES, point_names
+from vibro_cli.systems.springs.system import SpringsSystem, singular_points
+from vibro_cli.systems.springs.trajectory import springs_trajectory
+
+MOST_MEMBERS = 12
+"""Portraits of a family that are drawn at most."""
+_MEMBER, _TITLE = 30.0, 7.4
+"""Heights of a portrait of a family, and of its title (mm)."""
+_MARGIN = 1.08
+_FAR = 3.0
+"""A separatrix beyond this multiple of the motion is cut off by the frame."""
+_ABOVE = 1.35
+"""Without a run level curves go up to this multiple of the saddle's energy."""
+_COUNT = 129
+"""Points of a level curve between turning points and crests."""
+SPRING: dict[str, Any] = {"color": style.GREEN, "linewidth": 1.0}
+
+
+def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
+    """Return speed and energies over the displacement of a body (from 1) of a run.
+
+    `width` is `single` (85 mm) or `double` (170 mm).
+    Raises IndexError for a body that is not there.
+    """
+    if not 1 <= ball <= len(run.system.bodies):
+        raise IndexError(f"no body {ball}: the run has {len(run.system.bodies)}")
+    path = springs_trajectory(run, ball)
+    (branches,) = path.branches
+    hills = SpringsLandscape.of(run.system, ball - 1, ball - 1)
+    energies = hills.mass * hills.energy(branches.position, branches.rate)
+    behind = springs_background(run.system, ball - 1, float(np.max(energies)))
+    window = _around(path, behind)
+    with style.journal():
+        rows = legend_rows(path, behind, width, [("spring's energy", SPRING)])
+        figure, upper, lower = panels_over(width, window, len(rows))
+        draw_motion([upper], path, behind)
+        _draw_spring_energy(lower, run.system, ball - 1, window)
+        draw_energies(lower, path, energies, None if few(path) else last_time(path))
+        limit_energies(lower, 1.15 * float(np.max(energies)))
+        _label(upper, lower, ball)
+        draw_legend(figure, rows, None if few(path) else path)
+    return figure
+
+
+def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -> Figure:
+    """Return the portrait of a body (from 1) without a run: levels, separatrix, singular points.
+
+    Below it the energy of the spring, with those of the singular points.
+    """
+    spring = system.springs[ball - 1]
+    behind = _at_rest(system, ball - 1)
+    window = _whole(behind)
+    energy: Entry = ("spring's energy", SPRING)
+    with style.journal():
+        rows = rows_of([*behind_entries(behind), energy], WIDTHS[width])
+        figure, upper, lower = panels_over(width, window, len(rows))
+        strokes.draw_background(upper, behind)
+        _draw_spring_energy(lower, system, ball - 1, window)
+        names = point_names(system, ball - 1)
+        for name, point in zip(names, behind.points, strict=True):
+            upper.axes.annotate(
+                name, (point.position, 0.0), (3.5, 3.5), textcoords="offset points",
+                fontsize=style.SMALL, zorder=3.0,
+                path_effects=[patheffects.withStroke(linewidth=1.4, foreground="white")],
+            )  # fmt: skip
+            if point.kind == SADDLE:
+                lower.axes.axhline(point.energy, zorder=1.2, **strokes.SEPARATRIX)
+            marker = strokes.MARKER[point.kind]
+            lower.axes.plot(point.position, point.energy, marker=marker, **strokes.POINT)
+        limit_energies(lower, max(spring.energy(window.low), spring.energy(window.high)))
+        _label(upper, lower, ball)
+        draw_legend(figure, rows)
+    return figure
+
+
+def springs_family(
+    members: Sequence[tuple[str, SpringsSystem]], ball: int, width: str = "single"
+) -> Figure:
+    """Return the portraits of a body (from 1) of a family, each under its title and its type.
+
+    All have one frame, so that the saddle is seen to part from the centre (C, part 3: l ≶ b).
+    `members` are titles and systems; of more than `MOST_MEMBERS` an even choice is drawn.
+    """
+    shown = members[:: math.ceil(len(members) / MOST_MEMBERS)]
+    columns = min({"single": 1, "double": 2}[width], len(shown))
+    rows, cell = math.ceil(len(shown) / columns), _TITLE + _MEMBER + BOTTOM
+    wide, high = WIDTHS[width], rows * cell
+    behind = [_at_rest(system, ball - 1) for _, system in shown]
+    windows = [_whole(one) for one in behind]
+    low, end = min(one.low for one in windows), max(one.high for one in windows)
+    across = wide / columns - LEFT - RIGHT
+    with style.journal():
+        figure = Figure(figsize=(wide * MM, high * MM))
+        for number, ((title, system), one) in enumerate(zip(shown, behind, strict=True)):
+            row, column = divmod(number, columns)
+            left = column * wide / columns + LEFT
+            bottom = high - row * cell - _TITLE - _MEMBER
+            box = left / wide, bottom / high, across / wide, _MEMBER / high
+            window = Window(windows[0].piece, low, end, max(w.top for w in windows))
+            panel = Panel(figure.add_axes(box), window, True, across, _MEMBER, left, row)
+            panel.axes.set_xlim(low, end)
+            panel.axes.set_ylim(-window.top, window.top)
+            ticks = number_ticks(low, end, across)
+            panel.axes.set_xticks(ticks.places, ticks.labels)
+            strokes.draw_background(panel, one)
+            _label(panel, panel, ball)
+            kind = TYPES[len(singular_points(system.springs[ball - 1]))]
+            over = (bottom + _MEMBER + 1.0) / high
+            figure.text(left / wide, over, kind, fontsize=style.SMALL, va="baseline")
+            above = over + 3.0 / high
+            figure.text(left / wide, above, title, fontsize=style.TEXT, va="baseline")
+    return figure
+
+
+def _at_rest(system: SpringsSystem, body: int) -> Background:
+    """Return what stands behind the portrait of a body (from 0) without a run."""
+    spring = system.springs[body]
+    saddles = [spring.energy(at) for at, kind in singular_points(spring) if kind == "saddle"]
+    highest = _ABOVE * max([*saddles, spring.energy(1.7 * spring.height)])
+    return springs_background(system, body, highest)
+
+
+def springs_background(system: SpringsSystem, body: int, highest: float) -> Background:
+    """Return what stands behind the portrait of a body (from 0) with energies up to one (J)."""
+    hills = SpringsLandscape.of(system, body, body)
+    kinds = {"centre": CENTRE, "saddle": SADDLE}
+    points = tuple(
+        SingularPoint(kinds[kind], 0, at, 0.0, at, 0.0, system.springs[body].energy(at))
+        for at, kind in singular_points(system.springs[body])
+    )
+    # The energy at the crest as the curves have it, so that they run just through the saddle.
+    through = [hills.mass * float(hills.potential(crest)) for crest in hills.crests]
+    levels = level_energies(points, max(highest, *saddle_energies(points), 0.0))
+    return Background(
+        separatrices=_curves(hills, through), arc_separatrices=(),
+        levels=_curves(hills, levels), points=points,
+    )  # fmt: skip
+
+
+def _curves(hills: SpringsLandscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
+    return tuple(
+        LevelCurve(0, place, speed)
+        for energy in energies
+        for place, speed in hills.upper_half(energy / hills.mass, _COUNT)
+    )
+
+
+def _around(path: Trajectory, behind: Background) -> Window:
+    """Return the window on the motion and the singular points, with a separatrix not too far."""
+    (branches,) = path.branches
+    jumps = path.jumps
+    rates = [branches.rate.ravel(), jumps.before, jumps.after[jumps.made]]
+    reached = float(max(np.max(np.abs(rate), initial=0.0) for rate in rates))
+    points = [point.position for point in behind.points]
+    low = min(float(np.min(branches.position)), *points)
+    high = max(float(np.max(branches.position)), *points)
+    for curve in behind.separatrices:
+        if np.ptp(curve.position) <= _FAR * (high - low):
+            low = min(low, float(curve.position[0]))
+            high = max(high, float(curve.position[-1]))
+        reached = max(reached, min(float(np.max(curve.rate)), _FAR * reached))
+    return _window(low, high, reached)
+
+
+def _whole(behind: Background) -> Window:
+    """Return the window on all level curves."""
+    curves = (*behind.levels, *behind.separatrices)
+    low = min(float(curve.position[0]) for curve in curves)
+    high = max(float(curve.position[-1]) for curve in curves)
+    return _window(low, high, max(float(np.max(curve.rate)) for curve in curves))
+
+
+def _window(low: float, high: float, top: float) -> Window:
+    room = 0.04 * (high - low) or 1.0
+    low, high = low - room, high + room
+    nowhere = math.nan, math.nan
+    line = Piece(
+        0, STRAIGHT, 0.0, math.inf, 0.0, 0.0, high - low, 0.0, nowhere, nowhere, nowhere, low, high
+    )
+    return Window(line, low, high, _MARGIN * (top or 1.0))
+
+
+def _label(upper: Panel, lower: Panel, ball: int) -> None:
+    ticks = vertical_ticks(-upper.window.top, upper.window.top, upper.height)
+    upper.axes.set_yticks(ticks.places, ticks.labels)
+    scaled = rf"$10^{{{ticks.power}}}$ m/s" if ticks.power else "m/s"
+    upper.axes.set_ylabel(rf"$\dot{{x}}_{{{ball}}}$ [{scaled}]", labelpad=1.0)
+    lower.axes.set_xlabel(rf"$x_{{{ball}}}$ [m], from the foot of its spring")
+
+
+def _draw_spring_energy(lower: Panel, system: SpringsSystem, body: int, window: Window) -> None:
+    spring = system.springs[body]
+    x = np.linspace(window.low, window.high, 600)
+    stored = 0.5 * spring.stiffness * (np.hypot(spring.height, x) - spring.length) ** 2
+    lower.axes.plot(x, stored, zorder=1.5, **SPRING)

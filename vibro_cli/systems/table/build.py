@@ -1,0 +1,119 @@
+"""From the scenario of a table to the system that is solved, with all that is wrong at once."""
+
+from __future__ import annotations
+
+import math
+
+from vibro_cli.build.bodies import bodies_of
+from vibro_cli.build.findings import Findings, Given
+from vibro_cli.mechanics.body import Body
+from vibro_cli.systems.bodies import touching_distance
+from vibro_cli.systems.table import fitting
+from vibro_cli.systems.table.scenario import TableBall, TableScenario
+from vibro_cli.systems.table.scenario import Wall as WallTable
+from vibro_cli.systems.table.system import InitialState, Point, TableSystem, Wall
+
+
+def build_table(scenario: TableScenario) -> TableSystem:
+    """Return the system of a scenario, checked against the mechanics.
+
+    Raises ScenarioError with every problem: numbers that doubles cannot compute with, a polygon
+    that meets itself, balls that do not fit the wall, reach into it, or overlap.
+    """
+    findings = Findings(scenario)
+    _check_sizes(scenario, findings)
+    findings.settle()
+    bodies = bodies_of(scenario.balls, findings)
+    wall = _wall(scenario.wall, findings)
+    findings.settle()
+    initial = tuple(InitialState((ball.x, ball.y), velocity_of(ball)) for ball in scenario.balls)
+    if wall is not None:
+        _check_wall(scenario, wall, bodies, findings)
+    _check_overlaps(scenario, bodies, findings)
+    findings.settle()
+    return TableSystem(
+        bodies=bodies,
+        initial=initial,
+        wall=wall,
+        restitution=1.0 if scenario.collision.k is None else scenario.collision.k,
+        law=scenario.collision.law,
+        inadmissible=scenario.collision.inadmissible,
+    )
+
+
+def velocity_of(ball: TableBall) -> Point:
+    """Return the velocity a ball starts with, m/s."""
+    if ball.speed is not None and ball.direction is not None:
+        return ball.speed * math.cos(ball.direction), ball.speed * math.sin(ball.direction)
+    return ball.velocity_x or 0.0, ball.velocity_y or 0.0
+
+
+def _check_sizes(scenario: TableScenario, findings: Findings) -> None:
+    lengths: list[Given] = []
+    numbers: list[Given] = []
+    if scenario.wall is not None:
+        keys = ("semi_axis_x", "semi_axis_y", "radius", "width", "depth")
+        lengths += [(f"wall.{key}", getattr(scenario.wall, key)) for key in keys]
+        numbers += [(f"wall.{key}", getattr(scenario.wall, key)) for key in "xy"]
+        for number, corner in enumerate(scenario.wall.corners or (), 1):
+            numbers += [(f"wall.corners[{number}][{n}]", corner[n - 1]) for n in (1, 2)]
+    for number, ball in enumerate(scenario.balls, 1):
+        path = f"balls[{number}]"
+        lengths += [(f"{path}.radius", ball.radius or None), (f"{path}.thickness", ball.thickness)]
+        keys = ("x", "y", "speed", "velocity_x", "velocity_y")
+        numbers += [(f"{path}.{key}", getattr(ball, key)) for key in keys]
+    findings.add_wrong_lengths(lengths)
+    findings.add_wrong_numbers(numbers)
+    findings.add_wrong_time(scenario.stop.time)
+
+
+def _wall(table: WallTable | None, findings: Findings) -> Wall | None:
+    if table is None:
+        return None
+    inside = table.side == "inside"
+    center = (table.x, table.y)
+    if table.shape == "ellipse":
+        axes = (table.semi_axis_x or 0.0, table.semi_axis_y or 0.0)
+        return Wall("ellipse", inside, table.k, center, axes)
+    if table.shape == "circle":
+        return Wall("circle", inside, table.k, center, (table.radius or 0.0,) * 2)
+    if table.shape == "rectangle":
+        x, y = 0.5 * (table.width or 0.0), 0.5 * (table.depth or 0.0)
+        corners = ((-x, -y), (x, -y), (x, y), (-x, y))
+        moved = tuple((table.x + dx, table.y + dy) for dx, dy in corners)
+        return Wall("polygon", inside, table.k, corners=moved)
+    points = tuple((x, y) for x, y in table.corners or ())
+    wrong = fitting.wrong_with_polygon(points)
+    if wrong:
+        findings.add("wall.corners", wrong, "sides that meet only at their common corners")
+        return None
+    return Wall("polygon", inside, table.k, corners=fitting.anticlockwise(points))
+
+
+def _check_wall(
+    scenario: TableScenario, wall: Wall, bodies: tuple[Body, ...], findings: Findings
+) -> None:
+    """Check that every ball fits the wall and starts free of it."""
+    for number, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True), 1):
+        limit = fitting.largest_radius(wall)
+        if body.radius >= limit:
+            expected = f"less than {limit!r}, the least radius of curvature of the wall"
+            findings.add(f"balls[{number}].radius", repr(body.radius), expected)
+            continue
+        free = fitting.distance_to_wall(wall, (ball.x, ball.y)) - body.radius
+        if free < -fitting.rounding(wall, (ball.x, ball.y)):
+            side = "inside" if wall.inside else "outside"
+            found = f"ball {number} reaching {-free:.6g} m into the wall"
+            findings.add(f"balls[{number}].x", found, f"a place {side} it, free of it")
+
+
+def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], findings: Findings) -> None:
+    balls = scenario.balls
+    for b, other in enumerate(balls):
+        for a, one in enumerate(balls[:b]):
+            touch = touching_distance(bodies[a], bodies[b])
+            apart = math.hypot(other.x - one.x, other.y - one.y)
+            if apart < touch * (1.0 - 1e-14) - 1e-15 * (abs(one.x) + abs(one.y)):
+                found = f"balls {a + 1} and {b + 1} overlapping by {touch - apart:.6g} m"
+                expected = f"centres at least 2 sqrt(r_a r_b) = {touch!r} m apart"
+                findings.add(f"balls[{b + 1}].x", found, expected)

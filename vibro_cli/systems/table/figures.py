@@ -1,0 +1,65 @@
+"""Every kind of figure of a run on a table, with what it shows in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vibro_cli.figures.contact_points import POINTS_CAPTION, POINTS_TITLE
+from vibro_cli.figures.kinds import INTERVALS, Kind, KindOfBody
+from vibro_cli.figures.over_time import energy_chart
+from vibro_cli.figures.source import Array
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.table.plan import table_plan
+from vibro_cli.systems.table.velocities import table_contact_points, table_velocities
+
+
+def table_energies(run: Run, width: str = "single") -> Figure | None:
+    """Return the energy of each ball and of all against time, and what the impacts lose.
+
+    None where no energy changes.
+    """
+    tables = (run.collisions, run.bounces)
+    t, lost = (np.concatenate([table[name] for table in tables]) for name in ("t", "energy_loss"))
+    bodies = range(1, len(run.system.bodies) + 1)
+    if len(bodies) == 1 and not np.any(lost > 0.0):
+        return None
+    courses = [_energy(run, ball) for ball in bodies]
+    return energy_chart(run, courses, (t, lost), [], run.end_time, width)
+
+
+def _energy(run: Run, ball: int) -> tuple[Array, Array]:
+    """Return times (s) and the energy (J) of a ball (from 1); at a jump a time stands twice."""
+    motion: Any = run.trajectory
+    events, body = motion.balls[ball - 1], run.system.bodies[ball - 1]
+    energy = 0.5 * body.kappa * body.mass * (events["vx"] ** 2 + events["vy"] ** 2)
+    ends = np.append(events["t"][1:], run.end_time)
+    return np.column_stack([events["t"], ends]).ravel(), np.repeat(energy, 2)
+
+
+FIGURES: dict[str, Kind[Any] | KindOfBody] = {
+    "plan": Kind[Run](
+        table_plan,
+        "Plan of the table",
+        "The wall, the path of every ball from its start (with its number), the balls as they "
+        "touch, and arrows of the velocities before (open) and after (full) the impacts, where "
+        "they are few.",
+    ),
+    "velocities": Kind[Run](
+        table_velocities,
+        "Plan of velocities and angles",
+        "The first impacts from above, before and after: velocities and paths of the centres C, "
+        "components along the normal, angular velocities along the axes of rolling, the tangent at "
+        "the contact T, and the angles of arrival α and of outgoing α′ between paths and normal.",
+    ),
+    "contact_points": Kind[Run](table_contact_points, POINTS_TITLE, POINTS_CAPTION),
+    "energy": Kind[Run](
+        table_energies,
+        "Energies",
+        "Energy of each body and of all against time; below, what each impact loses. Of lasting "
+        "contact at the end some periods only.",
+    ),
+    "intervals": INTERVALS,
+}

@@ -1,0 +1,242 @@
+"""The plan of a run on the table: wall, paths of the balls, velocities at impacts (C fig. 1, 4)."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Ellipse, Polygon
+from numpy.typing import NDArray
+
+from vibro_cli.figures import style
+from vibro_cli.figures.chart import LEFT, body_look
+from vibro_cli.figures.numbering import leader, place_numbers
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.table.system import POLYGON, Wall
+
+MOST_ARROWS = 40
+"""Events up to which the velocities before and after each are drawn."""
+MOST_LINES = 20_000
+"""Flights of a ball that are drawn at most; the figure says how many there are."""
+_ARROW = 0.09
+"""Length of the arrow of the fastest ball, as a share of the figure's width."""
+_RIGHT, _TOP, _BOTTOM = 2.5, 5.0, 8.5
+"""Room beside, over and under the panel (mm)."""
+_SHAPES = (0.25, 1.5)
+"""Height over width of the flattest panel and of the tallest."""
+
+Floats = NDArray[np.float64]
+
+
+def table_plan(run: Run, width: str = "single") -> Figure:
+    """Return the plan of a run: the wall, each ball's path, arrows of velocity at its events.
+
+    The balls are drawn where they start (filled) and where they collide (outlined). `width` is
+    `single` (85 mm) or `double` (170 mm).
+    """
+    paths = [_path(run, ball) for ball in range(len(run.system.bodies))]
+    low, high = _extent(run, paths)
+    low, high = _fitted(low, high)
+    size = (style.WIDTHS[width] - LEFT - _RIGHT) * np.array([1.0, 1.0])
+    size[1] *= (high[1] - low[1]) / (high[0] - low[0])
+    with style.journal():
+        figure, axes = _panel(width, low, high, size)
+        if run.system.wall is not None:
+            draw_wall(axes, run.system.wall)
+        for ball, path in enumerate(paths):
+            _draw_path(axes, run, ball, path)
+        _draw_impacts(axes, run)
+        _draw_velocities(axes, run, _ARROW * (high[0] - low[0]))
+        _draw_numbers(axes, run, paths, (float(size[0]), float(size[1])))
+        axes.set_title(_title(run, paths), pad=2.0, color=style.FRAME_GREY)
+    return figure
+
+
+def _fitted(low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Return the corners of a panel around what is drawn, neither too flat nor too tall."""
+    extent = high - low
+    shape = np.clip(extent[1] / extent[0], *_SHAPES)
+    wanted = np.maximum(extent, [extent[1] / shape, extent[0] * shape])
+    middle = 0.5 * (low + high)
+    return middle - 0.5 * wanted, middle + 0.5 * wanted
+
+
+def _panel(width: str, low: Floats, high: Floats, size: Floats) -> tuple[Figure, Axes]:
+    """Return a figure with a panel of a size (mm), to scale."""
+    wide, tall = style.WIDTHS[width], _BOTTOM + float(size[1]) + _TOP
+    figure = Figure(figsize=(wide * style.MM, tall * style.MM))
+    box = (LEFT / wide, _BOTTOM / tall, float(size[0]) / wide, float(size[1]) / tall)
+    axes = figure.add_axes(box)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    across = number_ticks(float(low[0]), float(high[0]), float(size[0]))
+    along = vertical_ticks(float(low[1]), float(high[1]), float(size[1]))
+    axes.set_xticks(across.places, across.labels)
+    axes.set_yticks(along.places, along.labels)
+    axes.set_xlabel("$x$ [m]")
+    scaled = rf"$10^{{{along.power}}}$ m" if along.power else "m"
+    axes.set_ylabel(f"$y$ [{scaled}]", labelpad=1.0)
+    return figure, axes
+
+
+def _path(run: Run, ball: int) -> Floats:
+    """Places of a ball at its start, its events and the end, a row each."""
+    motion: Any = run.trajectory
+    events, last = motion.balls[ball], motion.at(ball, np.array([run.end_time]))
+    x = np.append(events["x"], last["x"])
+    return np.column_stack([x, np.append(events["y"], last["y"])])[: MOST_LINES + 1]
+
+
+def _extent(run: Run, paths: list[Floats]) -> tuple[Floats, Floats]:
+    """The corners of what is drawn."""
+    radii = [body.radius for body in run.system.bodies]
+    low = np.min([path.min(axis=0) - r for path, r in zip(paths, radii, strict=True)], axis=0)
+    high = np.max([path.max(axis=0) + r for path, r in zip(paths, radii, strict=True)], axis=0)
+    wall = run.system.wall
+    if wall is not None:
+        points = np.array(wall.corners or [wall.center])
+        axes = np.array(wall.semi_axes)
+        low = np.minimum(low, points.min(axis=0) - axes)
+        high = np.maximum(high, points.max(axis=0) + axes)
+    margin = 0.05 * float(np.max(high - low)) or 1.0
+    return low - margin, high + margin
+
+
+def draw_wall(axes: Axes, wall: Wall) -> None:
+    """Draw the wall of a table."""
+    look: dict[str, Any] = {"edgecolor": style.FRAME_GREY, "linewidth": 1.4, "zorder": 1.0}
+    filled = "none" if wall.inside else style.LEVEL_GREY
+    if wall.shape == POLYGON:
+        axes.add_patch(Polygon(list(wall.corners), facecolor=filled, **look))
+    else:
+        a, b = wall.semi_axes
+        axes.add_patch(Ellipse(wall.center, 2.0 * a, 2.0 * b, facecolor=filled, **look))
+
+
+def _draw_path(axes: Axes, run: Run, ball: int, path: Floats) -> None:
+    color, dashes = _colour(ball), body_look(ball + 1)["linestyle"]
+    lines = LineCollection(
+        [path], colors=color, linewidths=0.8 if len(path) < 500 else 0.3, zorder=2.0,
+        linestyles=[dashes], rasterized=len(path) > 2000,
+    )  # fmt: skip
+    axes.add_collection(lines)
+    radius = run.system.bodies[ball].radius
+    axes.add_patch(Circle(tuple(path[0]), radius, facecolor=color, alpha=0.25, edgecolor=color))
+    axes.plot(*path[0], marker=".", markersize=3.0, color=color, zorder=4.0)
+
+
+def _colour(ball: int) -> str:
+    """Return the colour of a ball (from 0), that of its energy too."""
+    return str(body_look(ball + 1)["color"])
+
+
+def _draw_numbers(axes: Axes, run: Run, paths: list[Floats], size: tuple[float, float]) -> None:
+    """Write each ball's number beside its start, where it covers least (`size` in mm)."""
+    corner, scale = _millimetres(axes, size)
+    starts = [(path[:1] - corner) * scale for path in paths]
+    passed = np.concatenate([_points_along(path) for path in paths])
+    around = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    ring = np.column_stack([np.cos(around), np.sin(around)])
+    ring = np.concatenate([share * ring for share in (0.25, 0.5, 0.75, 1.0)])
+    circles = [
+        path[0] + body.radius * ring for path, body in zip(paths, run.system.bodies, strict=True)
+    ]
+    obstacles = (np.concatenate([passed, *circles]) - corner) * scale
+    texts = [str(ball) for ball in range(1, len(paths) + 1)]
+    places = place_numbers(texts, starts, obstacles, size)
+    for ball, (text, place) in enumerate(zip(texts, places, strict=True)):
+        color = _colour(ball)
+        line = leader(place, starts[ball])
+        if line is not None:
+            axes.plot(*(line / scale + corner).T, color=color, linewidth=0.4, zorder=5.0)
+        at = np.array(place) / scale + corner
+        axes.text(
+            float(at[0]), float(at[1]), text, color=color, fontsize=style.SMALL, zorder=6.5,
+            ha="center", va="center_baseline",
+        )  # fmt: skip
+
+
+def _millimetres(axes: Axes, size: tuple[float, float]) -> tuple[Floats, Floats]:
+    """The lower left corner of the panel in m, and millimetres in a metre along both axes."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    return np.array([left, bottom]), np.array([size[0] / (right - left), size[1] / (top - bottom)])
+
+
+def _points_along(path: Floats) -> Floats:
+    """Points of the first flights of a path, close enough for numbers to keep clear of them."""
+    first = path[:MOST_ARROWS]
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    pieces = [a + share * (b - a) for a, b in pairwise(first)]
+    return np.concatenate(pieces) if pieces else first
+
+
+def _draw_impacts(axes: Axes, run: Run) -> None:
+    """The balls where they touch one another or the wall."""
+    sides = ((run.collisions, "_a"), (run.collisions, "_b"), (run.bounces, ""))
+    for table, end in sides:
+        for row in range(min(len(table["n"]), MOST_ARROWS)):
+            ball = int(table[f"ball{end}"][row]) - 1
+            place = (float(table[f"x{end}"][row]), float(table[f"y{end}"][row]))
+            color, radius = _colour(ball), run.system.bodies[ball].radius
+            axes.add_patch(Circle(place, radius, fill=False, edgecolor=color, linewidth=0.6))
+
+
+def _draw_velocities(axes: Axes, run: Run, length: float) -> None:
+    """Arrows of the velocity at the start and before (open) and after (full) each impact."""
+    arrows = _arrows(run)
+    if not arrows:
+        return
+    fastest = max(float(np.hypot(*velocity)) for _, _, velocity, _ in arrows)
+    for ball, place, velocity, before in arrows:
+        step = np.array(velocity) * (length / fastest) if fastest > 0.0 else np.zeros(2)
+        end = np.array(place) if before else np.array(place) + step
+        axes.annotate(
+            "", xy=tuple(end), xytext=tuple(end - step), zorder=6.0,
+            arrowprops={
+                "arrowstyle": "->" if before else "-|>", "color": _colour(ball),
+                "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 6.0,
+            },
+        )  # fmt: skip
+
+
+Arrow = tuple[int, tuple[float, float], tuple[float, float], bool]
+
+
+def _arrows(run: Run) -> list[Arrow]:
+    """Ball, place and velocity at the start and at each impact, and whether it is that before."""
+    found: list[Arrow] = []
+    for ball, state in enumerate(run.system.initial):
+        if state.velocity != (0.0, 0.0):
+            found.append((ball, state.place, state.velocity, False))
+    if len(run.collisions["n"]) + len(run.bounces["n"]) > MOST_ARROWS:
+        return found
+    for row in range(len(run.collisions["n"])):
+        for letter in "ab":
+            found += _at(run.collisions, row, "ball_" + letter, "_" + letter)
+    for row in range(len(run.bounces["n"])):
+        found += _at(run.bounces, row, "ball", "")
+    return found
+
+
+def _at(table: dict[str, NDArray[np.float64]], row: int, ball: str, end: str) -> list[Arrow]:
+    place = float(table[f"x{end}"][row]), float(table[f"y{end}"][row])
+    arrows: list[Arrow] = []
+    for when in ("pre", "post"):
+        names = [f"velocity_{axis}{end}_{when}" for axis in "xy"]
+        velocity = float(table[names[0]][row]), float(table[names[1]][row])
+        if velocity != (0.0, 0.0):
+            arrows.append((int(table[ball][row]) - 1, place, velocity, when == "pre"))
+    return arrows
+
+
+def _title(run: Run, paths: list[Floats]) -> str:
+    count = len(run.collisions["n"])
+    words = f"{count} {'impact' if count == 1 else 'impacts'}, {len(run.bounces['n'])} on the wall"
+    if any(len(path) > MOST_LINES for path in paths):
+        return f"{words}; the first {MOST_LINES} flights of a ball"
+    return words

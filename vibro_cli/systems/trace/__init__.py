@@ -1,0 +1,170 @@
+"""Bodies that roll on a trace of arcs and lines, at rest or rotating."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from vibro_cli.systems.contract import Sink, System
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+    from vibro_cli.compile.kernel import Overrides
+    from vibro_cli.figures.kinds import Kind, KindOfBody
+    from vibro_cli.grids.document import Grid
+    from vibro_cli.grids.solving import Solver
+    from vibro_cli.scenario.base import ScenarioTable
+    from vibro_cli.simulation.paths import Paths
+    from vibro_cli.simulation.stream import Tables
+    from vibro_cli.simulation.stretches import TraceStretches
+    from vibro_cli.storage.stored import StoredRun
+    from vibro_cli.systems.columns import Table
+    from vibro_cli.systems.driver import Driver, EventLoop
+    from vibro_cli.systems.stream import Stretch
+    from vibro_cli.systems.wanted import Limits, Wanted
+
+
+class Trace(System):
+    """Bodies on a trace."""
+
+    name = "trace"
+    papers = ("A", "B", "D")
+    default_figures = ("portrait",)
+    has_film = True
+    has_families = True
+    has_orbits = True
+
+    @property
+    def model(self) -> type[ScenarioTable]:
+        from vibro_cli.scenario.models import Scenario
+
+        return Scenario
+
+    def build(self, scenario: Any) -> Any:
+        from vibro_cli.build.trace import build_trace
+
+        return build_trace(scenario)
+
+    def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
+        from vibro_cli.mechanics.caveats import mechanics_warnings
+
+        return mechanics_warnings(system, scenario.stop.time)
+
+    @property
+    def loop(self) -> EventLoop:
+        from vibro_cli.simulation.drive import LOOP
+
+        return LOOP
+
+    def one_sided(self, scenario: Any) -> bool:
+        return bool(scenario.trace.surface == "one-sided")
+
+    def world(self, system: Any, limits: Limits) -> Any:
+        from vibro_cli.simulation.prepare import make_world
+
+        return make_world(system, limits.time, limits.collisions)
+
+    def overrides(self, system: Any) -> Overrides | None:
+        from vibro_cli.simulation.turning import overrides_of
+
+        return overrides_of(system)
+
+    def stretches(self, driver: Driver, stop_time: float | None) -> TraceStretches:
+        from vibro_cli.simulation.stretches import TraceStretches
+
+        return TraceStretches(self.loop, driver, stop_time)
+
+    def skipped(self, clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
+        from vibro_cli.simulation.summary import skipped
+
+        return skipped(clock, wanted, end)
+
+    def solver(self, grid: Grid, engine: str) -> Solver:
+        from vibro_cli.grids.solving import Solver
+
+        return Solver(grid, engine)
+
+    def tables(self) -> tuple[Table, ...]:
+        from vibro_cli.simulation.tables import tables
+
+        return tables()
+
+    def summary(self, bodies: int, grown: bool = False) -> Table:
+        from vibro_cli.simulation.tables import summary
+
+        return summary(bodies, grown)
+
+    def table(self, name: str, column_names: Sequence[str]) -> Table | None:
+        from vibro_cli.simulation.tables import table_named
+
+        return table_named(name, column_names)
+
+    def wanted(self, scenario: Any) -> Wanted:
+        grown = scenario.analysis is not None and scenario.analysis.lyapunov
+        return replace(super().wanted(scenario), lyapunov=grown)
+
+    def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
+        from vibro_cli.simulation.stream import Tables
+
+        return Tables(system, wanted, names, sink)
+
+    def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Paths:
+        from vibro_cli.simulation.stream import trajectory_of
+
+        return trajectory_of(system, stretch)
+
+    @property
+    def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
+        from vibro_cli.figures.kinds import KINDS
+
+        return KINDS
+
+    def figure_width(self, system: Any) -> str:
+        return "double" if len(system.trace.pieces) > 1 else "single"
+
+    def method(self, scenario: Mapping[str, Any]) -> str:
+        if scenario["trace"].get("turning") is not None:
+            return (
+                "Between impacts each body moves in closed form on the trace that turns "
+                "(Weierstrass elliptic functions on arcs), impacts are the certified first zeros "
+                "of the distance of the surfaces, and there is no time step."
+            )
+        return (
+            "Between impacts each body moves in closed form (Jacobi elliptic functions on arcs), "
+            "impacts are the certified first zeros of the distance of the surfaces, and there is "
+            "no time step."
+        )
+
+    def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
+        from vibro_cli.report.content import section
+
+        return section(run, name, beside)
+
+    def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
+        from vibro_cli.systems.trace.describe import understood
+
+        return understood(scenario, system, self.warnings(scenario, system))
+
+    def understood_lines(self, found: dict[str, Any]) -> Iterator[str]:
+        from vibro_cli.systems.trace.describe import understood_lines
+
+        return understood_lines(found)
+
+    def portrait(
+        self, system: Any, width: str, drawn: bool
+    ) -> tuple[dict[str, Any], dict[str, Figure]]:
+        from vibro_cli.systems.trace.describe import portrait
+
+        return portrait(system, width, drawn)
+
+    def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
+        from vibro_cli.systems.trace.describe import portrait_lines
+
+        return portrait_lines(found)
+
+
+SYSTEM = Trace()

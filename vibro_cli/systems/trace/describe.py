@@ -1,0 +1,200 @@
+"""What a scenario of a trace means (`vibro check`), and its portrait without a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.portrait_type import as_record, portrait_of
+from vibro_cli.analysis.swings import contact_angle, starting_swing, stays
+from vibro_cli.figures.structure import structure
+from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.trace import Piece
+from vibro_cli.systems.describe import body_line, described
+
+
+def understood(scenario: Any, system: System, warnings: tuple[str, ...]) -> dict[str, Any]:
+    """Return what a scenario means: given values, defaults and what follows from them."""
+    return {
+        "name": scenario.name,
+        "valid": True,
+        "scenario": scenario.resolved(),
+        "trace": {
+            "length": system.trace.length,
+            "closed": system.trace.closed,
+            "pieces": [_piece(piece) for piece in system.trace.pieces],
+        },
+        "bodies": list(_bodies(system)),
+        "pairs": list(_pairs(system)),
+        "law": system.law,
+        "inadmissible": system.inadmissible,
+        "surface": system.surface,
+        "warnings": list(warnings),
+    }
+
+
+def _piece(piece: Piece) -> dict[str, Any]:
+    return {
+        "arc": piece.index + 1,
+        "shape": piece.shape,
+        "radius": piece.radius if math.isfinite(piece.radius) else None,
+        "start_slope": piece.start_slope,
+        "end_slope": piece.end_slope,
+        "length": piece.length,
+        "start": list(piece.start),
+        "end": list(piece.end),
+    }
+
+
+def _bodies(system: System) -> Iterator[dict[str, Any]]:
+    for ball, (body, state) in enumerate(zip(system.bodies, system.initial, strict=True), 1):
+        on_line = system.trace.pieces[state.piece].shape == "line"
+        yield {
+            **described(ball, body),
+            "arc": state.piece + 1,
+            "position" if on_line else "angle": state.position,
+            "speed": state.speed,
+            "swing": _swing(system, ball),
+        }
+
+
+def _swing(system: System, ball: int) -> dict[str, float | None] | None:
+    """The papers' constants of the swing from a body's start; None outside a valley at rest."""
+    swing = starting_swing(system, ball)
+    if swing is None:
+        return None
+    piece = system.trace.pieces[system.initial[ball - 1].piece]
+    period = swing.period if stays(swing, piece, system.trace.closed) else math.inf
+    return {
+        "omega_squared": swing.square,
+        "modulus": swing.modulus if math.isfinite(swing.modulus) else None,
+        "small_period": swing.small_period,
+        "period": period if math.isfinite(period) else None,
+    }
+
+
+def _pairs(system: System) -> Iterator[dict[str, Any]]:
+    """The neighbours with their coefficients of restitution; on a closed trace the seam's last."""
+    number = len(system.bodies)
+    for left, k in enumerate(system.restitution):
+        right = (left + 1) % number
+        yield {
+            "ball_a": left + 1,
+            "ball_b": right + 1,
+            "k": k,
+            "contacts": list(_contacts(system, left, right)),
+        }
+
+
+def _contacts(system: System, left: int, right: int) -> Iterator[dict[str, float]]:
+    """How far apart two bodies touch on each piece, with the papers' ratios on an arc."""
+    one, other = (system.bodies[number].radius for number in (left, right))
+    for piece in system.trace.pieces:
+        if piece.is_line:
+            yield {"arc": piece.index + 1, "distance": 2.0 * math.sqrt(one * other)}
+        else:
+            ratios = {"lambda_1": piece.radius / one, "lambda_2": other / one}
+            yield {"arc": piece.index + 1, "beta": contact_angle(piece, (one, other)), **ratios}
+
+
+def understood_lines(found: dict[str, Any]) -> Iterator[str]:
+    """Return what was understood, as text."""
+    scenario, trace = found["scenario"], found["trace"]
+    kind = "closed" if trace["closed"] else "open"
+    yield f"{found['name']}: valid"
+    yield f"  gravity {scenario['gravity']:g} m/s²; {kind} {found['surface']} trace of " + (
+        f"length {trace['length']:.6g} m"
+    )
+    yield from map(_piece_line, trace["pieces"])
+    for body in found["bodies"]:
+        yield _moving_line(body)
+        if body["swing"] is not None:
+            yield _swing_line(body["swing"])
+    for pair in found["pairs"]:
+        yield f"  pair {pair['ball_a']}-{pair['ball_b']}  k = {pair['k']:g}"
+        yield from map(_contact_line, pair["contacts"])
+    yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
+    yield f"  stop {_settings(scenario['stop'])}"
+    if not trace["closed"]:
+        yield f"  ends {_settings(scenario['ends'])}"
+    for warning in found["warnings"]:
+        yield f"  warning: {warning}"
+
+
+def _piece_line(piece: dict[str, Any]) -> str:
+    slopes = [f"{math.degrees(piece[key]):.6g}°" for key in ("start_slope", "end_slope")]
+    radius = "" if piece["radius"] is None else f"R = {piece['radius']:g} m, "
+    end = "({:.6g}, {:.6g}) m".format(*piece["end"])
+    return (
+        f"  arc {piece['arc']}  {piece['shape']:6}  {radius}slope {slopes[0]} to {slopes[1]}, "
+        f"length {piece['length']:.6g} m, ends at {end}"
+    )
+
+
+def _moving_line(body: dict[str, Any]) -> str:
+    if "angle" in body:
+        place = f"angle {math.degrees(body['angle']):.6g}°"
+    else:
+        place = f"position {body['position']:.6g} m"
+    return f"{body_line(body)}; arc {body['arc']}, {place}, speed {body['speed']:.6g} m/s"
+
+
+def _swing_line(swing: dict[str, float | None]) -> str:
+    """The constants of a swing: B (50)-(51), period of small swings and of its own."""
+    modulus, period = swing["modulus"], swing["period"]
+    own = "none, it leaves its arc" if period is None else f"{period:.9g} s"
+    shown = "∞" if modulus is None else f"{modulus:.9g}"
+    return (
+        f"          ω² = 2g/κρ = {swing['omega_squared']:.9g} 1/s², modulus k = {shown}; "
+        f"period of small swings {swing['small_period']:.9g} s, of this one {own}"
+    )
+
+
+def _contact_line(contact: dict[str, float]) -> str:
+    """How far apart two bodies touch on a piece: A (6), B (48)-(49)."""
+    if "beta" not in contact:
+        return f"          arc {contact['arc']}  in contact {contact['distance']:.9g} m apart"
+    return (
+        f"          arc {contact['arc']}  β = {contact['beta']:.9g} rad, "
+        f"λ₁ = R/r₁ = {contact['lambda_1']:.6g}, λ₂ = r₂/r₁ = {contact['lambda_2']:.6g}"
+    )
+
+
+def _settings(settings: dict[str, Any]) -> str:
+    """The settings of a section that are set, on one line."""
+    return ", ".join(f"{key} = {value}" for key, value in settings.items() if value is not None)
+
+
+def portrait(system: System, width: str, drawn: bool) -> tuple[dict[str, Any], dict[str, Figure]]:
+    """Return the singular points of each body, and figures; equal bodies share theirs."""
+    portraits = [portrait_of(Landscape.of(system, n + 1)) for n in range(len(system.bodies))]
+    groups: dict[tuple[float, float], list[int]] = {}
+    for ball, one in enumerate(portraits, 1):
+        body = one.landscape.body
+        groups.setdefault((body.radius, body.kappa), []).append(ball)
+    figures: dict[str, Figure] = {}
+    for balls in groups.values() if drawn else ():
+        index = ",".join(map(str, balls))
+        figure = structure(portraits[balls[0] - 1], width, index if len(groups) > 1 else "")
+        figures[f"portrait_{index.replace(',', '_')}"] = figure
+    bodies = [{"ball": n, **as_record(one)} for n, one in enumerate(portraits, 1)]
+    return {"bodies": bodies}, figures
+
+
+def portrait_lines(found: dict[str, Any]) -> Iterator[str]:
+    """Return the table as text."""
+    for body in found["bodies"]:
+        yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
+        yield "  point  kind        arc  angle [rad]     s [m]      E [J]   E/(m g) [m]"
+        for point in body["points"]:
+            angle = "         -" if point["angle"] is None else f"{point['angle']:10.6f}"
+            yield (
+                f"  {point['name']:5}  {point['kind']:10}  {point['arc']:3}  {angle}  "
+                f"{point['s']:9.6f}  {point['energy']:9.6g}  {point['height']:9.6g}"
+            )
+        for trigger in body["triggers"]:
+            yield f"  {trigger['points']}: {trigger['orbit']}; {trigger['condition']}"
