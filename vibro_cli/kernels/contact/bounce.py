@@ -1,8 +1,9 @@
 """Short flights from contact to contact, timed by how far the bodies go and not by where they are.
 
-Two bodies that part from contact have a gap of exactly zero there. Its later value as a difference
-of two places is rounded as the places are, which late in an accumulation is more than the gap
-itself; as a difference of two displacements from there it is rounded as these are.
+Two bodies that part from contact have a gap of zero there, up to the rounding of their places. Its
+later value as a difference of two places is rounded as the places are, which late in an
+accumulation is more than the gap itself; as a difference of two displacements from there it is
+rounded as these are. What thousands of bounces would add up in the places is taken back.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.first_contact import pace
-from vibro_cli.kernels.contact.gap import centre_position, centre_tangent
+from vibro_cli.kernels.contact.gap import centre_position, centre_tangent, half_gap_sine
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow
 from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, theta_functions
-from vibro_cli.kernels.structs import Clock, Flight, PairData, PieceData, TrackData
+from vibro_cli.kernels.structs import Clock, Flight, PairData, PairTrack, PieceData, TrackData
 
 # A flight whose relative rate times its length is more than this (rad, or a share of the bodies'
 # places) is timed well enough by places.
@@ -27,6 +28,8 @@ SHORT = 0.001
 # Corrections of an instant below this share of it are its rounding.
 SETTLED = 1.0e-11
 MOST_STEPS = 6
+# Gaps at the start of a bounce below this share of the places are their rounding.
+PLACES_ROUNDING = 4.0 * 2.220446049250313e-16
 # Near the top of a bounce a step of Newton's leads anywhere; one longer than this share is not his.
 LONG_STEP = 0.5
 
@@ -81,7 +84,26 @@ def _step(gap: float, rate: float, first_rate: float, t: float) -> float:
 
 
 @kernel
-def sharpened_on_arc(a: Flight, b: Flight, t: float, pair: PairData, clock: Clock) -> float:
+def _left_over(gap: float, rounding: float, first_rate: float, t: float) -> float:
+    """What of a gap at the start of a bounce is more than rounding, and is to be taken back.
+
+    Bodies in one another come apart by at most half the height of the bounce.
+    """
+    if gap >= -rounding:
+        return max(gap - rounding, 0.0)
+    return max(gap + rounding, -0.125 * first_rate * t)
+
+
+@kernel
+def sharpened_on_arc(
+    a: Flight,
+    b: Flight,
+    t: float,
+    contact: PairTrack,
+    orientation: float,
+    pair: PairData,
+    clock: Clock,
+) -> float:
     """Time of a contact on one arc (s), t nearly, that ends a flight from contact.
 
     The states of contact, left in ``pair``, are sharpened too; a flight that is not a short one is
@@ -90,13 +112,16 @@ def sharpened_on_arc(a: Flight, b: Flight, t: float, pair: PairData, clock: Cloc
     if _long_or_grouped(a, t) or _long_or_grouped(b, t):
         return t
     first_rate = 2.0 * (b.own_frequency * b.flow_p - a.own_frequency * a.flow_p)
+    launched, _ = half_gap_sine(contact, a.flow_s, a.flow_c, b.flow_s, b.flow_c, orientation)
     for _ in range(MOST_STEPS):
         rate = 2.0 * (b.own_frequency * pair.b_p - a.own_frequency * pair.a_p)
         if rate >= first_rate or rate * t < -FAR:
             break
         sine_a, cosine_a = displacement(a, t)
         sine_b, cosine_b = displacement(b, t)
-        change = _step(2.0 * (sine_b * cosine_a - cosine_b * sine_a), rate, first_rate, t)
+        gap = 2.0 * (sine_b * cosine_a - cosine_b * sine_a)
+        gap += _left_over(2.0 * launched, PLACES_ROUNDING, first_rate, t)
+        change = _step(gap, rate, first_rate, t)
         t += change
         _keep_flows(a, b, t, pair, clock)
         if abs(change) <= SETTLED * t:
@@ -130,7 +155,10 @@ def sharpened_by_distance(
     # The line of centres where the flights begin, drawn to the length it has in contact.
     ax, ay = centre_position(piece_a, track_a, a.flow_s, a.flow_c)
     bx, by = centre_position(piece_b, track_b, b.flow_s, b.flow_c)
-    scale = pair.distance / math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+    launched = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+    scale = pair.distance / launched
+    launched = (launched - pair.distance) * (launched + pair.distance)
+    rounding = 2.0 * PLACES_ROUNDING * pair.distance * (abs(bx) + abs(by) + pair.distance)
     x = (bx - ax) * scale
     y = (by - ay) * scale
     size = pair.distance + track_a.path_radius + track_b.path_radius
@@ -149,7 +177,9 @@ def sharpened_by_distance(
         )  # fmt: skip
         if rate >= first_rate or rate * t < -2.0 * FAR * pair.distance * size:
             break
-        change = _step((2.0 * x + ux) * ux + (2.0 * y + uy) * uy, rate, first_rate, t)
+        gap = (2.0 * x + ux) * ux + (2.0 * y + uy) * uy
+        gap += _left_over(launched, rounding, first_rate, t)
+        change = _step(gap, rate, first_rate, t)
         t += change
         _keep_flows(a, b, t, pair, clock)
         if abs(change) <= SETTLED * t:

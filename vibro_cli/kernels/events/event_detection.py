@@ -113,7 +113,8 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
             a, b, age_a, age_b, pair.touching, ahead, limit, contact, orientation, pair, clock
         )
         if h > 0.0 and pair.touching == PARTING:
-            h = max(sharpened_on_arc(a, b, age_a + h, pair, clock) - age_a, 0.0)
+            t = sharpened_on_arc(a, b, age_a + h, contact, orientation, pair, clock)
+            h = max(t - age_a, 0.0)
     elif a.piece == b.piece and laps == 0 and a.form == LINE and b.form == LINE:
         contact = world.contacts[j * settings.pieces + a.piece]
         h = contact_on_line(a, b, age_a, age_b, pair.touching, limit, contact, pair, clock)

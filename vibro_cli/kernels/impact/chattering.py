@@ -20,7 +20,13 @@ from vibro_cli.kernels.events.event_log import SPEED_ROUNDING
 from vibro_cli.kernels.flow.begin_flight import state_at
 from vibro_cli.kernels.flow.flow import angular_jerk, tangential_acceleration
 from vibro_cli.kernels.impact.impulse_chain import held_run, joins
-from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, TRANSLATIONAL, weight_and_response
+from vibro_cli.kernels.impact.laws import (
+    NORMAL_IMPULSE,
+    TRANSLATIONAL,
+    impact_of_pair,
+    separation_speed,
+    weight_and_response,
+)
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
 from vibro_cli.kernels.structs import CLOSING
 from vibro_cli.kernels.world import World
@@ -83,9 +89,11 @@ def time_to_rest(world: World, j: int) -> float:
     rounding = EPSILON * size
     lost = u * u <= 2.0 * c * LOST_BOUNCE * rounding
     if not normal and world.flights[pair.a].grouped + world.flights[pair.b].grouped == 0:
-        # There is no sum; free bodies bounce, timed by displacements, until they go nowhere.
+        # There is no sum; free bodies bounce, timed by displacements, until they go nowhere, or
+        # until most of the bounce is what the law gives again and again.
         nowhere = 2.0 * u * speed_of_pair(world, j) <= NOWHERE * c * rounding
-        return 0.0 if still or (lost and nowhere) else NOT_YET
+        lasting = 2.0 * _speed_given(world, j) >= (1.0 - pair.restitution) * u
+        return 0.0 if still or (lost and (nowhere or lasting)) else NOT_YET
     if not normal or pair.restitution == 1.0:
         # Nothing accumulates; but a bounce lower than the rounding of the places is contact.
         return 0.0 if lost else NOT_YET
@@ -99,6 +107,22 @@ def time_to_rest(world: World, j: int) -> float:
     if delay >= world.flights[pair.a].exit_after or delay >= world.flights[pair.b].exit_after:
         return NOT_YET
     return delay
+
+
+@kernel
+def _speed_given(world: World, j: int) -> float:
+    """Speed (m/s) along the line of centres that the law of a pair gives to bodies without any.
+
+    Bounces under it tend to this over ``1 - k``, not to nothing.
+    """
+    pair = world.pairs[j]
+    scale = world.flights[pair.a].speed + world.flights[pair.b].speed
+    scale /= pair.normal_a + pair.normal_b
+    after_a, after_b, _ = impact_of_pair(
+        pair.law, pair.restitution, world.bodies[pair.a], world.bodies[pair.b],
+        pair.normal_a, pair.normal_b, pair.normal_b * scale, pair.normal_a * scale,
+    )  # fmt: skip
+    return separation_speed(pair.normal_a, pair.normal_b, after_a, after_b)
 
 
 @kernel
