@@ -13,7 +13,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 ROOT = Path(__file__).parent
 sys.path.insert(0, str(ROOT))
 
-from vibro_cli.compile.build import ZIG, build, has_system_compiler, portable_levels  # noqa: E402
+from vibro_cli.compile.build import ZIG, build, portable_levels, system_compiler  # noqa: E402
 from vibro_cli.compile.native import FOLDER  # noqa: E402
 
 
@@ -22,7 +22,7 @@ class KernelsHook(BuildHookInterface[Any]):
 
     def dependencies(self) -> list[str]:
         """Return the compiler that comes as a wheel, where the system has none."""
-        return [] if has_system_compiler() else [f"{ZIG}>=0.13"]
+        return [] if system_compiler() else [f"{ZIG}>=0.13"]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Make the library and have it packed, with the tag of the platform."""

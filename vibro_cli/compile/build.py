@@ -6,6 +6,7 @@ The build hook of the package calls it when the package is installed or a wheel 
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import platform
@@ -13,8 +14,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -43,37 +46,28 @@ class BuildError(Exception):
     """The library cannot be made; the message tells why, and what to do."""
 
 
+def system_compiler() -> list[str]:
+    """Return the command of the C++ compiler, ``$CXX`` or the system's; empty if there is none."""
+    named = os.environ.get("CXX")
+    return named.split() if named else list(filter(shutil.which, _SYSTEMS))[:1]
+
+
 def compiler() -> list[str]:
-    """Return the command of the C++ compiler: ``$CXX``, else the system's, else the wheel's.
+    """Return the command of the C++ compiler: :func:`system_compiler`, else the wheel's.
 
     Raises
     ------
     BuildError
         If there is none.
     """
-    named = os.environ.get("CXX")
-    if named:
-        return named.split()
-    for name in filter(shutil.which, _SYSTEMS):
-        return [name]
-    if has_zig():
+    if found := system_compiler():
+        return found
+    if find_spec(ZIG):
         return [sys.executable, "-m", ZIG, "c++"]
     raise BuildError(
         "no C++ compiler found: expected $CXX, c++, g++ or clang++ in PATH, or the package "
         f"{ZIG} (python -m pip install {ZIG})"
     )
-
-
-def has_system_compiler() -> bool:
-    """Tell whether a compiler is there without the wheel ``ziglang``."""
-    return bool(os.environ.get("CXX")) or any(map(shutil.which, _SYSTEMS))
-
-
-def has_zig() -> bool:
-    """Tell whether the compiler that comes as a wheel is installed."""
-    from importlib.util import find_spec
-
-    return find_spec(ZIG) is not None
 
 
 def portable_levels() -> tuple[str, ...]:
@@ -125,9 +119,7 @@ def build(
     """
     command = compiler()
     texts = {program.name: program.source() for program in programs} | {"level": _LEVEL}
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix="making-") as name:
-        work = Path(name)
+    with _work_folder(folder) as work:
         shutil.copy(PRELUDE, work)
         for program, text in texts.items():
             (work / f"{program}.cpp").write_text(text)
@@ -136,6 +128,21 @@ def build(
         record.write_text(json.dumps(_record(command, levels), indent=1) + "\n")
         for path in (*made, record):
             path.replace(folder / path.name)
+
+
+@contextmanager
+def _work_folder(folder: Path) -> Iterator[Path]:
+    """A folder for what a library is made of, in that of the library: one at a time."""
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        for left in folder.glob("making-*"):  # by a process that was killed
+            shutil.rmtree(left, ignore_errors=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix="making-") as name:
+            yield Path(name)
+    finally:
+        os.close(handle)
 
 
 def _compiled(

@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from functools import cache
+from functools import cache, update_wrapper
 from types import FunctionType
 from typing import Any, TypeVar
 
@@ -171,11 +171,8 @@ class Overrides:
         meant = self.resolved(function)
         if meant not in self._functions:
             namespace = self._namespace(meant.__module__)
-            self._functions[meant] = copy = FunctionType(
-                meant.__code__, namespace, meant.__name__, meant.__defaults__
-            )
-            copy.__module__, copy.__annotations__ = meant.__module__, meant.__annotations__
-            copy.__doc__ = meant.__doc__
+            copy = FunctionType(meant.__code__, namespace, meant.__name__)
+            self._functions[meant] = update_wrapper(copy, meant)
         return self._functions[meant]  # type: ignore[return-value]
 
     def _namespace(self, module: str) -> dict[str, Any]:

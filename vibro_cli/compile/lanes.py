@@ -3,7 +3,7 @@
 A kernel without jumps may work on lanes in place of numbers: each lane then undergoes the same
 operations in the same order as the number would, and has the same bits. Where lanes differ in what
 is to be done, both are done and :func:`choose` takes one for each lane. Lanes are there in compiled
-kernels only (``numerics.compiling.lanes``); what is written here is their meaning for one number.
+kernels only; what is written here is their meaning for one number.
 """
 
 from __future__ import annotations

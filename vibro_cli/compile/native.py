@@ -9,6 +9,7 @@ import ctypes
 import hashlib
 import json
 import os
+import struct
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -29,6 +30,8 @@ RECORD = "build.json"
 LEVELS = ("x86-64-v4", "x86-64-v3", "x86-64-v2")
 """Of a portable library: the best one that a processor has is loaded."""
 _SCALARS = {t.FLOAT: ctypes.c_double, t.INT: ctypes.c_int64, t.BOOL: ctypes.c_bool}
+# Results have eight bytes each.
+_RESULTS = {t.FLOAT: "d", t.INT: "q", t.BOOL: "?7x", t.NOTHING: ""}
 _MODULE = "vibro_cli.programs"
 
 
@@ -132,7 +135,8 @@ class CompiledKernel:
         self._function.argtypes = [*kinds, ctypes.c_void_p]
         self._function.restype = None
         self._is_tuple = returned.form == "tuple"
-        self._results = returned.item if self._is_tuple else (returned,)
+        results = returned.item if self._is_tuple else (returned,)
+        self._results = struct.Struct("=" + "".join(_RESULTS[kind] for kind in results))
         self._names = names
 
     def __call__(self, *arguments: Any) -> Any:
@@ -147,10 +151,10 @@ class CompiledKernel:
             argument if kind in _SCALARS else _words(kind, argument, name)
             for kind, argument, name in zip(self._kinds, arguments, self._names, strict=True)
         ]
-        found = (ctypes.c_int64 * len(self._results))()
+        found = (ctypes.c_int64 * (self._results.size // 8))()
         self._function(*given, found)
-        values = tuple(_read(found, n, kind) for n, kind in enumerate(self._results))
-        return values if self._is_tuple else values[0]
+        values = self._results.unpack(found)
+        return values if self._is_tuple else next(iter(values), None)
 
 
 def _found(symbol: str) -> Any:
@@ -160,14 +164,6 @@ def _found(symbol: str) -> Any:
         except AttributeError:
             continue
     raise NoLibrary(f"the library of kernels has no {symbol}: it is named in no program")
-
-
-def _read(found: Any, place: int, kind: Any) -> Any:
-    if kind == t.NOTHING:
-        return None
-    if kind == t.FLOAT:
-        return ctypes.c_double.from_buffer(found, 8 * place).value
-    return bool(found[place]) if kind == t.BOOL else found[place]
 
 
 def _words(kind: Any, argument: Any, name: str) -> Any:

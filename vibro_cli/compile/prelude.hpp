@@ -13,41 +13,32 @@
 #define EXPORTED __attribute__((visibility("default")))
 
 // Bounds are checked in the build for tests only (see tests/sanitize.py).
-#ifdef CHECK_BOUNDS
+#ifndef CHECK_BOUNDS
+#define CHECK_BOUNDS 0
+#endif
 static inline void check(int64_t index, int64_t count) {
-  if (index < 0 || index >= count) {
+  if (CHECK_BOUNDS && (index < 0 || index >= count)) {
     std::fprintf(stderr, "kernels: index %lld of %lld\n", (long long)index, (long long)count);
     std::abort();
   }
 }
-#else
-static inline void check(int64_t, int64_t) {}
-#endif
 
-// An array in C order, whose memory Python keeps.
+// An array in C order, whose memory Python keeps; its elements, or its parts of one axis less.
 template <class Item, int axes>
 struct Array {
   Item* first;
   int64_t extents[axes];
-  Array<Item, axes - 1> operator[](int64_t index) const {
+  decltype(auto) operator[](int64_t index) const {
     check(index, extents[0]);
-    Array<Item, axes - 1> part;
-    int64_t stride = 1;
-    for (int axis = 1; axis < axes; axis++) {
-      part.extents[axis - 1] = extents[axis];
-      stride *= extents[axis];
+    if constexpr (axes > 1) {
+      Array<Item, axes - 1> part{first};
+      int64_t stride = 1;
+      for (int axis = 1; axis < axes; axis++) stride *= part.extents[axis - 1] = extents[axis];
+      part.first += index * stride;
+      return part;
+    } else {
+      return (first[index]);
     }
-    part.first = first + index * stride;
-    return part;
-  }
-};
-template <class Item>
-struct Array<Item, 1> {
-  Item* first;
-  int64_t extents[1];
-  Item& operator[](int64_t index) const {
-    check(index, extents[0]);
-    return first[index];
   }
 };
 
@@ -108,21 +99,6 @@ static inline bool any_lane(Truth mask) {
   for (int lane = 0; lane < count_of<Truth>; lane++) any |= mask[lane];
   return any != 0;
 }
-static inline bool both(bool one, bool other) { return one && other; }
-static inline bool either(bool one, bool other) { return one || other; }
-static inline bool opposite(bool value) { return !value; }
-template <class One, class Other>
-static inline auto both(One one, Other other) {
-  return one & other;
-}
-template <class One, class Other>
-static inline auto either(One one, Other other) {
-  return one | other;
-}
-template <class Truth>
-static inline Truth opposite(Truth mask) {
-  return ~mask;
-}
 
 // min and max as Python has them: the first one unless another is beyond it.
 template <class Number, class... More>
@@ -147,14 +123,14 @@ static inline double mod(double one, double other) {
   return rest != 0 && ((rest < 0) != (other < 0)) ? rest + other : rest;
 }
 static inline int64_t floordiv(int64_t one, int64_t other) {
-  int64_t whole = one / other;
-  return one % other != 0 && ((one < 0) != (other < 0)) ? whole - 1 : whole;
+  return (one - mod(one, other)) / other;
 }
 
-// The results of an entry point, eight bytes each.
-static inline void keep(int64_t* results, double value) { std::memcpy(results, &value, 8); }
-static inline void keep(int64_t* results, int64_t value) { *results = value; }
-static inline void keep(int64_t* results, bool value) { *results = value; }
+// The results of an entry point, in eight bytes each.
+template <class Value>
+static inline void keep(int64_t* results, Value value) {
+  std::memcpy(results, &value, sizeof value);
+}
 }  // namespace py
 
 // Which level of x86-64 the processor and the system have, 2 to 4 (see build.py); 0 on others.

@@ -81,9 +81,9 @@ _RULES: dict[Any, Rule] = {
     fused: Rule("std::fma({all})", t.FLOAT, 0),
     lanes.choose: Rule("({0} ? {1} : {2})", _chosen, 1),
     lanes.any_lane: Rule("py::any_lane({0})", t.BOOL),
-    lanes.both: Rule("py::both({all})", t.joined, 0),
-    lanes.either: Rule("py::either({all})", t.joined, 0),
-    lanes.opposite: Rule("py::opposite({0})", _first),
+    lanes.both: Rule("{kind}({0} & {1})", t.joined, 0),
+    lanes.either: Rule("{kind}({0} | {1})", t.joined, 0),
+    lanes.opposite: Rule("({0} == {kind}{{}})", _first),
     lanes.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
     lanes.in_lane: Rule("{0}[{1}]", t.FLOAT),
     lanes.with_lane: Rule("py::with_lane({all})", _first),
@@ -91,7 +91,6 @@ _RULES: dict[Any, Rule] = {
     math.sqrt: Rule("py::sqrt({0})", _real, 0),
     math.floor: Rule("(int64_t)std::floor({0})", t.INT),
     math.ceil: Rule("(int64_t)std::ceil({0})", t.INT),
-    math.isnan: Rule("std::isnan({0})", t.BOOL),
 }
 # Functions of Python's module math that are those of the C library, to the bit.
 _OF_C = """exp expm1 log log1p log2 copysign fabs pow sin cos tan asin acos atan atan2
