@@ -15,6 +15,7 @@ PATH = re.compile(rf"(?:[\w.-]+/)+(?:[\w.-]+\.(?:{SUFFIXES}))?|[\w-]+\.(?:{SUFFI
 # Written by the program, or by the user.
 NOT_IN_THE_TREE = {
     "checkpoint.json",
+    "fit.json",
     "grid.json",
     "manifest.json",
     "mine.toml",

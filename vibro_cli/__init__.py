@@ -16,6 +16,9 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    from vibro_cli.analysis.fit import Fit as Fit
+    from vibro_cli.analysis.fit import NoFit as NoFit
+    from vibro_cli.analysis.measured import NotMeasured as NotMeasured
     from vibro_cli.api import NotRecalled as NotRecalled
     from vibro_cli.errors import VibroError as VibroError
     from vibro_cli.figures.movie import NoFilm as NoFilm
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from vibro_cli.results import Run as Run
     from vibro_cli.results import check as check
     from vibro_cli.results import example as example
+    from vibro_cli.results import fit as fit
     from vibro_cli.results import load_scenario as load_scenario
     from vibro_cli.results import open_grid as open_grid
     from vibro_cli.results import open_run as open_run
@@ -45,14 +49,16 @@ if TYPE_CHECKING:
     from vibro_cli.systems.driver import TooQuiet as TooQuiet
 
 _HOME = {
+    "vibro_cli.analysis.fit": ("Fit", "NoFit"),
+    "vibro_cli.analysis.measured": ("NotMeasured",),
     "vibro_cli.api": ("NotRecalled",),
     "vibro_cli.errors": ("VibroError",),
     "vibro_cli.figures.movie": ("NoFilm",),
     "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged"),
     "vibro_cli.grids.verifying": ("NoManifest",),
     "vibro_cli.results": (
-        *("Drawing", "Grid", "Run", "check", "example", "load_scenario", "open_grid", "open_run"),
-        *("portrait", "simulate", "simulate_many", "sweep", "verify"),
+        *("Drawing", "Grid", "Run", "check", "example", "fit", "load_scenario", "open_grid"),
+        *("open_run", "portrait", "simulate", "simulate_many", "sweep", "verify"),
     ),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
     "vibro_cli.storage.frame": ("Table",),

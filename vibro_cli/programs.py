@@ -21,6 +21,7 @@ from vibro_cli.kernels.flow.replay import sample_flights
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.statistics.impact_columns import fill_columns
 from vibro_cli.kernels.statistics.run_statistics import tally
+from vibro_cli.kernels.tangent.arrivals import find_arrivals
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.stress.judge import judge_flights
 from vibro_cli.stress.kernels import find_first_contacts, follow_all
@@ -38,6 +39,7 @@ def programs() -> list[Program]:
         fill_stacked,
         follow_tangents,
         follow_points,
+        find_arrivals,
         find_first_contacts,
     )
     return [

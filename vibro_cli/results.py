@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from vibro_cli import __version__, api
 from vibro_cli.build import build_any, warnings_of
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
+    from vibro_cli.analysis.fit import Fit
+    from vibro_cli.scenario import Scenario
     from vibro_cli.scenario.systems import AnyScenario
 
 _LOG = logging.getLogger("vibro_cli")
@@ -389,6 +391,52 @@ def simulate_many(
     """
     with ThreadPoolExecutor(workers or available_cores()) as pool:
         return list(pool.map(lambda one: _solved(one, engine), scenarios))
+
+
+def fit(
+    scenario: AnyScenario,
+    measured: str | Path | Mapping[str, Any] | ArrayLike,
+    free: Sequence[str] | Mapping[str, tuple[float, float]],
+    noise: float | None = None,
+) -> Fit:
+    """Fit numbers of a scenario of a trace at rest to measured instants of impacts.
+
+    Parameters
+    ----------
+    scenario
+        With the values to begin with.
+    measured
+        The instants (s), a table with them (``t``, and if wanted ``n``, ``error``, ``ball_a``,
+        ``ball_b``), or a CSV or parquet file, as for ``vibro fit``.
+    free
+        Paths of the numbers, such as ``"collision.k"``, or their bounds by their paths (SI units,
+        radians).
+    noise
+        Standard deviation of the instants (s), if it is known and stands not in the table.
+
+    Raises
+    ------
+    NoFit
+        If the numbers cannot be fitted to these instants.
+    NotMeasured
+        If the table does not tell of instants.
+    ScenarioError, ValueError
+        If the scenario is mechanically impossible or of another system; for a text that is no path.
+    """
+    from vibro_cli.analysis.fit import Free, fit_impacts
+    from vibro_cli.analysis.measured import measured_of, read_measured
+    from vibro_cli.systems import system_named
+
+    build_any(scenario)
+    if not system_named(scenario.system).has_orbits:
+        raise ValueError(f"found a scenario of {scenario.system}, expected one of a trace")
+    bounds: Any = free.items() if isinstance(free, Mapping) else [(path, ()) for path in free]
+    numbers = [Free.of(path, *ends) for path, ends in bounds]
+    if isinstance(measured, (str, Path)):
+        told = read_measured(measured)
+    else:
+        told = measured_of(measured if isinstance(measured, Mapping) else {"t": measured})
+    return fit_impacts(cast("Scenario", scenario), told, numbers, noise)
 
 
 def check(scenario: AnyScenario) -> tuple[str, ...]:

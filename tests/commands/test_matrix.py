@@ -19,6 +19,7 @@ PRINTING = {
     "run --json": ["run", "small.toml", "--json", "--no-figures"],
     "grid": ["grid", "grid.toml", "--dry-run", "--json", *INTERPRETED],
     "orbit": ["orbit", FALLING, "--json", "--impacts", "1"],
+    "fit": ["fit", "small.toml", "done/collisions.parquet", "--free", "gravity", "--json"],
     "portrait": ["portrait", "small.toml", "--json", "--no-figures"],
     "report": ["report", "done", "-o", "-"],
     "check": ["check", "small.toml"],
@@ -38,6 +39,9 @@ WRITING = {
     ],
     "grid": ["grid", "grid.toml", "-o", "locked/grid", *INTERPRETED],
     "orbit": ["orbit", FALLING, "--impacts", "1", "-o", "locked/orbit"],
+    "fit": [
+        "fit", "small.toml", "done/collisions.parquet", "--free", "gravity", "-o", "locked/fit"
+    ],
     "portrait": ["portrait", "small.toml", "--no-figures", "-o", "locked/portrait"],
     "report": ["report", "done", "-o", "locked/page.html"],
     "new": ["new", "three_arcs", "-o", "locked/new.toml"],

@@ -36,6 +36,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "vibro orbit falling_balls.toml --impacts 1",
         "vibro orbit falling_balls.toml --impacts 1 --vary balls[2].mass=0.8:2.5",
     ),
+    "fit": ("vibro fit three_arcs.toml impacts.csv --free collision.k",),
     "grid": (
         "vibro grid three_arcs_grid.toml --dry-run",
         "vibro grid three_arcs_grid.toml",

@@ -1,8 +1,9 @@
 """Functions of numbers and of arrays of numbers alike, with the same bits.
 
 What a system is built with is written once with them: for one scenario with numbers, which need no
-numpy, and for many that differ in numbers with arrays. Sums, products, quotients and square roots
-of arrays are rounded as those of numbers; all else is asked of the same library, one by one.
+numpy, for many that differ in numbers with arrays, and for its derivatives with numbers that carry
+them (``numerics.dual``). Sums, products, quotients and square roots of arrays are rounded as those
+of numbers; all else is asked of the same library, one by one.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from itertools import repeat
 from typing import Any
 
 Some = Any
-"""A number, or an array of numbers with one axis. Where a number goes in and out, both are said to
-be numbers, as everywhere else."""
+"""A number, an array of numbers with one axis, or a number with derivatives. Where a number goes in
+and out, all are said to be numbers, as everywhere else."""
 
 
 _NUMBERS = (float, int)
@@ -25,6 +26,11 @@ _NUMBERS = (float, int)
 def is_number(values: Some) -> bool:
     """Tell whether there is one number, not an array."""
     return isinstance(values, _NUMBERS)
+
+
+def carries(value: Some) -> bool:
+    """Tell whether a number carries derivatives (see ``numerics.dual``)."""
+    return hasattr(value, "change")
 
 
 def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> Some:
@@ -39,6 +45,10 @@ def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> 
         return function(*arguments)
     import numpy as np
 
+    if any(map(carries, arguments)):
+        from vibro_cli.numerics.dual import through
+
+        return through(function, *arguments)
     if len(arguments) == 1 and kind is float and arguments[0].dtype == np.float64:
         return _each_of_stretches(function, np.ascontiguousarray(arguments[0]))
     columns = [repeat(one) if is_number(one) else one.tolist() for one in arguments]
@@ -71,7 +81,7 @@ def cosine(angle: float) -> float:
 
 def arcsine(value: float) -> float:
     """Return the arcsine (rad), nan beyond 1 and -1."""
-    found: float = each(_arcsine, value)
+    found: float = each(math.asin if carries(value) else _arcsine, value)
     return found
 
 
@@ -85,6 +95,8 @@ def square_root(value: float) -> float:
         return math.sqrt(value)
     import numpy as np
 
+    if carries(value):
+        return each(math.sqrt, value)  # type: ignore[no-any-return]
     with np.errstate(invalid="ignore"):
         found: float = np.sqrt(value)
     return found
@@ -101,6 +113,8 @@ def exact_sum(terms: Iterable[float]) -> float:
     given = list(terms)
     if all(map(is_number, given)):
         return math.fsum(given)
+    if any(map(carries, given)):
+        return each(math.fsum, *given)  # type: ignore[no-any-return]
     found: float = each(lambda *numbers: math.fsum(numbers), *given)
     return found
 

@@ -229,7 +229,7 @@ class System(ABC):
         return lines_of(found)
 
     has_orbits: ClassVar[bool] = False
-    """Whether periodic orbits are looked for."""
+    """Whether its tangent maps are known: periodic orbits are looked for, numbers are fitted."""
     has_families: ClassVar[bool] = False
     """Whether portraits can be drawn over a range of a parameter."""
 

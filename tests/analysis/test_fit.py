@@ -1,0 +1,169 @@
+"""Numbers fitted to instants of impacts with known noise: the true ones lie where they should."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from scipy.stats import chi2, kstest
+
+from vibro_cli import NoFit, NotMeasured, example, fit, load_scenario, simulate, verify
+from vibro_cli.analysis.fit import Fit
+from vibro_cli.commands.app import run_command_line
+from vibro_cli.scenario import Scenario, scenario_of
+from vibro_cli.storage.runs import write_run
+from vibro_cli.stress.scenes import CIRCLE, ball, scene
+
+SIGMA = 1e-4
+TRUE = np.array([0.9, 3.0])
+PATHS = ["collision.k", "balls[2].mass"]
+
+
+def _circle(count: int = 12) -> Scenario:
+    balls = [ball(-0.7), ball(0.4, mass=3.0, speed=1.0)]
+    return scenario_of(scene(CIRCLE, balls, 0.9, collisions=count))
+
+
+def _instants(scenario: Any) -> Any:
+    return np.array(simulate(scenario).collisions["t"])
+
+
+def _distance(found: Fit, true: Any = TRUE) -> float:
+    late = found.values - true
+    return float(late @ np.linalg.solve(found.covariance, late))
+
+
+def test_restitution_and_a_mass_lie_in_their_95_percent_region_as_often_as_they_should() -> None:
+    rng = np.random.default_rng(20)
+    exact = _instants(_circle())
+    start = _circle().replace({"collision.k": 0.83, "balls[2].mass": 2.6})
+    found = [
+        fit(start, exact + rng.normal(0.0, SIGMA, len(exact)), PATHS, SIGMA) for _ in range(60)
+    ]
+    distances = np.array([_distance(one) for one in found])
+    inside = int(np.sum(distances < chi2.ppf(0.95, 2)))
+    # 57 are expected; fewer than 52 in one of 200 such tests.
+    assert inside >= 52
+    assert kstest(distances, chi2(2).cdf).pvalue > 0.01
+    assert kstest([one.chi_square for one in found], chi2(10).cdf).pvalue > 0.01
+    assert all(one.same_events for one in found)
+
+
+def test_noise_that_is_not_known_is_told_by_the_residuals() -> None:
+    rng = np.random.default_rng(5)
+    exact = _instants(_circle(40))
+    found = fit(_circle(40), exact + rng.normal(0.0, SIGMA, 40), PATHS)
+    assert found.noise[0] == pytest.approx(SIGMA, rel=0.3)
+    assert found.likelihood is None
+    known = fit(_circle(40), found.measured.t, PATHS, float(found.noise[0]))
+    np.testing.assert_allclose(known.errors, found.errors, rtol=1e-6)
+    np.testing.assert_allclose(known.values, found.values, rtol=1e-9)
+    assert np.all(known.interval[:, 1] < found.interval[:, 1])  # Student's against the normal one
+
+
+def test_instants_that_are_missing_and_errors_of_each_count() -> None:
+    exact = _instants(_circle())
+    rows = np.array([0, 1, 4, 5, 7, 11])
+    error = np.where(rows == 4, 1e3, SIGMA)
+    t = exact[rows] + np.where(rows == 4, 0.3, 0.0)
+    found = fit(_circle(), {"n": rows + 1, "t": t, "error": error}, PATHS)
+    np.testing.assert_allclose(found.values, TRUE, atol=1e-4)
+    assert found.residuals[2] == pytest.approx(0.3, abs=1e-4)
+
+
+def test_a_start_whose_motion_soon_is_another_one_is_good_enough() -> None:
+    """Its first impacts only are those that were measured."""
+    scenario = example("three_arcs").replace({"stop.collisions": 25})
+    start = scenario.replace({"collision.k": 0.87})
+    found = fit(start, _instants(scenario), ["collision.k"], SIGMA)
+    assert np.nanmax(np.abs(found.first)) > 0.5
+    assert found.values[0] == pytest.approx(0.9, abs=1e-9)
+    assert np.max(np.abs(found.residuals)) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("change", "measured", "free", "words"),
+    [
+        ({}, [0.5], PATHS, r"found 1 instants for 2 free numbers, expected 3|expected 2"),
+        ({}, None, ["balls[1].mass", "balls[2].mass"], "only of a combination"),
+        ({}, None, ["stop.time"], "found no number"),
+        ({}, None, ["balls[2].density"], "found no number"),
+        ({}, None, [], "found no free number"),
+        ({}, None, ["collision.k", "collision.k"], "found 2 times"),
+        ({}, None, {"collision.k": (0.0, 0.5)}, "expected a number from 0 to 0.5"),
+        ({}, {"n": [1, 2, 99999], "t": [0.5, 0.7, 1.0]}, PATHS, "impacts in the motion"),
+        ({}, {"t": [0.5, 0.7], "ball_a": [1, 3], "ball_b": [2, 4]}, ["collision.k"], "bodies 1"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_fitted_is_told(
+    change: dict[str, Any], measured: Any, free: Any, words: str
+) -> None:
+    t = _instants(_circle()) if measured is None else measured
+    with pytest.raises(NoFit, match=words):
+        fit(_circle().replace(change), t, free)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({"x": [1.0]}, "no column 't'"),
+        ({"t": []}, "no row"),
+        ({"t": [1.0, None]}, "row 2: t: found None"),
+        ({"t": [1.0, 0.5]}, "row 2: t: found 0.5, expected one greater"),
+        ({"t": [-1.0]}, "row 1: t"),
+        ({"t": [1.0, 2.0], "n": [1, 1.5]}, "row 2: n: found 1.5, expected a whole"),
+        ({"t": [1.0, 2.0], "n": [2, 1]}, "row 2: n"),
+        ({"t": [1.0], "error": [0.0]}, "row 1: error"),
+        ({"t": [1.0], "error": [0.1, 0.2]}, "unequal lengths"),
+    ],
+)
+def test_tables_that_are_none_are_told_of_with_the_row(columns: Any, words: str) -> None:
+    with pytest.raises(NotMeasured, match=words):
+        fit(_circle(), columns, PATHS)
+
+
+def test_the_command_writes_numbers_residuals_scenario_and_figure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = _circle()
+    write_run(simulate(scenario).solved, scenario, tmp_path / "run", {})
+    file, target = tmp_path / "circle.json", tmp_path / "fit"
+    file.write_text(json.dumps(scenario.resolved()))
+    code = run_command_line([
+        "fit", str(file), str(tmp_path / "run" / "collisions.parquet"), "--set", "collision.k=0.8",
+        "--free", "collision.k=0.5:1", "--free", "balls[2].mass", "-o", str(target), "--json",
+    ])  # fmt: skip
+    assert code == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == json.loads((target / "fit.json").read_text())
+    assert [one["path"] for one in told["numbers"]] == PATHS
+    assert [one["value"] for one in told["numbers"]] == pytest.approx(TRUE, abs=1e-9)
+    rows = pq.read_table(target / "residuals.parquet").to_pydict()
+    assert rows["n"] == list(range(1, 13))
+    assert max(map(abs, rows["residual"])) < 1e-12
+    assert (target / "residuals.png").stat().st_size > 1000
+    again = simulate(load_scenario(target / "scenario.json"))
+    assert np.max(np.abs(again.collisions["t"] - np.array(rows["t"]))) < 1e-12
+    assert verify(target).sound
+
+
+def test_the_command_tells_what_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "circle.json"
+    file.write_text(json.dumps(_circle().resolved()))
+    (tmp_path / "bad.csv").write_text("t\nsoon\n")
+    free = ["--free", "collision.k"]
+    for arguments, words in (
+        (["bad.csv", *free], "bad.csv: row 1: t: found 'soon'"),
+        (["none.csv", *free], "none.csv: cannot be read"),
+        (["circle.json", *free], "expected .csv or .parquet"),
+        (["bad.csv", "--free", "collision.k=1:0"], "expected PATH or PATH=LOW:HIGH"),
+    ):
+        measured = str(tmp_path / arguments[0])
+        assert run_command_line(["fit", str(file), measured, *arguments[1:]]) == 2
+        assert words in capsys.readouterr().err

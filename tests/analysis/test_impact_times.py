@@ -1,0 +1,130 @@
+"""Derivatives of the instants of impacts to numbers of a scenario, against motions in 50 digits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+from tests.simulation.test_tangents import SCENES
+from vibro_cli.analysis.impact_times import NoDerivative, impact_times
+from vibro_cli.build import build_system
+from vibro_cli.scenario import scenario_of
+from vibro_cli.scenario.source import parsed_path
+from vibro_cli.simulation.run import simulate_system
+from vibro_cli.stress.highprecision.scene import Scene, chain, scene_of_system
+from vibro_cli.stress.highprecision.twin import Twin, happenings_of
+from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene
+
+CHANGE = mpmath.mpf(10) ** -18
+LATEST = 1000.0
+SHAPES = {1: "valley", -1: "hump", 0: "line"}
+
+
+def _body(scene: Scene, number: int, **changes: Any) -> Scene:
+    bodies = list(scene.bodies)
+    bodies[number] = replace(bodies[number], **changes)
+    return replace(scene, bodies=tuple(bodies))
+
+
+def _start(scene: Scene, number: int, part: int, by: Any) -> Scene:
+    starts = [list(one) for one in scene.starts]
+    starts[number][part] += by
+    return replace(scene, starts=tuple((one[0], one[1], one[2]) for one in starts))
+
+
+def _trace(scene: Scene, number: int, radius: Any = 0, slope: Any = 0) -> Scene:
+    """A scene with another radius or length of a piece, or another slope at its end."""
+    shapes = []
+    for index, piece in enumerate(scene.pieces):
+        own = index == number
+        shapes.append((
+            SHAPES[piece.sign], piece.size + own * radius, piece.slopes[1] + own * slope
+        ))  # fmt: skip
+    return replace(scene, pieces=chain(scene.pieces[0].slopes[0], shapes))
+
+
+VARIED: dict[str, Callable[[Scene, Any], Scene]] = {
+    "collision.k": lambda one, h: replace(one, restitution=tuple(k + h for k in one.restitution)),
+    "gravity": lambda one, h: replace(one, gravity=one.gravity + h),
+    "balls[1].mass": lambda one, h: _body(one, 0, mass=one.bodies[0].mass + h),
+    "balls[2].mass": lambda one, h: _body(one, 1, mass=one.bodies[1].mass + h),
+    "balls[1].radius": lambda one, h: _body(one, 0, radius=one.bodies[0].radius + h),
+    "balls[2].radius": lambda one, h: _body(one, 1, radius=one.bodies[1].radius + h),
+    "balls[1].angle": lambda one, h: _start(one, 0, 1, h),
+    "balls[2].speed": lambda one, h: _start(one, 1, 2, h),
+    "trace.arcs[1].radius": lambda one, h: _trace(one, 0, radius=h),
+    "trace.arcs[1].end_slope": lambda one, h: _trace(one, 0, slope=h),
+    "trace.arcs[2].length": lambda one, h: _trace(one, 1, radius=h),
+    "trace.arcs[3].radius": lambda one, h: _trace(one, 2, radius=h),
+    "ends.left.wall": lambda one, h: replace(one, walls=(one.walls[0] + h, one.walls[1])),
+}
+EVERYWHERE = tuple(VARIED)[:7]
+OF = {
+    "circle": (*EVERYWHERE, "balls[2].speed"),
+    "rotation": (*EVERYWHERE, "balls[2].speed"),
+    "valley of three": (*EVERYWHERE, "trace.arcs[1].radius"),
+    "arcs": (*EVERYWHERE, "trace.arcs[1].end_slope", "trace.arcs[3].radius"),
+    "hedrih": tuple(VARIED),
+    "normal-impulse": tuple(VARIED),
+    "translational": tuple(VARIED),
+}
+
+
+@pytest.mark.parametrize("name", OF)
+def test_they_are_differences_of_motions_in_50_digits(name: str) -> None:
+    scenario = scenario_of(SCENES[name])
+    system, count = build_system(scenario), SCENES[name]["stop"]["collisions"]
+    found = impact_times(scenario, system, list(map(parsed_path, OF[name])), count, LATEST)
+    told, own = happenings_of(simulate_system(system, None, count)), scene_of_system(system)
+    assert len(found.t) == count
+    columns = []
+    for key in OF[name]:
+        ahead, back = (Twin(VARIED[key](own, sign * CHANGE)).follow(told) for sign in (1, -1))
+        columns.append([
+            (one.t - other.t) / (2 * CHANGE) for one, other in zip(ahead, back, strict=True)
+        ])  # fmt: skip
+    exact = np.array(columns, dtype=float).T
+    error = np.abs(found.derivative - exact) / np.max(np.abs(exact))
+    assert np.max(error) < 1e-10, dict(zip(OF[name], np.max(error, axis=0), strict=True))
+
+
+def test_density_stands_for_mass_and_radius_for_both() -> None:
+    """By the chain rule: the mass of a ball is 4/3 pi r^3 times its density."""
+    balls = [ball(-0.7, mass=2.0), {"radius": 0.1, "density": 2700.0, "arc": 1, "angle": 0.4}]
+    dense = scenario_of(scene(CIRCLE, balls, 0.9, collisions=5))
+    mass = 4.0 / 3.0 * np.pi * 0.1**3 * 2700.0
+    heavy = scenario_of(scene(CIRCLE, [balls[0], ball(0.4, mass=mass)], 0.9, collisions=5))
+    ours = impact_times(
+        dense, build_system(dense),
+        [parsed_path("balls[2].density"), parsed_path("balls[2].radius")], 5, LATEST,
+    ).derivative  # fmt: skip
+    theirs = impact_times(
+        heavy, build_system(heavy),
+        [parsed_path("balls[2].mass"), parsed_path("balls[2].radius")], 5, LATEST,
+    ).derivative  # fmt: skip
+    np.testing.assert_allclose(ours[:, 0], theirs[:, 0] * mass / 2700.0, rtol=1e-9)
+    expected = theirs[:, 1] + theirs[:, 0] * 3.0 * mass / 0.1
+    np.testing.assert_allclose(ours[:, 1], expected, rtol=1e-9)
+
+
+def _refused(document: dict[str, Any], path: str, words: str, count: int = 50) -> None:
+    scenario = scenario_of(document)
+    with pytest.raises(NoDerivative, match=words):
+        impact_times(scenario, build_system(scenario), [parsed_path(path)], count, 20.0)
+
+
+def test_where_there_is_no_derivative_the_reason_is_told() -> None:
+    three = [ball(-0.6), ball(0.0), ball(0.6)]
+    _refused(
+        scene(VALLEY, [ball(-0.5), ball(0.3)], 0.3, time=9.0), "collision.k", "lasting contact"
+    )
+    _refused(scene(VALLEY, three, 1.0, collisions=2), "balls[1].mass", "several impacts", 2)
+    _refused(scene(CIRCLE, [ball(0.1), ball(0.4)], collisions=2), "balls[1].density", "no number")
+    _refused(scene(CIRCLE, [ball(0.1), ball(0.4)], collisions=2), "balls[1].body", "no number")
+    turning = THREE_ARCS | {"turning": {"x": 1.0, "rate": 1.0}}
+    _refused(scene(turning, [ball(-1.3), ball(0.9, arc=3)], time=9.0), "collision.k", "turns")

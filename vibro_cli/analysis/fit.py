@@ -1,0 +1,348 @@
+"""Numbers of a scenario fitted to measured instants of impacts: least squares, exact derivatives.
+
+Minimised is the sum of squares of ``(T_n(p) - t_n)/sigma_n`` over the measured impacts, by the
+trust-region method of ``scipy.optimize.least_squares`` with the derivatives of
+``analysis.impact_times``. The first impacts are fitted first, then twice as many and so on: a start
+that is good for some of them only is enough. The covariance of the numbers is ``(J^T J)^-1`` of the
+solution, times the variance of the residuals where the noise is not known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import chi2, t
+
+from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
+from vibro_cli.analysis.measured import Measured
+from vibro_cli.build import build_system
+from vibro_cli.errors import VibroError
+from vibro_cli.numerics.dual import Floats
+from vibro_cli.scenario import Scenario, ScenarioError
+from vibro_cli.scenario.problems import KeyPath, path_text
+from vibro_cli.scenario.source import parsed_path
+
+# An impact is waited for as many times longer than it took.
+PATIENCE = 10.0
+# Of columns scaled to length 1: what is below this share of the largest singular value is rounding.
+LEAST_INDEPENDENT = 1.0e-9
+# Relative steps and changes of the sum of squares at which the method has arrived.
+TOLERANCE = 1.0e-12
+CONFIDENCE = 0.95
+
+
+class NoFit(VibroError, ValueError):
+    """Numbers cannot be fitted to these instants; the message says why."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """A number that is fitted."""
+
+    path: KeyPath
+    low: float = -math.inf
+    high: float = math.inf
+
+    @staticmethod
+    def of(path: str, low: float = -math.inf, high: float = math.inf) -> Free:
+        """Return a number by its path as text, such as ``collision.k``, counted from 1.
+
+        Raises ``ValueError`` if the text is no path or there is nothing between the bounds.
+        """
+        if not low < high:
+            raise ValueError(f"{path}: found {low!r} to {high!r}, expected bounds that grow")
+        return Free(parsed_path(path), low, high)
+
+    @property
+    def name(self) -> str:
+        """Its path as text."""
+        return path_text(self.path)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Fitted numbers and how sure they are."""
+
+    scenario: Scenario
+    """With the fitted numbers"""
+    free: tuple[Free, ...]
+    start: Floats
+    """The numbers before"""
+    values: Floats
+    """In SI units"""
+    covariance: Floats
+    measured: Measured
+    first: Floats
+    """[row] measured less computed instants (s) before; NaN where the motion had no such impact"""
+    residuals: Floats
+    """[row] measured less computed instants (s)"""
+    noise: Floats
+    """[row] their standard deviation (s), as it was given or as the residuals tell"""
+    noise_known: bool
+    word: tuple[str, ...]
+    """What happens until the last measured impact, see ``ImpactTimes``"""
+    same_events: bool
+    """Whether the same happens within the confidence region: else the errors are for this order"""
+    evaluations: int
+
+    @property
+    def errors(self) -> Floats:
+        """Standard errors."""
+        found: Floats = np.sqrt(np.diag(self.covariance))
+        return found
+
+    @property
+    def correlation(self) -> Floats:
+        """Of the numbers with one another."""
+        found: Floats = self.covariance / np.outer(self.errors, self.errors)
+        return found
+
+    @property
+    def freedom(self) -> int:
+        """Instants less numbers."""
+        return len(self.residuals) - len(self.free)
+
+    @property
+    def interval(self) -> Floats:
+        """[number, end] of the intervals of 95 %."""
+        level = 0.5 + 0.5 * CONFIDENCE
+        width = t.ppf(level, math.inf if self.noise_known else self.freedom) * self.errors
+        return np.stack([self.values - width, self.values + width], axis=1)
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squares of the residuals in units of their noise."""
+        return float(np.sum((self.residuals / self.noise) ** 2))
+
+    @property
+    def likelihood(self) -> float | None:
+        """Probability of so large a sum of squares or larger; None if the noise is not known."""
+        if not self.noise_known or self.freedom < 1:
+            return None
+        return float(chi2.sf(self.chi_square, self.freedom))
+
+
+def fit_impacts(
+    scenario: Scenario, measured: Measured, free: Sequence[Free], noise: float | None = None
+) -> Fit:
+    """Fit numbers of a scenario of a trace at rest to measured instants of its impacts.
+
+    Parameters
+    ----------
+    scenario
+        With the values to begin with; its ``stop`` does not count.
+    measured
+        Instants of impacts.
+    free
+        Which numbers, and between which bounds.
+    noise
+        Standard deviation (s) of every instant that has none of its own; without it the residuals
+        tell of it.
+
+    Raises
+    ------
+    NoFit
+        If there are fewer instants than numbers, if the motion has not the measured impacts, if
+        the instants do not tell of a number or of two apart, or if the method does not arrive.
+    """
+    problem = _Problem(scenario, measured, tuple(free), noise)
+    problem.check()
+    start = problem.values_at_start()
+    first = problem.first_residuals(start)
+    values = start
+    for rows in problem.stages():
+        values = problem.solved(values, rows)
+    return problem.told(start, first, values)
+
+
+class _Problem:
+    def __init__(
+        self, scenario: Scenario, measured: Measured, free: tuple[Free, ...], noise: float | None
+    ) -> None:
+        self._scenario, self._measured, self._free = scenario, measured, free
+        self._known = noise is not None or measured.error is not None
+        self._noise = np.full(len(measured.t), 1.0 if noise is None else noise)
+        if measured.error is not None:
+            self._noise = measured.error
+        self._last: tuple[tuple[Any, ...], ImpactTimes] | None = None
+        self.evaluations = 0
+
+    def check(self) -> None:
+        """Raise what can be told before anything is solved."""
+        rows, free = len(self._measured.t), len(self._free)
+        if not free:
+            raise NoFit("found no free number, expected one or more")
+        names = [one.name for one in self._free]
+        for name in names:
+            if names.count(name) > 1:
+                raise NoFit(f"{name}: found {names.count(name)} times among the free numbers")
+        if rows < free + (not self._known):
+            least = f"{free + 1} or more, for their noise is not known" if rows == free else free
+            raise NoFit(f"found {rows} instants for {free} free numbers, expected {least}")
+
+    def values_at_start(self) -> Floats:
+        """The numbers that the scenario gives."""
+        try:
+            found = np.array([number_at(self._scenario, one.path) for one in self._free])
+        except NoDerivative as error:
+            raise NoFit(str(error)) from error
+        for one, value in zip(self._free, found, strict=True):
+            if not one.low <= value <= one.high:
+                expected = f"a number from {one.low:g} to {one.high:g}"
+                raise NoFit(f"{one.name}: found {value:g} in the scenario, expected {expected}")
+        return found
+
+    def stages(self) -> list[int]:
+        """How many rows are fitted, one after another."""
+        rows, found = 2 * len(self._free) + 2, []
+        while rows < len(self._measured.t):
+            found.append(rows)
+            rows *= 2
+        return [*found, len(self._measured.t)]
+
+    def changed(self, values: Floats) -> Scenario:
+        """The scenario with other numbers."""
+        pairs = zip(self._free, values, strict=True)
+        return self._scenario.replace({one.name: float(value) for one, value in pairs})
+
+    def motion(self, values: Floats, rows: int) -> ImpactTimes:
+        """Impacts up to that of a row.
+
+        Raises ``NoFit`` if the motion has not these, or no derivative.
+        """
+        key = (rows, *values)
+        if self._last is not None and self._last[0] == key:
+            return self._last[1]
+        self.evaluations += 1
+        count = int(self._measured.number[rows - 1])
+        try:
+            scenario = self.changed(values)
+            found = impact_times(
+                scenario, build_system(scenario), [one.path for one in self._free], count,
+                PATIENCE * float(self._measured.t[rows - 1]),
+            )  # fmt: skip
+        except ScenarioError as error:
+            raise NoFit("; ".join(str(one) for one in error.problems)) from error
+        except NoDerivative as error:
+            raise NoFit(str(error)) from error
+        if len(found.t) < count:
+            raise NoFit(
+                f"found {len(found.t)} impacts in the motion, which then ends "
+                f"({found.end_cause.replace('_', ' ')}), expected {count}, as measured"
+            )
+        self._check_pairs(found, rows)
+        self._last = key, found
+        return found
+
+    def _check_pairs(self, found: ImpactTimes, rows: int) -> None:
+        if self._measured.pairs is None:
+            return
+        theirs, ours = self._measured.pairs[:rows], found.pairs[self._measured.number[:rows] - 1]
+        other = np.flatnonzero(np.any(np.sort(theirs) != np.sort(ours), axis=1))
+        if len(other):
+            row = int(other[0])
+            raise NoFit(
+                f"impact {self._measured.number[row]} is of bodies {ours[row, 0]} and "
+                f"{ours[row, 1]} in the motion, expected {theirs[row, 0]} and {theirs[row, 1]}, as "
+                "measured"
+            )
+
+    def _late(self, values: Floats, rows: int) -> tuple[Floats, Floats]:
+        """Computed less measured instants in units of their noise, and their derivatives."""
+        found = self.motion(values, rows)
+        at = self._measured.number[:rows] - 1
+        noise = self._noise[:rows]
+        late = (found.t[at] - self._measured.t[:rows]) / noise
+        return late, found.derivative[at] / noise[:, None]
+
+    def first_residuals(self, start: Floats) -> Floats:
+        """Residuals of the motion to begin with, as far as it goes; it has to have the first."""
+        rows = len(self._measured.t)
+        found = np.full(rows, np.nan)
+        least = self.stages()[0]
+        while rows >= least:
+            try:
+                found[:rows] = -self._late(start, rows)[0] * self._noise[:rows]
+                break
+            except NoFit:
+                if rows == least:
+                    raise
+                rows = max(rows // 2, least)
+        return found
+
+    def solved(self, values: Floats, rows: int) -> Floats:
+        """The numbers that suit the first rows best."""
+
+        def late(trial: Floats) -> Floats:
+            try:
+                return self._late(trial, rows)[0]
+            except NoFit:  # the step is made shorter
+                return np.full(rows, np.nan)
+
+        # What the numbers before miss is told as it is.
+        self._check_told(self._late(values, rows)[1])
+        bounds = ([one.low for one in self._free], [one.high for one in self._free])
+        last = rows == len(self._measured.t)
+        found = least_squares(
+            late, values, jac=lambda trial: self._late(trial, rows)[1], bounds=bounds,
+            x_scale="jac", xtol=TOLERANCE if last else 1e-6, ftol=TOLERANCE if last else 1e-6,
+            gtol=None, max_nfev=200,
+        )  # fmt: skip
+        if last and not found.success:
+            raise NoFit(f"the method does not arrive: {found.message}")
+        return np.asarray(found.x, dtype=np.float64)
+
+    def _check_told(self, jacobian: Floats) -> None:
+        """Raise ``NoFit`` if a number, or a combination of them, does not show in the instants."""
+        sizes = np.linalg.norm(jacobian, axis=0)
+        for one, size in zip(self._free, sizes, strict=True):
+            if size == 0.0:
+                raise NoFit(f"{one.name}: the measured instants do not depend on it")
+        _, shares, directions = np.linalg.svd(jacobian / sizes)
+        if len(shares) < len(sizes) or shares[-1] < LEAST_INDEPENDENT * shares[0]:
+            weights = np.abs(directions[-1])
+            names = [one.name for one, w in zip(self._free, weights, strict=True) if w > 1e-3]
+            raise NoFit(f"{', '.join(names)}: the instants tell only of a combination of them")
+
+    def told(self, start: Floats, first: Floats, values: Floats) -> Fit:
+        """The result."""
+        rows = len(self._measured.t)
+        late, jacobian = self._late(values, rows)
+        self._check_told(jacobian)
+        found = self.motion(values, rows)
+        covariance: Any = np.linalg.inv(jacobian.T @ jacobian)
+        noise = self._noise
+        if not self._known:
+            rounding = np.finfo(float).eps * float(self._measured.t[-1])
+            variance = max(float(late @ late) / (rows - len(self._free)), rounding**2)
+            covariance, noise = covariance * variance, noise * math.sqrt(variance)
+        return Fit(
+            scenario=self.changed(values), free=self._free, start=start, values=values,
+            covariance=covariance, measured=self._measured, first=first,
+            residuals=-late * self._noise, noise=noise, noise_known=self._known, word=found.word,
+            same_events=self._stays(values, covariance, found.word),
+            evaluations=self.evaluations,
+        )  # fmt: skip
+
+    def _stays(self, values: Floats, covariance: Floats, word: tuple[str, ...]) -> bool:
+        """Whether the same happens at the ends of the axes of the confidence region."""
+        radius = math.sqrt(chi2.ppf(CONFIDENCE, len(values)))
+        sizes = np.sqrt(np.diag(covariance))
+        lengths, axes = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+        for length, axis in zip(lengths, axes.T, strict=True):
+            for sign in (1.0, -1.0):
+                step = sign * radius * math.sqrt(max(length, 0.0)) * axis * sizes
+                low = np.array([one.low for one in self._free])
+                high = np.array([one.high for one in self._free])
+                try:
+                    at = np.clip(values + step, low, high)
+                    if self.motion(at, len(self._measured.t)).word != word:
+                        return False
+                except NoFit:
+                    return False
+        return True
