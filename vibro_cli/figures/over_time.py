@@ -34,8 +34,10 @@ _ROOM = 0.01
 _EPSILON = float(np.finfo(np.float64).eps)
 _DENSE = 0.5
 """Opacity of a line with very many points."""
+_VERY_MANY = 100_000
+"""Points of a line, beyond which those are drawn that can be seen, ..."""
 _STRIPS = 2500
-"""Across a chart, of a line with very many points."""
+"""... of each of so many strips across the chart."""
 _AT_ONCE = 1 << 19
 MOST_STEMS = 2000
 """Of more losses than this only the points are drawn."""
@@ -108,11 +110,11 @@ def _draw_energies(axes: Any, courses: Sequence[tuple[Array, Array]]) -> float:
     """Draw the steps of each body and of the sum; return the highest energy (J)."""
     for ball, (time, energy) in enumerate(courses, 1):
         # Where steps lie closer than they can be drawn, both bodies are to be seen.
-        alpha = _DENSE if len(time) > MOST_VECTOR_POINTS else 1.0
-        axes.plot(*_seen([(time, energy)]), zorder=2.0, alpha=alpha, **body_look(ball))
+        alpha = _DENSE if len(time) > _VERY_MANY else 1.0
+        axes.plot(*seen([(time, energy)]), zorder=2.0, alpha=alpha, **body_look(ball))
     highest = max(float(np.max(energy)) for _, energy in courses)
     if len(courses) > 1:
-        sides, total = _seen(_sums(courses))
+        sides, total = seen(_sums(courses))
         axes.plot(sides, total, zorder=2.1, **TOTAL)
         highest = max(highest, float(np.max(total)))
     for line in axes.lines:
@@ -132,7 +134,7 @@ def _sums(courses: Sequence[tuple[Array, Array]]) -> Iterator[tuple[Array, Array
         yield sides, np.sum([np.interp(sides, time, energy) for time, energy in courses], axis=0)
 
 
-def _seen(parts: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
+def seen(parts: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
     """Return the points of a line over time, given part by part, that can be seen.
 
     Of very many, in a strip narrower than a pixel, those are the first, the last, the least and the
@@ -140,7 +142,7 @@ def _seen(parts: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
     """
     shown = []
     for time, values in parts:
-        if len(time) > MOST_VECTOR_POINTS:
+        if len(time) > _VERY_MANY:
             strip = np.floor((time - time[0]) / (time[-1] - time[0]) * _STRIPS)
             first = np.flatnonzero(np.append(True, strip[1:] != strip[:-1]))
             last = np.append(first[1:], len(time)) - 1
