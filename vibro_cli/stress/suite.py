@@ -25,6 +25,7 @@ NAMES = (
     "energy",
     *SYSTEMS[1:],
     "turning",
+    "tangent",
     "drawn",
     "digits",
     "contacts",

@@ -1,0 +1,42 @@
+"""The check of tangent maps: what it takes, that it is met, and that an error is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli.simulation.tangents import follow_system
+from vibro_cli.stress import tangent
+from vibro_cli.stress.drawing import draw
+from vibro_cli.stress.finding import Document, Plan
+from vibro_cli.stress.scenes import VALLEY, ball, scene
+
+TOUCHING: Document = {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}
+
+
+def test_scenes_drawn_at_random_meet_the_mark() -> None:
+    maps, times = tangent.check(Plan(seed=7, full=False, cases=3))
+    assert maps.cases == 3
+    assert maps.met, maps
+    assert times.met, times
+
+
+def test_an_error_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def off(*arguments: Any) -> Any:
+        found = follow_system(*arguments)
+        found.matrix[-1, 0] += 1e-8 * np.max(np.abs(found.matrix))
+        return found
+
+    monkeypatch.setattr(tangent, "follow_system", off)
+    maps, times = tangent.check(Plan(seed=7, full=False, cases=1))
+    assert not maps.met
+    assert times.met
+
+
+def test_what_has_no_derivative_is_left_out() -> None:
+    assert tangent.smooth_impacts(scene(VALLEY, [ball(-0.7), TOUCHING], 1.0, time=2.0)) == 0
+    assert tangent.smooth_impacts(scene(VALLEY, [ball(-0.7), ball(0.4)], 0.0, time=2.0)) == 0
+    assert tangent.smooth_impacts(scene(VALLEY, [ball(-0.7), ball(0.4)], 1.0, time=9.0)) == 3
+    assert any(tangent.smooth_impacts(draw(7, number)) == 0 for number in range(6))
