@@ -316,7 +316,7 @@ def test_digits_left_are_those_that_agree_with_50_digits() -> None:
     assert fewest < 1.0
     rows = np.concatenate(ratios)
     assert len(rows) > 1500
-    assert np.max(rows) < 30.0
+    assert np.max(rows) < 4.0
     assert 0.1 < np.median(rows) < 10.0
     assert np.mean(rows > 1.0 / 30.0) > 0.9
     assert lucky < 12

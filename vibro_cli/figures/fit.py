@@ -40,7 +40,10 @@ def fit_figure(found: dict[str, Any], width: str) -> Figure:
     entries: list[Entry] = [
         ("before the fit", before),
         ("after it", points),
-        (r"$\pm 2\sigma$", {"color": BAND["color"], "linewidth": 4.0}),
+        (
+            r"$\pm 2\sigma$",
+            {"color": BAND["color"], "linewidth": 4.0, "solid_capstyle": "butt"},
+        ),
     ]
     with style.journal():
         figure, panels, widths = stacked(width, [_HIGH[width]] * 2, entries=entries)

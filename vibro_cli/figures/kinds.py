@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from vibro_cli.figures.contact_points import POINTS_CAPTION, POINTS_TITLE, contact_points
 from vibro_cli.figures.dots import MANY
 from vibro_cli.figures.energy_portrait import energy_portrait
+from vibro_cli.figures.exponents import exponents
 from vibro_cli.figures.over_impacts import accuracy, impact_map, intervals
 from vibro_cli.figures.over_time import energies, space_time
 from vibro_cli.figures.plan import plan
@@ -78,6 +79,12 @@ INTERVALS: Kind[Any] = Kind(
     "Intervals between impacts",
     f"Time since the impact before; a falling straight line is an accumulation of impacts.{MANY}",
 )
+EXPONENTS: Kind[Any] = Kind(
+    exponents,
+    "Lyapunov exponents",
+    "The exponents of the run until each of its impacts, the greatest first, and twice the "
+    "standard error of the greatest. In the first tenth of the run curves may leave the figure.",
+)
 KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
     PORTRAIT: KindOfBody(phase_portrait, "Phase portrait of body", _PORTRAIT_CAPTION),
     "energy_portrait": KindOfBody(
@@ -135,6 +142,7 @@ KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
         "Distance of the surfaces left at each impact, and the relative change of energy along "
         f"each free flight, where it should be 0.{MANY}",
     ),
+    "exponents": EXPONENTS,
 }
 
 

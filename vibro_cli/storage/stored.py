@@ -81,6 +81,11 @@ class StoredRun:
         """What else happened."""
         return self.table("events")
 
+    @property
+    def exponents(self) -> Columns | None:
+        """How exponents converge, or None if they were not asked for."""
+        return self.run.exponents
+
     @cached_property
     def _flights(self) -> dict[str, Any]:
         return self.motion.flights()

@@ -1,0 +1,50 @@
+"""The figure of exponents: what it draws, and that it is left out where there are none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.figures.layout import assert_texts_are_apart
+from vibro_cli.api import Run, simulate
+from vibro_cli.figures.exponents import exponents
+from vibro_cli.figures.kinds import draw_all
+from vibro_cli.scenario import load_scenario
+from vibro_cli.storage.runs import write_run
+from vibro_cli.storage.stored import open_run
+
+FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"
+
+
+def _run(*overrides: str) -> Run:
+    return simulate(load_scenario(FALLING, list(overrides)))
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("impacts", [2, 300])
+def test_it_shows_the_rows_of_the_table(width: str, impacts: int) -> None:
+    run = _run(f"stop.collisions={impacts}", "stop.time=1e5")
+    figure = exponents(run, width)
+    assert figure is not None
+    assert run.exponents is not None
+    curves = [line for line in figure.axes[0].lines if len(np.asarray(line.get_xdata())) == impacts]
+    for n, curve in enumerate(curves[-4:], 1):
+        np.testing.assert_array_equal(curve.get_ydata(), run.exponents[f"lyapunov_{n}"])
+    low, high = figure.axes[0].get_ylim()
+    assert low < run.exponents["lyapunov_4"][-1] < run.exponents["lyapunov_1"][-1] < high
+    assert_texts_are_apart(figure)
+
+
+def test_without_them_it_is_left_out() -> None:
+    assert not list(draw_all(_run("analysis.lyapunov=false", "stop.collisions=5"), ["exponents"]))
+    assert not list(draw_all(_run("stop.collisions=1"), ["exponents"]))
+
+
+def test_a_stored_run_has_it(tmp_path: Path) -> None:
+    scenario = load_scenario(FALLING, ["stop.collisions=40"])
+    write_run(simulate(scenario), scenario, tmp_path / "run", {})
+    assert [one.name for one in draw_all(open_run(tmp_path / "run"), ["exponents"])] == [
+        "exponents"
+    ]
