@@ -49,6 +49,17 @@ def motion(tilt: float, spread: float, angle: float, p: float, over: int) -> Qua
     return found
 
 
+@pytest.mark.parametrize("t", [1e-13, 1e-9, 1e-5, 1e-2])
+def test_rates_soon_after_the_start_are_as_good_as_the_start(t: float) -> None:
+    """Bodies that touch tell from such rates whether they approach."""
+    for tilt, spread, angle, p in ((-0.8, 0.46, 0.7, -0.31), (0.3, 2.5, -1.1, 0.8)):
+        quartic = motion(tilt, spread, angle, p, 0)
+        half = mp.mpf(angle) / 2
+        start = (mp.sin(half), mp.cos(half), mp.mpf(p))
+        exact = ArcMotion(mp.one, start, (mp.mpf(tilt), mp.mpf(spread))).at(mp.mpf(t))[2]
+        assert abs(quartic_motion(quartic, t)[2] - exact) <= 2 * math.ulp(p)
+
+
 @pytest.mark.parametrize(("tilt", "spread", "angle", "p", "over", "near"), ORBITS)
 @pytest.mark.parametrize("t", [0.01, 0.7, 2.9, 6.1])
 def test_states_are_those_of_the_equation_of_motion(

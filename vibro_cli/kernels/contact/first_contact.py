@@ -186,10 +186,13 @@ def third_derivative_bound(
     """Bound on ``|d'''|`` (m/s^3) of the distance d of two bodies while they are apart.
 
     ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the relative velocity V, its part V_t across
-    the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <= 0.385 |V|^3``.
+    the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <= 0.385 |V|^3``. On one line
+    nothing is across.
     """
     speed_a, jerk_a = speed_and_jerk(a, track_a, age_a + span)
     speed_b, jerk_b = speed_and_jerk(b, track_b, age_b + span)
+    if a.piece == b.piece and track_a.path_radius == 0.0:
+        return jerk_a + jerk_b
     speed = speed_a + speed_b
     turning = speed / distance
     acceleration = a.acceleration_bound + b.acceleration_bound

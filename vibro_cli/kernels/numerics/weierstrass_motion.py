@@ -30,6 +30,8 @@ POLISHING_STEPS = 3
 FLAT = 1.25
 # Below this square of the share that cancellation leaves of a form, the other one is taken.
 NEAR_NOTHING = 1.0e-3
+# A square of the rate above this share of its terms gives the rate better than the derivative does.
+CLEAR = 0.125
 
 
 @struct
@@ -201,7 +203,28 @@ def quartic_motion(motion: QuarticConstants, t: float) -> tuple[float, float, fl
         level = square * (c * c) * (n * n)
         sc = s * c
         slope = square * scale * (c * n) * (d * d * (n * n) - motion.parameter * (sc * sc))
-    return _by_weierstrass(motion, sigma, level, slope)
+    sine, cosine, rate = _by_weierstrass(motion, sigma, level, slope)
+    return sine, cosine, _rate_by_energy(motion, sine, cosine, rate)
+
+
+@kernel
+def _rate_by_energy(motion: QuarticConstants, sine: float, cosine: float, rate: float) -> float:
+    """``h'`` of the place, with the sign of ``rate``; ``rate`` itself where that loses digits.
+
+    The derivative is a difference of powers of ``z``: soon after a start twenty roundings off.
+    """
+    s2 = sine * sine
+    c2 = cosine * cosine
+    sc = sine * cosine
+    fourth = motion.quartic_0 * s2 * s2
+    third = 4.0 * motion.quartic_1 * (sc * s2)
+    second = 6.0 * motion.quartic_2 * (s2 * c2)
+    first = 4.0 * motion.quartic_3 * (sc * c2)
+    start = motion.start_rate * motion.start_rate * (c2 * c2)
+    square = (fourth + second) + (third + first) + start
+    if square <= CLEAR * (abs(fourth) + abs(third) + abs(second) + abs(first) + start):
+        return rate
+    return math.sqrt(square) if rate > 0.0 else -math.sqrt(square)
 
 
 @kernel
