@@ -11,7 +11,12 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.arc_root import refine_on_arc
-from vibro_cli.kernels.contact.first_contact import NONE_BEFORE_LIMIT, UNRESOLVED, keep_states
+from vibro_cli.kernels.contact.first_contact import (
+    DEEP,
+    NONE_BEFORE_LIMIT,
+    UNRESOLVED,
+    keep_states,
+)
 from vibro_cli.kernels.contact.gap import half_gap_sine
 from vibro_cli.kernels.contact.libration_contact import contact_of_swings
 from vibro_cli.kernels.flow.flow import (
@@ -132,7 +137,8 @@ def contact_on_arc(
                 pair.searched = limit
                 return t + h if t + h <= limit else NONE_BEFORE_LIMIT
         step = safe_step_third_order(max(gap, 0.0), rate, second, bound_2, bound_3)
-        if gap <= 0.0 and rate >= 0.0 and (touching == 0 or t > 0.0):
+        inside = x < -0.5 * DEEP * UNRESOLVED
+        if gap <= 0.0 and rate >= 0.0 and not inside and (touching == 0 or t > 0.0):
             # At least so long the bodies are in contact or apart by less than rounding.
             step = max(step, unresolved_step(second, bound_3, UNRESOLVED))
         if t + step > horizon:

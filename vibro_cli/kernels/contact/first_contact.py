@@ -43,6 +43,8 @@ FINAL_CORRECTION = 1.0e-5
 FINAL_CORRECTION_BY_DISTANCE = 1.0e-6
 # Share of the size of the places by which a gap cannot be told from contact.
 UNRESOLVED = 4.0 * 2.220446049250313e-16
+# Times that, bodies are in one another by more than rounding and must not go further.
+DEEP = 4.0
 
 
 @kernel
@@ -133,6 +135,7 @@ def contact_by_distance(
             acceleration_at(b, track_b.path_radius, age_b + t, b_s, b_c),
             pair.distance,
         )  # fmt: skip
+        depth = -gap
         if gap < 0.0:
             gap = 0.0
         if touching != 0 and t == 0.0:
@@ -148,7 +151,8 @@ def contact_by_distance(
         if gap == 0.0 and rate >= 0.0 and not bouncing:
             # At least so long the bodies are in contact or apart by less than rounding.
             size = _size(piece_a, track_a) + _size(piece_b, track_b) + pair.distance
-            step = max(step, unresolved_step(second, bound_3, UNRESOLVED * size))
+            if depth <= DEEP * UNRESOLVED * size:
+                step = max(step, unresolved_step(second, bound_3, UNRESOLVED * size))
         if rate < 0.0:
             h = first_root_of_parabola(gap, rate, second)
             if 0.0 <= h < 3.0 * step + 1.0e-9 and h * fastest < 1.0:

@@ -149,4 +149,6 @@ def time_on_line(flight: Flight, way: float, speed: float) -> float:
         x = (speed - v) / (2.0 * a + b * b * way)
     if b * x < 1.0e-8:
         return 2.0 * x
-    return 2.0 * math.atanh(min(b * x, 1.0)) / b
+    if b * x >= 1.0:
+        return NEVER  # to where it would come to rest
+    return 2.0 * math.atanh(b * x) / b
