@@ -44,28 +44,32 @@ SCENE = "three_arcs"
 OF_THE_PAPERS = ROOT / "docs" / "papers"
 # Which figures of the results of the papers' commands become which pictures.
 PAPERS = {
-    "three_arcs": {"velocities": "A1a", "scene": "A2a"},
+    "three_arcs": {"velocities": "A1a"},
+    "model": {"scene": "A2a"},
     "circle_three": {"portrait_1": "A1b1", "portrait_2": "A1b2"},
     "three_arcs-portrait": {"family": "A2bcd"},
     "eight": {"energy_portrait_1": "A-energies"},
     "translation": {"velocities": "B1"},
-    "one_circle": {
-        "contact_points": "B2", "scene": "B6", "velocities": "B7", "plan": "B9",
-        "energy": "B-energies",
-    },
-    "horizontal_line_1_2": {"contact_points": "B3", "velocities": "B5"},
-    "circle_two": {"portrait_2": "B8-upper", "portrait_1": "B8-lower"},
+    "equal": {"contact_points": "B2"},
+    "horizontal_line_2_3": {"contact_points": "B3", "velocities": "B5"},
+    "one_circle": {"scene": "B6", "velocities": "B7", "energy": "B-energies"},
+    "circle_two": {"portrait_2": "B8-upper", "portrait_1": "B8-lower", "plan": "B9"},
     "progressive": {"energy_portrait_2": "B-progressive"},
-    "elliptic_wall": {"plan": "C1", "velocities": "C1-velocities", "contact_points": "C2a"},
+    "elliptic_wall": {"plan": "C1", "velocities": "C1-velocities"},
+    "wall_points": {"contact_points": "C2a"},
     "convex_wall": {"plan": "C2b", "velocities": "C2c"},
-    "skew_impact": {"contact_points": "C3", "velocities": "C4"},
+    "elliptic_wall-portrait": {"portrait_1": "C-billiards"},
+    "skew": {"contact_points": "C3", "velocities": "C4", "plan": "C4-paths"},
     "common_origin": {"scene": "C5a", "portrait_1": "C5b1", "portrait_2": "C5b2"},
-    "two_disks-portrait": {"family": "C-family"},
+    "two_disks-portrait": {"portrait_1": "C-trigger"},
+    "springs_family": {"family": "C-family"},
     "lone_particle": {"scene": "D1a"},
     "disk_on_arcs": {"scene": "D1b", "energy_portrait_1": "D-eight"},
     "ball_on_arcs-portrait": {"family": "D1cde"},
     "particle_on_arcs-portrait": {"comparison": "D-analogy"},
+    "lone_particle-portrait": {"portrait_1": "D-condition"},
     "turning_valley-portrait": {"family": "D-turning"},
+    "turning_valley": {"energy_portrait_1": "D-turning-impacts"},
 }  # fmt: skip
 SHARE = 0.62
 """Of the width of those pictures."""
@@ -91,7 +95,9 @@ def shrink(figure: Path, picture: Path, share: float = 1.0, colours: int = 256) 
     with Image.open(figure) as image:
         size = round(image.width * share), round(image.height * share)
         small = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-        small.quantize(colours, dither=Image.Dither.NONE).save(picture, optimize=True)
+        # of the methods the one that keeps a colour of few pixels, as that of a mark
+        method = Image.Quantize.MAXCOVERAGE
+        small.quantize(colours, method, dither=Image.Dither.NONE).save(picture, optimize=True)
 
 
 def of_the_papers(work: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from mpmath import mp
 
@@ -29,10 +30,13 @@ from vibro_cli.api import simulate
 from vibro_cli.build import build_any as assembled
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.papers import A, B, C, D, commands
+from vibro_cli.figures import output
+from vibro_cli.report import content as report_content
 from vibro_cli.report.series import time_between, turning_points
 from vibro_cli.scenario import load_any
 from vibro_cli.systems import system_named
 from vibro_cli.systems.springs.periods import spring_periods
+from vibro_cli.systems.springs.portrait_type import springs_record
 
 FOLDER = ROOT / "scenarios"
 
@@ -95,6 +99,36 @@ def test_generalised_theorem_of_carnot(k: float) -> None:
     assert one.carnot == pytest.approx(one.loss, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.parametrize(("name", "k"), [("one_circle", 0.9), ("horizontal_line_2_3", 0.8)])
+def test_carnot_of_the_tables(name: str, k: float) -> None:
+    """B (18)-(20), (23) from the angular velocities in the table, with J_P = 7/5 m r^2 by hand."""
+    run = run_of(name, "stop.collisions=12")
+    table, bodies = run.collisions, run.system.bodies
+    assert len(table["n"]) > 0
+    inertia = np.array([1.4 * body.mass * body.radius**2 for body in bodies])
+    before, after = (
+        np.column_stack([table[f"omega_{end}_{when}"] for end in "ab"]) for when in ("pre", "post")
+    )
+    loss = 0.5 * np.sum(inertia * (before**2 - after**2), axis=1)
+    carnot = (1.0 - k) / (1.0 + k) * 0.5 * np.sum(inertia * (after - before) ** 2, axis=1)
+    np.testing.assert_allclose(table["energy_loss"], carnot, rtol=1e-11)
+    np.testing.assert_allclose(loss, carnot, rtol=1e-11)
+    product = inertia[0] * inertia[1] / (inertia[0] + inertia[1])
+    closing = before[:, 0] - before[:, 1]
+    np.testing.assert_allclose(table["impulse_moment"], (1 + k) * product * closing, rtol=1e-12)
+    np.testing.assert_allclose(  # B (13)
+        before @ inertia, after @ inertia, atol=1e-13 * float(np.max(np.abs(before) @ inertia))
+    )
+
+
+def test_a_plastic_impact_leaves_one_velocity() -> None:
+    """B I.2, first *, and B (10): the loss of two bodies in translation."""
+    table = run_of("translation", "collision.k=0").collisions
+    after = [float(table[f"speed_{end}_post"][0]) for end in "ab"]
+    assert after == pytest.approx([1 / 3, 1 / 3], rel=1e-14)
+    assert table["energy_loss"][0] == pytest.approx(0.5 * (2 / 3) * 2.0**2, rel=1e-14)
+
+
 def test_masses_of_the_examples() -> None:
     """B prints 4/8 for 4/3 in the masses of its balls: 4/3 pi r^3 and 28/15 pi r^5 are right."""
     body = build_any(load_any(FOLDER / "horizontal_line_1_2.toml")).bodies[0]
@@ -114,6 +148,28 @@ def test_contact_angle() -> None:
             ratio = (first * (first - second - 1) - second) / ((first - second) * (first - 1))
             assert abs(mp.acos(ratio) - beta) < mp.mpf(10) ** -40 / beta
             assert contact_angle(piece, (one, other)) == pytest.approx(float(beta), rel=1e-15)
+
+
+def test_circle_has_a_centre_below_and_a_saddle_above() -> None:
+    """B III.3.5: with E = 2 m g (R - r) between closed and open trajectories."""
+    system = build_any(load_any(FOLDER / "one_circle.toml"))
+    portrait = portrait_of(Landscape.of(system, 1))
+    found = {point.kind: point for point in portrait.points}
+    assert sorted(found) == ["centre", "saddle"]
+    assert found["centre"].position == 0.0
+    assert abs(found["saddle"].position) == pytest.approx(math.pi, rel=1e-15)
+    height = portrait.height(found["saddle"].energy)
+    assert height == pytest.approx(2.0 * (1.0 - 0.1), rel=1e-14)
+    # By B (33) a motion is open where it has a rate left at the top.
+    run = run_of("one_circle", "balls[1].rate=5", "collision.k=1", "stop.collisions=12")
+    table, between = run.collisions, 2.0 * 9.81 / (1.4 * 0.9)
+    for end in "ab":
+        for when in ("pre", "post"):
+            rate = np.asarray(table[f"rate_{end}_{when}"])
+            top = rate**2 - between * (1.0 + np.cos(np.asarray(table[f"angle_{end}"])))
+            words = np.asarray(table[f"regime_{end}_{when}"])
+            assert end == "a" or set(words.tolist()) == {"oscillating", "progressive"}
+            np.testing.assert_array_equal(words == "progressive", top > 0.0)
 
 
 # The papers' series
@@ -191,12 +247,73 @@ def test_arrival_of_disks_on_springs() -> None:
         assert abs(table[f"omega_{end}_pre"][0]) == pytest.approx(omega, rel=1e-11)
 
 
-def test_singular_points_of_the_springs() -> None:
-    """C part 3, b*: centres at -+ sqrt(l^2 - b^2), the saddle's spring holds c (b - l)^2/2."""
+def test_time_of_arrival_on_springs() -> None:
+    """C (6), with the sign of C (7) and the factor 1/omega_0 that it lacks, integrated."""
+    run = run_of("springs/common_origin", "stop.collisions=1")
+    table, spring, start = run.collisions, run.system.springs[1], run.system.initial[1]
+    with mp.workdps(30):
+        rate = mp.sqrt(mp.mpf(spring.stiffness) / (mp.mpf(3) / 2 * run.system.bodies[1].mass))
+        x0, x1 = mp.mpf(start.position), mp.mpf(float(table["displacement_b"][0]))
+
+        def under(x: Any, sign: int) -> Any:
+            roots = mp.sqrt(spring.height**2 + x**2) - mp.sqrt(spring.height**2 + x0**2)
+            return (start.speed / rate) ** 2 - (x**2 - x0**2 + sign * 2 * spring.length * roots)
+
+        time = mp.quad(lambda x: 1 / mp.sqrt(under(x, -1)), [x1, 0, x0]) / rate
+        printed = mp.quad(lambda x: 1 / mp.sqrt(abs(under(x, 1))), [x1, 0, x0])
+    assert table["t"][0] == pytest.approx(float(time), rel=1e-13)
+    assert abs(float(printed) / float(table["t"][0]) - 1.0) > 0.3
+
+
+POINTS = [(5.0, 1.0, 4.898979485566356), (5.0, 1.5, 4.769696007084728)]
+
+
+@pytest.mark.parametrize(("body", "point"), list(enumerate(POINTS)))
+def test_singular_points_of_the_springs(body: int, point: tuple[float, float, float]) -> None:
+    """C part 3, b*: where the force of C (4) vanishes, of its three zeros by a root finder."""
     system = build_any(load_any(FOLDER / "springs/two_disks.toml"))
-    assert system.frequency(0) == 2.0
-    assert system.frequency(1) == pytest.approx(math.sqrt(3.0), rel=1e-15)
-    assert [spring.energy(0.0) for spring in system.springs] == [48.0, 55.125]
+    length, height, away = point
+    spring = system.springs[body]
+    assert (spring.length, spring.height) == (length, height)
+
+    def force(x: Any) -> Any:
+        root = mp.sqrt(height**2 + x**2)
+        return x * (root - length) / root
+
+    with mp.workdps(30):
+        roots = [mp.findroot(force, guess) for guess in (-length, 0, length)]
+        slopes = [mp.diff(force, root) for root in roots]
+    assert float(roots[2]) == pytest.approx(away, rel=1e-15)
+    record = springs_record(system, body)
+    assert [one["displacement"] for one in record["points"]] == pytest.approx(
+        [float(root) for root in roots], rel=1e-15, abs=1e-25
+    )
+    kinds = ["centre" if slope > 0 else "saddle" for slope in slopes]
+    assert [one["kind"] for one in record["points"]] == kinds == ["centre", "saddle", "centre"]
+    assert [one["stressed"] for one in record["points"]] == [False, True, False]
+    saddle = 0.5 * spring.stiffness * (height - length) ** 2
+    assert record["points"][1]["energy"] == pytest.approx(saddle, rel=1e-15)
+    assert saddle == (48.0, 55.125)[body]
+    assert system.frequency(body) == pytest.approx((2.0, math.sqrt(3.0))[body], rel=1e-15)
+
+
+def test_one_singular_point_stressed_or_not() -> None:
+    """C part 3, a*1 (l = b, no energy) and a*2 (l < b, c (b - l)^2/2)."""
+    given = ["balls[1].spring.length=1", "balls[2].spring.length=1.2"]
+    system = build_any(load_any(FOLDER / "springs/two_disks.toml", given))
+    points = [springs_record(system, body)["points"] for body in (0, 1)]
+    assert [[one["kind"] for one in own] for own in points] == [["centre"], ["centre"]]
+    assert [own[0]["stressed"] for own in points] == [False, True]
+    energies = [own[0]["energy"] for own in points]
+    assert energies == pytest.approx([0.0, 0.5 * 9.0 * 0.3**2], rel=1e-14)
+
+
+def test_parallel_traces_touch_below_the_mean_of_the_radii() -> None:
+    """A and B, conclusions: closer than 2 sqrt(r_1 r_2), not than r_1 + r_2 = 0.1 m."""
+    reach = 2.0 * math.sqrt(0.06 * 0.04)
+    for apart, count in ((reach - 1e-9, 1), (reach + 1e-9, 0), (0.099, 0)):
+        given = [f"balls[1].y={apart!r}", "balls[2].velocity_y=0"]
+        assert len(run_of("table/skew_impact", *given).collisions["n"]) == count
 
 
 def test_periods_on_springs() -> None:
@@ -245,10 +362,14 @@ def test_barrier_of_the_figure_eight() -> None:
     height = portrait.height(trigger.saddle.energy) - portrait.height(trigger.left.energy)
     assert height == pytest.approx(1.5 * (1.0 - math.cos(math.pi / 4.0)), rel=1e-14)
     assert trigger.orbit == "figure eight"
+    # (R - r)(1 - cos 120 deg) - (R + R0)(1 - cos 45 deg), for a particle
+    barrier = 1.0 * 1.5 - 1.5 * (1.0 - math.cos(math.pi / 4.0))
+    for margin in (trigger.margin_left, trigger.margin_right):
+        assert portrait.height(margin) == pytest.approx(barrier, rel=1e-14)
 
 
-def triggers_at(name: str, rate: float) -> list[str]:
-    scenario = load_any(FOLDER / f"{name}.toml", [f"trace.turning.rate={rate!r}"])
+def triggers_at(name: str, rate: float, *given: str) -> list[str]:
+    scenario = load_any(FOLDER / f"{name}.toml", [*given, f"trace.turning.rate={rate!r}"])
     return [one.orbit for one in portrait_of(Landscape.of(build_any(scenario), 1)).triggers]
 
 
@@ -257,7 +378,7 @@ def test_triggers_multiply_where_a_valley_lies_on_the_axis() -> None:
     fork = math.sqrt(9.81 / 0.9)
     assert len(triggers_at("turning_valley", fork * (1.0 - 1e-6))) == 2
     assert len(triggers_at("turning_valley", fork * (1.0 + 1e-6))) == 3
-    assert "figure eight" in triggers_at("turning_valley", 3.4)
+    assert triggers_at("turning_valley", 3.8) == ["open", "figure eight", "open"]
 
 
 @pytest.mark.parametrize("rate", [0.0001, 1.0, 3.0, 3.5, 5.0, 30.0])
@@ -267,18 +388,51 @@ def test_triggers_do_not_multiply_on_three_arcs(rate: float) -> None:
 
 
 def test_the_circle_that_turns_opens_its_figure_eight() -> None:
-    """Pitchfork at sqrt(g/rho), and the eight reaches the top at sqrt(2 g/rho)."""
+    """Pitchfork at sqrt(g/rho); its eight goes up to cos f = 2 g/(Omega^2 rho) - 1.
+
+    That is the slope of 90 degrees where the trace ends at Omega = sqrt(2 g/rho).
+    """
     rho = 0.9
-    for share, count in ((0.999999, 0), (1.000001, 1)):
-        assert len(triggers_at("turning_circle", share * math.sqrt(9.81 / rho))) == count
+    fork, opening = math.sqrt(9.81 / rho), math.sqrt(2.0 * 9.81 / rho)
+    assert (fork, opening) == pytest.approx((3.301515, 4.669047), rel=1e-6)
+    for share, orbits in ((1.0 - 1e-9, []), (1.0 + 1e-9, ["figure eight"])):
+        assert triggers_at("turning_circle", share * fork) == orbits
+    for share, orbit in ((1.0 - 1e-9, "figure eight"), (1.0 + 1e-9, "open")):
+        assert triggers_at("turning_circle", share * opening) == [orbit]
+
+
+@pytest.mark.parametrize(("ends", "printed"), [(90.0, 1.3045), (120.0, 2.0725)])
+def test_the_three_arcs_that_turn_open_their_figure_eight(ends: float, printed: float) -> None:
+    """Where the end of the trace is as high as the crest, g y - Omega^2 x^2/2 of both by hand."""
+    junction, end = math.radians(50.0), math.radians(ends)
+    crest = 0.5 + 0.1
+    x = 1.5 * math.sin(junction) + 0.9 * math.sin(end)
+    y = 1.5 * math.cos(junction) - 0.9 * math.cos(end)
+    rate = math.sqrt(2.0 * 9.81 * (y - crest)) / x
+    assert rate == pytest.approx(printed, abs=5e-5)
+    slopes = [f'trace.start_slope="-{ends} deg"', f'trace.arcs[3].end_slope="{ends} deg"']
+    for share, orbit in ((1.0 - 1e-9, "figure eight"), (1.0 + 1e-9, "open")):
+        assert triggers_at("turning_three_arcs", share * rate, *slopes) == [orbit]
 
 
 # The page
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made, but no picture of them: how those are written is tested elsewhere."""
+    picture = b"\x89PNG"
+    monkeypatch.setattr(output, "render", lambda *_, **__: picture)
+    monkeypatch.setattr(report_content, "figures_of_run", lambda *_: [])
+
+
 def test_every_command_of_the_page_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    undrawn: None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    """And what is said to be shown is there: figures, sections of reports, columns of tables."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scenarios").symlink_to(FOLDER)
     for command in commands():
@@ -286,13 +440,27 @@ def test_every_command_of_the_page_runs(
     capsys.readouterr()
     for _, _, command, shown in (*A, *B, *C, *D):
         words = shlex.split(command)
-        kinds = words[words.index("--figures") + 1].split(",") if "--figures" in words else []
-        for name in re.findall(r"`(\w+)`", shown):
-            if name.rstrip("_0123456789") not in kinds:
-                continue
-            stem = Path(words[2]).stem if "-o" not in words else Path(words[-1]).name
-            found = [*Path("outputs", stem).glob(f"{name}*.png")]
-            assert found, (command, name)
+        for section in re.findall(r"“(.+)”", shown) if words[1] == "report" else ():
+            page = (tmp_path / f"{words[2]}-report.html").read_text("utf-8")
+            assert section in page, (command, section)
+        folder = tmp_path / results_of(words)
+        for name in re.findall(r"`([\w\[\]]+)`", shown) if words[1] in ("run", "show") else ():
+            names = [name.replace("[ab]", end) for end in "ab"]
+            drawn = list(folder.glob(f"{name}.png"))
+            tables = [folder / f"{table}.parquet" for table in ("collisions", "bounces")]
+            columns = [set(pq.read_schema(path).names) for path in tables if path.exists()]
+            # "_post" and the like go on with the name before them
+            known = drawn or name.startswith("_") or name in ("collisions", "bounces")
+            assert known or any(set(names) <= own for own in columns), (command, name)
+
+
+def results_of(words: list[str]) -> Path:
+    """The folder of the results of a command, or that it looks at."""
+    if "-o" in words:
+        return Path(words[words.index("-o") + 1])
+    if words[1] == "show":
+        return Path(words[2]).parent
+    return Path("outputs", Path(words[2]).stem)
 
 
 def test_the_page_shows_every_picture() -> None:
@@ -314,6 +482,48 @@ def test_figures_that_are_named_exist() -> None:
         for kind in command.partition("--figures ")[2].split()[0].split(",")
     }
     assert named <= known
+
+
+NUMBERED = {"A": 9, "B": 90, "C": 7, "D": 4}
+"""The papers' last numbers of formulas; B has no (3) and no (70)."""
+FIGURES = {
+    "A": "1a 1b 2a 2b 2c 2d",
+    "B": "1 2 3a 3b 3c 3d 4 5 6 7 8 9 A1a A1b",
+    "C": "1 2a 2b 2c 3a 3b 3c 3d 4 5a 5b",
+    "D": "1a 1b 1c 1d 1e",
+}
+
+
+def formulas_of(where: str) -> set[int]:
+    """Numbers in brackets, ranges as (13)–(17)."""
+    found = set()
+    for first, last in re.findall(r"\((\d+)\)(?:–\((\d+)\))?", where):
+        found |= set(range(int(first), int(last or first) + 1))
+    return found
+
+
+def figures_of(where: str) -> set[str]:
+    """Figures as fig. 2b–d, fig. 2b, c, figs 3a–d, 4."""
+    found: set[str] = set()
+    for words in re.findall(r"figs?\.? ([^;(]+)", where):
+        number = ""
+        for part in filter(None, re.split(r",\s*", words)):
+            match = re.fullmatch(r"(?:fig\. )?([A-Z]?\d*)([a-z]?)(?:–([a-z]))?\s*", part)
+            if match is None:
+                continue
+            number = match[1] or number
+            letters = range(ord(match[2]), ord(match[3] or match[2]) + 1) if match[2] else ()
+            found |= {number + chr(letter) for letter in letters} or {number}
+    return found
+
+
+@pytest.mark.parametrize(("letter", "rows"), [("A", A), ("B", B), ("C", C), ("D", D)])
+def test_every_figure_and_formula_has_its_row(letter: str, rows: Any) -> None:
+    formulas = set().union(*(formulas_of(where) for where, *_ in rows))
+    absent = {3, 70} if letter == "B" else set()
+    assert formulas | absent == set(range(1, NUMBERED[letter] + 1))
+    figures = set().union(*(figures_of(where) for where, *_ in rows))
+    assert figures == set(FIGURES[letter].split())
 
 
 def test_letters_are_of_the_papers() -> None:

@@ -54,7 +54,14 @@ def test_a_family_tells_where_the_type_changes(vibro: Vibro) -> None:
 def test_impossible_members_are_named(vibro: Vibro) -> None:
     outcome = vibro("portrait", THREE_ARCS, "--vary", "balls[1].radius=0.5:2:4", "--no-figures")
     assert outcome.code == 0
-    assert "impossible" in outcome.text
+    assert "impossible (balls[1].radius: found 1.5, expected less than 1.0" in outcome.text
+
+
+def test_barriers_between_equal_saddles_are_zero(vibro: Vibro) -> None:
+    path = str(GALLERY / "turning_valley.toml")
+    outcome = vibro("portrait", path, "--no-figures")
+    assert outcome.text.count("+0 m (right) of S1") == 2  # of either ball
+    assert outcome.text.count("C3-S3-C4: open; barriers +0 m (left)") == 2
 
 
 @pytest.mark.parametrize("vary", ["r", "r=1:2", "r=2:1:3", "r=1:2:1", "r=a:b:3", "=1:2:3"])

@@ -240,6 +240,12 @@ def test_quiet_says_nothing_and_verbose_what_was_skipped(
     assert verbose.splitlines()[-1].split(None, 1) == ["skipped", by_hand.run.skipped[0]]
 
 
+def test_a_lone_body_needs_no_search(vibro: Vibro) -> None:
+    path = GALLERY / "lone_particle.toml"
+    verbose = vibro("run", path, "--no-figures", "-v", "--set", "stop.time=0.1").err
+    assert "every search for a contact: none was needed" in " ".join(verbose.split())
+
+
 @pytest.mark.parametrize(
     ("status", "cause", "code"),
     [("ok", "time", 0), ("ok", "inadmissible", 3), ("invalid", None, 3), ("failed", None, 3)],

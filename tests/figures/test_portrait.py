@@ -294,14 +294,20 @@ def test_run_on_a_line_alone_has_speeds() -> None:
     assert len(phase_portrait(run, 1, focus="run").axes) == 1
 
 
-def test_the_separatrix_of_a_full_circle_is_named_so_and_takes_no_room() -> None:
+@pytest.mark.parametrize(("start", "seen"), [(-1.5, True), (-1.0, False)])
+def test_the_separatrix_of_a_full_circle_is_named_where_it_is_seen(
+    start: float, seen: bool
+) -> None:
+    """It takes no room: at the left end, -90 degrees, its rate is 2w cos 45 degrees."""
     run = made(-90, valley(1.0, 0), line(1.5), valley(1.0, 90))
     hills = Landscape.of(run.system, 1)
     first = run.system.trace.pieces[0]
-    rate = float(hills.rate(first, 0.0, float(hills.energy(first, -1.0, 0.0))))
-    run.fly(1, (-1.0, 0.0), (0.0, rate), cause_start="start", cause_end="end")
+    rate = float(hills.rate(first, 0.0, float(hills.energy(first, start, 0.0))))
+    run.fly(1, (start, 0.0), (0.0, rate), cause_start="start", cause_end="end")
     figure = phase_portrait(run, 1)
     named = {text.get_text() for text in texts(figure)}
-    assert "separatrix of the full circle" in named
+    assert ("separatrix of the full circle" in named) == seen
     assert "separatrix" not in named
-    assert figure.axes[0].get_ylim()[1] == pytest.approx(1.08 * rate)
+    top = figure.axes[0].get_ylim()[1]
+    assert top == pytest.approx(1.08 * rate)
+    assert (top > hills.natural_rate(first) * math.sqrt(2.0)) == seen

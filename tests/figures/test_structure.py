@@ -15,6 +15,8 @@ from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.build import build_system
+from vibro_cli.figures.along import curves_of, highest_energy
+from vibro_cli.figures.background import background
 from vibro_cli.figures.family import family
 from vibro_cli.figures.structure import structure
 from vibro_cli.scenario import load_scenario
@@ -84,6 +86,37 @@ def test_the_figure_eight_is_drawn_through_the_saddle_when_it_exists() -> None:
     shown = " ".join(reversed([text.get_text() for text in texts(figure)]))
     assert "open separatrix" in shown
     assert "figure eight needs both" in shown
+
+
+def test_a_separatrix_goes_through_a_saddle() -> None:
+    """Of crests of unequal heights, in both coordinates."""
+    path = Path(__file__).parents[2] / "scenarios" / "turning_five_arcs.toml"
+    portrait = portrait_of(Landscape.of(build_system(load_scenario(path)), 1))
+    saddles = np.array([point.s for point in portrait.points if point.kind == "saddle"])
+    assert len(saddles) == 2
+    curves = curves_of(portrait)
+    drawn = [*curves.separatrices, *curves.eights]
+    assert drawn
+    for curve in drawn:
+        assert np.any((saddles >= curve.s[0]) & (saddles <= curve.s[-1]))
+    behind = background(portrait.landscape, highest_energy(portrait))
+    crest = max(point.energy for point in portrait.points if point.kind == "saddle")
+    (first, *_) = portrait.landscape.trace.pieces
+    in_first = [part for part in behind.separatrices if part.piece == 0]
+    assert in_first
+    for part in in_first:  # the first valley is only on the curve through the higher crest
+        energy = portrait.landscape.energy(first, part.position, part.rate)
+        np.testing.assert_allclose(energy, crest, rtol=1e-9)
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+def test_a_long_type_fits_over_its_panel(width: str) -> None:
+    path = Path(__file__).parents[2] / "scenarios" / "turning_valley.toml"
+    portrait = portrait_of(Landscape.of(build_system(load_scenario(path)), 1))
+    figure = family([("3.8", portrait), ("again", portrait)], width)
+    assert_texts_are_apart(figure)
+    shown = {text.get_text() for text in texts(figure)}
+    assert "C1, S1, C2, S2, C3, S3, C4; open, figure eight, open" in shown
 
 
 def test_points_have_names_beside_them_and_values_above() -> None:

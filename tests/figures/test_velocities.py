@@ -62,6 +62,17 @@ def test_a_sliding_particle_does_not_turn() -> None:
     np.testing.assert_array_equal(one.velocity(one.resting, 0), one.velocity(one.centre, 0))
 
 
+def test_bodies_in_translation_have_one_velocity_each_and_an_impulse() -> None:
+    """B fig. 1: arrows of the centres alone; B (6): 8/3 N s."""
+    figure = velocities(run_of("translation"))
+    assert figure is not None
+    assert_texts_are_apart(figure)
+    shown = [text.get_text() for text in texts(figure)]
+    assert "= 2.67 N s" in shown
+    assert {"centre $C$", "tangent"} <= set(shown)
+    assert "touching point $T$" not in shown
+
+
 @pytest.mark.parametrize("width", ["single", "double"])
 @pytest.mark.parametrize("name", NAMES)
 def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:

@@ -209,6 +209,39 @@ def right_s(part: Reach) -> float:
     return part.piece.arc_length(part.high)
 
 
+def through_saddles(
+    landscape: Landscape, spans: Sequence[tuple[float, float]], saddles: Sequence[float]
+) -> list[bool]:
+    """Return which connected parts of the trace hold one of some saddles; all arc lengths in m.
+
+    Of a saddle's energy only these are separatrices: elsewhere it is that of a common level curve.
+    On a closed trace what runs over the seam is one.
+    """
+    length = landscape.trace.length
+    near = _JOINED * length
+    found = [any(low - near <= s <= high + near for s in saddles) for low, high in spans]
+    seam = [
+        landscape.trace.closed and (low <= near or high >= length - near) for low, high in spans
+    ]
+    over = any(one and other for one, other in zip(found, seam, strict=True))
+    return [one or (over and other) for one, other in zip(found, seam, strict=True)]
+
+
+def separatrix_curves(
+    landscape: Landscape, energy: float, saddles: Sequence[float], count: int = 121
+) -> tuple[LevelCurve, ...]:
+    """Return the level curves of an energy (J) through saddles at arc lengths (m), by pieces."""
+    runs = connected_reaches(landscape, energy)
+    spans = [(left_s(run[0]), right_s(run[-1])) for run in runs]
+    kept = through_saddles(landscape, spans, saddles)
+    return tuple(
+        LevelCurve(part.piece.index, *_sampled(landscape, part, energy, count))
+        for run, is_one in zip(runs, kept, strict=True)
+        if is_one
+        for part in run
+    )
+
+
 def speed_curves(landscape: Landscape, energy: float, count: int = 121) -> tuple[SpeedCurve, ...]:
     """Return the level curves of an energy (J) along the whole trace, `count` points on each piece.
 

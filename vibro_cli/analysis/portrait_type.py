@@ -10,6 +10,8 @@ from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.singular import CENTRE, DEGENERATE, SADDLE, SingularPoint, singular_points
 from vibro_cli.analysis.trigger import Trigger, triggers
 
+_SAME = 1e-13
+"""Energies closer than this share of the highest are told as equal."""
 _LETTER = {CENTRE: "C", SADDLE: "S", DEGENERATE: "D"}
 
 
@@ -61,12 +63,18 @@ def condition(portrait: Portrait, trigger: Trigger) -> str:
     The figure eight exists while the barrier on either side is at least as high as the saddle,
     (R − r)(1 − cos θ_end) ≥ (R + R₀)(1 − cos J) on three arcs (D).
     """
-    left, right = (portrait.height(m) for m in (trigger.margin_left, trigger.margin_right))
+    left, right = (_barrier(portrait, m) for m in (trigger.margin_left, trigger.margin_right))
     saddle = portrait.name(trigger.saddle)
     return (
         f"barriers {_signed(left)} (left) and {_signed(right)} (right) of {saddle}; "
         "a figure eight needs both ≥ 0"
     )
+
+
+def _barrier(portrait: Portrait, margin: float) -> float:
+    """Return a barrier as a height (m); 0 where saddles are equal but for rounding."""
+    highest = max(abs(point.energy) for point in portrait.points)
+    return portrait.height(margin) if abs(margin) > _SAME * highest else 0.0
 
 
 def _signed(height: float) -> str:

@@ -35,24 +35,12 @@ class Source:
         scenario = load_scenario(self.name, [*self.overrides, f"{path}={value}"])
         return portrait_of(Landscape.of(build_system(scenario), ball_of(path)))
 
-    def member(self, path: str, value: Any) -> "Portrait | None":
-        """The same; None where the scenario is not possible."""
-        from vibro_cli.scenario import ScenarioError
-
-        try:
-            return self.portrait(path, value)
-        except ScenarioError:
-            return None
-
     def system(self, path: str, value: Any) -> Any:
-        """The system with one more override; None where the scenario is not possible."""
+        """The system with one more override; raises `ScenarioError` where it is not possible."""
         from vibro_cli.build import build_any
-        from vibro_cli.scenario import ScenarioError, load_any
+        from vibro_cli.scenario import load_any
 
-        try:
-            return build_any(load_any(self.name, [*self.overrides, f"{path}={value}"]))
-        except ScenarioError:
-            return None
+        return build_any(load_any(self.name, [*self.overrides, f"{path}={value}"]))
 
 
 def ball_of(path: str) -> int:
@@ -94,7 +82,7 @@ def parsed_values(compare: str) -> tuple[str, list[str]]:
 
 def varied(source: Source, vary: str, draw: Draw | None) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The types of a family, where they change, and the figure of its portraits."""
-    record, shown = _varied(vary, source.member, lambda one: one.type)
+    record, shown = _varied(vary, source.portrait, lambda one: one.type)
     if draw is None or not shown:
         return record, {}
     from vibro_cli.figures.family import family
@@ -121,21 +109,47 @@ def _varied(
 
     path, low, high, number = parsed_range(vary)
     values = [low + (high - low) * step / (number - 1) for step in range(number)]
-    members = {value: member(path, repr(value)) for value in values}
+    members, reasons = _members(path, values, member)
 
     def type_of(value: float) -> str:
-        one = members[value] if value in members else member(path, repr(value))
-        return IMPOSSIBLE if one is None else type_of_member(one)
+        if value in reasons:
+            return IMPOSSIBLE
+        one = members[value] if value in members else _member(path, value, member)
+        return IMPOSSIBLE if isinstance(one, str) else type_of_member(one)
 
     found = changes(type_of, values)
     record = {
         "path": path,
         "ball": ball_of(path),
-        "members": [{"value": value, "type": type_of(value)} for value in values],
+        "members": [
+            {"value": value, "type": type_of(value)}
+            | ({"reason": reasons[value]} if value in reasons else {})
+            for value in values
+        ],
         "changes": [vars(change) for change in found],
     }
-    shown = [(f"{path} = {value:.6g}", one) for value, one in members.items() if one is not None]
+    shown = [(f"{path} = {value:.6g}", one) for value, one in members.items()]
     return record, shown
+
+
+def _members(
+    path: str, values: list[float], member: "Callable[[str, Any], Any]"
+) -> tuple[dict[float, Any], dict[float, str]]:
+    """The members at values, and of those that are not possible the reasons."""
+    found = {value: _member(path, value, member) for value in values}
+    reasons = {value: one for value, one in found.items() if isinstance(one, str)}
+    return {value: one for value, one in found.items() if value not in reasons}, reasons
+
+
+def _member(path: str, value: float, member: "Callable[[str, Any], Any]") -> Any:
+    """The member at a value, or in words why it is not possible."""
+    from vibro_cli.scenario import ScenarioError
+
+    try:
+        return member(path, repr(value))
+    except ScenarioError as error:
+        first = error.problems[0]
+        return f"{first.path}: found {first.found}, expected {first.expected}"
 
 
 def compared(
@@ -169,7 +183,8 @@ def family_lines(family: dict[str, Any]) -> Iterator[str]:
     """The types of a family as text."""
     yield f"{family['path']}, portrait of ball {family['ball']}:"
     for member in family["members"]:
-        yield f"  {member['value']:<12.6g} {member['type']}"
+        reason = f" ({member['reason']})" if "reason" in member else ""
+        yield f"  {member['value']:<12.6g} {member['type']}{reason}"
     for change in family["changes"]:
         yield f"  changes at {change['high']!r}: {change['before']} -> {change['after']}"
 

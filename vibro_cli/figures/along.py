@@ -12,12 +12,12 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from vibro_cli.analysis.levels import SpeedCurve, speed_curves
+from vibro_cli.analysis.levels import SpeedCurve, speed_curves, through_saddles
 from vibro_cli.analysis.portrait_type import Portrait
 from vibro_cli.analysis.singular import CENTRE, SADDLE
 from vibro_cli.analysis.trigger import FIGURE_EIGHT
 from vibro_cli.figures import strokes, style
-from vibro_cli.figures.background import level_energies, saddle_energies
+from vibro_cli.figures.background import level_energies, saddle_energies, saddles_of
 from vibro_cli.figures.numbering import place_numbers
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks
@@ -81,12 +81,25 @@ def curves_of(portrait: Portrait, count: int = 97) -> Curves:
         for curve in speed_curves(landscape, energy, count)
         if curve.s[0] <= trigger.saddle.s <= curve.s[-1]
     )
-    singular = all_of(saddle_energies(portrait.points))
+    singular = tuple(
+        curve
+        for energy in saddle_energies(portrait.points)
+        for curve in _separatrices(portrait, energy, count)
+    )
     others = tuple(
         curve for curve in singular if not any(_same(curve, eight) for eight in on_eight)
     )
     levels = all_of(level_energies(portrait.points, highest_energy(portrait)))
     return Curves(levels, others, on_eight)
+
+
+def _separatrices(portrait: Portrait, energy: float, count: int) -> list[SpeedCurve]:
+    """Return the curves of an energy (J) that go through a saddle of it."""
+    curves = speed_curves(portrait.landscape, energy, count)
+    spans = [(float(curve.s[0]), float(curve.s[-1])) for curve in curves]
+    saddles = saddles_of(portrait.points, energy)
+    kept = through_saddles(portrait.landscape, spans, saddles)
+    return [curve for curve, is_one in zip(curves, kept, strict=True) if is_one]
 
 
 def _same(one: SpeedCurve, other: SpeedCurve) -> bool:

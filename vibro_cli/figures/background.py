@@ -9,7 +9,12 @@ from itertools import pairwise
 import numpy as np
 
 from vibro_cli.analysis.landscape import Array, Landscape
-from vibro_cli.analysis.levels import LevelCurve, arc_separatrix, level_curves
+from vibro_cli.analysis.levels import (
+    LevelCurve,
+    arc_separatrix,
+    level_curves,
+    separatrix_curves,
+)
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint, singular_points
 from vibro_cli.mechanics.trace import Piece
 
@@ -40,7 +45,11 @@ def background(landscape: Landscape, highest: float) -> Background:
     pieces = landscape.trace.pieces
     own = [] if saddles else [arc_separatrix(landscape, piece) for piece in pieces]
     return Background(
-        separatrices=_curves(landscape, saddles),
+        separatrices=tuple(
+            curve
+            for energy in saddles
+            for curve in separatrix_curves(landscape, energy, saddles_of(points, energy))
+        ),
         arc_separatrices=tuple(curve for curve in own if curve is not None),
         levels=_curves(landscape, level_energies(points, highest)),
         points=points,
@@ -68,6 +77,13 @@ def _distinct(energies: Sequence[float], share: float) -> list[float]:
 def saddle_energies(points: Sequence[SingularPoint]) -> list[float]:
     """Return the energies (J) of the separatrices: of all saddles, those that are equal once."""
     return _distinct([point.energy for point in points if point.kind == SADDLE], _SAME)
+
+
+def saddles_of(points: Sequence[SingularPoint], energy: float) -> list[float]:
+    """Return the arc lengths (m) of the saddles of an energy (J) of `saddle_energies`."""
+    saddles = [point for point in points if point.kind == SADDLE]
+    highest = max(abs(point.energy) for point in saddles)
+    return [point.s for point in saddles if abs(point.energy - energy) <= _SAME * highest]
 
 
 def level_energies(points: Sequence[SingularPoint], highest: float) -> list[float]:

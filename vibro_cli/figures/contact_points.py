@@ -50,6 +50,8 @@ _AROUND = 2.05
 """Half the width of a panel, in radii of its body."""
 _LONGEST = 1.15
 """Length of the longest arrow, in the same radii."""
+_APART = 0.09
+"""Distance in the same radii from which points one behind another have names of their own."""
 _THIN: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.4}
 _AXIS: dict[str, Any] = _THIN | {"linestyle": (0, (6, 1.5, 1, 1.5))}
 _HIDDEN: dict[str, Any] = _THIN | {"linestyle": (0, (2, 1.5))}
@@ -185,16 +187,18 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     drawn = [np.linspace([0.0, 0.0], [scale * one.speed, 0.0], 20)]
     for number, point in enumerate(one.points()[:2]):
         drawn += _draw_parts(axes, points[number], one, point, [0, 2], scale)
-    first, second, third = _names(one)
+    first = _names(one)[0]
     named = [
         Named(rf"$C_{{{one.number}}}$", (0.0, 0.0)),
         Named(rf"$P_{{{one.number}}}$", (0.0, -1.0)),
         Named(first, _pair(points[0])),
-        Named(f"{second}, {third}", _pair(points[1])),
     ]
+    if abs(points[0, 0] - points[1, 0]) > _APART:
+        named.append(Named(rf"$T_{{{one.number}2,{one.number}3}}$", _pair(points[1])))
     _dots(axes, [name.point for name in named])
     write_names(axes, named, np.concatenate([*drawn, _RING]), panel_size(axes))
-    _say(axes, [f"body {one.number} from the side", rf"$v$ = {_number(one.speed)} m/s,"
+    radius = rf"$r_{{{one.number}}}$ = {_number(one.body.radius)} m"
+    _say(axes, [f"body {one.number} from the side, {radius}", rf"$v$ = {_number(one.speed)} m/s,"
                 rf" $\omega$ = {_number(one.omega)} rad/s"])  # fmt: skip
 
 

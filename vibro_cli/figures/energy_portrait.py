@@ -32,6 +32,8 @@ from vibro_cli.mechanics.trace import Piece, Trace
 
 _MARGIN = 1.06
 _DENSE = 241
+_HIGH_UP = 0.7
+"""Share of the highest energy below which the axis of energies begins with 0."""
 POTENTIAL: dict[str, Any] = {"color": style.GREEN, "linewidth": 1.0}
 
 
@@ -48,7 +50,8 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     portrait = portrait_of(landscape)
     (branches,) = path.branches
     energies = 0.5 * landscape.body.kappa * landscape.body.mass * branches.rate**2
-    energies += _potential_at(landscape, branches.position)
+    below = _potential_at(landscape, branches.position)
+    energies += below
     behind, eights = _behind(portrait)
     window = _window(landscape.trace, path, behind)
     entries = [("potential energy", POTENTIAL)]
@@ -65,7 +68,7 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
         for piece in landscape.trace.pieces[1:]:
             for panel in (upper, lower):
                 panel.axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
-        limit_energies(lower, 1.15 * max(float(np.max(energies)), 1e-3 * float(np.max(values))))
+        limit_energies(lower, *_limits(energies, below, 1e-3 * float(np.max(values))))
         _label(upper, lower, ball)
         draw_legend(figure, rows, None if few(path) else path)
     return figure
@@ -155,6 +158,19 @@ def _behind(portrait: Portrait) -> tuple[Background, tuple[SpeedCurve, ...]]:
         levels=levels(curves.levels), points=points,
     )  # fmt: skip
     return behind, curves.eights
+
+
+def _limits(energies: Array, potential: Array, least: float) -> tuple[float, float]:
+    """Return the ends of the axis of energies (J), the upper first, which is `least` at least.
+
+    It begins with 0, or, for a motion high above the lowest place of the trace, just below the
+    least potential energy on its way.
+    """
+    low, high = float(np.nanmin(potential)), float(np.max(energies))
+    if low > _HIGH_UP * high:
+        room = 0.25 * (high - low) or 1e-3 * high
+        return high + room, low - room
+    return 1.15 * max(high, least), 0.0
 
 
 def _draw_eights(upper: Panel, eights: tuple[SpeedCurve, ...]) -> None:

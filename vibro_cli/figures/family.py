@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from vibro_cli.analysis.portrait_type import Portrait
 from vibro_cli.figures import style
 from vibro_cli.figures.along import curves_of, draw_along, name_points
+from vibro_cli.figures.legend import text_width
 from vibro_cli.figures.panels import BOTTOM, LEFT, RIGHT
 from vibro_cli.figures.style import MM, WIDTHS
 
@@ -47,7 +48,15 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
             draw_along(axes, portrait, curves, size)
             name_points(axes, portrait, curves, size)
             over = (bottom + _HIGH + 1.0) / high
-            figure.text(left / wide, over, portrait.type, fontsize=style.SMALL, va="baseline")
+            words = _type(portrait, size[0])
+            figure.text(left / wide, over, words, fontsize=style.SMALL, va="baseline")
             above = over + _LINE / high
             figure.text(left / wide, above, title, fontsize=style.TEXT, va="baseline")
     return figure
+
+
+def _type(portrait: Portrait, width: float) -> str:
+    """Return the type in words, with names for kinds of points where it needs more than a width."""
+    if text_width(portrait.type) <= width:
+        return portrait.type
+    return "; ".join([", ".join(portrait.names), *portrait.type.split("; ")[1:]])

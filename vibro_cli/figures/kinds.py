@@ -9,7 +9,6 @@ from typing import Any, Generic, TypeVar
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.contact_points import POINTS_CAPTION, POINTS_TITLE, contact_points
-from vibro_cli.figures.dots import MANY
 from vibro_cli.figures.energy_portrait import energy_portrait
 from vibro_cli.figures.exponents import exponents
 from vibro_cli.figures.over_impacts import accuracy, impact_map, intervals
@@ -72,12 +71,12 @@ _PORTRAIT_CAPTION = (
     "Rate against angle on each arc (speed against arc length on lines): the branches run through, "
     "and the jumps at the impacts, lasting contact in a colour of its own, many branches in the "
     "colours of time up to the last impact; behind them separatrices, level curves of energy, "
-    "centres (+) and saddles (×)."
+    "centres (+) and saddles (×). As A figs 1b and 2, B fig. 8, D fig. 1."
 )
 INTERVALS: Kind[Any] = Kind(
     intervals,
     "Intervals between impacts",
-    f"Time since the impact before; a falling straight line is an accumulation of impacts.{MANY}",
+    "Time since the impact before; a falling straight line is an accumulation of impacts.",
 )
 EXPONENTS: Kind[Any] = Kind(
     exponents,
@@ -92,20 +91,22 @@ KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
         "Phase portrait and energies along the trace of body",
         "Above, speed of the centre against arc length: the branches of the run and its jumps, a "
         "figure eight as one closed curve, separatrices, level curves, centres (+) and saddles "
-        "(×). Below, potential energy and, branch by branch, the total energy of the body.",
+        "(×). Below, potential energy and, branch by branch, the total energy of the body. "
+        "As A (abstract), B III.3.6, D.",
     ),
     "scene": Kind(
         scene,
         "The trace and the bodies at the start",
         "To scale: the pieces of the trace between the dots, with their numbers below, centres O "
         "and radii R of the arcs, and the bodies with their centres C, contact points P and angles "
-        "φ (in a valley) and ψ (on a hump); arrows where they start with a speed.",
+        "φ (in a valley) and ψ (on a hump); arrows where they start with a speed. "
+        "As A fig. 2a, B fig. 6, D fig. 1a, b.",
     ),
     "plan": Kind(
         plan,
         "Configurations at the impacts",
         "The trace with the bodies at the start, at the first impacts and at the last one; bodies "
-        "that do not collide then are pale.",
+        "that do not collide then are pale. As B fig. 9.",
     ),
     "velocities": Kind(
         velocities,
@@ -114,15 +115,15 @@ KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
         "centres C, those of the touching points T as points of the rolling bodies with what "
         "rolling adds to those of the centres, and the components along the line of centres, which "
         "decide on approach and separation. Arcs are angular velocities about the contact points "
-        "P, three quarters of a turn the greatest of the impact.",
+        "P, three quarters of a turn the greatest of the impact; the tangent is common to both "
+        "bodies. As A fig. 1a, B figs 1, 5 and 7.",
     ),
-    "contact_points": Kind(contact_points, POINTS_TITLE, POINTS_CAPTION),
+    "contact_points": Kind(contact_points, POINTS_TITLE, POINTS_CAPTION + " As B figs 2–4."),
     "energy": Kind(
         energies,
         "Energies",
         "Energy of each body and of all against time, each from the lowest place of its centre; "
-        "below, what each impact loses. Of lasting contact at the end some periods only; steps too "
-        "close to be told apart are bands, from the least to the greatest.",
+        "below, what each impact loses. Of lasting contact at the end some periods only.",
     ),
     "space_time": Kind(
         space_time,
@@ -133,14 +134,14 @@ KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
     "impact_map": Kind(
         impact_map,
         "Impact map",
-        f"Approach speed along the line of centres against the place of the impact.{MANY}",
+        "Approach speed along the line of centres against the place of the impact.",
     ),
     "intervals": INTERVALS,
     "accuracy": Kind(
         accuracy,
         "Accuracy reached",
         "Distance of the surfaces left at each impact, and the relative change of energy along "
-        f"each free flight, where it should be 0.{MANY}",
+        "each free flight, where it should be 0.",
     ),
     "exponents": EXPONENTS,
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,7 +21,7 @@ from vibro_cli.figures.legend import (
     legend_of,
     rows_of,
 )
-from vibro_cli.figures.panels import RIGHT, Panel, lay_out
+from vibro_cli.figures.panels import RIGHT, Panel, Window, lay_out
 from vibro_cli.figures.scope import windows
 from vibro_cli.figures.source import Recorded
 from vibro_cli.figures.style import WIDTHS
@@ -43,12 +44,28 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str =
     behind = _behind(run, ball, path)
     shown = windows(run.system.trace.pieces, path, behind, focus)
     with style.journal():
-        rows = legend_rows(path, behind, width)
+        rows = legend_rows(path, _seen(behind, shown), width)
         figure, panels = lay_out(shown, width, legend=LINE * (len(rows) - 1))
         draw_motion(panels, path, behind)
         label(panels, ball)
         draw_legend(figure, rows, None if few(path) else path)
     return figure
+
+
+def _seen(behind: Background, shown: Sequence[Window]) -> Background:
+    """Return the background without separatrices of full circles that lie off every panel."""
+    return replace(
+        behind,
+        arc_separatrices=tuple(
+            curve
+            for curve in behind.arc_separatrices
+            for one in shown
+            if one.piece.index == curve.piece
+            and np.any(
+                (curve.position > one.low) & (curve.position < one.high) & (curve.rate < one.top)
+            )
+        ),
+    )
 
 
 def legend_rows(

@@ -38,11 +38,11 @@ def panels_over(width: str, window: Window, lines: int) -> tuple[Figure, Panel, 
     return figure, panels[0], panels[1]
 
 
-def limit_energies(lower: Panel, highest: float) -> None:
-    """Set the axis of the energies, up to one (J)."""
-    top = highest or 1.0
-    lower.axes.set_ylim(0.0, top)
-    ticks = vertical_ticks(0.0, top, lower.height)
+def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
+    """Set the axis of the energies (J)."""
+    top = highest if highest > lowest else lowest + 1.0
+    lower.axes.set_ylim(lowest, top)
+    ticks = vertical_ticks(lowest, top, lower.height)
     lower.axes.set_yticks(ticks.places, ticks.labels)
     scaled = rf"$10^{{{ticks.power}}}$ J" if ticks.power else "J"
     lower.axes.set_ylabel(f"$E$ [{scaled}]", labelpad=1.0)

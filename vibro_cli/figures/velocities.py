@@ -16,7 +16,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
 from vibro_cli.figures.numbering import Named, write_names
-from vibro_cli.figures.source import Array, Recorded, first_of
+from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.trace import Piece
@@ -43,6 +43,8 @@ _APART = 0.11
 """Distance of the components from the line of centres, in the same radii."""
 _DENSE = 721
 """Points of each piece of the trace."""
+_ALONG = 1.0 - 1e-9
+"""Cosine from which a path is along the line of centres."""
 _TINY = 2e-3
 """An arrow shorter than this share of the panel is left out."""
 _HEAD = 0.05
@@ -58,6 +60,7 @@ TOUCHING: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (2.5, 1.2))}
 ROLLING: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (0.9, 0.9))}
 TURNING: dict[str, Any] = {"linewidth": 0.9, "linestyle": "solid"}
 NORMAL: dict[str, Any] = {"linewidth": 1.8, "linestyle": "solid"}
+TANGENT: dict[str, Any] = {"linewidth": 0.6, "linestyle": "solid"}
 _SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7}
 _AXIS: dict[str, Any] = {
     "color": style.FRAME_GREY,
@@ -72,8 +75,11 @@ _LEGEND: list[Entry] = [
         ("touching point $T$", TOUCHING),
         ("along the line of centres", NORMAL),
         (r"$\omega$", TURNING),
+        ("tangent", TANGENT),
     )
 ]
+_SLIDING = [_LEGEND[0], _LEGEND[-1]]
+"""The legend where both bodies are in translation along the line of centres."""
 _SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 
 
@@ -96,10 +102,15 @@ class Striking:
 
     def velocity(self, point: Array, when: int) -> Array:
         """Return the velocity (m/s) of the body's point there, before (0) or after (1)."""
-        if self.body.kind == "particle":  # it slides and does not turn
+        if self.slides:
             return self.speed[when] * self.tangent
         reach = point - self.resting
         return self.speed[when] / self.body.radius * np.array([reach[1], -reach[0]])
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is a particle, all of whose points have one velocity."""
+        return self.body.kind == "particle"
 
     def rolling(self, point: Array, when: int) -> Array:
         """Return what turning about the centre adds to its velocity (m/s) at a point."""
@@ -119,12 +130,12 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     rows = range(min(_IMPACTS[width], len(run.collisions["n"])))
     if not rows:
         return None
+    pairs = [striking(run, row) for row in rows]
     with style.journal():
-        lines = rows_of(_LEGEND, WIDTHS[width])
+        lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, WIDTHS[width])
         figure, panels = _sheet(width, len(rows), _TOP + LINE * (len(lines) - 1))
         surface = _surface(run)
-        for row in rows:
-            pair = striking(run, row)
+        for row, pair in zip(rows, pairs, strict=True):
             scale = _arrow_scale(pair)
             for when in (0, 1):
                 axes = panels[2 * row + when]
@@ -142,8 +153,7 @@ def striking(run: Recorded, row: int) -> tuple[Striking, Striking]:
 
 
 def _striking(run: Recorded, row: int, side: str) -> Striking:
-    impacts = first_of(run.collisions, row + 1)
-    table = {name: column[row] for name, column in impacts.items()}
+    table = {name: column[row] for name, column in run.collisions.items()}
     number = int(table[f"ball_{side}"])
     piece: Piece = run.system.trace.pieces[int(table[f"arc_{side}"]) - 1]
     position = float(table[f"angle_{side}"])
@@ -167,6 +177,12 @@ def touching_point(pair: Sequence[Striking]) -> tuple[Array, Array]:
     line = other.centre - one.centre
     normal = line / float(np.hypot(*line))
     return one.centre + one.body.radius * normal, normal
+
+
+def _in_line(pair: Sequence[Striking]) -> bool:
+    """Return whether both bodies are in translation along their line of centres (B fig. 1)."""
+    _, normal = touching_point(pair)
+    return all(one.slides and abs(float(one.tangent @ normal)) > _ALONG for one in pair)
 
 
 def _arrow_scale(pair: Sequence[Striking]) -> float:
@@ -222,16 +238,22 @@ def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale
     axes.plot(along[:, 0], along[:, 1], zorder=1.5, **_AXIS)
     across = np.array([-normal[1], normal[0]]) * _APART * largest
     fastest = max(abs(omega) for one in pair for omega in one.omega)
-    drawn = [along]
+    aside = np.array([-normal[1], normal[0]]) * 1.3 * largest
+    axes.plot(*np.transpose([touch - aside, touch + aside]), color=style.BLACK, zorder=2.0,
+              **TANGENT)  # fmt: skip
+    drawn = [along, np.linspace(touch - aside, touch + aside, 20)]
     for one, offset in zip(pair, (across, -across), strict=True):
         colour = body_look(one.number)["color"]
         _draw_body(axes, one, colour)
-        arrows = [
-            (one.centre, one.velocity(one.centre, when), CENTRE),
-            (touch, one.rolling(touch, when), ROLLING),
-            (touch, one.velocity(touch, when), TOUCHING),
-            (touch + offset, float(one.velocity(touch, when) @ normal) * normal, NORMAL),
-        ]
+        arrows = [(one.centre, one.velocity(one.centre, when), CENTRE)]
+        if not one.slides:
+            arrows += [
+                (touch, one.rolling(touch, when), ROLLING),
+                (touch, one.velocity(touch, when), TOUCHING),
+            ]
+        if not _in_line(pair):
+            component = float(one.velocity(touch, when) @ normal) * normal
+            arrows.append((touch + offset, component, NORMAL))
         for tail, velocity, look in arrows:
             arrow(axes, tail, scale * velocity, colour, look)
             drawn.append(np.linspace(tail, tail + scale * velocity, 20))
@@ -368,6 +390,11 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
             _write(axes, left, line, f"${symbol}_{{{one.number}}}$")
             after = f" {unit}" if one is pair[1] else ""
             _write(axes, left + _SYMBOL, line, f"= {_number(value)}{after}")
+
+    impulse = float(run.collisions["impulse"][row])
+    if when == 1 and all(one.slides for one in pair) and not math.isnan(impulse):
+        _write(axes, 0.0, 0, "$K$")
+        _write(axes, _SYMBOL, 0, f"= {_number(impulse)} N s")
 
 
 def _write(axes: Axes, left: float, line: int, text: str) -> None:

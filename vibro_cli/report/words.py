@@ -27,7 +27,7 @@ STATES = {
 }
 LAWS = {
     "hedrih": "moments of momentum about the contact points and the coefficient of restitution "
-    "on the angular velocities: A (3), B (15)–(16)",
+    "on the angular velocities: A (3), B (15)–(16), C (3)",
     "normal-impulse": "an impulse along the line of centres, rolling kept, the coefficient of "
     "restitution on the speed of approach",
     "translational": "classical central impact of bodies in translation: B (1)–(12)",

@@ -169,6 +169,8 @@ def skipped(clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, 
     apart, searches = int(clock["skipped_apart"]), int(clock["searches"])
     if apart:
         notes.append(f"{apart} of {searches} searches for a contact: the bodies are proved apart")
+    if not searches:
+        notes.append("every search for a contact: none was needed")
     if clock["quiet_t"] < NEVER:
         notes.append(f"no search after t = {clock['quiet_t']:.6g} s: no impact is possible")
     if not wanted.turning_points:

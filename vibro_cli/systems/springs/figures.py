@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibro_cli.figures.dots import MANY
 from vibro_cli.figures.kinds import INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.courses import springs_energies, springs_impact_map, springs_places
@@ -15,7 +14,8 @@ _PORTRAIT_CAPTION = (
     "Above, speed against the displacement from the foot of the spring: the branches run through "
     "and the jumps at the impacts, lasting contact in a colour of its own, many branches in the "
     "colours of time up to the last impact; behind them level curves of energy, the separatrix, "
-    "centres (+) and saddles (×). Below, the energy of the spring and the total energy."
+    "centres (+) and saddles (×). Below, the energy of the spring and the total energy. "
+    "As C fig. 5b."
 )
 FIGURES: dict[str, Kind[Any] | KindOfBody] = {
     PORTRAIT: KindOfBody(
@@ -25,7 +25,8 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
         springs_scene,
         "The bodies with their springs",
         "To scale, at the start and at the first impacts: centres C, feet A of the springs at the "
-        "heights b above the line of the centres, and the line on which each body rolls.",
+        "heights b above the line of the centres, and the line on which each body rolls; "
+        "of an impact how far apart its centres are. As C fig. 5a.",
     ),
     "motion": Kind[Run](
         springs_places,
@@ -42,7 +43,7 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
     "impact_map": Kind[Run](
         springs_impact_map,
         "Impact map",
-        f"Approach speed against the place of the centre of the left body at the impact.{MANY}",
+        "Approach speed against the place of the centre of the left body at the impact.",
     ),
     "intervals": INTERVALS,
 }

@@ -19,9 +19,11 @@ from vibro_cli.figures.ticks import number_ticks, vertical_ticks
 from vibro_cli.systems.run import Run
 
 _IMPACTS = 2
-_RIGHT, _TITLE, _BOTTOM, _GAP = 3.0, 4.2, 8.5, 1.5
+_RIGHT, _TITLE, _BOTTOM, _GAP = 3.0, 5.0, 8.5, 1.5
 _HIGHEST = 45.0
 _COILS = 9
+_APART = 3.6
+"""Distance of the heights of springs whose feet are at one place (mm)."""
 _LEAST = 0.5
 """Least radius of a body that is drawn (mm)."""
 _LINE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
@@ -79,8 +81,18 @@ def _instants(run: Run) -> list[Instant]:
     sampled = run.sample(times)
     number = len(run.system.bodies)
     places, speeds = (np.reshape(sampled[name], (-1, number)) for name in ("x", "speed"))
-    titles = ["start", *(f"impact {n}, {t:.4g} s" for n, t in enumerate(times[1:], 1))]
+    titles = ["start", *(_title(run, row) for row in range(len(times) - 1))]
     return [Instant(*one) for one in zip(titles, places, speeds, strict=True)]
+
+
+def _title(run: Run, row: int) -> str:
+    """Return what stands over an impact: when it is, and how far apart the centres are."""
+    one, other = (int(run.collisions[f"ball_{end}"][row]) for end in "ab")
+    radii = [run.system.bodies[number - 1].radius for number in (one, other)]
+    apart = 2.0 * np.sqrt(radii[0] * radii[1])
+    names = rf"$x_{{{other}}}-x_{{{one}}}=2\sqrt{{r_{{{one}}}r_{{{other}}}}}$"
+    time = float(run.collisions["t"][row])
+    return f"impact {row + 1}, {time:.4g} s: {names} = {apart:.4g} m"
 
 
 def _extent(run: Run, shown: list[Instant]) -> tuple[Array, Array]:
@@ -127,7 +139,8 @@ def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: 
         axes.plot(*coil.T, color=colour, linewidth=0.7, zorder=2.2)
         reach = 2.2 / scale
         axes.plot([foot[0] - reach, foot[0] + reach], [foot[1]] * 2, zorder=2.4, **_FOOT)
-        axes.plot([foot[0]] * 2, [0.0, foot[1]], zorder=1.4, **_HEIGHT)
+        upright = np.array([[foot[0] + _aside(run, number - 1) / scale, y] for y in (0.0, foot[1])])
+        axes.plot(*upright.T, zorder=1.4, **_HEIGHT)
         shown = max(body.radius, _LEAST / scale)
         look: dict[str, Any] = {"facecolor": colour, "alpha": 0.35, "edgecolor": "none"}
         axes.add_patch(Circle((place, 0.0), shown, zorder=1.8, **look))
@@ -142,10 +155,21 @@ def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: 
         named += [
             Named(rf"$C_{{{number}}}$", (place, 0.0)),
             Named(rf"$A_{{{number}}}$", (float(foot[0]), float(foot[1]))),
-            Named(rf"$b_{{{number}}}$", (float(foot[0]), 0.5 * float(foot[1])), style.FRAME_GREY),
+            Named(rf"$b_{{{number}}}$", _middle(upright), style.FRAME_GREY),
         ]
-        drawn += [coil, centre + shown * _RING, np.linspace(foot, [foot[0], 0.0], 30)]
+        drawn += [coil, centre + shown * _RING, np.linspace(upright[0], upright[1], 30)]
     write_names(axes, named, np.concatenate(drawn), size)
+
+
+def _aside(run: Run, index: int) -> float:
+    """Return how far aside of its foot the height of a spring is drawn (mm): at one place apart."""
+    feet = [spring.foot for spring in run.system.springs]
+    alike = [number for number, foot in enumerate(feet) if foot == feet[index]]
+    return _APART * (alike.index(index) - 0.5 * (len(alike) - 1))
+
+
+def _middle(ends: Array) -> tuple[float, float]:
+    return float(ends[:, 0].mean()), float(ends[:, 1].mean())
 
 
 def _coil(foot: Array, centre: Array, wide: float) -> Array:

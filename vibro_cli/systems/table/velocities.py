@@ -255,8 +255,8 @@ def _draw_angle(
     points = ball.centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     axes.plot(*points.T, color=colour, linewidth=0.5, zorder=2.4)
     middle = points[len(points) // 2]
-    mark = r"\alpha" if not when else r"\alpha'"
-    return [Named(rf"${mark}_{{{ball.number}}}$", _pair(middle), colour)]
+    mark = "'" if when else ""
+    return [Named(rf"$\alpha_{{{ball.number}}}{mark}$", _pair(middle), colour)]
 
 
 def _pair(point: Array) -> tuple[float, float]:
@@ -272,19 +272,18 @@ def _say(axes: Axes, one: Met, when: int) -> None:
         axes.text(*place, text, transform=axes.transAxes, va="baseline", **_SAY)
 
     write(0.0, 3, f"{one.title}, {one.time:.4g} s: before" if when == 0 else "after")
-    angle = r"\alpha" if when == 0 else r"\alpha'"
     rows = (
-        (2, "v", "m/s", [float(np.hypot(*ball.velocity[when])) for ball in one.balls]),
-        (1, r"\omega", "rad/s", [ball.omega[when] for ball in one.balls]),
-        (0, angle, "°", [math.degrees(ball.angle[when]) for ball in one.balls]),
+        (2, "v", "", "m/s", [float(np.hypot(*ball.velocity[when])) for ball in one.balls]),
+        (1, r"\omega", "", "rad/s", [ball.omega[when] for ball in one.balls]),
+        (0, r"\alpha", "'" * when, "°", [math.degrees(ball.angle[when]) for ball in one.balls]),
     )
-    for line, symbol, unit, values in rows:
+    for line, symbol, mark, unit, values in rows:
         for ball, value, left in zip(one.balls, values, _COLUMNS, strict=False):
             if math.isnan(value):
                 continue
-            write(left, line, rf"${symbol}_{{{ball.number}}}$")
+            write(left, line, rf"${symbol}_{{{ball.number}}}{mark}$")
             last = f" {unit}" if ball is one.balls[-1] else ""
-            write(left + _SYMBOL, line, f"= {_number(value)}{last}")
+            write(left + _SYMBOL, line, f"= {_number(value)}{'°' if unit == '°' else last}")
 
 
 def _number(value: float) -> str:
