@@ -12,7 +12,7 @@ from vibro_cli.errors import VibroError
 from vibro_cli.scenario import load_scenario
 from vibro_cli.systems import run, system_named
 from vibro_cli.systems.continuing import CannotContinue, check_continuable
-from vibro_cli.systems.contract import Sink
+from vibro_cli.systems.contract import Motion, Sink
 from vibro_cli.systems.driver import TooQuiet
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.stream import Streamed, stream
@@ -115,9 +115,29 @@ def recalled(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Run:
     again = run.simulate(kind, build_any(scenario), limits, wanted=kind.wanted(scenario))
     if cut:
         return again.cut_back(checkpoint)
-    if again.checkpoint()["state"] != checkpoint["state"]:
+    _check_recalled(again.checkpoint()["state"], checkpoint)
+    return again
+
+
+def recalled_motion(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Motion:
+    """Return the motion in a run that is over: of a long one no log is kept.
+
+    Else as :func:`recalled`.
+    """
+    kind = system_named(scenario.system)
+    if checkpoint["end_cause"] != "interrupted":
+        limits, rows = kind.limits(scenario), checkpoint["rows"]
+        motion = kind.long_motion(build_any(scenario), limits, rows)
+        if motion is not None:
+            _check_recalled(motion.state, checkpoint)
+            return motion
+    return recalled(scenario, checkpoint)
+
+
+def _check_recalled(state: Mapping[str, Any], checkpoint: Mapping[str, Any]) -> None:
+    """Raise ``NotRecalled`` unless a run solved again ends in the state of the checkpoint."""
+    if state != checkpoint["state"]:
         raise NotRecalled(
             "solved again the run does not end in the state that is stored; expected a run of "
             "this machine or one like it"
         )
-    return again

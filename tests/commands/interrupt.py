@@ -9,6 +9,7 @@ SIGINT, SIGTERM or SIGKILL, once or several times. The short form of it is a tes
 from __future__ import annotations
 
 import argparse
+import json
 import random
 import shutil
 import signal
@@ -29,6 +30,12 @@ def solve(folder: Path, impacts: int) -> None:
     stop = f"stop.collisions={impacts}"
     command = [*VIBRO, "run", str(SCENE), "--set", stop, "--no-figures", "-q", "-o", str(folder)]
     subprocess.run(command, cwd=ROOT, check=True)
+
+
+def reached(folder: Path) -> int:
+    """Return how many impacts the run of a folder has."""
+    summary: dict[str, int] = json.loads((folder / "summary.json").read_text())
+    return summary["collisions"]
 
 
 def interrupt_and_go_on(
@@ -57,8 +64,12 @@ def interrupt_and_go_on(
             return ended
         # Not yet ready to answer, a process ends by the signal itself.
         assert process.returncode in (CODES[end], -end), told.decode()
-        assert end != signal.SIGKILL or content(folder) == before, "a killed run changed its folder"
+        after = content(folder)
         ended.append(end)
+        if reached(folder) == impacts:
+            # The signal came when the last of the run was solved: the folder is whole.
+            return ended
+        assert end != signal.SIGKILL or after == before, "a killed run changed its folder"
 
 
 def main() -> int:
@@ -69,6 +80,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--longest", type=float, default=8.0, help="time before a signal, s")
     asked = parser.parse_args()
+    # Where a shell has started this in the background, SIGINT is ignored, by children too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     draw = random.Random(asked.seed)
     counts = dict.fromkeys(CODES, 0)
     with tempfile.TemporaryDirectory() as place:

@@ -13,7 +13,7 @@ from vibro_cli.commands.solving import Wishes, figures_of, followed
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.systems import AnyScenario
-    from vibro_cli.storage.runs import EarlierRun
+    from vibro_cli.storage.runs import EarlierRun, StreamedFolder
     from vibro_cli.systems.contract import Sink
     from vibro_cli.systems.stream import Streamed
 
@@ -84,7 +84,8 @@ def stream_run(
                 sinks.append(open_ones.enter_context(_standard_output(wishes.stream, scenario)))
             result = _followed(wishes, scenario, earlier, sinks, interruption)
             if folder is not None:
-                folder.finish(result, _figures(wishes, scenario, result))
+                figures = _figures(wishes, scenario, result, folder)
+                folder.finish(result, figures)
     except FolderRefused as error:
         raise CommandError(f"vibro: {error}") from error
     interruption.passed_on()
@@ -140,9 +141,15 @@ def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
         stream.finish()
 
 
-def _figures(wishes: Wishes, scenario: "AnyScenario", result: "Streamed") -> dict[str, bytes]:
+def _figures(
+    wishes: Wishes, scenario: "AnyScenario", result: "Streamed", folder: "StreamedFolder"
+) -> dict[str, bytes]:
     """The figures of the run, which is solved again for them."""
-    from vibro_cli.api import recalled
+    from vibro_cli.storage.stored import stored_run
 
     names = wishes.kinds_of(scenario.system)
-    return figures_of(recalled(scenario, result.checkpoint()), names) if names else {}
+    if not names:
+        return {}
+    written, summary = folder.end_tables(), result.summary_record()
+    run = stored_run(written, scenario, result.checkpoint(), {}, summary)
+    return figures_of(run.whole or run, names)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from vibro_cli.scenario.systems import AnyScenario
     from vibro_cli.storage.runs import EarlierRun
+    from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.run import Run
     from vibro_cli.systems.stream import Streamed
 
@@ -160,7 +161,7 @@ def is_sound(record: dict[str, Any]) -> bool:
     return bool(record["status"] == "ok" and record["end_cause"] != "inadmissible")
 
 
-def figures_of(result: "Run", names: Sequence[str]) -> dict[str, bytes]:
+def figures_of(result: "Run | StoredRun", names: Sequence[str]) -> dict[str, bytes]:
     """Kinds of figures of a run: names of files and their contents."""
     from vibro_cli.figures.kinds import draw_all
     from vibro_cli.figures.output import render

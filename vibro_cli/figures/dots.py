@@ -6,16 +6,25 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
+from matplotlib.colors import Colormap, Normalize, to_rgba
+from matplotlib.image import AxesImage
+from numpy.typing import NDArray
 
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM
 
+MANY = " Of very many impacts those that fall on one spot are one dot."
+"""What a caption says of marks that are drawn by :func:`draw_marks`."""
 MOST_MARKS = 200_000
 """Of more points than this each is a pixel."""
 _PIXEL = 0.06
 """Size of such a pixel (mm)."""
+_POINT = 25.4 / 72.0
+"""A typographic point (mm)."""
+_AT_ONCE = 1 << 18
+_EDGE = 1e-9
+"""Share of the axes by which rounding may move a point over their edge."""
 
 
 def draw_dots(
@@ -32,22 +41,79 @@ def draw_dots(
         )
         dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
         return
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    pixels = _pixels(axes, across, along, values)
+    _show(axes, pixels, cmap=colours, norm=norm)
+
+
+def draw_marks(
+    axes: Axes, across: Array, along: Array, diameter: float, colour: str | Colormap
+) -> None:
+    """Draw round marks of very many points: those that fall in one pixel are drawn once.
+
+    Parameters
+    ----------
+    axes
+        With its limits, on whatever scales.
+    across, along
+        Coordinates, shape (points,); those that are not finite are left out.
+    diameter
+        Of a mark, in points.
+    colour
+        Of all, or the colours of their numbers, in which later ones lie over earlier ones.
+    """
+    numbers = np.arange(1.0, len(across) + 1.0)
+    pixels = _spread(_pixels(axes, across, along, numbers), 0.5 * diameter * _POINT / _PIXEL)
+    there = np.isfinite(pixels)
+    if isinstance(colour, Colormap):
+        pixels[~there] = np.nan
+        _show(axes, pixels, cmap=colour, norm=Normalize(1.0, max(len(across), 2)))
+        return
+    shown = np.zeros((*pixels.shape, 4), dtype=np.uint8)
+    shown[there] = np.round(255.0 * np.array(to_rgba(colour)))
+    _show(axes, shown)
+
+
+def _pixels(axes: Axes, across: Array, along: Array, values: Array) -> Array:
+    """Return the pixels of axes, rows from below: the value of the last point in each, or nan."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     box = axes.get_position()
     wide, tall = np.array([box.width, box.height]) * figure.get_size_inches() / MM
     columns, rows = max(1, round(wide / _PIXEL)), max(1, round(tall / _PIXEL))
-    with np.errstate(invalid="ignore"):
-        column = np.floor((across - left) / (right - left) * columns)
-        row = np.floor((along - low) / (high - low) * rows)
-        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     pixels = np.full((rows, columns), np.nan)
-    pixels[row[inside].astype(np.int64), column[inside].astype(np.int64)] = values[inside]
-    image = axes.imshow(
-        pixels, cmap=colours, norm=norm, extent=(left, right, low, high), origin="lower",
-        aspect="auto", interpolation="nearest", zorder=2.0,
+    to_axes = axes.transData + axes.transAxes.inverted()
+    for first in range(0, len(values), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            place = to_axes.transform(np.column_stack([across[some], along[some]]))
+            inside = np.all((place >= -_EDGE) & (place <= 1.0 + _EDGE), axis=1)
+        column, row = np.floor(place[inside] * (columns, rows)).astype(np.int64).T
+        pixels[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)] = values[some][inside]
+    return pixels
+
+
+def _spread(pixels: Array, radius: float) -> Array:
+    """Return pixels each spread over a disc, of a radius in pixels; the greatest value stays."""
+    reach = int(radius)
+    rows, columns = pixels.shape
+    room = np.full((rows + 2 * reach, columns + 2 * reach), -np.inf)
+    room[reach : reach + rows, reach : reach + columns] = np.nan_to_num(pixels, nan=-np.inf)
+    spread = np.full_like(pixels, -np.inf)
+    for up in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            if up * up + right * right <= radius * radius:
+                moved = room[reach + up :, reach + right :][:rows, :columns]
+                np.maximum(spread, moved, out=spread)
+    spread[spread == -np.inf] = np.nan
+    return spread
+
+
+def _show(axes: Axes, pixels: NDArray[Any], **look: Any) -> None:
+    """Draw pixels that fill axes: values with their colours, or red, green, blue and opacity."""
+    image = AxesImage(
+        axes, extent=(0.0, 1.0, 0.0, 1.0), origin="lower", interpolation="nearest",
+        transform=axes.transAxes, zorder=2.0, **look,
     )  # fmt: skip
+    image.set_data(pixels)
     image.set_rasterized(True)
-    axes.set_xlim(left, right)
-    axes.set_ylim(low, high)
+    axes.add_artist(image)

@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.contact_points import POINTS_CAPTION, POINTS_TITLE, contact_points
+from vibro_cli.figures.dots import MANY
 from vibro_cli.figures.energy_portrait import energy_portrait
 from vibro_cli.figures.exponents import exponents
 from vibro_cli.figures.over_impacts import accuracy, impact_map, intervals
@@ -76,7 +77,7 @@ _PORTRAIT_CAPTION = (
 INTERVALS: Kind[Any] = Kind(
     intervals,
     "Intervals between impacts",
-    "Time since the impact before; a falling straight line is an accumulation of impacts.",
+    f"Time since the impact before; a falling straight line is an accumulation of impacts.{MANY}",
 )
 EXPONENTS: Kind[Any] = Kind(
     exponents,
@@ -123,7 +124,8 @@ KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
         energies,
         "Energies",
         "Energy of each body and of all against time, each from the lowest place of its centre; "
-        "below, what each impact loses. Of lasting contact at the end some periods only.",
+        "below, what each impact loses. Of lasting contact at the end some periods only; steps too "
+        "close to be told apart are bands, from the least to the greatest.",
     ),
     "space_time": Kind(
         space_time,
@@ -134,14 +136,14 @@ KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
     "impact_map": Kind(
         impact_map,
         "Impact map",
-        "Approach speed along the line of centres against the place of the impact.",
+        f"Approach speed along the line of centres against the place of the impact.{MANY}",
     ),
     "intervals": INTERVALS,
     "accuracy": Kind(
         accuracy,
         "Accuracy reached",
         "Distance of the surfaces left at each impact, and the relative change of energy along "
-        "each free flight, where it should be 0.",
+        f"each free flight, where it should be 0.{MANY}",
     ),
     "exponents": EXPONENTS,
 }

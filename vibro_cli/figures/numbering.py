@@ -104,6 +104,9 @@ def _nearest(places: Array, points: Array) -> Array:
 
 
 def _covered(candidates: Array, half: float, obstacles: Array) -> Array:
+    reach = np.array([half, 0.5 * _HIGH])
+    low, high = candidates.min(axis=0) - reach, candidates.max(axis=0) + reach
+    obstacles = obstacles[((obstacles >= low) & (obstacles <= high)).all(axis=1)]
     across = np.abs(candidates[:, 0, None] - obstacles[None, :, 0]) < half
     along = np.abs(candidates[:, 1, None] - obstacles[None, :, 1]) < 0.5 * _HIGH
     covered: Array = (across & along).sum(axis=1).astype(np.float64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -21,6 +22,7 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
+from vibro_cli.figures.dots import draw_marks
 from vibro_cli.figures.source import Array, Recorded, Table
 from vibro_cli.figures.ticks import angle_ticks, number_ticks
 from vibro_cli.figures.timeline import energy_residuals
@@ -76,15 +78,16 @@ def speed_map(
     )
     with style.journal():
         figure, (axes,), (across,) = stacked(width, [_HIGH[width]])
-        dots = axes.scatter(
-            place, speed, c=number, cmap=strokes.time_colours(), s=_dot(len(number)), zorder=2.0
-        )
-        dots.set_rasterized(len(number) > MOST_VECTOR_POINTS)
+        size = _dot(len(number))
+        if len(number) <= MOST_VECTOR_POINTS:
+            axes.scatter(place, speed, c=number, cmap=strokes.time_colours(), s=size, zorder=2.0)
         if not np.all(made):
             axes.plot(place[~made], speed[~made], zorder=2.2, label="inadmissible", **REFUSED)
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
         _speed_axis(axes, speed, _HIGH[width])
         set_places(axes, place, across)
+        if len(number) > MOST_VECTOR_POINTS:
+            draw_marks(axes, place, speed, math.sqrt(size), strokes.time_colours())
         number_bar(figure, len(number))
     return figure
 
@@ -139,10 +142,9 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
     between = np.array(table["dt"], dtype=np.float64)
     with style.journal():
         figure, (axes,), across = stacked(width, [_HIGH[width]])
-        axes.plot(number, between, **(DOT | {"markersize": np.sqrt(_dot(len(number)))}))
-        axes.lines[0].set_rasterized(len(number) > MOST_VECTOR_POINTS)
         log_axis(axes, between, r"$\Delta t$", "s")
         count_axis(axes, number, across[0], labelled=True)
+        _draw_dots(axes, number, between)
         together = int(np.sum(between == 0.0))
         text = f"time since the impact before ({together} of 0 not shown)" if together else ""
         legend(figure, [(text or "time since the impact before", DOT)])
@@ -164,11 +166,11 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
         heights = [_SMALL[width]] * (2 if len(gap) else 1)
         figure, panels, across = stacked(width, heights)
         if len(gap):
-            _residuals(panels[0], np.asarray(table["t"]), gap, "gap", "m")
             time_axis(panels[0], end, across[0], labelled=False)
+            _residuals(panels[0], np.asarray(table["t"]), gap, "gap", "m")
+        time_axis(panels[-1], end, across[-1], labelled=True)
         _residuals(panels[-1], time, np.abs(error), r"$|\delta E|/E_0$", "1")
         panels[-1].axhline(_EPSILON, zorder=1.0, **EPSILON)
-        time_axis(panels[-1], end, across[-1], labelled=True)
         legend(figure, [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", EPSILON)])
     return figure
 
@@ -178,6 +180,13 @@ def _residuals(axes: Axes, time: Array, values: Array, symbol: str, unit: str) -
     log_axis(axes, np.append(values, _EPSILON), symbol, unit)
     bottom = axes.get_ylim()[0]
     shown = np.where(values > 0.0, values, bottom)
-    size = float(np.sqrt(_dot(len(values))))
-    axes.plot(time, shown, clip_on=False, **(DOT | {"markersize": size}))
-    axes.lines[0].set_rasterized(len(values) > MOST_VECTOR_POINTS)
+    _draw_dots(axes, time, shown, clip_on=False)
+
+
+def _draw_dots(axes: Axes, across: Array, along: Array, **look: Any) -> None:
+    """Draw a dot for each point; the limits of the axes have to be set."""
+    size = math.sqrt(_dot(len(along)))
+    if len(along) > MOST_VECTOR_POINTS:
+        draw_marks(axes, across, along, size, DOT["color"])
+    else:
+        axes.plot(across, along, **(DOT | look | {"markersize": size}))

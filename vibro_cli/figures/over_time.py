@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,13 @@ HIGH = {"single": (34.0, 20.0), "double": (44.0, 24.0)}
 _ROOM = 0.01
 """Of the axis of time, room after an impact that ends the run."""
 _EPSILON = float(np.finfo(np.float64).eps)
+_DENSE = 0.5
+"""Opacity of a line with very many points."""
+_VERY_MANY = 100_000
+"""Points of a line, beyond which those are drawn that can be seen, ..."""
+_STRIPS = 2500
+"""... of each of so many strips across the chart."""
+_AT_ONCE = 1 << 19
 MOST_STEMS = 2000
 """Of more losses than this only the points are drawn."""
 LOSS: dict[str, Any] = {"color": style.VERMILLION, "marker": "o", "markersize": 1.8}
@@ -101,17 +109,53 @@ def _room_after(until: float, impacts: Array) -> float:
 def _draw_energies(axes: Any, courses: Sequence[tuple[Array, Array]]) -> float:
     """Draw the steps of each body and of the sum; return the highest energy (J)."""
     for ball, (time, energy) in enumerate(courses, 1):
-        axes.plot(time, energy, zorder=2.0, **body_look(ball))
+        # Where steps lie closer than they can be drawn, both bodies are to be seen.
+        alpha = _DENSE if len(time) > _VERY_MANY else 1.0
+        axes.plot(*seen([(time, energy)]), zorder=2.0, alpha=alpha, **body_look(ball))
     highest = max(float(np.max(energy)) for _, energy in courses)
     if len(courses) > 1:
-        times = np.unique(np.concatenate([time for time, _ in courses]))
-        sides = np.sort(np.concatenate([np.nextafter(times, side) for side in (-np.inf, np.inf)]))
-        total = np.sum([np.interp(sides, time, energy) for time, energy in courses], axis=0)
+        sides, total = seen(_sums(courses))
         axes.plot(sides, total, zorder=2.1, **TOTAL)
         highest = max(highest, float(np.max(total)))
     for line in axes.lines:
         line.set_rasterized(len(line.get_xdata()) > MOST_VECTOR_POINTS)
     return highest
+
+
+def _sums(courses: Sequence[tuple[Array, Array]]) -> Iterator[tuple[Array, Array]]:
+    """Yield the sum of the energies on either side of every jump, span of time by span of time."""
+    end = max(float(time[-1]) for time, _ in courses)
+    count = -(-max(len(time) for time, _ in courses) // _AT_ONCE)
+    edges = [*np.linspace(0.0, end, count + 1)[:-1].tolist(), np.nextafter(end, np.inf)]
+    for span in pairwise(edges):
+        parts = [time[slice(*np.searchsorted(time, span))] for time, _ in courses]
+        times = np.unique(np.concatenate(parts))
+        sides = np.sort(np.concatenate([np.nextafter(times, side) for side in (-np.inf, np.inf)]))
+        yield sides, np.sum([np.interp(sides, time, energy) for time, energy in courses], axis=0)
+
+
+def seen(parts: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return the points of a line over time, given part by part, that can be seen.
+
+    Of very many, in a strip narrower than a pixel, those are the first, the last, the least and the
+    greatest: the line through them covers the same.
+    """
+    shown = []
+    for time, values in parts:
+        if len(time) > _VERY_MANY:
+            strip = np.floor((time - time[0]) / (time[-1] - time[0]) * _STRIPS)
+            first = np.flatnonzero(np.append(True, strip[1:] != strip[:-1]))
+            last = np.append(first[1:], len(time)) - 1
+            own = np.repeat(np.arange(len(first)), last - first + 1)
+            extremes = []
+            for extreme in (np.minimum, np.maximum):
+                reached = np.flatnonzero(values == extreme.reduceat(values, first)[own])
+                extremes.append(reached[np.unique(own[reached], return_index=True)[1]])
+            kept = np.unique(np.concatenate([first, last, *extremes]))
+            time, values = time[kept], values[kept]
+        shown.append((time, values))
+    times, lines = zip(*shown, strict=True)
+    return np.concatenate(times), np.concatenate(lines)
 
 
 def _draw_losses(axes: Any, times: Array, losses: Array) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,21 @@ from vibro_cli.mechanics.system import System
 
 Array = NDArray[np.float64]
 Table = Mapping[str, NDArray[Any]]
+
+
+@runtime_checkable
+class LongTable(Protocol):
+    """A table of which some rows can be had without the others."""
+
+    def first(self, rows: int) -> Table:
+        """Return the first rows."""
+
+
+def first_of(table: Table, rows: int) -> Table:
+    """Return the first rows of a table."""
+    if isinstance(table, LongTable):
+        return table.first(rows)
+    return {name: column[:rows] for name, column in table.items()}
 
 
 class Recorded(Protocol):
@@ -28,6 +43,9 @@ class Recorded(Protocol):
 
     def flights(self) -> Table:
         """The flights of every ball between events, with their first and last states."""
+
+    def look_at(self, rows: Any) -> None:
+        """Take note of the flights, rows of their table, whose curves will be asked for."""
 
     def flight_curve(
         self, index: int, count: int, lasts: float = math.inf

@@ -48,6 +48,7 @@ def timeline(run: Recorded, ball: int, until: float) -> Timeline:
     )
     lengths = flights["t_end"][mine] - flights["t_start"][mine]
     total = max(float(np.sum(lengths)), float(np.finfo(np.float64).tiny))
+    run.look_at(mine)
     wanted = np.maximum(_least(len(mine)), _POINTS / 20 * lengths / total)
     times, places = [], []
     seam = 0.5 * run.system.trace.length
@@ -109,15 +110,17 @@ def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Ar
         (np.asarray(flights["ball"]) == ball) & (np.asarray(flights["t_start"]) <= until)
     )
     contact = np.asarray(flights["contact"], dtype=np.bool_)[mine]
+    starts, ends = flights["t_start"][mine], np.minimum(flights["t_end"][mine], until)
+    level = np.empty(len(mine))
     rows, times, energies = [], [], []
     for piece in run.system.trace.pieces:
         here = np.asarray(flights["arc"])[mine] == piece.index + 1
-        free = mine[here & ~contact]
-        energy = hills.energy(piece, flights["angle_start"][free], flights["rate_start"][free])
-        rows += [free, free]
-        times += [flights["t_start"][free], np.minimum(flights["t_end"][free], until)]
-        energies += [energy, energy]
-        for row in mine[here & contact].tolist():
+        begun = flights["angle_start"][mine[here]], flights["rate_start"][mine[here]]
+        level[here] = hills.energy(piece, *begun)
+        bound = mine[here & contact]
+        if len(bound):
+            run.look_at(bound)
+        for row in bound.tolist():
             start, end = float(flights["t_start"][row]), float(flights["t_end"][row])
             lasts = min(end, until) - start
             count = max(2, math.ceil(lasts * _pace(run, ball, piece)) + 1)
@@ -125,8 +128,12 @@ def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Ar
             rows.append(np.full(count, row))
             times.append(time)
             energies.append(hills.energy(piece, position, rate))
-    time, energy = np.concatenate(times), np.concatenate(energies)
-    order = np.lexsort((time, np.concatenate(rows)))
+    free = np.column_stack([starts, ends])[~contact].ravel()
+    levels = np.repeat(level[~contact], 2)
+    if not rows:
+        return np.maximum.accumulate(free), levels
+    time, energy = np.concatenate([free, *times]), np.concatenate([levels, *energies])
+    order = np.lexsort((time, np.concatenate([np.repeat(mine[~contact], 2), *rows])))
     return np.maximum.accumulate(time[order]), energy[order]
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Hashable
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +74,7 @@ class Jumps:
     def some(self, chosen: slice) -> Jumps:
         """Return some of the jumps."""
         fields = Jumps.__dataclass_fields__
-        return Jumps(**{name: getattr(self, name)[chosen] for name in fields})
+        return Jumps(**{name: getattr(self, name)[chosen].copy() for name in fields})
 
 
 @dataclass(frozen=True)
@@ -92,12 +94,28 @@ class Trajectory:
     """1 if every branch and every jump is there, else n for one in n."""
 
 
+# A figure is drawn several wide, and of the same motion there are several kinds.
+_KEPT: WeakKeyDictionary[Recorded, dict[int, Trajectory]] = WeakKeyDictionary()
+_MOST_KEPT = 8
+
+
 def trajectory(run: Recorded, ball: int) -> Trajectory:
     """Return the phase trajectory of a body (from 1) of a run.
 
     Free flights are curves of constant energy in closed form; those in lasting contact, and those
-    on a turning trace, are sampled from the run.
+    on a turning trace, are sampled from the run. Those of the bodies asked for last are kept.
     """
+    if not isinstance(run, Hashable):
+        return _found(run, ball)
+    kept = _KEPT.setdefault(run, {})
+    if ball not in kept:
+        kept[ball] = _found(run, ball)
+        if len(kept) > _MOST_KEPT:
+            del kept[next(iter(kept))]
+    return kept[ball]
+
+
+def _found(run: Recorded, ball: int) -> Trajectory:
     flights = run.flights()
     mine = np.flatnonzero(np.asarray(flights["ball"]) == ball)
     first, last = strands(flights, mine)
@@ -182,6 +200,9 @@ def _branches(
         )
     pace = _pace(run, ball, piece)
     bound = here & ~free
+    if np.any(bound):
+        spans = zip(first[bound].tolist(), last[bound].tolist(), strict=True)
+        run.look_at(np.concatenate([np.arange(one, other + 1) for one, other in spans]))
     sampled = [
         _sampled(run, flights, range(one, other + 1), pace, count)
         for one, other in zip(first[bound].tolist(), last[bound].tolist(), strict=True)

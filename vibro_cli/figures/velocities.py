@@ -16,7 +16,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
 from vibro_cli.figures.numbering import Named, write_names
-from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.source import Array, Recorded, first_of
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.trace import Piece
@@ -153,7 +153,8 @@ def striking(run: Recorded, row: int) -> tuple[Striking, Striking]:
 
 
 def _striking(run: Recorded, row: int, side: str) -> Striking:
-    table = {name: column[row] for name, column in run.collisions.items()}
+    impacts = first_of(run.collisions, row + 1)
+    table = {name: column[row] for name, column in impacts.items()}
     number = int(table[f"ball_{side}"])
     piece: Piece = run.system.trace.pieces[int(table[f"arc_{side}"]) - 1]
     position = float(table[f"angle_{side}"])

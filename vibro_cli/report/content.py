@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from vibro_cli.figures.source import first_of
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.caveats import mechanics_warnings
 from vibro_cli.mechanics.system import System
@@ -207,13 +208,18 @@ def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
 def _jumps(run: StoredRun, column: str) -> list[list[str]]:
     """The first impacts at which a body jumps from one word of a column to another."""
     table, found = run.collisions, []
-    for row in range(len(table["n"])):
-        for end in "ab":
-            before, after = (str(table[f"{column}_{end}_{when}"][row]) for when in ("pre", "post"))
-            if before != after:
+    before, after = (
+        [np.asarray(table[f"{column}_{end}_{when}"], dtype=object) for end in "ab"]
+        for when in ("pre", "post")
+    )
+    leaps = [one != other for one, other in zip(before, after, strict=True)]
+    for row in np.flatnonzero(leaps[0] | leaps[1]).tolist():
+        for place, end in enumerate("ab"):
+            if leaps[place][row]:
                 time = number(float(table["t"][row]), "s")
                 ball = str(int(table[f"ball_{end}"][row]))
-                found.append([str(int(table["n"][row])), time, ball, before, after])
+                words = str(before[place][row]), str(after[place][row])
+                found.append([str(int(table["n"][row])), time, ball, *words])
         if len(found) >= MOST_JUMPS:
             break
     return found
@@ -259,6 +265,7 @@ def first_rows(
     `folder` is that of the file of the table `name`, None where there is none.
     """
     total = len(table["n"])
+    table = first_of(table, FIRST_ROWS)
     rows = range(min(total, FIRST_ROWS))
     return {
         "columns": columns,

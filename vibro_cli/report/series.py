@@ -50,12 +50,12 @@ def _way(run: StoredRun, row: int, end: str) -> tuple[Swing, float, float] | Non
     """
     table, flights = run.collisions, run.flights()
     t, ball = float(table["t"][row]), int(table[f"ball_{end}"][row])
-    ends = np.asarray(flights["t_end"], dtype=np.float64)
-    near = np.abs(ends - t) <= _SAME * max(t, 1e-300)
-    mine = np.flatnonzero(near & (np.asarray(flights["ball"]) == ball))
-    if not len(mine):
+    # Flights stand body by body in order of time.
+    first, beyond = np.searchsorted(flights["ball"], (ball, ball + 1))
+    ends = flights["t_end"][first:beyond]
+    flight = int(first + np.searchsorted(ends, t - _SAME * max(t, 1e-300)))
+    if flight == beyond or flights["t_end"][flight] - t > _SAME * max(t, 1e-300):
         return None
-    flight = int(mine[0])
     piece = run.system.trace.pieces[int(flights["arc"][flight]) - 1]
     free = not bool(flights["contact"][flight])
     begun = str(flights["cause_start"][flight]) in ("start", "collision")

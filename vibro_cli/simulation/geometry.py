@@ -98,7 +98,8 @@ class Places:
     def position(self, piece: Any, s: Floats, c: Floats) -> Floats:
         """Angle phi or psi (rad) on arcs, distance from the left end (m) on lines."""
         sign = self.sign[piece]
-        half = np.where(sign < 0.0, np.arctan2(-c, s), np.arctan2(s, c))
+        hump = sign < 0.0
+        half = np.arctan2(np.where(hump, -c, s), np.where(hump, s, c))
         angle = 2.0 * half + self._at(self.turn, piece)
         ends = self._at(self.angle_start, piece), self._at(self.angle_end, piece)
         angle = np.clip(angle, *ends)

@@ -35,7 +35,7 @@ from vibro_cli.kernels.world import (
     World,
 )
 from vibro_cli.simulation.paths import Paths
-from vibro_cli.systems.record import record_array
+from vibro_cli.systems.record import chosen, joined, record_array
 
 NAMES = (
     "crossing", "wall", "contact_closed", "contact_opened", "lift_off", "turning", "slip", "end",
@@ -104,12 +104,12 @@ class Events:
         settled
             No contact from before this time (s) is still to be logged.
         """
-        self._waiting = np.concatenate([self._waiting, self._rows(paths, world, touches, known, 0)])
+        rows = joined([self._waiting, self._rows(paths, world, touches, known, 0)])
         # A flight that goes on is asked until now, a segment across pieces once it has ended.
         until = paths.log["t"] + np.where(_is_segment(paths.log), 0.0, paths.duration)
-        ready = self._waiting["t"] < min(float(until[paths.last].min()), settled)
-        rows, self._waiting = self._waiting[ready], self._waiting[~ready]
-        return _in_order(rows)
+        ready = rows["t"] < min(float(until[paths.last].min()), settled)
+        self._waiting = chosen(rows, ~ready)
+        return _in_order(chosen(rows, ready))
 
     def finish(
         self, paths: Paths, world: World, touches: Any, known: int, cause: int, ball: int
@@ -118,11 +118,11 @@ class Events:
 
         ``cause`` is why it ended, ``ball`` the body of the last event; else as :meth:`take`.
         """
-        rows = np.concatenate([self._waiting, self._rows(paths, world, touches, known, 1)])
+        rows = joined([self._waiting, self._rows(paths, world, touches, known, 1)])
         if cause in (END_OF_TRACE, END_LIFT_OFF) and ball >= 0:
             last = _end(paths, cause, ball)
             # The normal force that vanishes at the end of the run is this event and no other.
-            rows = np.concatenate([rows[~_same(rows, last)], last])
+            rows = joined([chosen(rows, ~_same(rows, last)), last])
         return _in_order(rows)
 
     def _rows(self, paths: Paths, world: World, touches: Any, known: int, ended: int) -> Rows:
@@ -135,7 +135,7 @@ class Events:
         for rows in parts:
             rows["place"] += self._placed
             self._placed += len(rows)
-        return np.concatenate(parts)
+        return joined(parts)
 
     def _passages(self, paths: Paths, world: World, known: int, ended: int) -> Any:
         """Return the passages of all flights, as records of ``Passage`` by rows of paths."""
@@ -146,7 +146,7 @@ class Events:
         counted &= (spans["ended"] == 1) | ~_is_segment(paths.log)
         begun = [self._begun_beyond(paths, spans, counted, kind) for kind in (LIFT_OFF, SLIP)]
         self._keep_open(paths, spans, counted)
-        return np.concatenate([found, *begun])
+        return joined([found, *begun])
 
     def _find(self, paths: Paths, world: World, spans: Any) -> tuple[Any, Any]:
         """Have the kernel find passages; return the spans as it has filled them in, and those."""
@@ -163,7 +163,7 @@ class Events:
         if isinstance(log, np.ndarray):
             find = compiled(find_passages, self._overrides)
             rooms = [np.zeros(count, dtype=dtype(cls)) for cls, count in kinds]
-            search = Search(spans[order], progress, *rooms)
+            search = Search(spans.take(order), progress, *rooms)
         else:
             find = interpreted(find_passages, self._overrides)
             rooms = [interpreted_rows(cls, count) for cls, count in kinds]
@@ -174,11 +174,11 @@ class Events:
         while filled == _ROOM:
             filled = find(world, search)
             found.append(record_array(search.passages[:filled], Passage))
-        passages = np.concatenate(found)
+        passages = joined(found)
         passages["span"] = order[passages["span"]]
         rows: Any = search.spans
         spans = rows if isinstance(rows, np.ndarray) else record_array(rows, Span)
-        return spans[paths.number], passages
+        return spans.take(paths.number), passages
 
     def _spans(self, paths: Paths, known: int, ended: int) -> Any:
         """The flights of a stretch, with what was found on those under way before."""
@@ -194,13 +194,19 @@ class Events:
     def _begun_beyond(self, paths: Paths, spans: Any, counted: Any, kind: int) -> Any:
         """Return the starts of flights beyond a limit, where the flight before did not end so."""
         name = "lift" if kind == LIFT_OFF else "slip"
-        rows = np.flatnonzero(counted)
-        body = paths.body[rows]
-        before = np.append(0, spans[f"{name}_end"][rows])[:-1]
-        first = np.append(True, body[1:] != body[:-1])[: len(rows)]
-        before[first] = self._open[f"{name}_end"][body[first]]
-        beyond = (spans[f"{name}_start"][rows] == 1) & (spans["begun"][rows] == 0)
-        begun = rows[beyond & (before == 0)]
+        beyond = (spans[f"{name}_start"] == 1) & (spans["begun"] == 0) & counted
+        begun = np.flatnonzero(beyond)
+        if len(begun):
+            # The flight before it that counts, or what is remembered of the one before the stretch.
+            places = np.where(counted, np.arange(len(counted)), -1)
+            last = np.append(-1, np.maximum.accumulate(places))[begun]
+            body = paths.body[begun]
+            ended = np.where(
+                (last >= 0) & (paths.body[last] == body),
+                spans[f"{name}_end"][last],
+                self._open[f"{name}_end"][body],
+            )
+            begun = begun[ended == 0]
         found = _at(paths, begun, np.zeros(len(begun)))
         found["kind"], found["normal"] = kind, spans["normal"][begun]
         return found
@@ -223,7 +229,7 @@ def _in_order(rows: Rows) -> Rows:
     t = rows["t"][order]
     if np.any(t[1:] == t[:-1]):
         order = np.lexsort((rows["place"], ball, rows["sort"], rows["t"]))
-    return rows[order]
+    return rows.take(order)
 
 
 def event_columns(rows: Rows) -> dict[str, Any]:

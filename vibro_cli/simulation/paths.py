@@ -35,9 +35,19 @@ def states_at(world: World, rows: Any, after: Floats, overrides: Overrides | Non
         fill: Any = interpreted(sample_flights, overrides)
         fill(world, copies, len(copies), [Flight()])
         found = record_array(copies, Sample)
-    states = np.empty_like(found)
-    states[order] = found
-    return states
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return found.take(place)
+
+
+def places_and_rates(places: Places, body: int, piece: int, states: Any) -> tuple[Floats, Floats]:
+    """Return angles (rad) and their rates (rad/s) of records of ``Sample`` of a body on a piece.
+
+    On a line positions (m) and speeds (m/s).
+    """
+    position = places.position(np.full(len(states), piece), states["s"], states["c"])
+    frequency = places.frequencies[body, piece]
+    return position, states["p"] * (2.0 * frequency if frequency > 0.0 else 1.0)
 
 
 class _Sorted:
@@ -145,10 +155,8 @@ class Paths:
         after = np.linspace(0.0, min(float(self.duration[index]), lasts), count)
         rows = np.full(count, index)
         states = self.states(rows, after)
-        position = self.places.position(self.piece[rows], states["s"], states["c"])
-        frequency = self.places.frequencies[self.body[index], self.piece[index]]
-        rate = states["p"] * (2.0 * frequency if frequency > 0.0 else 1.0)
-        return start + after, position, rate
+        body, piece = self.body[index], self.piece[index]
+        return start + after, *places_and_rates(self.places, body, piece, states)
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> dict[str, Any]:
         """Return the motion of every body at given times (see ``simulation.run.Run.sample``)."""

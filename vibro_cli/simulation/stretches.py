@@ -14,6 +14,7 @@ import numpy as np
 from vibro_cli.compile.kernel import dtype
 from vibro_cli.kernels.world import LOGS, RECORDS
 from vibro_cli.systems.driver import Driver, EventLoop
+from vibro_cli.systems.record import joined
 from vibro_cli.systems.stream import Stretch, Stretches
 
 
@@ -36,8 +37,8 @@ class TraceStretches(Stretches):
         segments = logs["segments"].copy()
         segments["flight"] += known - self._told
         self._told += len(logs["log"])
-        logs["segments"] = np.concatenate([self._carried["segments"], segments])
-        logs["log"] = np.concatenate([self._carried["log"], logs["log"]])
+        logs["segments"] = joined([self._carried["segments"], segments])
+        logs["log"] = joined([self._carried["log"], logs["log"]])
         self._carried = self._nothing | under_way(logs)
         return self._stretch(logs)._replace(known=known)
 
@@ -53,10 +54,7 @@ class TraceStretches(Stretches):
 def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
     """Return the last flight of each body and their segments, for the logs to begin with."""
     log, segments = logs["log"], logs["segments"]
-    bodies = int(log["body"].max()) + 1
-    last = np.empty(bodies, dtype=np.int64)
-    last[log["body"]] = np.arange(len(log))  # of equal ones the last
-    rows = last.tolist()
+    rows = last_of_each(log).tolist()
     kept = [
         (body, segment)
         for body, row in enumerate(rows)
@@ -65,6 +63,13 @@ def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
     carried = segments[[segment for _, segment in kept]]
     carried["flight"] = [body for body, _ in kept]
     return {"log": log[rows], "segments": carried}
+
+
+def last_of_each(log: Any) -> Any:
+    """Return the last row of each body in the log of flights."""
+    last = np.empty(int(log["body"].max()) + 1, dtype=np.int64)
+    last[log["body"]] = np.arange(len(log))  # of equal ones the last
+    return last
 
 
 def earliest_unlogged(pairs: Any) -> float:

@@ -128,12 +128,18 @@ class StreamedFolder:
                 self._tables[name] = GrowingTable(opened, table, self._origin)
             self._tables[name].add(rows)
 
-    def finish(self, run: "Streamed | Run", figures: Mapping[str, bytes]) -> None:
-        """Write the ends of the tables and all other files; else as :meth:`add`."""
+    def end_tables(self) -> Path:
+        """Write the ends of the tables; return the folder in the making; else as :meth:`add`."""
         for name, table in self._tables.items():
             with self._folder.naming(f"{name}.parquet"):
                 self._entries[f"{name}.parquet"] = table.finish()
+        self._tables = {}
         self._files.close()
+        return self._folder.path
+
+    def finish(self, run: "Streamed | Run", figures: Mapping[str, bytes]) -> None:
+        """Write all that is not written yet; else as :meth:`add`."""
+        self.end_tables()
         summary = table_named("summary", list(run.summary), self._system)
         files = {
             "summary.parquet": parquet_bytes(to_arrow(summary, run.summary, self._origin)),

@@ -2,59 +2,73 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.api import NotRecalled, recalled
+from vibro_cli.api import NotRecalled, recalled, recalled_motion
 from vibro_cli.scenario import load_any
 from vibro_cli.scenario.systems import AnyScenario
 from vibro_cli.storage.checking import check_files
 from vibro_cli.storage.provenance import manifest, read_manifest
 from vibro_cli.storage.runs import NotContinuable, read_earlier_run
-from vibro_cli.storage.tables import read_parquet
-from vibro_cli.systems.contract import System
+from vibro_cli.storage.tables import column_names, read_column, read_first
+from vibro_cli.systems import system_named
+from vibro_cli.systems.contract import Motion, System
 from vibro_cli.systems.run import Run
+
+# Columns of a table that are in memory at once.
+_MOST_COLUMNS = 12
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StoredRun:
     """A finished run, read from its folder; it has what the figures and the report need."""
 
     folder: Path | None
     """Where it is stored, None where it is not."""
     scenario: AnyScenario
-    run: Run
+    motion: Motion
     """Its motion: of one that is stored, solved again to the same bits."""
     manifest: Mapping[str, Any]
     summary: Mapping[str, Any]
     """The columns of the summary table as plain values, None for null."""
+    _solve: Callable[[], Run] = field(repr=False)
     _tables: dict[str, Columns] = field(default_factory=dict, repr=False)
+
+    @property
+    def whole(self) -> Run | None:
+        """The run with all its logs, None where it is too long to be kept."""
+        return self.motion if isinstance(self.motion, Run) else None
+
+    @cached_property
+    def run(self) -> Run:
+        """The run with all its logs, however long it is."""
+        return self.whole or self._solve()
 
     @property
     def kind(self) -> System:
         """What differs from one system to another."""
-        return self.run.kind
+        return system_named(self.scenario.system)
 
     @property
     def system(self) -> Any:
         """What was solved."""
-        return self.run.system
+        return self.motion.system
 
     def table(self, name: str) -> Columns:
         """Return the columns of a table; null is NaN in numbers and None in words."""
         if name not in self._tables:
             assert self.folder is not None
-            data = read_parquet(self.folder / f"{name}.parquet")
-            self._tables[name] = {column: data[column].to_numpy() for column in data.column_names}
+            self._tables[name] = StoredColumns(self.folder / f"{name}.parquet")
         return self._tables[name]
 
     @property
@@ -74,30 +88,35 @@ class StoredRun:
 
     @cached_property
     def _flights(self) -> dict[str, Any]:
-        return self.run.flights()
+        return self.motion.flights()
 
     def flights(self) -> dict[str, Any]:
         """Return every flight of every body: where and when it starts and ends, and why."""
         return self._flights
 
+    def look_at(self, rows: Any) -> None:
+        """Take note of the flights, rows of their table, whose curves will be asked for."""
+        self.motion.look_at(rows)
+
     def flight_curve(
         self, index: int, count: int, lasts: float = math.inf
     ) -> tuple[Array, Array, Array]:
         """Return times (s), positions (rad, m) and rates (rad/s, m/s) along one flight, exactly."""
-        return self.run.flight_curve(index, count, lasts)
+        return self.motion.flight_curve(index, count, lasts)
 
     def sample(self, times: Any) -> dict[str, Any]:
         """Return the motion of every body at given times (s), exactly; at an event, after it.
 
         Raises ValueError for a time outside the run.
         """
-        return self.run.sample(times)
+        return self.motion.sample(times)
 
 
 def as_if_stored(run: Run, scenario: AnyScenario, tables: Mapping[str, Columns]) -> StoredRun:
     """Return a run that has no folder as the report takes it, with its tables."""
     made = manifest("run", {}, {"engine": run.engine})
-    return StoredRun(None, scenario, run, made, run.summary_record(), dict(tables))
+    summary = run.summary_record()
+    return StoredRun(None, scenario, run, made, summary, lambda: run, dict(tables))
 
 
 def open_run(folder: Path) -> StoredRun:
@@ -109,15 +128,60 @@ def open_run(folder: Path) -> StoredRun:
     """
     earlier = read_earlier_run(folder)
     _check_tables(folder)
-    scenario = load_any(earlier.scenario)
-    try:
-        run = recalled(scenario, earlier.checkpoint)
-    except NotRecalled as error:
-        raise NotContinuable(f"{folder}: {error}") from error
     found = read_manifest(folder)
     assert found is not None
     summary = json.loads((folder / "summary.json").read_bytes())
-    return StoredRun(folder, scenario, run, found, summary)
+    scenario = load_any(earlier.scenario)
+    try:
+        return stored_run(folder, scenario, earlier.checkpoint, found, summary)
+    except NotRecalled as error:
+        raise NotContinuable(f"{folder}: {error}") from error
+
+
+def stored_run(
+    folder: Path,
+    scenario: AnyScenario,
+    checkpoint: Mapping[str, Any],
+    manifest: Mapping[str, Any],
+    summary: Mapping[str, Any],
+) -> StoredRun:
+    """Return the run whose tables are in a folder; raises `NotRecalled` as `api.recalled`."""
+    motion = recalled_motion(scenario, checkpoint)
+    solve = partial(recalled, scenario, checkpoint)
+    return StoredRun(folder, scenario, motion, manifest, summary, solve)
+
+
+class StoredColumns(Mapping[str, NDArray[Any]]):
+    """The columns of a parquet file, each read when it is asked for; the last ones are kept."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._names = column_names(path)
+        self._columns: dict[str, NDArray[Any]] = {}
+        self._first: dict[str, NDArray[Any]] = {}
+
+    def first(self, rows: int) -> Columns:
+        """Return the first rows."""
+        if not self._first:
+            self._first = read_first(self._path)
+        found = {name: values[:rows] for name, values in self._first.items()}
+        complete = rows <= len(found["n"]) or len(found["n"]) == len(self["n"])
+        return found if complete else {name: values[:rows] for name, values in self.items()}
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self._names:
+            raise KeyError(name)
+        values = self._columns.pop(name, None)
+        self._columns[name] = read_column(self._path, name) if values is None else values
+        if len(self._columns) > _MOST_COLUMNS:
+            self._columns.pop(next(iter(self._columns)))
+        return self._columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
 def _check_tables(folder: Path) -> None:

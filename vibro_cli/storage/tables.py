@@ -221,6 +221,46 @@ def read_parquet(source: Path | BinaryIO) -> pa.Table:
         return file.read()
 
 
+def column_names(path: Path) -> list[str]:
+    """The names of the columns of a parquet file; raises as `read_parquet`."""
+    with pq.ParquetFile(path) as file:
+        names: list[str] = file.schema_arrow.names
+        return names
+
+
+def read_column(path: Path, name: str) -> "np.ndarray[Any, np.dtype[Any]]":
+    """One column of a parquet file; null is NaN in numbers and None in words.
+
+    Raises as `read_parquet`.
+    """
+    with pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=[name]) as file:
+        # Group by group, so that no more than the column is ever there.
+        groups = [file.read_row_group(n, [name]) for n in range(file.num_row_groups)]
+        return np.concatenate([_values(rows[name]) for rows in groups or [file.read([name])]])
+
+
+def read_first(path: Path) -> "dict[str, np.ndarray[Any, np.dtype[Any]]]":
+    """All columns of the first group of rows of a parquet file, else as `read_column`."""
+    with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        words = words_in(file.schema_arrow)
+    with pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=words) as file:
+        group = file.read_row_group(0) if file.num_row_groups else file.read()
+        return {name: _values(group[name]) for name in group.column_names}
+
+
+def _values(column: pa.ChunkedArray) -> "np.ndarray[Any, np.dtype[Any]]":
+    if not pa.types.is_dictionary(column.type):
+        values: np.ndarray[Any, np.dtype[Any]] = column.to_numpy()
+        return values
+    # One object for each word, and a last one for null.
+    whole = column.unify_dictionaries().combine_chunks()
+    whole = whole.chunk(0) if isinstance(whole, pa.ChunkedArray) else whole
+    words = np.array([*whole.dictionary.to_pylist(), None], dtype=object)
+    numbers = whole.indices.fill_null(len(words) - 1).to_numpy()
+    found: np.ndarray[Any, np.dtype[Any]] = words[numbers]
+    return found
+
+
 def json_lines(data: pa.Table) -> Iterator[bytes]:
     """The rows as JSON objects, one per line, some thousands of lines at a time."""
     for batch in data.to_batches(max_chunksize=_JSON_LINES_AT_ONCE):

@@ -7,6 +7,7 @@ folder asks for a system by its name or its type: they ask its object.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
@@ -56,6 +57,33 @@ class Trajectory(Protocol):
 
     def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
         """Return the columns of the motion table: for each time (s) a row for each body."""
+
+
+class Motion(Protocol):
+    """The motion in a run that is over."""
+
+    @property
+    def system(self) -> Any:
+        """What was solved."""
+
+    def flights(self) -> Rows:
+        """Return every flight of every body on a trace: where and when it starts and ends, why."""
+
+    def look_at(self, rows: Any) -> None:
+        """Take note of the flights, rows of their table, that will be asked for."""
+
+    def flight_curve(self, index: int, count: int, lasts: float = math.inf) -> tuple[Any, Any, Any]:
+        """Return times (s), places and rates at ``count`` points along a flight."""
+
+    def sample(self, times: Any, side: str = "after", extrapolate: bool = False) -> Rows:
+        """Return the columns of the motion table: for each time (s) a row for each body."""
+
+
+class LongMotion(Motion, Protocol):
+    """The motion in a run that is too long for its logs to be kept."""
+
+    state: dict[str, Any]
+    """All that changes in the run, after its last event."""
 
 
 class ImpactLog(NamedTuple):
@@ -183,6 +211,15 @@ class System(ABC):
 
         `before` is the ``last`` of the trajectory of the stretch before it.
         """
+
+    def long_motion(
+        self, system: Any, limits: Limits, rows: Mapping[str, int]
+    ) -> LongMotion | None:
+        """Return the motion in a run that is too long to be kept, None for one that is not.
+
+        `rows` is how many its logs have.
+        """
+        return None
 
     # Figures: figures/kinds.py.
 

@@ -170,12 +170,10 @@ class Driver:
         for name, used in self._loop.logs.items():
             count = int(self.clock_value(used))
             rows: Any = getattr(self.world, name)
+            self._take(name, rows, count)
             if count > 0 and self.engine == "compiled":
-                self._take(name, rows[:count].copy(), count)
-                # The loop may fill in what differs from zero only.
-                rows[:count].view("u1").fill(0)
-            else:
-                self._take(name, rows, count)
+                # Those are handed over. The loop may fill in what differs from zero only.
+                self.world = self.world._replace(**{name: fresh_rows(rows)})
             self._set_clock(used, 0)
         for name, field in (self._loop.counted or {}).items():
             self._set_clock(field, self.rows[name])
@@ -221,6 +219,13 @@ def restore(loop: EventLoop, world: Any, state: Mapping[str, Any]) -> None:
     """
     for name in loop.state:
         set_rows(getattr(world, name), loop.records[name], state[name])
+
+
+def fresh_rows(rows: Any) -> Any:
+    """Return as many records that are zero."""
+    import numpy as np
+
+    return np.zeros(len(rows), dtype=rows.dtype)
 
 
 def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:

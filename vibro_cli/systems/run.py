@@ -18,7 +18,7 @@ from vibro_cli.systems.stream import Stretch, begun, record_of
 from vibro_cli.systems.wanted import NOTHING_MORE, Limits, Wanted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Run:
     """The result of :func:`simulate`; every table is computed when first asked for."""
 
@@ -151,6 +151,9 @@ class Run:
     def flights(self) -> Rows:
         """Return every flight of every body on a trace: where and when it starts and ends, why."""
         return self.trajectory.table()  # type: ignore[attr-defined, no-any-return]
+
+    def look_at(self, rows: Any) -> None:
+        """Take note of flights that will be asked for: every one is at hand."""
 
     def flight_curve(self, index: int, count: int, lasts: float = math.inf) -> tuple[Any, Any, Any]:
         """Return times (s), angles (rad) and rates (rad/s) at ``count`` points along a flight.

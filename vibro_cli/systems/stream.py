@@ -1,18 +1,19 @@
 """A run that is told of while it goes on: stretches of its logs become rows of its tables.
 
 Nothing is kept but what the rest of the run needs, so that memory does not grow with it. The
-solver goes on in one thread while the other makes the columns and hands them to their writers.
+solver goes on in one thread while another makes the columns, and a third one writes them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from vibro_cli.systems.continuing import checkpoint_of
-from vibro_cli.systems.contract import Sink, System, Tables
+from vibro_cli.systems.contract import Rows, Sink, System, Tables
 from vibro_cli.systems.driver import Driver, EventLoop
 from vibro_cli.systems.record import record_array
 from vibro_cli.systems.wanted import NOTHING_MORE, Limits, Wanted
@@ -23,6 +24,8 @@ RUNNING = 0
 LEAST_ROWS = 8192
 # Stretches that may wait to be told of, before the solver waits for them.
 _AHEAD = 2
+# And rows of tables that may wait to be written.
+_ROWS_AHEAD = 4
 
 
 class Stretch(NamedTuple):
@@ -188,7 +191,7 @@ def stream(
     interrupted
         Asked again and again: whether the run is to end after its last event.
     in_background
-        Whether the sink is called in another thread than the caller's, while the solver goes on.
+        Whether the sink is called in a thread of its own, while the solver and the tables go on.
 
     Raises
     ------
@@ -199,9 +202,10 @@ def stream(
     stretches = kind.stretches(driver, limits.time)
     if names is None:
         names = [table.file for table in kind.tables()]
-    tables = kind.teller(system, wanted, names, sink)
     tell = _tell_in_background if in_background else _tell
-    last = tell(tables, stretches.until(interrupted))
+    with _in_background(sink) if in_background else nullcontext(sink) as handed:
+        tables = kind.teller(system, wanted, names, handed)
+        last = tell(tables, stretches.until(interrupted))
     end, cause = last.end[0], kind.loop.end_names[stretches.cause]
     return Streamed(
         system=system,
@@ -218,6 +222,22 @@ def _tell(tables: Tables, stretches: Iterator[Stretch]) -> Stretch:
     for stretch in stretches:
         tables.take(stretch)
     return stretch
+
+
+@contextmanager
+def _in_background(sink: Sink) -> Iterator[Sink]:
+    """Hand rows over in a thread of its own, while the next ones are made: writing takes long."""
+    with ThreadPoolExecutor(1) as writer:
+        under_way: list[Future[None]] = []
+
+        def hand_over(name: str, rows: Rows) -> None:
+            under_way.append(writer.submit(sink, name, rows))
+            while len(under_way) > _ROWS_AHEAD:
+                under_way.pop(0).result()
+
+        yield hand_over
+        for future in under_way:
+            future.result()
 
 
 def _tell_in_background(tables: Tables, stretches: Iterator[Stretch]) -> Stretch:

@@ -14,6 +14,7 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.cluster.rotating_forces import kept
 from vibro_cli.kernels.flow.flow import group_of_body
 from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.flow.rotating_flight import potential
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE
 from vibro_cli.kernels.flow.rotating_line import press_harmonics, pull_harmonics, scaled
 from vibro_cli.kernels.flow.rotating_time_of_flight import half_range, time_on_line, turn_on_line
@@ -29,7 +30,10 @@ from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.statistics.cluster_statistics import friction_demand
 from vibro_cli.kernels.statistics.run_statistics import Outcome
 from vibro_cli.kernels.structs import BodyData, BodyForces, Flight, TrackData
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.world import FlightRow, World
+
+# Where bounds leave this share of a body's weight, no rounding leads beyond them.
+CAUTION = 1.0e-6
 
 
 @kernel
@@ -38,6 +42,26 @@ def arc_share(track: TrackData, kappa: float, s: float, c: float, squared: float
     sine = 2.0 * s * c
     cosine = (c - s) * (c + s)
     return cosine + sine * (track.tilt + track.spread * sine) + 4.0 / kappa * squared
+
+
+@kernel
+def least_share(track: TrackData, sign: float, kappa: float, energy: float) -> float:
+    """Bound from below of ``N/(m g)`` all over an arc, of a flight with ``P^2 + potential``."""
+    least = track.least_press + sign * (4.0 / kappa) * energy
+    return max(least, track.least_still) if sign > 0.0 else least
+
+
+@kernel
+def _tells_nothing(
+    body: BodyData, sign: float, track: TrackData, row: FlightRow, most: float, outcome: Outcome
+) -> bool:
+    """Tell whether a flight on an arc has surely neither less force nor more demand than known."""
+    energy = row.p * row.p + potential(track, row.s, row.c)
+    least = least_share(track, sign, body.kappa, energy)
+    least -= CAUTION * (1.0 + abs(track.tilt) + track.spread + 4.0 * abs(energy))
+    if body.weight * least < outcome.least_force:
+        return False
+    return most == 0.0 or outcome.most_demand == math.inf or outcome.most_demand * least >= most
 
 
 @kernel
@@ -53,6 +77,12 @@ def tally_alone(
     row = world.log[number]
     body = world.bodies[row.body]
     track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    sign = world.pieces[row.piece].sign
+    most = 0.0
+    if sign != 0.0:
+        most = track.most_angular / (track.frequency * track.frequency) * (1.0 - 1.0 / body.kappa)
+        if _tells_nothing(body, sign, track, row, most, outcome):
+            return
     recall_flight(world, row, number, scratch)
     end_s, _, end_p = end
     if track.path_radius == 0.0:
@@ -62,7 +92,6 @@ def tally_alone(
             _tally_on_line(body, track, row.s + turn_on_line(scratch), outcome)
         return
     low, high = half_range(scratch, end, duration)
-    sign = world.pieces[row.piece].sign
     least = math.inf
     for place in range(track.extreme_count + 2):
         half = low if place == 0 else high
@@ -77,7 +106,6 @@ def tally_alone(
             s, c = row.s * c + row.c * s, row.c * c - row.s * s
             least = min(least, sign * arc_share(track, body.kappa, s, c, rate))
     outcome.least_force = min(outcome.least_force, body.weight * least)
-    most = track.most_angular / (track.frequency * track.frequency) * (1.0 - 1.0 / body.kappa)
     if most == 0.0 or outcome.most_demand * least >= most:
         # What is known is more than all that this flight can need.
         return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from vibro_cli.figures.dots import MANY
 from vibro_cli.figures.kinds import INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.courses import springs_energies, springs_impact_map, springs_places
@@ -43,7 +44,7 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
     "impact_map": Kind[Run](
         springs_impact_map,
         "Impact map",
-        "Approach speed against the place of the centre of the left body at the impact.",
+        f"Approach speed against the place of the centre of the left body at the impact.{MANY}",
     ),
     "intervals": INTERVALS,
 }

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import Solver
     from vibro_cli.scenario.base import ScenarioTable
+    from vibro_cli.simulation.long_motion import LongMotion
     from vibro_cli.simulation.paths import Paths
     from vibro_cli.simulation.stream import Tables
     from vibro_cli.simulation.stretches import TraceStretches
@@ -116,6 +117,15 @@ class Trace(System):
         from vibro_cli.simulation.stream import trajectory_of
 
         return trajectory_of(system, stretch)
+
+    def long_motion(
+        self, system: Any, limits: Limits, rows: Mapping[str, int]
+    ) -> LongMotion | None:
+        from vibro_cli.simulation import long_motion
+
+        if rows["log"] <= long_motion.MOST_FLIGHTS:
+            return None
+        return long_motion.LongMotion(self, system, limits)
 
     @property
     def figures(self) -> dict[str, Kind[Any] | KindOfBody]:

@@ -1,0 +1,46 @@
+"""Very many points of a run: what is drawn is of the motion, and covers all of it."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vibro_cli.figures.dots import draw_marks
+from vibro_cli.figures.over_time import seen
+
+
+def test_a_thinned_line_has_points_of_the_line_and_its_extremes() -> None:
+    draw = np.random.default_rng(1)
+    time = np.sort(draw.uniform(0.0, 50.0, 300_000))
+    values = np.sin(time) + draw.normal(0.0, 0.1, len(time))
+    thin_time, thin = seen([(time, values)])
+    assert len(thin) < 11_000
+    assert set(zip(thin_time.tolist(), thin.tolist(), strict=True)) <= set(
+        zip(time.tolist(), values.tolist(), strict=True)
+    )
+    for low in np.linspace(time[0], time[-1], 101)[:-1]:
+        within = (time >= low) & (time <= low + 0.5)
+        kept = (thin_time >= low - 0.02) & (thin_time <= low + 0.52)
+        assert thin[kept].min() <= values[within].min()
+        assert thin[kept].max() >= values[within].max()
+
+
+def test_a_line_of_few_points_is_as_it_is() -> None:
+    time = np.linspace(0.0, 1.0, 50)
+    np.testing.assert_array_equal(seen([(time[:20], time[:20]), (time[20:], time[20:])])[0], time)
+
+
+def test_dense_marks_are_where_the_points_are_on_any_scale() -> None:
+    axes = Figure(figsize=(4.0, 3.0)).add_axes((0.1, 0.1, 0.8, 0.8))
+    axes.set_yscale("log")
+    axes.set_xlim(0.0, 10.0)
+    axes.set_ylim(1e-3, 1e3)
+    across, along = np.array([2.5, 7.5, 5.0, 11.0]), np.array([1.0, 10.0, 0.0, 1.0])
+    draw_marks(axes, across, along, 1.0, "#000000")
+    (image,) = axes.images
+    rows, columns = np.nonzero(np.asarray(image.get_array())[..., 3])
+    high, wide = np.asarray(image.get_array()).shape[:2]
+    places = (columns + 0.5) / wide * 10.0, 10.0 ** ((rows + 0.5) / high * 6.0 - 3.0)
+    for one, other in zip(across[:2], along[:2], strict=True):
+        near = (np.abs(places[0] - one) < 0.05) & (np.abs(np.log10(places[1] / other)) < 0.05)
+        assert near.any()
+    # Each is a disc of 0.35 mm in pixels of 0.06 mm; a value of 0 and one beyond are not there.
+    assert 40 < len(rows) < 80
