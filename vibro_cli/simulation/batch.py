@@ -135,7 +135,7 @@ class Batch:
         size = 2 * len(self.world.bodies)
         states = zeros(len(points.own) + 1, TangentState)
         states["time_scale"][1:] = scales
-        tangents = room_for(size, len(self.world.impacts), False, states)
+        tangents = room_for(size, len(self.world.impacts), False, states, from_start=False)
         sums = np.zeros((len(points.own), size))
         if stack is None:
             stack = Stack(

@@ -52,10 +52,16 @@ def time_scale(system: System) -> Any:
     return np.sqrt(body.kappa * length / system.gravity)
 
 
-def room_for(size: int, impacts: int, times: bool, states: Any) -> Tangents:
-    """Return what a tangent map is followed with: its size, and the impacts there is room for."""
+def room_for(
+    size: int, impacts: int, times: bool, states: Any, from_start: bool = True
+) -> Tangents:
+    """Return what a tangent map is followed with: its size, and the impacts there is room for.
+
+    Without ``from_start`` the growth of the frame is followed only.
+    """
     floats = {
-        "frame": (size, size), "product": (size, size), "step": (size, size), "sums": (1, size),
+        "frame": (size, size), "product": (size if from_start else 0, size),
+        "step": (size, size), "sums": (1, size),
         "arriving": (size // 2, 2), "delay": (1, size), "turning": (size // 2, WIDTH),
         "amplification": (1, impacts), "times": (impacts if times else 0, size),
         "growth": (impacts, size),

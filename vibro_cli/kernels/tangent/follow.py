@@ -80,7 +80,8 @@ def follow_tangents(
         row += count
     while impact < world.clock[0].impact_rows:
         # Nothing goes on from an impact that is not carried out.
-        tangents.amplification[0, impact] = math.nan
+        if len(tangents.product) > 0:
+            tangents.amplification[0, impact] = math.nan
         tangents.smooth[0, impact] = 0
         for column in range(len(tangents.frame)):
             tangents.growth[impact, column] = tangents.sums[0, column]
@@ -374,7 +375,8 @@ def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
         row = world.impacts[impact]
         for column in range(len(tangents.frame)):
             tangents.growth[impact, column] = tangents.sums[0, column]
-        tangents.amplification[0, impact] = growth_of_pair(tangents, row.a, row.b)
+        if len(tangents.product) > 0:
+            tangents.amplification[0, impact] = growth_of_pair(tangents, row.a, row.b)
         rough = state.rough == 1 or end > begin + 1 or row.simultaneous == 1 or row.contact == 1
         tangents.smooth[0, impact] = 0 if rough else 1
     state.rough = 0

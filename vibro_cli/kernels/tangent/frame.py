@@ -27,7 +27,8 @@ def begin_frame(tangents: Tangents) -> None:
         for column in range(len(tangents.frame)):
             value = 1.0 if row == column else 0.0
             tangents.frame[row, column] = value
-            tangents.product[row, column] = value
+            if len(tangents.product) > 0:
+                tangents.product[row, column] = value
 
 
 @kernel
@@ -59,7 +60,8 @@ def orthogonalise(tangents: Tangents) -> None:
         else:
             tangents.sums[0, column] = -math.inf
     state.lost = 0
-    _multiply(tangents)
+    if len(tangents.product) > 0:
+        _multiply(tangents)
 
 
 @kernel

@@ -36,7 +36,8 @@ class Tangents(NamedTuple):
     frame: FloatMatrix
     """[2 body + 0 or 1, direction]; orthonormal after each impact, and at the end"""
     product: FloatMatrix
-    """[direction, direction], upper triangular"""
+    """[direction, direction], upper triangular; without rows where the growth of the frame alone is
+    wanted, and not the map from the start: then there is no amplification"""
     step: FloatMatrix
     """scratch: the triangular factor of one impact"""
     sums: FloatMatrix
