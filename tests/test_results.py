@@ -233,7 +233,7 @@ def test_a_continued_run_is_that_of_one_without_a_break(tmp_path: Path, run: Run
 
 
 def test_figures(tmp_path: Path, run: Run) -> None:
-    assert run.kinds[0] == "portrait"
+    assert run.kinds[:2] == ("scene", "portrait")
     drawn = run.figure("portrait", body=2, width="single")
     assert drawn.name == "portrait_2"
     assert drawn._repr_png_().startswith(b"\x89PNG")

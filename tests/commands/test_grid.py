@@ -111,6 +111,11 @@ def in_three_chunks(grid: Path) -> Path:
     return grid
 
 
+def test_a_finished_grid_says_so(vibro: Vibro, grid: Path) -> None:
+    assert "nothing is solved" not in vibro("grid", grid).err
+    assert "complete already; nothing is solved" in vibro("grid", grid).err
+
+
 def test_a_shard_of_a_finished_grid_solves_nothing(vibro: Vibro, grid: Path) -> None:
     assert vibro("grid", in_three_chunks(grid)).code == 0
     folder = Path("outputs/sweep")

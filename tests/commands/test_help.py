@@ -8,6 +8,7 @@ import pytest
 
 from tests.commands.conftest import Vibro
 from vibro_cli.commands.app import COMMANDS
+from vibro_cli.commands.papers import A
 from vibro_cli.commands.reference import LAWS, TOPICS
 from vibro_cli.commands.terminal import as_terminal_text
 from vibro_cli.scenario.json_schema import json_schema
@@ -30,7 +31,9 @@ def test_a_topic_fits_a_terminal_and_has_every_word_of_its_markdown(
     vibro: Vibro, topic: str
 ) -> None:
     text = vibro("help", topic).text
-    assert max(map(len, text.splitlines())) <= 80
+    # Commands are not broken, so that they can be copied.
+    lines = [line for line in text.splitlines() if not line.startswith("    vibro ")]
+    assert max(map(len, lines)) <= 80
     assert not re.search(r"^\||\|$|`", text, re.MULTILINE)
     markdown = vibro("help", topic, "--markdown").text
     dropped = re.sub(r"^(\|[|-]+|```.*)$", "", markdown, flags=re.MULTILINE)
@@ -46,7 +49,7 @@ def test_a_topic_fits_a_terminal_and_has_every_word_of_its_markdown(
 def test_the_topics_are_listed(vibro: Vibro) -> None:
     lines = vibro("help").text.splitlines()
     assert [line.split()[2] for line in lines] == [*TOPICS, "COMMAND"]
-    assert max(map(len, lines)) <= 80
+    assert max(len(line) for line in lines if not line.startswith("    vibro ")) <= 80
 
 
 def test_every_law_and_no_other_is_explained(vibro: Vibro) -> None:
@@ -73,6 +76,12 @@ def test_tables_are_broken_between_words(width: int) -> None:
     assert max(map(len, text.splitlines())) <= width
     assert words(text) == words("Before. " + "name type meaning " * (width > 30) + "".join(
         f"{a} {b} {c} " for a, b, c in rows) + "After it.")  # fmt: skip
+
+
+def test_a_command_of_the_papers_stands_on_a_line_of_its_own(vibro: Vibro) -> None:
+    lines = vibro("help", "papers").text.splitlines()
+    for _, _, command, _ in A:
+        assert f"    {command}" in lines
 
 
 def test_a_topic_as_json_may_be_markdown(vibro: Vibro) -> None:

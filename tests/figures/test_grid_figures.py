@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
 from vibro_cli.figures.endings import COLOURS
-from vibro_cli.figures.grid_curves import curves, diagram, place_column
+from vibro_cli.figures.grid_curves import FIRST, curves, diagram, first_times, place_column
 from vibro_cli.figures.grid_kinds import draw_grid
 from vibro_cli.figures.grid_maps import ending_map, quantity_map
 from vibro_cli.figures.lattice import lattice, words_of
@@ -126,7 +126,7 @@ def test_the_map_of_endings_has_the_colour_of_each_point(made: Any) -> None:
         # k falls from point to point, and rises along the figure's axis
         assert colours[2 - row, column] == pytest.approx(to_rgb(COLOURS[cause])), n
     shown = {text.get_text() for text in texts(figure)}
-    assert {"time (3)", "invalid (1)", "starting angle of body 1 [rad]"} <= shown
+    assert {"time reached (3)", "invalid (1)", "starting angle of body 1 [rad]"} <= shown
     assert "coefficient of restitution $k$" in shown
 
 
@@ -208,6 +208,36 @@ def test_the_diagram_has_every_impact(made: Any) -> None:
     ]
     np.testing.assert_allclose(np.asarray(dots(figure).get_offsets()), expected)
     assert diagram(made(TWO)) is not None
+
+
+def test_the_first_times_are_those_of_the_first_impacts(made: Any) -> None:
+    grid = made(TWO)
+    taken: list[tuple[Any, ...]] = []
+
+    class Many(Several):
+        def impacts(self, columns: Any, scenarios: Any) -> dict[str, Any]:
+            taken.append(tuple(columns))
+            runs, n = np.repeat(scenarios, 2 * FIRST), np.tile(np.arange(2 * FIRST) + 1, 5)
+            return {"scenario": runs, "n": n, "t": 100.0 * runs + n}
+
+    figure = first_times(Many(grid, ("n", "t")))
+    assert figure is not None
+    expected = [
+        (angle, 100.0 * (3 * column + 1) + n)  # k is held at its first value
+        for column, angle in enumerate(ANGLES)
+        for n in range(1, FIRST + 1)
+    ]
+    np.testing.assert_allclose(np.asarray(dots(figure).get_offsets()), expected)
+    assert taken == [("scenario", "n", "t")]
+    assert first_times(Several(grid, ("n", "s_a"))) is None
+
+
+def test_a_panel_of_one_value_is_left_out(made: Any) -> None:
+    grid = made(ONE)
+    grid.summary["first_collision_time"][:] = 0.5
+    figure = curves(grid)
+    assert figure is not None
+    assert [axes.get_ylabel() for axes in figure.axes] == ["impacts", r"$E_\mathrm{end}/E_0$"]
 
 
 def test_without_impacts_there_is_no_diagram(made: Any) -> None:

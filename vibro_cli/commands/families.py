@@ -59,7 +59,8 @@ def parsed_range(vary: str) -> tuple[str, float, float, int]:
         parsed = ("", 0.0, 0.0, 0)
     if not parsed[0] or not parsed[1] < parsed[2] < float("inf") or not 2 <= parsed[3] <= 1000:
         raise typer.BadParameter(
-            f"--vary: found {vary!r}, expected PATH=LOW:HIGH:N with LOW < HIGH and N from 2 to 1000"
+            f"--vary: found {vary!r}, expected PATH=LOW:HIGH:N with LOW < HIGH in SI units and "
+            "radians, and N from 2 to 1000"
         )
     return parsed
 

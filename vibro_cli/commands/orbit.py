@@ -79,7 +79,7 @@ def orbit(
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
 ) -> Task:
-    """Find the periodic orbit of impacts next to the start: period, events, multipliers."""
+    """Find the periodic orbit of impacts near the start. Period, events, multipliers."""
     if vary is not None:
         parsed_span(vary)  # a wrong usage is told before anything is read
     wishes = _Wishes(scenario, overrides, impacts, period, vary, output, figures, as_json)
@@ -94,7 +94,10 @@ def parsed_span(vary: str) -> tuple[str, float, float]:
     except ValueError:
         low = high = 0.0
     if not path.strip() or not -float("inf") < low < high < float("inf"):
-        raise typer.BadParameter(f"--vary: found {vary!r}, expected PATH=LOW:HIGH with LOW < HIGH")
+        raise typer.BadParameter(
+            f"--vary: found {vary!r}, expected PATH=LOW:HIGH with LOW < HIGH, "
+            "both in SI units and radians"
+        )
     return path.strip(), low, high
 
 

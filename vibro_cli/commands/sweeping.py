@@ -91,6 +91,8 @@ def _solve(wishes: "Wishes", dataset: "Dataset", workers: int) -> None:
     from vibro_cli.grids.threads import solve_in_threads
 
     missing = dataset.missing
+    if not missing:
+        say(f"{dataset.grid.name}: the folder is complete already; nothing is solved")
     if 0 < len(missing) < len(dataset.wanted):
         done = len(dataset.wanted) - len(missing)
         say(f"vibro: going on after {done:,} of {len(dataset.wanted):,} chunks")

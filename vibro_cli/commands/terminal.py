@@ -112,7 +112,14 @@ def _table(rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
 def _entries(
     body: Sequence[Sequence[str]], short: Sequence[int], last: int, width: int
 ) -> Iterator[str]:
-    """A table without room for its columns: each row a line, and its text below that."""
+    """A table without room for its columns: each row a line, and its text below that.
+
+    A command stands on a line of its own, whole, so that it can be copied.
+    """
     for row in body:
-        yield from _broken("  ".join(row[n] for n in short if row[n]), width, "    ")
+        cells = [row[n] for n in short if row[n]]
+        commands = [cell for cell in cells if cell.startswith("vibro ")]
+        words = "  ".join(cell for cell in cells if cell not in commands)
+        yield from _broken(words, width, "    ")
+        yield from (f"    {command}" for command in commands)
         yield from (f"    {line}" for line in _broken(row[last], width - 4))

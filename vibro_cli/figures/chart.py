@@ -32,8 +32,12 @@ MOST_VECTOR_POINTS = 20000
 _MOST_NAMED = 6
 MOST_LOOKS = 12
 """Bodies that have a look of their own."""
+_WIDE_RANGE = 50.0
+"""A range wider than this is shown on a logarithmic axis."""
 _LINE = 5.5
 """Least distance of two numbers of a logarithmic axis (mm)."""
+_BELOW = 1.3
+"""Room below the lowest of them (mm), clear of the numbers of the horizontal axis."""
 _DASHES: tuple[Any, ...] = ("solid", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
 _COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, "#CC79A7", "#E69F00", "#56B4E9")
 TOTAL: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.9, "linestyle": "solid"}
@@ -134,23 +138,33 @@ def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, 
     axes.set_ylabel(f"{symbol} [{scaled}]" if scaled else symbol, labelpad=1.0)
 
 
+def positive_axis(axes: Axes, values: Array, height: float, symbol: str, unit: str) -> None:
+    """Set a vertical axis of values that are not negative: logarithmic where they range widely.
+
+    Else from 0; `height` is that of the panel (mm).
+    """
+    positive = values[np.isfinite(values) & (values > 0.0)]
+    if len(positive) and float(np.max(positive)) > _WIDE_RANGE * float(np.min(positive)):
+        log_axis(axes, positive, symbol, unit)
+    else:
+        value_axis(axes, 0.0, float(np.max(positive, initial=0.0)), height, symbol, unit)
+
+
 def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
-    """Set a logarithmic vertical axis around positive values, in whole decades."""
+    """Set a logarithmic vertical axis around positive values, from one power of ten to another."""
     positive = values[np.isfinite(values) & (values > 0.0)]
     low, high = (float(np.min(positive)), float(np.max(positive))) if len(positive) else (0.1, 1.0)
     bottom, top = np.floor(np.log10(low) - 0.05), np.ceil(np.log10(high) + 0.05)
-    axes.set_yscale("log")
-    axes.set_ylim(10.0**bottom, 10.0**top)
     figure = axes.get_figure(root=True)
     assert figure is not None
     height = axes.get_position().height * figure.get_figheight() / MM
+    below = _BELOW / (height - _BELOW) * (top - bottom)
+    axes.set_yscale("log")
+    axes.set_ylim(10.0 ** (bottom - below), 10.0**top)
     step = max(1, int(np.ceil((top - bottom) * _LINE / height)))
     powers = range(int(bottom), int(top) + 1, step)
     axes.set_yticks([10.0**power for power in powers], [rf"$10^{{{power}}}$" for power in powers])
     axes.yaxis.minorticks_off()
-    axes.get_yticklabels()[0].set_verticalalignment(
-        "bottom"
-    )  # clear of the horizontal axis' own numbers
     axes.set_ylabel(f"{symbol} [{unit}]" if unit else symbol, labelpad=1.0)
 
 

@@ -26,6 +26,14 @@ COLOURS = {
     "failed": "#000000",
 }
 """Of causes and, where there is none, of states: near Okabe and Ito's, each with its own grey."""
+WORDS = {
+    "time": "time reached",
+    "collisions": "number of impacts reached",
+    "bounces": "number of impacts on the wall reached",
+    "no_more_collisions": "no more impacts",
+    "inadmissible": "inadmissible impact",
+}
+"""Of causes that do not say by themselves what they mean."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +74,10 @@ class Endings:
         """Return the legend: each cause with the number of its points."""
         counts = np.bincount(self.code, minlength=len(self.causes))
         return [
-            (f"{cause.replace('_', ' ')} ({grouped(count)})", _patch(COLOURS[cause]))
+            (
+                f"{WORDS.get(cause, cause.replace('_', ' '))} ({grouped(count)})",
+                _patch(COLOURS[cause]),
+            )
             for cause, count in zip(self.causes, counts.tolist(), strict=True)
         ]
 

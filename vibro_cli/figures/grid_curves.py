@@ -22,6 +22,8 @@ from vibro_cli.mechanics.trace import HUMP, VALLEY
 _HIGH = {"single": (26.0,) * 4, "double": (34.0,) * 4}
 _DIAGRAM = {"single": 58.0, "double": 80.0}
 _WIDE_RANGE = 50.0
+FIRST = 20
+"""Impacts of each run whose times are shown."""
 _PLACES = (
     ("s_a", "$s$ of the left body", "m"),
     ("x_a", "$x$ of the left body", "m"),
@@ -54,6 +56,7 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
         (table["first_collision_time"], "first impact", "s"),
     ]
     panels = [one for one in panels if np.any(np.isfinite(one[0]))]
+    panels = [one for one in panels if np.nanmin(one[0]) < np.nanmax(one[0])] or panels[:1]
     with style.journal():
         lines = wrapped_legend(None, endings.entries(), WIDTHS[width])
         heights = _HIGH[width][: len(panels)]
@@ -118,26 +121,45 @@ def diagram(grid: Swept, width: str = "single") -> Figure | None:
 
     None where no impact was kept with its number and place, or no axis of numbers changes.
     """
-    place = place_column(grid)
+    return _impacts_over(grid, width, place_column(grid), None)
+
+
+def first_times(grid: Swept, width: str = "single") -> Figure | None:
+    """Return the times of the first impacts of each run over the axis with most values.
+
+    None where no impact was kept with its number and time, or no axis of numbers changes.
+    """
+    time = ("t", "$t$ of the impact", "s") if "t" in grid.impact_columns() else None
+    return _impacts_over(grid, width, time, FIRST)
+
+
+def _impacts_over(
+    grid: Swept, width: str, shown_column: tuple[str, str, str] | None, most: int | None
+) -> Figure | None:
+    """Return a column (name, symbol, unit) of the first impacts, or of all, over one axis."""
     shown = lattice(grid, 1, numbers_first=True)
-    if place is None or shown is None or "n" not in grid.impact_columns():
+    if shown_column is None or shown is None or "n" not in grid.impact_columns():
         return None
+    name, symbol, unit = shown_column
     scenarios = grid.summary["scenario"][shown.rows]
-    impacts = grid.impacts(["scenario", "n", place[0]], scenarios)
-    where = np.asarray(impacts[place[0]], dtype=np.float64)
-    if not np.any(np.isfinite(where)):
+    impacts = grid.impacts(["scenario", "n", name], scenarios)
+    number = np.asarray(impacts["n"], dtype=np.float64)
+    values = np.asarray(impacts[name], dtype=np.float64)
+    kept = np.isfinite(values) & (number <= (np.inf if most is None else most))
+    if not np.any(kept):
         return None
     order = np.argsort(scenarios)
-    row = order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
+    row = order[np.searchsorted(scenarios, impacts["scenario"][kept], sorter=order)]
+    number, values = number[kept], values[kept]
     with style.journal():
         figure, (axes,), across = stacked(width, [_DIAGRAM[width]])
-        low, high = float(np.nanmin(where)), float(np.nanmax(where))
-        value_axis(axes, low, high, _DIAGRAM[width], place[1], place[2])
+        value_axis(
+            axes, float(np.min(values)), float(np.max(values)), _DIAGRAM[width], symbol, unit
+        )
         set_axis(axes, shown.coordinates[0], across[0], vertical=False)
-        number = np.asarray(impacts["n"], dtype=np.float64)
-        size = float(np.clip(6000.0 / len(where), 0.15, 4.0))
+        size = float(np.clip(6000.0 / len(values), 0.15, 4.0))
         norm = Normalize(float(np.min(number)), float(np.max(number)))
         along = shown.coordinates[0].place[row]
-        draw_dots(axes, along, where, number, strokes.time_colours(), norm, size)
-        number_bar(figure, int(np.max(impacts["n"])))
+        draw_dots(axes, along, values, number, strokes.time_colours(), norm, size)
+        number_bar(figure, int(np.max(number)))
     return figure

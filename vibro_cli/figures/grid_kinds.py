@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.bifurcation import LAST, bifurcation
-from vibro_cli.figures.grid_curves import curves, diagram
+from vibro_cli.figures.grid_curves import FIRST, curves, diagram, first_times
 from vibro_cli.figures.grid_maps import ending_map, quantity_map
 from vibro_cli.figures.kinds import Drawn, Kind
 from vibro_cli.figures.lattice import Swept, lattice
@@ -82,7 +82,7 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
         curves,
         "Runs over one axis",
         "Impacts, share of the energy left and time of the first impact of each run, in the colour "
-        "of the cause that ended it.",
+        "of the cause that ended it; what is the same for all of them is left out.",
     ),
     "diagram": Kind(
         diagram,
@@ -90,13 +90,19 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
         "Where the left body of each impact is, over one axis: every impact of every run, coloured "
         "by its number.",
     ),
+    "times": Kind(
+        first_times,
+        "Times of the first impacts",
+        f"Times of the first {FIRST} impacts of each run, over one axis, coloured by the number of "
+        "the impact.",
+    ),
     "bifurcation": Kind(
         bifurcation,
         "The last impacts",
         f"Place and speed of the left body at the last {LAST} impacts of each run, over one axis.",
     ),
 }
-_DIMENSIONS = {"curves": 1, "diagram": 1, "bifurcation": 1}
+_DIMENSIONS = {"curves": 1, "diagram": 1, "times": 1, "bifurcation": 1}
 
 
 def draw_grid_kind(grid: Swept, name: str, width: str = "double") -> Figure | None:

@@ -86,6 +86,14 @@ EXPONENTS: Kind[Any] = Kind(
     "standard error of the greatest. In the first tenth of the run curves may leave the figure.",
 )
 KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
+    "scene": Kind(
+        scene,
+        "The trace and the bodies at the start",
+        "To scale: the pieces of the trace between the dots, with their numbers below, centres O "
+        "and radii R of the arcs, and the bodies with their centres C, contact points P and angles "
+        "φ (in a valley) and ψ (on a hump); arrows where they start with a speed. "
+        "As A fig. 2a, B fig. 6, D fig. 1a, b.",
+    ),
     PORTRAIT: KindOfBody(phase_portrait, "Phase portrait of body", _PORTRAIT_CAPTION),
     "energy_portrait": KindOfBody(
         energy_portrait,
@@ -94,14 +102,6 @@ KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
         "figure eight as one closed curve, separatrices, level curves, centres (+) and saddles "
         "(×). Below, potential energy and, branch by branch, the total energy of the body. "
         "As A (abstract), B III.3.6, D.",
-    ),
-    "scene": Kind(
-        scene,
-        "The trace and the bodies at the start",
-        "To scale: the pieces of the trace between the dots, with their numbers below, centres O "
-        "and radii R of the arcs, and the bodies with their centres C, contact points P and angles "
-        "φ (in a valley) and ψ (on a hump); arrows where they start with a speed. "
-        "As A fig. 2a, B fig. 6, D fig. 1a, b.",
     ),
     "plan": Kind(
         plan,

@@ -18,9 +18,9 @@ from vibro_cli.figures.chart import (
     legend,
     log_axis,
     number_bar,
+    positive_axis,
     stacked,
     time_axis,
-    value_axis,
 )
 from vibro_cli.figures.dots import draw_marks
 from vibro_cli.figures.source import Array, Recorded, Table
@@ -30,8 +30,6 @@ from vibro_cli.mechanics.trace import VALLEY, Piece
 
 _HIGH = {"single": 46.0, "double": 56.0}
 _SMALL = {"single": 26.0, "double": 30.0}
-_WIDE_RANGE = 50.0
-"""A range wider than this is shown on a logarithmic axis."""
 _EPSILON = float(np.finfo(np.float64).eps)
 DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "color": style.BLUE, "markersize": 2.2}
 REFUSED: dict[str, Any] = strokes.NOT_MADE
@@ -84,7 +82,7 @@ def speed_map(
         if not np.all(made):
             axes.plot(place[~made], speed[~made], zorder=2.2, label="inadmissible", **REFUSED)
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
-        _speed_axis(axes, speed, _HIGH[width])
+        positive_axis(axes, speed, _HIGH[width], "approach speed", "m/s")
         set_places(axes, place, across)
         if len(number) > MOST_VECTOR_POINTS:
             draw_marks(axes, place, speed, math.sqrt(size), strokes.time_colours())
@@ -121,15 +119,6 @@ def _dot(number: int) -> float:
     return float(np.clip(1200.0 / number, 1.0, 9.0))
 
 
-def _speed_axis(axes: Axes, speed: Array, height: float) -> None:
-    positive = speed[speed > 0.0]
-    symbol = "approach speed"
-    if len(positive) and float(np.max(positive)) > _WIDE_RANGE * float(np.min(positive)):
-        log_axis(axes, positive, symbol, "m/s")
-    else:
-        value_axis(axes, 0.0, float(np.max(speed)), height, symbol, "m/s")
-
-
 def intervals(run: Recorded, width: str = "single") -> Figure | None:
     """Return the time between impacts against their number: straight where they accumulate.
 
@@ -142,9 +131,9 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
     between = np.array(table["dt"], dtype=np.float64)
     with style.journal():
         figure, (axes,), across = stacked(width, [_HIGH[width]])
-        log_axis(axes, between, r"$\Delta t$", "s")
+        positive_axis(axes, between, _HIGH[width], r"$\Delta t$", "s")
         count_axis(axes, number, across[0], labelled=True)
-        _draw_dots(axes, number, between)
+        _draw_dots(axes, number, np.where(between > 0.0, between, math.nan))
         together = int(np.sum(between == 0.0))
         text = f"time since the impact before ({together} of 0 not shown)" if together else ""
         legend(figure, [(text or "time since the impact before", DOT)])
@@ -169,7 +158,7 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
             time_axis(panels[0], end, across[0], labelled=False)
             _residuals(panels[0], np.asarray(table["t"]), gap, "gap", "m")
         time_axis(panels[-1], end, across[-1], labelled=True)
-        _residuals(panels[-1], time, np.abs(error), r"$|\delta E|/E_0$", "1")
+        _residuals(panels[-1], time, np.abs(error), r"$|\delta E|/E_0$", "")
         panels[-1].axhline(_EPSILON, zorder=1.0, **EPSILON)
         legend(figure, [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", EPSILON)])
     return figure

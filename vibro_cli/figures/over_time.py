@@ -20,7 +20,7 @@ from vibro_cli.figures.chart import (
     body_look,
     contact_times,
     draw_contacts,
-    log_axis,
+    positive_axis,
     stacked,
     time_axis,
     value_axis,
@@ -96,7 +96,7 @@ def energy_chart(
         time_axis(panels[0], end, across[0], labelled=not lossy)
         value_axis(panels[0], 0.0, highest, HIGH[width][0], "$E$", "J")
         if lossy:
-            _draw_losses(panels[1], losses[0][shown], losses[1][shown])
+            _draw_losses(panels[1], losses[0][shown], losses[1][shown], HIGH[width][1])
             time_axis(panels[1], end, across[1], labelled=True)
     return figure
 
@@ -158,9 +158,9 @@ def seen(parts: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
     return np.concatenate(times), np.concatenate(lines)
 
 
-def _draw_losses(axes: Any, times: Array, losses: Array) -> None:
-    """Draw the losses at the impacts on a logarithmic axis, where none has no place."""
-    log_axis(axes, losses, r"$\Delta E$", "J")
+def _draw_losses(axes: Any, times: Array, losses: Array, height: float) -> None:
+    """Draw the losses at the impacts in a panel of a height (mm)."""
+    positive_axis(axes, losses, height, r"$\Delta E$", "J")
     bottom = axes.get_ylim()[0]
     if len(times) <= MOST_STEMS:
         axes.vlines(times, bottom, losses, linewidth=0.4, color=style.LEVEL_GREY)

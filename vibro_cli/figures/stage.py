@@ -31,6 +31,8 @@ _LEAST = 0.008
 """Least radius of a body that is drawn, as a share of the width of the plan."""
 _SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 1.0}
 _INCH = 25.4
+_LARGER = 1.6
+"""How much larger letters are than in print: a film is looked at on a phone too."""
 
 
 class Stage:
@@ -40,7 +42,7 @@ class Stage:
         self.run, self.frames = run, frames
         self.radii = [body.radius for body in run.system.bodies]
         surface = trace_points(run.system.trace)
-        with style.journal():
+        with style.journal(_LARGER):
             self.figure = Figure(figsize=SIZE, dpi=dpi)
             self.canvas: Any = FigureCanvasAgg(self.figure)  # its methods have no types
             self.plan, self.phase = self._panels(surface)
@@ -50,9 +52,9 @@ class Stage:
     def _panels(self, surface: Array) -> tuple[Axes, Axes]:
         extent = np.ptp(surface, axis=0) + 2.0 * max(self.radii)
         if extent[0] > _WIDE * extent[1]:
-            boxes = ((0.02, 0.5, 0.96, 0.44), (0.09, 0.13, 0.89, 0.33))
+            boxes = ((0.02, 0.52, 0.96, 0.42), (0.12, 0.19, 0.86, 0.28))
         else:
-            boxes = ((0.01, 0.02, 0.5, 0.9), (0.61, 0.13, 0.37, 0.78))
+            boxes = ((0.01, 0.02, 0.48, 0.9), (0.63, 0.18, 0.35, 0.74))
         plan, phase = (self.figure.add_axes(box) for box in boxes)
         return plan, phase
 
@@ -78,8 +80,8 @@ class Stage:
             low, high = float(np.min(values)), float(np.max(values))
             room = _MARGIN * (high - low) or 0.1 * abs(high) or 1.0
             limits(low - room, high + room)
-        across = number_ticks(*axes.get_xlim(), box.width * SIZE[0] * _INCH)
-        along = vertical_ticks(*axes.get_ylim(), box.height * SIZE[1] * _INCH)
+        across = number_ticks(*axes.get_xlim(), box.width * SIZE[0] * _INCH / _LARGER)
+        along = vertical_ticks(*axes.get_ylim(), box.height * SIZE[1] * _INCH / _LARGER)
         axes.set_xticks(across.places, across.labels)
         axes.set_yticks(along.places, along.labels)
         axes.set_xlabel("$s$ [m]")
@@ -107,7 +109,8 @@ class Film(Stage):
             self.canvas.draw()
             self._still = self.canvas.copy_from_bbox(self.figure.bbox)
             self._moving = [self._body(n) for n in range(len(self.radii))]
-            self._clock = self.figure.text(0.02, 0.955, "", fontsize=style.TEXT, va="center")
+            size = _LARGER * style.TEXT
+            self._clock = self.figure.text(0.02, 0.95, "", fontsize=size, va="center")
         self._trails = [trail(run, frames, body) for body in range(len(self.radii))]
 
     def _body(self, body: int) -> tuple[Circle, Line2D, Line2D, Line2D]:

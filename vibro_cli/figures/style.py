@@ -64,14 +64,18 @@ _RC: Any = {  # the stubs want each key as a literal
     "svg.hashsalt": "vibro",
 }
 
+_SIZES = ("font.size", "axes.labelsize", "xtick.labelsize", "ytick.labelsize")
+
 
 @contextmanager
-def journal() -> Iterator[None]:
+def journal(larger: float = 1.0) -> Iterator[None]:
     """Draw within this context: the style of the figures, whatever the reader's own settings are.
 
-    Figures are made as `matplotlib.figure.Figure`, without pyplot and its global state.
+    Letters are `larger` by this factor. Figures are made as `matplotlib.figure.Figure`, without
+    pyplot and its global state.
     """
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_RC)
+        sizes = {name: size * larger for name, size in _RC.items() if name in _SIZES}
+        matplotlib.rcParams.update(_RC | sizes)
         yield

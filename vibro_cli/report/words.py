@@ -34,10 +34,11 @@ LAWS = {
 }
 REFERENCES = {
     "A": "K. R. (Stevanović) Hedrih: Vibro-impact dynamics of two rolling balls along curvilinear "
-    "trace. Procedia Engineering 199 (2017) 663–668. doi:10.1016/j.proeng.2017.09.120 (A)",
+    "trace. Procedia Engineering 199 (2017) 663–668. "
+    "https://doi.org/10.1016/j.proeng.2017.09.120 (A)",
     "B": "K. R. (Stevanović) Hedrih: Central collision of two rolling balls: theory and examples. "
     "Advances in Theoretical and Applied Mechanics 10 (2017) 33–79. "
-    "doi:10.12988/atam.2017.765 (B)",
+    "https://doi.org/10.12988/atam.2017.765 (B)",
     "C": "K. R. (Stevanović) Hedrih: From geometry, kinematics and dynamics of billiards to the "
     "extended theory of skew collision between two rolling bodies and methodology of "
     "vibro-impact dynamics (C)",

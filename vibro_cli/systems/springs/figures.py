@@ -19,15 +19,15 @@ _PORTRAIT_CAPTION = (
     "As C fig. 5b."
 )
 FIGURES: dict[str, Kind[Any] | KindOfBody] = {
-    PORTRAIT: KindOfBody(
-        springs_portrait, "Phase portrait and energies of body", _PORTRAIT_CAPTION
-    ),
     "scene": Kind[Run](
         springs_scene,
         "The bodies with their springs",
         "To scale, at the start and at the first impacts: centres C, feet A of the springs at the "
         "heights b above the line of the centres, and the line on which each body rolls; "
         "of an impact how far apart its centres are. As C fig. 5a.",
+    ),
+    PORTRAIT: KindOfBody(
+        springs_portrait, "Phase portrait and energies of body", _PORTRAIT_CAPTION
     ),
     "motion": Kind[Run](
         springs_places,
