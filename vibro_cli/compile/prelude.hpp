@@ -71,8 +71,12 @@ static constexpr int count_of = sizeof(Real) / sizeof(double);
 static inline double sqrt(double value) { return __builtin_sqrt(value); }
 template <class Real>
 static inline Real sqrt(Real lanes) {
+#if __has_builtin(__builtin_elementwise_sqrt)  // clang makes scalar roots of the loop
+  return __builtin_elementwise_sqrt(lanes);
+#else
   for (int lane = 0; lane < count_of<Real>; lane++) lanes[lane] = __builtin_sqrt(lanes[lane]);
   return lanes;
+#endif
 }
 static inline double abs(double value) { return std::fabs(value); }
 static inline int64_t abs(int64_t value) { return value < 0 ? -value : value; }
