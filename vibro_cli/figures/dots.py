@@ -64,12 +64,13 @@ def draw_marks(
     numbers = np.arange(1.0, len(across) + 1.0)
     pixels = _spread(_pixels(axes, across, along, numbers), 0.5 * diameter * _POINT / _PIXEL)
     there = np.isfinite(pixels)
-    if isinstance(colour, Colormap):
-        pixels[~there] = np.nan
-        _show(axes, pixels, cmap=colour, norm=Normalize(1.0, max(len(across), 2)))
-        return
     shown = np.zeros((*pixels.shape, 4), dtype=np.uint8)
-    shown[there] = np.round(255.0 * np.array(to_rgba(colour)))
+    if isinstance(colour, Colormap):
+        # As bytes: values would be resampled as doubles, and masked.
+        share = (pixels[there] - 1.0) / max(len(across) - 1, 1)
+        shown[there] = colour(share, bytes=True)
+    else:
+        shown[there] = np.round(255.0 * np.array(to_rgba(colour)))
     _show(axes, shown)
 
 

@@ -194,7 +194,7 @@ def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
     made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
         table["substituted"], dtype=np.bool_
     )
-    lost = math.fsum(np.asarray(table["energy_loss"], dtype=np.float64)[made].tolist())
+    lost = math.fsum(np.asarray(table["energy_loss"], dtype=np.float64)[made])
     start, end = run.summary["energy_start"], run.summary["energy_end"]
     rest = start - lost - end
     return [

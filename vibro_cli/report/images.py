@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gc
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -22,6 +23,9 @@ def figures_of_run(run: Any, name: str) -> Iterator[dict[str, Any]]:
     """Return every figure of a run as the page has it, with its words."""
     for wide, narrow in zip(*(draw_all(run, None, w) for w in ("double", "single")), strict=True):
         yield _as_shown(wide, narrow, f"run {name}")
+        del wide, narrow
+        # Figures refer to themselves: until they are collected what they show is in memory.
+        gc.collect(1)
 
 
 def figures_of_grid(grid: StoredGrid, columns: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
