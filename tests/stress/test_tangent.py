@@ -11,7 +11,7 @@ from vibro_cli.simulation.tangents import follow_system
 from vibro_cli.stress import tangent
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Plan
-from vibro_cli.stress.scenes import VALLEY, ball, scene
+from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
 
 TOUCHING: Document = {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}
 
@@ -21,6 +21,13 @@ def test_scenes_drawn_at_random_meet_the_mark() -> None:
     assert maps.cases == 3
     assert maps.met, maps
     assert times.met, times
+
+
+def test_two_bodies_reach_two_walls_at_one_instant() -> None:
+    """A scene that is its own mirror image: each of both is an event of its own."""
+    map_error, times_error = tangent.errors_of(system_of(draw(0, 205)), 2)
+    assert map_error <= 1e-12
+    assert times_error <= 1e-12
 
 
 def test_an_error_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -75,7 +75,7 @@ def follow_tangents(
     impact = 0
     row = known
     while row < rows:
-        count = _rows_of_instant(world, row, rows)
+        count = _rows_of_event(world, tangents, row, rows)
         impact = _happen(world, tangents, row, count, impact, scratch)
         row += count
     while impact < world.clock[0].impact_rows:
@@ -94,7 +94,7 @@ def follow_tangents(
 
 
 @kernel
-def _rows_of_instant(world: World, first: int, rows: int) -> int:
+def _rows_of_event(world: World, tangents: Tangents, first: int, rows: int) -> int:
     """Number of flights, from a row on, that begin in one event: at one instant, no body twice."""
     start = world.log[first]
     count = 1
@@ -102,16 +102,29 @@ def _rows_of_instant(world: World, first: int, rows: int) -> int:
         row = world.log[first + count]
         if row.t != start.t or row.t_low != start.t_low:
             return count
-        walls = (row.cause == WALL or row.cause == SEGMENT) and (
-            start.cause == WALL or start.cause == SEGMENT
-        )
-        if row.cause != start.cause and not walls:
-            return count
         for step in range(count):
-            if world.log[first + step].body == row.body:
+            if not _are_of_one_event(world, tangents, world.log[first + step], row):
                 return count
         count += 1
     return count
+
+
+@kernel
+def _are_of_one_event(world: World, tangents: Tangents, one: FlightRow, other: FlightRow) -> bool:
+    """Tell whether two flights that begin at one instant begin in one event.
+
+    Two bodies may reach two walls at one instant, or two junctions, by chance or by symmetry.
+    """
+    if one.body == other.body:
+        return False
+    if one.cause == CROSSING and other.cause == CROSSING:
+        before = world.log[tangents.current[0, one.body]]
+        after = world.log[tangents.current[0, other.body]]
+        return before.grouped * after.grouped == 1 and before.group_first == after.group_first
+    if one.cause == WALL and other.cause == WALL:
+        return False
+    at_wall = one.cause == WALL or one.cause == SEGMENT
+    return one.cause == other.cause or (at_wall and (other.cause == WALL or other.cause == SEGMENT))
 
 
 @kernel
