@@ -84,7 +84,10 @@ class StoredRun:
     @property
     def exponents(self) -> Columns | None:
         """How exponents converge, or None if they were not asked for."""
-        return self.run.exponents
+        if self.folder is None:
+            return self.run.exponents
+        there = (self.folder / "exponents.parquet").exists()
+        return self.table("exponents") if there else None
 
     @cached_property
     def _flights(self) -> dict[str, Any]:
