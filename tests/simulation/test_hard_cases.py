@@ -21,7 +21,6 @@ CASES = sorted((Path(__file__).parent.parent / "hard_cases").glob("*.toml"))
 ENDS = {
     "one_sided_overhanging_line": "lift_off",
     "turning_last_flight_at_the_bottom": "collisions",
-    "towards_rest_on_a_turning_line": "lift_off",
     "turning_last_flights": "collisions",
 }
 OVERLAP = 1e-12  # m: of bodies in one another at any time that is sampled

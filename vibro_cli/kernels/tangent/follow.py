@@ -120,11 +120,13 @@ def _are_of_one_event(world: World, tangents: Tangents, one: FlightRow, other: F
     if one.cause == CROSSING and other.cause == CROSSING:
         before = world.log[tangents.current[0, one.body]]
         after = world.log[tangents.current[0, other.body]]
-        return before.grouped * after.grouped == 1 and before.group_first == after.group_first
+        together: bool = before.grouped * after.grouped == 1
+        return together and before.group_first == after.group_first
     if one.cause == WALL and other.cause == WALL:
         return False
-    at_wall = one.cause == WALL or one.cause == SEGMENT
-    return one.cause == other.cause or (at_wall and (other.cause == WALL or other.cause == SEGMENT))
+    if one.cause == WALL or one.cause == SEGMENT:
+        return other.cause == WALL or other.cause == SEGMENT
+    return one.cause == other.cause
 
 
 @kernel
