@@ -170,13 +170,21 @@ class Driver:
         for name, used in self._loop.logs.items():
             count = int(self.clock_value(used))
             rows: Any = getattr(self.world, name)
-            self._take(name, rows, count)
             if count > 0 and self.engine == "compiled":
-                # Those are handed over. The loop may fill in what differs from zero only.
-                self.world = self.world._replace(**{name: fresh_rows(rows)})
+                rows = self._emptied(name, rows, count)
+            self._take(name, rows, count)
             self._set_clock(used, 0)
         for name, field in (self._loop.counted or {}).items():
             self._set_clock(field, self.rows[name])
+
+    def _emptied(self, name: str, rows: Any, count: int) -> Any:
+        """The rows of a log, which is zero afterwards: the loop fills in nothing else."""
+        if 16 * count > len(rows):  # handed over, without a copy
+            self.world = self.world._replace(**{name: fresh_rows(rows)})
+            return rows
+        few = rows[:count].copy()  # which keep no whole log in memory
+        rows[:count].view("u1").fill(0)
+        return few
 
     def _take(self, name: str, rows: Any, count: int) -> None:
         self.logs[name].take(rows, count)
