@@ -14,6 +14,8 @@ import pytest
 
 from tests.pages import DOCS, ROOT, blocks, every_block, pages
 
+pytestmark = pytest.mark.long
+
 JOBS = DOCS / "jobs.md"
 FEW = ("three_arcs", "one_circle", "lone_particle")
 # Stands in for GNU parallel where it is not installed: the same command, one value after another.

@@ -37,6 +37,8 @@ from vibro_cli import (
     verify,
 )
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "scenarios/three_arcs.toml"
 SYSTEMS = ("three_arcs", "two_disks", "elliptic_wall")

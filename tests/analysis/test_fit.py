@@ -18,6 +18,8 @@ from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.storage.runs import write_run
 from vibro_cli.stress.scenes import CIRCLE, ball, scene
 
+pytestmark = pytest.mark.long
+
 SIGMA = 1e-4
 TRUE = np.array([0.9, 3.0])
 PATHS = ["collision.k", "balls[2].mass"]

@@ -20,6 +20,8 @@ from vibro_cli.stress.highprecision.scene import Scene, chain, scene_of_system
 from vibro_cli.stress.highprecision.twin import Twin, happenings_of
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene
 
+pytestmark = pytest.mark.long
+
 CHANGE = mpmath.mpf(10) ** -18
 LATEST = 1000.0
 SHAPES = {1: "valley", -1: "hump", 0: "line"}

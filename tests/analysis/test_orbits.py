@@ -22,6 +22,8 @@ from vibro_cli.mechanics.system import System
 from vibro_cli.simulation.run import simulate_system
 from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
 
+pytestmark = pytest.mark.long
+
 FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"
 PULL = 9.81 * math.sin(math.radians(30.0))
 

@@ -19,6 +19,8 @@ from vibro_cli.benchmark.with_series import Leg, coefficients
 from vibro_cli.simulation.run import simulate_system
 from vibro_cli.storage.files import write_file
 
+pytestmark = pytest.mark.long
+
 LIBRARY = {"with_heyoka": "heyoka", "with_cyrk": "CyRK", "with_scipy": "scipy"}
 
 

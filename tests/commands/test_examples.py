@@ -15,6 +15,8 @@ from tests.commands.conftest import Vibro
 from vibro_cli.commands.app import application
 from vibro_cli.commands.examples import EXAMPLES
 
+pytestmark = pytest.mark.long
+
 GALLERY = Path(__file__).parents[2] / "scenarios"
 COMMANDS: Any = typer.main.get_group(application()).commands
 OPTION = re.compile(r"e\.g\. (--[\w-]+ \S+?)[.,;)]?(?:\s|$)")

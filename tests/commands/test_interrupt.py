@@ -9,8 +9,12 @@ import subprocess
 import time
 from pathlib import Path
 
+import pytest
+
 from tests.commands.interrupt import ROOT, SCENE, VIBRO, interrupt_and_go_on, solve
 from tests.grids.kill import content
+
+pytestmark = pytest.mark.long
 
 IMPACTS = 300_000
 

@@ -11,6 +11,8 @@ import pytest
 from tests.commands import processes
 from vibro_cli.commands.app import COMMANDS
 
+pytestmark = pytest.mark.long
+
 FALLING = str(Path(__file__).parents[2] / "scenarios" / "falling_balls.toml")
 INTERPRETED = ("--engine", "python")
 # Every command in a form that prints results to standard output.

@@ -15,6 +15,8 @@ from tests.commands.processes import ROOT, VIBRO, call, environment, prepare
 from tests.two_balls import SCENARIO
 from vibro_cli.commands.boundary import EXIT_CODES
 
+pytestmark = pytest.mark.long
+
 # Without losses a run with many impacts asked for goes on for minutes, without compiling anything.
 LONG = ["--engine", "python", "--set", "collision.k=1", "--set", "balls[1].angle=-0.5"]
 

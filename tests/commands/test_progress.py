@@ -12,6 +12,8 @@ from vibro_cli.commands import progress
 from vibro_cli.scenario import load_any, parse_scenario
 from vibro_cli.systems.watching import watched_by
 
+pytestmark = pytest.mark.long
+
 GALLERY = Path(__file__).parents[2] / "scenarios"
 LONG = ("run", "small.toml", "--engine", "python", "--no-figures", "--set", "stop.collisions=20000")
 LINE = re.compile(

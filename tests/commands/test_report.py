@@ -7,6 +7,8 @@ import pytest
 from tests.commands.conftest import Vibro
 from tests.grid_folder import product, write_grid
 
+pytestmark = pytest.mark.long
+
 GALLERY = Path(__file__).parents[2] / "scenarios"
 RUN = ("run", GALLERY / "one_circle.toml", "--set", "stop.collisions=4", "--no-figures")
 

@@ -11,6 +11,8 @@ from pyarrow import parquet
 
 from tests.commands.conftest import Vibro
 
+pytestmark = pytest.mark.long
+
 GALLERY = Path(__file__).parents[2] / "scenarios"
 SCENARIOS = sorted([*GALLERY.glob("table/*.toml"), *GALLERY.glob("springs/*.toml")])
 TABLES = {

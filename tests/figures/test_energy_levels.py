@@ -32,6 +32,8 @@ from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.courses import springs_energies
 from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
 
+pytestmark = pytest.mark.long
+
 Array = NDArray[np.float64]
 FOLDER = Path(__file__).parents[2] / "scenarios"
 LINE = 0.3

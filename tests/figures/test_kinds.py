@@ -21,6 +21,8 @@ from vibro_cli.figures.scene import scene
 from vibro_cli.figures.timeline import energy_course, energy_residuals, timeline
 from vibro_cli.scenario import load_scenario
 
+pytestmark = pytest.mark.long
+
 WITHOUT_PORTRAITS = [name for name in KINDS if name != PORTRAIT]
 
 FOLDER = Path(__file__).parents[2] / "scenarios"

@@ -14,6 +14,8 @@ from tests.figures.runs import on_circle, on_three_arcs
 from vibro_cli.figures.output import FORMATS, render, save
 from vibro_cli.figures.portrait import phase_portrait
 
+pytestmark = pytest.mark.long
+
 
 def png_size(content: bytes) -> tuple[int, int]:
     """Width and height from the header of a PNG."""

@@ -29,6 +29,8 @@ from vibro_cli.figures.portrait import phase_portrait
 from vibro_cli.figures.trajectory import MOST_BRANCHES, MOST_NUMBERS, trajectory
 from vibro_cli.mechanics.turning import Turning
 
+pytestmark = pytest.mark.long
+
 RUNS: dict[str, Callable[[], HandMade]] = {
     "circle": lambda: on_circle(5),
     "small": lambda: on_circle(5, start=-0.4, spread=0.1),

@@ -21,6 +21,8 @@ from vibro_cli.figures.family import family
 from vibro_cli.figures.structure import structure
 from vibro_cli.scenario import load_scenario
 
+pytestmark = pytest.mark.long
+
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 WAVES = [valley(1.0, 50), hump(0.5, -50), valley(1.0, 50), hump(0.5, -50), valley(1.0, 90)]
 HILLS = {

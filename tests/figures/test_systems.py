@@ -20,6 +20,8 @@ from vibro_cli.systems.table.figures import table_energies
 from vibro_cli.systems.table.wall_orbits import has_wall_portrait
 from vibro_cli.systems.table.wall_portrait import wall_portrait
 
+pytestmark = pytest.mark.long
+
 FOLDER = Path(__file__).parents[2] / "scenarios"
 PATHS = sorted([*FOLDER.glob("springs/*.toml"), *FOLDER.glob("table/*.toml")])
 LONG = {

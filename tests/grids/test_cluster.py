@@ -16,6 +16,8 @@ from tests.grids.conftest import Write
 from tests.grids.kill import content
 from vibro_cli.grids.cluster import ClusterError, check_address
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 # Loaded by every worker: a chunk that kills whoever solves it, as long as a file is there.
 PRELOAD = """

@@ -25,6 +25,8 @@ from vibro_cli.grids.verifying import verify
 from vibro_cli.storage import files
 from vibro_cli.storage.provenance import FolderRefused
 
+pytestmark = pytest.mark.long
+
 SIZE = 5  # points of a chunk: three chunks, the last one short
 
 

@@ -9,6 +9,8 @@ from vibro_cli.stress.highprecision.quantities import QUANTITIES
 from vibro_cli.stress.highprecision.scene import slope_of
 from vibro_cli.stress.highprecision.taylor import ArcMotion, mp
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("name", references.NAMES)
 def test_twin_of_the_decimals_is_the_reference(name: str) -> None:

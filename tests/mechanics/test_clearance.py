@@ -27,6 +27,8 @@ from vibro_cli.mechanics.clearance import (
 from vibro_cli.mechanics.separation import Path, Window, surely_clear
 from vibro_cli.mechanics.trace import ArcShape, Trace
 
+pytestmark = pytest.mark.long
+
 Array = NDArray[np.float64]
 SAMPLES = 120
 

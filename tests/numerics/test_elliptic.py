@@ -18,6 +18,8 @@ from vibro_cli.kernels.numerics.elliptic import (
     theta_functions,
 )
 
+pytestmark = pytest.mark.long
+
 EPSILON = 2.0**-52
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=300)
 

@@ -26,6 +26,8 @@ from vibro_cli.report.page import grid_html, report_html
 from vibro_cli.storage.stored import open_run
 from vibro_cli.storage.stored_grid import open_grid
 
+pytestmark = pytest.mark.long
+
 PHONE, DESKTOP = 360, 1280
 HIGH = 800
 FILM = frame_times(0.0, 4.0, 1.0, 25)

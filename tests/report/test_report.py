@@ -24,6 +24,8 @@ from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.runs import write_run
 from vibro_cli.storage.stored import StoredRun, open_run
 
+pytestmark = pytest.mark.long
+
 GALLERY = Path(__file__).parents[2] / "scenarios"
 NASTY = "<script>alert(1)<img src=x onerror=alert(2)>\"'&amp; {{ 7*7 }}"
 

@@ -7,6 +7,8 @@ import pytest
 from tests import references
 from vibro_cli.stress.highprecision.quantities import QUANTITIES, solved
 
+pytestmark = pytest.mark.long
+
 # The mark: the first ten collisions within 64 eps x the measured amplification of an input change.
 FIRST = 10
 ALLOWED = 64 * 2.0**-52

@@ -16,6 +16,8 @@ from vibro_cli.api import simulate
 from vibro_cli.scenario import load_scenario, scenario_of
 from vibro_cli.stress.physics import motion_of, standing
 
+pytestmark = pytest.mark.long
+
 CASES = sorted((Path(__file__).parent.parent / "hard_cases").glob("*.toml"))
 # Scenes that end before their stop; all others run to it.
 ENDS = {

@@ -27,6 +27,8 @@ from vibro_cli.stress.highprecision.variations import differences
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems import driver
 
+pytestmark = pytest.mark.long
+
 MARK = 1.0e-10
 WALLED = {
     "start_slope": "-100 deg",

@@ -34,6 +34,8 @@ from vibro_cli.kernels.world import World
 from vibro_cli.simulation import turning
 from vibro_cli.simulation.run import Run
 
+pytestmark = pytest.mark.long
+
 PLASTIC = {"law": "normal-impulse", "k": 0.4}
 FREE = {
     "circle": on_circle(),

@@ -22,6 +22,8 @@ from vibro_cli.stress.highprecision.scene import Scene, scene_of_system
 from vibro_cli.stress.highprecision.taylor import mp
 from vibro_cli.stress.scenes import ball, scene, system_of
 
+pytestmark = pytest.mark.long
+
 LEVEL: Document = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 500.0}]}
 CLOSE = mp.mpf(10) ** -28
 

@@ -17,6 +17,8 @@ from vibro_cli.stress.report import line_of, write
 from vibro_cli.stress.scenes import VALLEY, ball, scene
 from vibro_cli.stress.watched import fault_of
 
+pytestmark = pytest.mark.long
+
 QUICK = ("elliptic", "crest", "springs", "table")
 
 
