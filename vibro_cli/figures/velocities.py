@@ -133,7 +133,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     pairs = [striking(run, row) for row in rows]
     with style.journal():
         lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, WIDTHS[width])
-        figure, panels = _sheet(width, len(rows), _TOP + LINE * (len(lines) - 1))
+        figure, panels = sheet(width, len(rows), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
         surface = _surface(run)
         for row, pair in zip(rows, pairs, strict=True):
             scale = _arrow_scale(pair)
@@ -199,20 +199,25 @@ def _arrow_scale(pair: Sequence[Striking]) -> float:
     return _LONGEST * largest / (max(lengths) or 1.0)
 
 
-def _sheet(width: str, impacts: int, top: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure with two empty panels for each impact, in the order of the impacts."""
+def sheet(
+    width: str, impacts: int, top: float, high: float, words: float
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with two empty panels for each impact, in the order of the impacts.
+
+    Heights in mm: ``top`` above all panels, ``high`` of a panel, ``words`` above each.
+    """
     beside = min(_BESIDE[width], impacts)
     rows = math.ceil(impacts / beside)
     wide = WIDTHS[width]
     cell = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
-    total = top + rows * (_WORDS + _HIGH + _GAP) + _BOTTOM
+    total = top + rows * (words + high + _GAP) + _BOTTOM
     figure = Figure(figsize=(wide * MM, total * MM))
     panels = []
     for place in range(2 * impacts):
         row, column = divmod(place, 2 * beside)
         left = _GAP + column * (cell + _GAP)
-        bottom = total - top - (row + 1) * (_WORDS + _HIGH) - row * _GAP
-        axes = figure.add_axes((left / wide, bottom / total, cell / wide, _HIGH / total))
+        bottom = total - top - (row + 1) * (words + high) - row * _GAP
+        axes = figure.add_axes((left / wide, bottom / total, cell / wide, high / total))
         axes.set_xticks([])
         axes.set_yticks([])
         panels.append(axes)

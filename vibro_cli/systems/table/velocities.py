@@ -17,14 +17,13 @@ from vibro_cli.figures.contact_points import ASIDE, Rolling, figure_of
 from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
 from vibro_cli.figures.numbering import Named, write_names
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.velocities import CENTRE, NORMAL, ROLLING, arrow, panel_size
+from vibro_cli.figures.style import WIDTHS
+from vibro_cli.figures.velocities import CENTRE, NORMAL, ROLLING, arrow, panel_size, sheet
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall
 
 _IMPACTS = {"single": 2, "double": 4}
-_BESIDE = {"single": 1, "double": 2}
-_HIGH, _TOP, _WORDS, _GAP, _BOTTOM = 36.0, 5.0, 14.0, 2.0, 2.0
+_HIGH, _TOP, _WORDS = 36.0, 5.0, 14.0
 _COLUMNS = (0.0, 17.0)
 _SYMBOL = 3.7
 _AROUND = 2.9
@@ -94,7 +93,7 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
         return None
     with style.journal():
         lines = rows_of(_LEGEND, WIDTHS[width])
-        figure, panels = _sheet(width, len(impacts), _TOP + LINE * (len(lines) - 1))
+        figure, panels = sheet(width, len(impacts), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
         for number, one in enumerate(impacts):
             for when in (0, 1):
                 axes = panels[2 * number + when]
@@ -148,25 +147,6 @@ def _ball(run: Run, table: Any, row: int, number: int, end: str) -> Arriving:
         omega=(value(f"omega{end}_pre"), value(f"omega{end}_post")),
         angle=(value(f"arrival_angle{end}"), value(f"outgoing_angle{end}")),
     )
-
-
-def _sheet(width: str, impacts: int, top: float) -> tuple[Figure, list[Axes]]:
-    beside = min(_BESIDE[width], impacts)
-    rows = math.ceil(impacts / beside)
-    wide = WIDTHS[width]
-    cell = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
-    total = top + rows * (_WORDS + _HIGH + _GAP) + _BOTTOM
-    figure = Figure(figsize=(wide * MM, total * MM))
-    panels = []
-    for place in range(2 * impacts):
-        row, column = divmod(place, 2 * beside)
-        left = _GAP + column * (cell + _GAP)
-        bottom = total - top - (row + 1) * (_WORDS + _HIGH) - row * _GAP
-        axes = figure.add_axes((left / wide, bottom / total, cell / wide, _HIGH / total))
-        axes.set_xticks([])
-        axes.set_yticks([])
-        panels.append(axes)
-    return figure, panels
 
 
 def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
