@@ -9,6 +9,13 @@ RUN_TWO = (
     "vibro run scenarios/one_circle.toml --set balls[1].rate=2.5 --set stop.collisions=2 "
     "--figures portrait,plan -o outputs/circle_two"
 )
+RUN_LIMITERS = (
+    "vibro run scenarios/one_circle.toml --set trace.closed=false "
+    """--set 'trace.start_slope="-60 deg"' --set 'trace.arcs[1].end_slope="60 deg"' """
+    "--set ends.left.wall=0.8 --set ends.right.wall=0.8 --set balls[1].body=particle "
+    "--set balls[2].body=particle --set balls[1].rate=3.2 --set stop.collisions=6 "
+    "--figures scene,portrait -o outputs/limiters"
+)
 RUN_LINE = "vibro run scenarios/horizontal_line_2_3.toml --figures contact_points,velocities"
 RUN_WALL = "vibro run scenarios/table/elliptic_wall.toml --figures plan,velocities"
 RUN_SKEW = (
@@ -123,6 +130,8 @@ B: tuple[Row, ...] = (
     ("B appendix", "m v̇ = F, J_P ω̇ = M: motion under gravity on inclined lines",
      "vibro run scenarios/line_between_valleys.toml --figures scene,portrait",
      "`scene`, `portrait_1`"),
+    ("B references 28, 29 (cited)", "two particles on a circle between impact limiters, here "
+     "without their Coulomb friction", RUN_LIMITERS, "`scene`, `portrait_2`; the walls: table of events"),
 )  # fmt: skip
 C: tuple[Row, ...] = (
     ("C fig. 1", "path of a ball inside an elliptic wall, angular velocities before and after",
@@ -232,7 +241,7 @@ _NOT_SOLVED = """Not solved, and refused: two balls on two curvilinear traces, p
 law, which acts on the angular velocities alone, has nothing to say of that direction; with unequal
 radii it would be inadmissible as a rule. A scenario has one trace; straight ones, parallel or
 crossing, are a table (`vibro help table-system`). Mentioned by the papers only, and not solved:
-deformable balls, bearings, dampers, and friction as an impact limiter.
+deformable balls, bearings, dampers, and Coulomb friction beside impact limiters.
 """
 
 
