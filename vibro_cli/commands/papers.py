@@ -131,7 +131,8 @@ B: tuple[Row, ...] = (
      "vibro run scenarios/line_between_valleys.toml --figures scene,portrait",
      "`scene`, `portrait_1`"),
     ("B references 28, 29 (cited)", "two particles on a circle between impact limiters, here "
-     "without their Coulomb friction", RUN_LIMITERS, "`scene`, `portrait_2`; the walls: table of events"),
+     "without their Coulomb friction", RUN_LIMITERS,
+     "`scene`, `portrait_2`; the walls: table of events"),
 )  # fmt: skip
 C: tuple[Row, ...] = (
     ("C fig. 1", "path of a ball inside an elliptic wall, angular velocities before and after",
