@@ -146,6 +146,7 @@ def sharpened_by_distance(
     track_a: TrackData,
     piece_b: PieceData,
     track_b: TrackData,
+    reach: float,
     pair: PairData,
     clock: Clock,
 ) -> float:
@@ -156,12 +157,12 @@ def sharpened_by_distance(
     ax, ay = centre_position(piece_a, track_a, a.flow_s, a.flow_c)
     bx, by = centre_position(piece_b, track_b, b.flow_s, b.flow_c)
     launched = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
-    scale = pair.distance / launched
-    launched = (launched - pair.distance) * (launched + pair.distance)
-    rounding = 2.0 * PLACES_ROUNDING * pair.distance * (abs(bx) + abs(by) + pair.distance)
+    scale = reach / launched
+    launched = (launched - reach) * (launched + reach)
+    rounding = 2.0 * PLACES_ROUNDING * reach * (abs(bx) + abs(by) + reach)
     x = (bx - ax) * scale
     y = (by - ay) * scale
-    size = pair.distance + track_a.path_radius + track_b.path_radius
+    size = reach + track_a.path_radius + track_b.path_radius
     first_rate = _rate_of_square(
         x, y, piece_a, track_a, a.flow_s, a.flow_c, a.flow_p,
         piece_b, track_b, b.flow_s, b.flow_c, b.flow_p,
@@ -175,7 +176,7 @@ def sharpened_by_distance(
             x + ux, y + uy, piece_a, track_a, pair.a_s, pair.a_c, pair.a_p,
             piece_b, track_b, pair.b_s, pair.b_c, pair.b_p,
         )  # fmt: skip
-        if rate >= first_rate or rate * t < -2.0 * FAR * pair.distance * size:
+        if rate >= first_rate or rate * t < -2.0 * FAR * reach * size:
             break
         gap = (2.0 * x + ux) * ux + (2.0 * y + uy) * uy
         gap += _left_over(launched, rounding, first_rate, t)

@@ -113,16 +113,18 @@ def contact_by_distance(
     track_a: TrackData,
     piece_b: PieceData,
     track_b: TrackData,
+    reach: float,
     pair: PairData,
     clock: Clock,
 ) -> float:
-    """First contact of two bodies on different pieces, from ``d'' >= -(|A_a| + |A_b|)``.
+    """First contact of two bodies by the distance of centres, from ``d'' >= -(|A_a| + |A_b|)``.
 
-    Parameters and result as for :func:`kernels.contact.arc_contact.contact_on_arc`.
+    They touch at the distance ``reach`` (m). Other parameters and the result as for
+    :func:`kernels.contact.arc_contact.contact_on_arc`.
     """
     bound = a.acceleration_bound + b.acceleration_bound
     span = min(a.exit_after - age_a, b.exit_after - age_b)
-    bound_3 = third_derivative_bound(a, b, track_a, track_b, age_a, age_b, pair.distance, span)
+    bound_3 = third_derivative_bound(a, b, track_a, track_b, age_a, age_b, reach, span)
     fastest = max(pace(a), pace(b))
     t = pair.searched
     while True:
@@ -133,7 +135,7 @@ def contact_by_distance(
             acceleration_at(a, track_a.path_radius, age_a + t, a_s, a_c),
             piece_b, track_b, b_s, b_c, b_p,
             acceleration_at(b, track_b.path_radius, age_b + t, b_s, b_c),
-            pair.distance,
+            reach,
         )  # fmt: skip
         depth = -gap
         if gap < 0.0:
@@ -150,7 +152,7 @@ def contact_by_distance(
         bouncing = touching == PARTING and t == 0.0 and second < 0.0
         if gap == 0.0 and rate >= 0.0 and not bouncing:
             # At least so long the bodies are in contact or apart by less than rounding.
-            size = _size(piece_a, track_a) + _size(piece_b, track_b) + pair.distance
+            size = _size(piece_a, track_a) + _size(piece_b, track_b) + reach
             if depth <= DEEP * UNRESOLVED * size:
                 step = max(step, unresolved_step(second, bound_3, UNRESOLVED * size))
         if rate < 0.0:
@@ -158,7 +160,7 @@ def contact_by_distance(
             if 0.0 <= h < 3.0 * step + 1.0e-9 and h * fastest < 1.0:
                 h = _refine_by_distance(
                     a, b, age_a + t, age_b + t, h, step, bound,
-                    piece_a, track_a, piece_b, track_b, pair, clock,
+                    piece_a, track_a, piece_b, track_b, reach, pair, clock,
                 )  # fmt: skip
                 if h > NONE_BEFORE_LIMIT:
                     if t + h < 0.0:
@@ -246,6 +248,7 @@ def _refine_by_distance(
     track_a: TrackData,
     piece_b: PieceData,
     track_b: TrackData,
+    reach: float,
     pair: PairData,
     clock: Clock,
 ) -> float:
@@ -264,7 +267,7 @@ def _refine_by_distance(
             acceleration_at(a, track_a.path_radius, age_a + h, a_s, a_c),
             piece_b, track_b, b_s, b_c, b_p,
             acceleration_at(b, track_b.path_radius, age_b + h, b_s, b_c),
-            pair.distance,
+            reach,
         )  # fmt: skip
         if rate >= 0.0:
             return NONE_BEFORE_LIMIT

@@ -8,6 +8,7 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.arc_contact import contact_on_arc
 from vibro_cli.kernels.contact.bounce import sharpened_by_distance, sharpened_on_arc, short_bounce
 from vibro_cli.kernels.contact.first_contact import (
+    NONE_BEFORE_LIMIT,
     contact_by_distance,
     contact_on_line,
     keep_states,
@@ -100,8 +101,6 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     age_a = time_between(pair.begin_t, pair.begin_t_low, a.t, a.t_low)
     age_b = time_between(pair.begin_t, pair.begin_t_low, b.t, b.t_low)
     piece = world.pieces[a.piece]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[pair.b * settings.pieces + b.piece]
     if a.piece == b.piece and piece.sign != 0.0:
         contact = world.contacts[j * settings.pieces + a.piece]
         orientation = 1.0 if laps == 0 else -1.0
@@ -119,24 +118,53 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         contact = world.contacts[j * settings.pieces + a.piece]
         h = contact_on_line(a, b, age_a, age_b, pair.touching, limit, contact, pair, clock)
     else:
-        piece_b = world.pieces[b.piece]
-        if _separated(a, piece, track_a, b, piece_b, track_b, pair.distance):
-            clock.skipped_apart += 1
-            pair.apart = 1
-            return
-        h = contact_by_distance(
-            a, b, age_a, age_b, touching, ahead, limit,
-            piece, track_a, piece_b, track_b, pair, clock,
-        )  # fmt: skip
-        if h > 0.0 and touching == PARTING:
-            t = sharpened_by_distance(
-                a, b, age_a + h, piece, track_a, piece_b, track_b, pair, clock
-            )
-            h = max(t - age_a, 0.0)
+        h = _contact_by_distance(world, j, touching, ahead, limit, age_a, age_b)
     if h >= 0.0:
         pair.contact_t, pair.contact_t_low = add_to_time(pair.begin_t, pair.begin_t_low, h)
         if settings.pairs == 2 and settings.bodies == 2 and a.piece != b.piece:
             _hand_over(world, pair, world.pairs[1 - j])
+
+
+@kernel
+def _contact_by_distance(
+    world: World,
+    j: int,
+    touching: int,
+    ahead: float,
+    limit: float,
+    age_a: float,
+    age_b: float,
+) -> float:
+    """First contact of a pair on two pieces, or on one line, by the distance of the centres.
+
+    On one line the bodies are searched along it: centres on one path have no speed across their
+    distance, as those of unequal bodies have, and come together as their speeds along it say.
+    """
+    settings = world.settings[0]
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    piece_a = world.pieces[a.piece]
+    piece_b = world.pieces[b.piece]
+    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    alike = a.piece == b.piece
+    track_b = world.tracks[(pair.a if alike else pair.b) * settings.pieces + b.piece]
+    reach = world.contacts[j * settings.pieces + a.piece].sine if alike else pair.distance
+    clock = world.clock[0]
+    if _separated(a, piece_a, track_a, b, piece_b, track_b, reach):
+        clock.skipped_apart += 1
+        pair.apart = 1
+        return NONE_BEFORE_LIMIT
+    h = contact_by_distance(
+        a, b, age_a, age_b, touching, ahead, limit,
+        piece_a, track_a, piece_b, track_b, reach, pair, clock,
+    )  # fmt: skip
+    if h > 0.0 and touching == PARTING:
+        t = sharpened_by_distance(
+            a, b, age_a + h, piece_a, track_a, piece_b, track_b, reach, pair, clock
+        )
+        h = max(t - age_a, 0.0)
+    return h
 
 
 @kernel

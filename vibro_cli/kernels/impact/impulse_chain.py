@@ -35,9 +35,9 @@ def chain_of_contacts(world: World, j: int) -> tuple[int, int]:
 @kernel
 def row_from(world: World, ball: int, right: bool) -> int:
     """Number of pairs of the chain that touches a body at the wall on a side."""
-    settings = world.settings[0]
+    most = ball if right else world.settings[0].bodies - 1 - ball
     count = 0
-    while count < settings.bodies - 1:
+    while count < most:
         if not joins(world, ball - count - 1 if right else ball + count, True):
             break
         count += 1
@@ -170,22 +170,29 @@ def _weight_and_response(world: World, law: int, ball: int, normal: float) -> tu
 
 @kernel
 def apply_impulses(world: World, first: int, count: int, law: int) -> None:
-    """Change the speeds of a run of pairs by their impulses, the two of one body at once."""
+    """Change the speeds of a run of pairs by their impulses, the two of one body at once.
+
+    A light body between heavy ones gets two great impulses that take one another away: what is left
+    is rounded as they are, so that their size counts as one of its speeds at this instant.
+    """
     pairs = world.settings[0].pairs
     for step in range(count + 1):
-        change = 0.0
+        left = 0.0
+        right = 0.0
         ball = 0
         if step > 0:
             pair = world.pairs[(first + step - 1) % pairs]
             ball = pair.b
             _, h = _weight_and_response(world, law, ball, pair.normal_b)
-            change = pair.solution * h
+            left = pair.solution * h
         if step < count:
             pair = world.pairs[(first + step) % pairs]
             ball = pair.a
             _, h = _weight_and_response(world, law, ball, pair.normal_a)
-            change = change - pair.solution * h
-        world.flights[ball].speed += change
+            right = pair.solution * h
+        flight = world.flights[ball]
+        flight.speed += left - right
+        flight.fastest = max(flight.fastest, max(abs(left), abs(right)))
 
 
 @kernel

@@ -242,7 +242,6 @@ def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[f
     settings = world.settings[0]
     clock = world.clock[0]
     joint_impulses(world, begin, length, law, 0)
-    fastest = world.flights[begin].fastest
     start_row = clock.impact_rows
     for step in range(length):
         log_impact(world, (begin + step) % settings.pairs, 0.0, 0.0, law, 0.0)
@@ -259,7 +258,8 @@ def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[f
         row = world.impacts[start_row + step]
         row.speed_a_post = world.flights[pair.a].speed
         row.speed_b_post = world.flights[pair.b].speed
-        row.admissible = parts(pair, row.speed_a_post, row.speed_b_post, fastest)
+        size = max(world.flights[pair.a].fastest, world.flights[pair.b].fastest)
+        row.admissible = parts(pair, row.speed_a_post, row.speed_b_post, size)
         row.loss = _loss_of_pair(world, pair, row, law)
         loss += row.loss
         fine = fine and row.admissible == 1
