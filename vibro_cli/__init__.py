@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    from vibro_cli.analysis.basins import NoBasins as NoBasins
     from vibro_cli.analysis.fit import Fit as Fit
     from vibro_cli.analysis.fit import NoFit as NoFit
     from vibro_cli.analysis.measured import NotMeasured as NotMeasured
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from vibro_cli.systems.driver import TooQuiet as TooQuiet
 
 _HOME = {
+    "vibro_cli.analysis.basins": ("NoBasins",),
     "vibro_cli.analysis.fit": ("Fit", "NoFit"),
     "vibro_cli.analysis.measured": ("NotMeasured",),
     "vibro_cli.api": ("NotRecalled",),

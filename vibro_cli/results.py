@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from vibro_cli.analysis.fit import Fit
+    from vibro_cli.figures.basins import Mapped
     from vibro_cli.scenario import Scenario
     from vibro_cli.scenario.systems import AnyScenario
 
@@ -597,6 +598,22 @@ class Grid:
         if drawn is None:
             raise ValueError(f"{self.name} has nothing to show as {kind}")
         return Drawing(kind, drawn)
+
+    def basins(self, outcome: Sequence[str] = ()) -> Mapped:
+        """Tell which outcome each point leads to, and how finely the outcomes are mixed.
+
+        Parameters
+        ----------
+        outcome
+            Columns of the summary that tell the outcome together, as for ``vibro basins``.
+
+        Its ``basins`` has the measures; ``map(width)`` and ``scaling(width)`` draw.
+
+        Raises `NoBasins` where they cannot be told.
+        """
+        from vibro_cli.figures.basins import mapped_basins
+
+        return mapped_basins(self.stored, outcome)
 
     def report(self, file: str | Path, maps: Sequence[str] = ()) -> Path:
         """Write the page that explains the grid, as ``vibro report`` does; return its path.

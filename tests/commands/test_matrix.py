@@ -14,12 +14,19 @@ from vibro_cli.commands.app import COMMANDS
 pytestmark = pytest.mark.long
 
 FALLING = str(Path(__file__).parents[2] / "scenarios" / "falling_balls.toml")
+STARTS = """
+base = "small.toml"
+[[axes]]
+path = "stop.time"
+linspace = [0.1, 2.0, 40]
+"""
 INTERPRETED = ("--engine", "python")
 # Every command in a form that prints results to standard output.
 PRINTING = {
     "run": ["run", "small.toml", "--format", "jsonl"],
     "run --json": ["run", "small.toml", "--json", "--no-figures"],
     "grid": ["grid", "grid.toml", "--dry-run", "--json", *INTERPRETED],
+    "basins": ["basins", "starts", "--json", "--no-figures"],
     "orbit": ["orbit", FALLING, "--json", "--impacts", "1"],
     "fit": ["fit", "small.toml", "done/collisions.parquet", "--free", "gravity", "--json"],
     "portrait": ["portrait", "small.toml", "--json", "--no-figures"],
@@ -40,6 +47,7 @@ WRITING = {
         "run", "--continue", "done", "--set", "stop.collisions=5", "--no-figures", "-o", "locked/on"
     ],
     "grid": ["grid", "grid.toml", "-o", "locked/grid", *INTERPRETED],
+    "basins": ["basins", "starts", "-o", "locked/basins"],
     "orbit": ["orbit", FALLING, "--impacts", "1", "-o", "locked/orbit"],
     "fit": [
         "fit", "small.toml", "done/collisions.parquet", "--free", "gravity", "-o", "locked/fit"
@@ -69,6 +77,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a scenario and the results of one run."""
     folder = tmp_path_factory.mktemp("matrix")
     processes.prepare(folder)
+    (folder / "starts.toml").write_text(STARTS)
+    outcome = processes.call(folder, "grid", "starts.toml", "-o", "starts", "-q")
+    assert outcome.returncode == 0, outcome.stderr
     (folder / "locked").mkdir()
     return folder
 

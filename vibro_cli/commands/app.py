@@ -15,8 +15,8 @@ from vibro_cli.commands.options import with_common_options
 from vibro_cli.commands.usage import usage_error
 
 COMMANDS = (
-    "run", "grid", "orbit", "fit", "portrait", "report", "check", "show", "verify", "schema", "new",
-    "stress", "bench", "help",
+    "run", "grid", "basins", "orbit", "fit", "portrait", "report", "check", "show", "verify",
+    "schema", "new", "stress", "bench", "help",
 )  # fmt: skip
 """Each is a function of a module of its own, both of this name (help: `help_command`)."""
 

@@ -42,6 +42,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "vibro grid three_arcs_grid.toml",
         "vibro grid three_arcs_grid.toml --shard 1/2 -o outputs/sharded",
     ),
+    "basins": ("vibro basins outputs/three_arcs_grid",),
     "verify": ("vibro verify outputs/three_arcs outputs/three_arcs_grid",),
     "schema": (
         "vibro schema grid > grid.schema.json",

@@ -76,18 +76,14 @@ class Endings:
         return [
             (
                 f"{WORDS.get(cause, cause.replace('_', ' '))} ({grouped(count)})",
-                _patch(COLOURS[cause]),
+                patch(COLOURS[cause]),
             )
             for cause, count in zip(self.causes, counts.tolist(), strict=True)
         ]
 
 
-def grouped(count: int) -> str:
-    """Return a whole number, in groups of three digits from 10 000 on."""
-    return f"{count:,}".replace(",", "\u2009") if count >= 10_000 else str(count)
-
-
-def _patch(colour: str) -> dict[str, Any]:
+def patch(colour: str) -> dict[str, Any]:
+    """Return the look of a colour in a legend."""
     return {
         "marker": "s",
         "markersize": 4.5,
@@ -96,3 +92,8 @@ def _patch(colour: str) -> dict[str, Any]:
         "markeredgewidth": 0.3,
         "linestyle": "none",
     }
+
+
+def grouped(count: int) -> str:
+    """Return a whole number, in groups of three digits from 10 000 on."""
+    return f"{count:,}".replace(",", "\u2009") if count >= 10_000 else str(count)

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from vibro_cli.figures import strokes, style
 from vibro_cli.figures.dots import draw_dots
 from vibro_cli.figures.endings import Endings
 from vibro_cli.figures.lattice import Lattice, Swept, lattice, set_axis
-from vibro_cli.figures.legend import LINE, text_width, wrapped_legend
+from vibro_cli.figures.legend import LINE, Entry, text_width, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import Ticks, vertical_ticks
@@ -44,11 +45,33 @@ def ending_map(grid: Swept, width: str = "single") -> Figure | None:
     if shown is None:
         return None
     endings = Endings.of(grid, shown.rows)
+    return category_map(shown, width, endings)
+
+
+class Categories(Protocol):
+    """What a map of colours without order needs to know."""
+
+    @property
+    def code(self) -> NDArray[np.int64]:
+        """Index of the category of each point."""
+
+    def colours(self) -> ListedColormap:
+        """The colours of the categories."""
+
+    def norm(self) -> Normalize:
+        """The map from codes to colours."""
+
+    def entries(self) -> list[Entry]:
+        """The legend."""
+
+
+def category_map(shown: Lattice, width: str, found: Categories) -> Figure:
+    """Return a map over two axes with a colour for each category, named above it."""
     with style.journal():
-        lines = wrapped_legend(None, endings.entries(), WIDTHS[width])
+        lines = wrapped_legend(None, found.entries(), WIDTHS[width])
         figure, axes = _panel(shown, width, lines * LINE, _RIGHT)
-        _fill(axes, shown, endings.code.astype(np.float64), endings.colours(), endings.norm())
-        wrapped_legend(figure, endings.entries(), WIDTHS[width])
+        _fill(axes, shown, found.code.astype(np.float64), found.colours(), found.norm())
+        wrapped_legend(figure, found.entries(), WIDTHS[width])
     return figure
 
 
@@ -111,13 +134,7 @@ def _fill(axes: Axes, shown: Lattice, values: Array, colours: Any, norm: Normali
         size = float(np.clip(4000.0 / len(values), 0.6, 14.0))
         draw_dots(axes, across.place, along.place, values, colours, norm, size)
         return
-    columns, rows = len(across.different), len(along.different)
-    cells = np.full((rows, columns), np.nan)
-    at = (
-        np.searchsorted(along.different, along.place),
-        np.searchsorted(across.different, across.place),
-    )
-    cells[at] = values
+    cells = shown.cells(values)
     mesh = axes.pcolormesh(across.edges(), along.edges(), cells, cmap=colours, norm=norm)
     mesh.set_rasterized(True)  # as vectors, seams would show between the cells
     axes.set_axisbelow(False)

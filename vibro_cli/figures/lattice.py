@@ -23,6 +23,7 @@ from vibro_cli.figures.ticks import (
 
 Column = NDArray[Any]
 _MOST_WORDS = 20
+_EVEN = 1.0e-6
 
 
 _ENTRY = re.compile(r"(balls|bodies|arcs|pairs)\[(\d+)\]")
@@ -102,6 +103,13 @@ class Coordinate:
         places: Array = np.unique(self.place)
         return places
 
+    @property
+    def is_even(self) -> bool:
+        """Whether it is one of numbers at even distances."""
+        steps = np.diff(self.different)
+        even = np.allclose(steps, np.mean(steps), rtol=_EVEN, atol=0.0)
+        return not self.words and bool(even)
+
     def edges(self) -> Array:
         """Return the edges of cells around the different places: halfway to the neighbours."""
         places = self.different
@@ -142,6 +150,16 @@ class Lattice:
         """Whether every pair of values of the two axes is one point."""
         sizes = [len(one.different) for one in self.coordinates]
         return int(np.prod(sizes)) == len(self.rows)
+
+    def cells(self, values: Array) -> Array:
+        """Return one number for each point as cells, the first coordinate along their last axis.
+
+        NaN where there is no point.
+        """
+        cells = np.full([len(one.different) for one in reversed(self.coordinates)], np.nan)
+        at = [np.searchsorted(one.different, one.place) for one in reversed(self.coordinates)]
+        cells[tuple(at)] = values
+        return cells
 
     @property
     def held(self) -> str:

@@ -1,4 +1,4 @@
-"""Folders of figures: those of a portrait with its table and scenario, those of a report."""
+"""Folders of figures: of a portrait with its table and scenario, of basins, of a report."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.systems import AnyScenario
 
 check_portrait_folder = partial(check_replaceable, kind="portrait")
+check_basins_folder = partial(check_replaceable, kind="basins")
 
 
 def write_portraits(
@@ -28,6 +29,11 @@ def write_portraits(
         **figures,
     }
     _write(files, target, "portrait")
+
+
+def write_basins(found: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]) -> None:
+    """Write the folder of the basins of a grid; raises as `write_portraits`."""
+    _write({"basins.json": json_bytes(found), **figures}, target, "basins")
 
 
 def write_figures(figures: Mapping[str, bytes], target: Path) -> None:

@@ -1,0 +1,150 @@
+"""Basins against boundaries of known dimension, counting by hand, and the separatrix."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli import NoBasins, example, sweep
+from vibro_cli.analysis.basins import BOX, Basins, Outcomes, basins_of, outcomes_of
+from vibro_cli.commands.app import run_command_line
+from vibro_cli.figures.basins import Coloured
+
+
+def _measured(cells: Any, number: int = 2) -> Basins:
+    names = tuple(str(code) for code in range(number))
+    return basins_of(Outcomes(names, cells.ravel()), cells)
+
+
+def _cantor(levels: int) -> Any:
+    """One where the middle third of an interval was taken away, at one of some levels."""
+    kept = np.ones(1, dtype=np.int64)
+    for _ in range(levels):
+        kept = np.concatenate([kept, np.zeros_like(kept), kept])
+    return kept
+
+
+def test_a_straight_boundary_has_the_exponent_one() -> None:
+    rows, columns = np.indices((240, 320))
+    found = _measured((rows + 2 * columns > 400).astype(np.int64))
+    assert found.exponent is not None
+    assert found.exponent.value == pytest.approx(1.0, abs=0.05)
+    assert found.boundary_dimension == pytest.approx(1.0, abs=0.05)
+    assert not found.fractal
+
+
+@pytest.mark.parametrize("lines", [1, 200])
+def test_the_boundary_of_a_cantor_set_has_its_dimension(lines: int) -> None:
+    row = _cantor(7)
+    found = _measured(row if lines == 1 else np.tile(row, (lines, 1)))
+    assert found.boundary_dimension is not None
+    dimension = math.log(2.0) / math.log(3.0) + (0.0 if lines == 1 else 1.0)
+    assert found.boundary_dimension == pytest.approx(dimension, abs=0.05)
+
+
+def test_outcomes_by_chance_have_the_exponent_zero_and_fractal_boundaries() -> None:
+    cells = np.random.default_rng(3).integers(0, 4, (300, 300))
+    found = _measured(cells, 4)
+    assert found.exponent is not None
+    assert abs(found.exponent.value) < 0.01
+    assert found.fractal
+    # 25 draws of 4 fall short of ln 4 by nearly 3/(2 * 25).
+    assert found.entropy.value == pytest.approx(math.log(4.0) - 3.0 / 50.0, abs=0.01)
+
+
+def test_entropies_are_those_counted_box_by_box() -> None:
+    rng = np.random.default_rng(8)
+    cells = (rng.random((37, 43)) < np.linspace(0.0, 0.3, 43)).astype(np.int64)
+    found = _measured(cells)
+    counted = []
+    for i in range(0, 35, BOX):
+        for j in range(0, 40, BOX):
+            box = Counter(int(one) for one in cells[i : i + BOX, j : j + BOX].ravel())
+            counted.append(sum(-n / 25 * math.log(n / 25) for n in box.values()))
+    assert found.entropy.value == pytest.approx(np.mean(counted), rel=1e-14)
+    mixed = [one for one in counted if one > 0.0]
+    assert found.boundary_entropy is not None
+    assert found.boundary_entropy.value == pytest.approx(np.mean(mixed), rel=1e-14)
+
+
+def test_one_outcome_has_no_boundary() -> None:
+    found = _measured(np.zeros((40, 40), dtype=np.int64), 1)
+    assert found.entropy.value == 0.0
+    assert found.boundary_entropy is None
+    assert found.exponent is None
+
+
+def test_a_particle_leaves_the_trace_beyond_the_separatrix_through_its_end() -> None:
+    """On one valley: the end of the trace is reached from above its energy, by hand."""
+    trace = {"trace.start_slope": -1.2, "trace.arcs": [
+        {"shape": "valley", "radius": 1.0, "end_slope": 1.2}
+    ]}  # fmt: skip
+    one = example("lone_particle").replace({**trace, "stop.time": 10.0, "balls[1].rate": 0.0})
+    angle, rate = np.linspace(-1.0, 1.0, 60), np.linspace(-4.0, 4.0, 80)
+    grid = sweep(one, {"balls[1].angle": angle, "balls[1].rate": rate})
+    found = grid.basins()
+    energy = 0.5 * rate**2 - 9.81 * np.cos(angle)[:, None]
+    leaves = energy > -9.81 * math.cos(1.2)
+    # The axis with the most values, the rate, lies along the last axis of the cells.
+    assert np.array_equal(found.basins.cells == found.basins.outcomes.index("end of trace"), leaves)
+    assert found.basins.exponent is not None
+    assert found.basins.exponent.value == pytest.approx(1.0, abs=0.1)
+    assert found.map("double") is not None
+    assert found.scaling("single") is not None
+
+
+def test_outcomes_are_words_and_whole_numbers_together() -> None:
+    summary = {
+        "scenario": np.arange(4),
+        "status": np.array(["ok", "ok", "invalid", "ok"], dtype=object),
+        "arc_2": np.array([1.0, 3.0, np.nan, 1.0]),
+        "energy_end": np.array([0.1, 0.2, np.nan, 0.3]),
+    }
+    found = outcomes_of(summary, ["status", "arc_2"], np.arange(4))
+    assert found.names == ("ok, 2 on arc 1", "invalid", "ok, 2 on arc 3")
+    assert found.code.tolist() == [0, 2, 1, 0]
+    with pytest.raises(NoBasins, match="found the outcome 'energy_end', expected one of status"):
+        outcomes_of(summary, ["energy_end"], np.arange(4))
+
+
+def test_the_rarest_outcomes_share_a_colour() -> None:
+    names = tuple(f"outcome {n}" for n in range(12))
+    coloured = Coloured(Outcomes(names, np.repeat(np.arange(12), np.arange(12, 0, -1))))
+    entries = coloured.entries()
+    assert len(entries) == 10
+    assert entries[-1][0] == "3 others (7.69 %)"
+    assert int(coloured.code.max()) == 9
+
+
+def test_axes_that_cannot_be_measured_are_told(tmp_path: Path) -> None:
+    grid = sweep(example("one_circle"), {"collision.k": [0.5, 0.6, 0.8]})
+    with pytest.raises(NoBasins, match=r"at least 32 numbers .* collision\.k \(3, uneven\)"):
+        grid.basins()
+
+
+def test_the_command_writes_what_it_prints(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    angles = np.linspace(-1.2, 0.4, 40)
+    grid = sweep(example("three_arcs"), {"balls[1].angle": angles}, tmp_path / "grid")
+    assert run_command_line(["basins", str(tmp_path / "grid"), "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    folder = tmp_path / "grid-basins"
+    assert record == json.loads((folder / "basins.json").read_text())
+    assert record["axes"] == ["balls[1].angle"]
+    ended = Counter(
+        f"{cause.replace('_', ' ')}, 1 on arc {one}, 2 on arc {two}"
+        for cause, one, two in zip(
+            *(grid.summary[name] for name in ("end_cause", "arc_1", "arc_2")), strict=True
+        )
+    )
+    assert {one["outcome"]: round(40 * one["share"]) for one in record["outcomes"]} == dict(ended)
+    assert (folder / "uncertainty.pdf").exists()
+    assert run_command_line(["basins", str(tmp_path / "grid"), "-o", str(tmp_path)]) == 2
+    assert "is no vibro basins; it is left as it is" in capsys.readouterr().err

@@ -1,0 +1,189 @@
+"""Basins: which outcome each start of a grid leads to, and how finely the outcomes are mixed.
+
+Basin entropy: A. Daza, A. Wagemakers, B. Georgeot, D. Guéry-Odelin, M. A. F. Sanjuán, "Basin
+entropy: a new tool to analyze uncertainty in dynamical systems", *Scientific Reports* 6 (2016)
+31416. Uncertainty exponent: S. W. McDonald, C. Grebogi, E. Ott, J. A. Yorke, "Fractal basin
+boundaries", *Physica D* 17 (1985) 125-153.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from vibro_cli.errors import VibroError
+
+Floats = NDArray[np.float64]
+Codes = NDArray[np.int64]
+
+BOX = 5
+"""Cells along an edge of the boxes of the basin entropy, as in its source."""
+FEWEST = 32
+"""Values of an axis from which on three distances, a factor 2 apart, can be compared."""
+
+
+class NoBasins(VibroError, ValueError):
+    """Basins of a grid cannot be told; the message says why."""
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """Which outcome each of some points has."""
+
+    names: tuple[str, ...]
+    """In words, the most frequent first"""
+    code: Codes
+    """Index of the outcome of each point"""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its standard error."""
+
+    value: float
+    error: float | None
+    """None of one box alone"""
+
+
+@dataclass(frozen=True)
+class Basins:
+    """How finely the outcomes of a grid over one or two axes are mixed."""
+
+    outcomes: tuple[str, ...]
+    """In words, the most frequent first"""
+    shares: Floats
+    """Of the points, by outcome"""
+    cells: Codes
+    """Index of the outcome, by cell; the last axis is the first of the lattice"""
+    entropy: Estimate
+    """Basin entropy, nats: the mean of ``-sum p ln p`` over boxes of 5 cells a side"""
+    boundary_entropy: Estimate | None
+    """The same over boxes with more than one outcome; above ln 2 the boundary is fractal"""
+    distances: Floats
+    """Cells"""
+    uncertain: Floats
+    """Share of the cells with another outcome within each distance, along the axes and across"""
+    exponent: Estimate | None
+    """Uncertainty exponent: the share grows as the distance to this power; 1 if smooth"""
+
+    @property
+    def fractal(self) -> bool:
+        """Whether the boundary basin entropy tells of a fractal boundary, by two errors."""
+        one = self.boundary_entropy
+        if one is None or one.error is None:
+            return False
+        return one.value - 2.0 * one.error > float(np.log(2.0))
+
+    @property
+    def boundary_dimension(self) -> float | None:
+        """Box-counting dimension of the boundaries: that of the plane less the exponent."""
+        return None if self.exponent is None else self.cells.ndim - self.exponent.value
+
+
+def outcomes_of(summary: Mapping[str, Any], names: Sequence[str], rows: Codes) -> Outcomes:
+    """Return what some rows of a summary say in some of its columns, as one outcome each.
+
+    Raises `NoBasins` for a name that is no column, and a column of numbers that are not whole.
+    """
+    if not names:
+        raise NoBasins("expected at least one column that tells an outcome")
+    results = list(summary)[list(summary).index("status") :]
+    known = [name for name in results if _is_outcome(summary[name])]
+    for name in names:
+        if name not in known:
+            raise NoBasins(f"found the outcome {name!r}, expected one of {', '.join(known)}")
+    texts = [_texts(name, np.asarray(summary[name])[rows]) for name in names]
+    joined = np.array([", ".join(filter(None, row)) for row in zip(*texts, strict=True)])
+    words, code, count = np.unique(joined, return_inverse=True, return_counts=True)
+    order = np.argsort(-count, kind="stable")
+    return Outcomes(tuple(map(str, words[order])), np.argsort(order)[code])
+
+
+def _is_outcome(column: Any) -> bool:
+    values = np.asarray(column)
+    if values.dtype == object:
+        return True
+    finite = values[np.isfinite(values)]
+    return bool(np.all(finite == np.rint(finite)))
+
+
+def _texts(name: str, values: NDArray[Any]) -> list[str]:
+    """The values in words, empty where there is none: words as they are, numbers by name."""
+    if values.dtype == object:
+        return ["" if one is None else str(one).replace("_", " ") for one in values]
+    what, _, body = name.rpartition("_")
+    words = f"{body} on arc" if what == "arc" else name.replace("_", " ")
+    return [f"{words} {one:.0f}" if np.isfinite(one) else "" for one in values]
+
+
+def basins_of(outcomes: Outcomes, cells: Codes) -> Basins:
+    """Return the measures of outcomes over evenly spaced values of one or two axes.
+
+    Parameters
+    ----------
+    outcomes
+        Those of all points.
+    cells
+        Index of the outcome, by cell.
+
+    An axis needs `FEWEST` values.
+    """
+    number = len(outcomes.names)
+    shares = np.bincount(cells.ravel(), minlength=number) / cells.size
+    entropies = _entropies(cells, number)
+    mixed = entropies[entropies > 0.0]
+    distances = 2 ** np.arange(int(np.log2(min(cells.shape) // 8)) + 1)
+    uncertain = np.array([_uncertain(cells, int(step)) for step in distances])
+    return Basins(
+        outcomes.names,
+        shares,
+        cells,
+        _mean(entropies),
+        _mean(mixed) if len(mixed) else None,
+        distances.astype(np.float64),
+        uncertain,
+        _slope(np.log(distances), np.log(uncertain)) if np.all(uncertain > 0.0) else None,
+    )
+
+
+def _entropies(cells: Codes, number: int) -> Floats:
+    """The entropy of each box; what is left at the far edges makes no box."""
+    whole = tuple(slice(0, size - size % BOX) for size in cells.shape)
+    boxed = cells[whole]
+    counts = np.stack([_in_boxes(boxed == code) for code in range(number)])
+    share = counts / BOX**cells.ndim
+    terms = np.where(share > 0.0, share * np.log(np.where(share > 0.0, share, 1.0)), 0.0)
+    entropies: Floats = np.abs(terms.sum(axis=0)).ravel()
+    return entropies
+
+
+def _in_boxes(which: NDArray[np.bool_]) -> NDArray[np.int64]:
+    shape = [part for size in which.shape for part in (size // BOX, BOX)]
+    counts: NDArray[np.int64] = which.reshape(shape).sum(axis=tuple(range(1, len(shape), 2)))
+    return counts
+
+
+def _uncertain(cells: Codes, reach: int) -> float:
+    """Share of the cells with another outcome among those up to a number of cells away."""
+    inner = tuple(slice(reach, size - reach) for size in cells.shape)
+    window = 2 * reach + 1
+    differs = maximum_filter(cells, window) != minimum_filter(cells, window)
+    return float(differs[inner].mean())
+
+
+def _mean(values: Floats) -> Estimate:
+    spread = float(values.std(ddof=1)) / len(values) ** 0.5 if len(values) > 1 else None
+    return Estimate(float(values.mean()), spread)
+
+
+def _slope(x: Floats, y: Floats) -> Estimate:
+    """The slope of a line through points, and its standard error."""
+    around = x - x.mean()
+    slope = float(around @ y / (around @ around))
+    residual = y - y.mean() - slope * around
+    return Estimate(slope, float((residual @ residual / (len(x) - 2) / (around @ around)) ** 0.5))
