@@ -17,6 +17,7 @@ NOT_IN_THE_TREE = {
     "checkpoint.json",
     "fit.json",
     "grid.json",
+    "basins.json",
     "manifest.json",
     "mine.toml",
     "scenario.json",

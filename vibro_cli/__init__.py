@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit as Fit
     from vibro_cli.analysis.fit import NoFit as NoFit
     from vibro_cli.analysis.measured import NotMeasured as NotMeasured
+    from vibro_cli.analysis.orbits import NoOrbit as NoOrbit
+    from vibro_cli.analysis.orbits import Orbit as Orbit
     from vibro_cli.api import NotRecalled as NotRecalled
     from vibro_cli.errors import VibroError as VibroError
     from vibro_cli.figures.movie import NoFilm as NoFilm
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
     from vibro_cli.results import load_scenario as load_scenario
     from vibro_cli.results import open_grid as open_grid
     from vibro_cli.results import open_run as open_run
+    from vibro_cli.results import orbit as orbit
+    from vibro_cli.results import orbit_family as orbit_family
     from vibro_cli.results import portrait as portrait
     from vibro_cli.results import simulate as simulate
     from vibro_cli.results import simulate_many as simulate_many
@@ -42,6 +46,7 @@ if TYPE_CHECKING:
     from vibro_cli.results import verify as verify
     from vibro_cli.scenario import Scenario as Scenario
     from vibro_cli.scenario import ScenarioError as ScenarioError
+    from vibro_cli.simulation.tangents import NoTangents as NoTangents
     from vibro_cli.storage.frame import Table as Table
     from vibro_cli.storage.provenance import FolderRefused as FolderRefused
     from vibro_cli.storage.runs import NotContinuable as NotContinuable
@@ -53,6 +58,7 @@ _HOME = {
     "vibro_cli.analysis.basins": ("NoBasins",),
     "vibro_cli.analysis.fit": ("Fit", "NoFit"),
     "vibro_cli.analysis.measured": ("NotMeasured",),
+    "vibro_cli.analysis.orbits": ("NoOrbit", "Orbit"),
     "vibro_cli.api": ("NotRecalled",),
     "vibro_cli.errors": ("VibroError",),
     "vibro_cli.figures.movie": ("NoFilm",),
@@ -60,9 +66,11 @@ _HOME = {
     "vibro_cli.grids.verifying": ("NoManifest",),
     "vibro_cli.results": (
         *("Drawing", "Grid", "Run", "check", "example", "fit", "load_scenario", "open_grid"),
-        *("open_run", "portrait", "simulate", "simulate_many", "sweep", "verify"),
+        *("open_run", "orbit", "orbit_family", "portrait", "simulate", "simulate_many", "sweep"),
+        "verify",
     ),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
+    "vibro_cli.simulation.tangents": ("NoTangents",),
     "vibro_cli.storage.frame": ("Table",),
     "vibro_cli.storage.provenance": ("FolderRefused",),
     "vibro_cli.storage.runs": ("NotContinuable",),

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from vibro_cli import example, orbit, orbit_family
 from vibro_cli.analysis.orbit_branch import Branch, Family
 from vibro_cli.analysis.orbits import NoOrbit, Orbit, energy_gradient, find_orbit, shoot, started
 from vibro_cli.api import load_scenario
@@ -181,6 +182,23 @@ def test_the_command_writes_table_and_figure(
     )
     assert figure.axes[-1].get_xlabel() == "mass"
     assert (target / "orbits.png").stat().st_size > 1000
+
+
+def test_python_finds_what_the_command_finds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = example("falling_balls")
+    found = orbit(scenario, impacts=1)
+    low, high = 0.5 * found.energy, 2.0 * found.energy
+    family = orbit_family(scenario, found, "energy", low, high)
+    vary = f"--vary=energy={low!r}:{high!r}"
+    arguments = ["orbit", str(FALLING), "--impacts", "1", vary, "-o", str(tmp_path / "family")]
+    assert run_command_line([*arguments, "--no-figures", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["period"] == found.period
+    assert told["points"] == len(family.points)
+    with pytest.raises(ValueError, match="expected one of a trace"):
+        orbit(example("two_disks"))
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.analysis.impact_times import NoDerivative, number_at
 from vibro_cli.analysis.orbits import (
     CLOSED,
     MOST_STEPS,
@@ -30,11 +32,16 @@ from vibro_cli.analysis.orbits import (
     size_of,
     started,
 )
+from vibro_cli.build import build_system
 from vibro_cli.mechanics.system import System
+from vibro_cli.scenario import Scenario
+from vibro_cli.scenario.source import parsed_path
 from vibro_cli.simulation.tangents import time_scale
 
 Floats = NDArray[np.float64]
 
+ENERGY = "energy"
+"""Stands for a path where the energy is the number that changes."""
 FIRST_STEP = 0.01
 """Share of the range that the first steps are long."""
 LONGEST_STEP = 0.04
@@ -74,6 +81,40 @@ class Branch:
 
     points: list[Point]
     special: list[Special]
+
+
+def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: float) -> Branch:
+    """Return the family of an orbit over a number of its scenario.
+
+    Parameters
+    ----------
+    scenario
+        Whose orbit `found` is.
+    path, low, high
+        Of the number, SI units and radians, which is followed at constant energy; or `ENERGY` (J).
+
+    Raises
+    ------
+    NoOrbit
+        If the scenario has no such number, or it lies outside of the range.
+    ScenarioError, ValueError
+        If an end of the range makes no sound scenario; for a text that is no path.
+    """
+
+    @lru_cache(maxsize=64)
+    def at(value: float) -> System:
+        return build_system(scenario.replace({path: value}))
+
+    try:
+        here = found.energy if path == ENERGY else number_at(scenario, parsed_path(path))
+    except NoDerivative as error:
+        raise NoOrbit(str(error)) from error
+    if not low <= here <= high:
+        raise NoOrbit(f"{path}: found {here:.6g}, expected a number in the range {low:g}:{high:g}")
+    if path != ENERGY:
+        for end in (low, high):
+            at(end)  # what is wrong with it is told before anything is followed
+    return Family(None if path == ENERGY else at, found, here, low, high).follow()
 
 
 class Family:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibro_cli.errors import VibroError
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.simulation.tangents import follow_system, time_scale
@@ -29,7 +30,7 @@ MOST_STEPS = 40
 LEAST_SHARE = 2.0**-12
 
 
-class NoOrbit(Exception):
+class NoOrbit(VibroError):
     """There is no orbit as it was asked for; the message says why."""
 
 

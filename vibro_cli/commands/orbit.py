@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -16,10 +16,7 @@ from vibro_cli.commands.streams import json_text
 if TYPE_CHECKING:
     from vibro_cli.analysis.orbit_branch import Branch
     from vibro_cli.analysis.orbits import Orbit
-    from vibro_cli.mechanics.system import System
-    from vibro_cli.scenario.systems import AnyScenario
-
-ENERGY = "energy"
+    from vibro_cli.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -103,6 +100,7 @@ def parsed_span(vary: str) -> tuple[str, float, float]:
 
 def _find(wishes: _Wishes) -> int:
     """Find, follow, draw, write and print."""
+    from vibro_cli.analysis.orbit_branch import family_of
     from vibro_cli.analysis.orbits import NoOrbit, find_orbit
     from vibro_cli.commands.loading import load_any
     from vibro_cli.simulation.tangents import NoTangents
@@ -121,7 +119,9 @@ def _find(wishes: _Wishes) -> int:
         if folder is not None:
             check_orbit_folder(folder)
         found = find_orbit(system, wishes.impacts, wishes.period, longest)
-        branch = None if wishes.vary is None else _followed(wishes, scenario, found)
+        branch = None
+        if wishes.vary is not None:
+            branch = family_of(cast("Scenario", scenario), found, *parsed_span(wishes.vary))
         if folder is not None:
             columns = orbit_columns(found, branch)
             drawn = {}
@@ -139,59 +139,6 @@ def _find(wishes: _Wishes) -> int:
     if folder is not None:
         say(f"{scenario.name}: files in {folder}")
     return DONE
-
-
-def _followed(wishes: _Wishes, scenario: "AnyScenario", found: "Orbit") -> "Branch":
-    """The family that an orbit belongs to."""
-    from vibro_cli.analysis.orbit_branch import Family
-    from vibro_cli.build import build_system
-    from vibro_cli.commands.loading import load_any
-    from vibro_cli.scenario import load_scenario
-
-    assert wishes.vary is not None
-    path, low, high = parsed_span(wishes.vary)
-    if path == ENERGY:
-        value = found.energy
-        at = None
-    else:
-        if wishes.source == "-":
-            raise CommandError(
-                "vibro: --vary reads the scenario several times; expected a file, not -"
-            )
-        value = _number_at(scenario, path)
-        # Both ends are told of in the words of scenarios, before anything is followed.
-        for end in (low, high):
-            load_any(wishes.source, [*wishes.overrides, f"{path}={end!r}"])
-
-        @lru_cache(maxsize=64)
-        def at(value: float) -> "System":
-            return build_system(
-                load_scenario(wishes.source, [*wishes.overrides, f"{path}={value!r}"])
-            )
-
-    if not low <= value <= high:
-        raise CommandError(
-            f"vibro: {scenario.name}: {path}: found {value:.6g}, expected a number in the range "
-            f"{low:g}:{high:g} of --vary"
-        )
-    return Family(at, found, value, low, high).follow()
-
-
-def _number_at(scenario: "AnyScenario", path: str) -> float:
-    """The number that a scenario has at a path."""
-    from vibro_cli.scenario.overrides import parse
-
-    keys = parse(f"{path}=0").path
-    found: Any = scenario.resolved()
-    try:
-        for key in keys:
-            found = found[key]
-        return float(found)
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise CommandError(
-            f"vibro: {scenario.name}: {path}: found no number there, expected one that the "
-            "scenario gives"
-        ) from error
 
 
 def orbit_columns(found: "Orbit", branch: "Branch | None") -> dict[str, Any]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
+from vibro_cli.errors import VibroError
 from vibro_cli.kernels.structs import Flight
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.tangent.impacts import WIDTH
@@ -35,7 +36,7 @@ ROUNDING = 2.0**-53
 BLOCKS = 16
 
 
-class NoTangents(ValueError):
+class NoTangents(VibroError, ValueError):
     """The tangent map of a system is not known; the message says of which."""
 
 
