@@ -23,8 +23,8 @@ from vibro_cli.kernels.statistics.impact_columns import fill_columns
 from vibro_cli.kernels.statistics.run_statistics import tally
 from vibro_cli.kernels.tangent.arrivals import find_arrivals
 from vibro_cli.kernels.tangent.follow import follow_tangents
-from vibro_cli.stress.judge import judge_flights
 from vibro_cli.stress.kernels import find_first_contacts, follow_all
+from vibro_cli.stress.oracles.interval_oracle import judge_flights
 from vibro_cli.systems import NAMES, system_named
 
 

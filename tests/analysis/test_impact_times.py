@@ -16,8 +16,8 @@ from vibro_cli.build import build_system
 from vibro_cli.scenario import scenario_of
 from vibro_cli.scenario.source import parsed_path
 from vibro_cli.simulation.run import simulate_system
-from vibro_cli.stress.highprecision.scene import Scene, chain, scene_of_system
-from vibro_cli.stress.highprecision.twin import Twin, happenings_of
+from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+from vibro_cli.stress.oracles.scene import Scene, chain, scene_of_system
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene
 
 pytestmark = pytest.mark.long

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from tests import references
-from vibro_cli.stress.highprecision.quantities import QUANTITIES
-from vibro_cli.stress.highprecision.scene import slope_of
-from vibro_cli.stress.highprecision.taylor import ArcMotion, mp
+from vibro_cli.stress.impacts import QUANTITIES
+from vibro_cli.stress.oracles.scene import slope_of
+from vibro_cli.stress.oracles.taylor import ArcMotion, mp
 
 pytestmark = pytest.mark.long
 

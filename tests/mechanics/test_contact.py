@@ -12,9 +12,9 @@ from tests.mechanics.kernel_records import GRAVITY, ball, three_arcs
 from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.simulation.run import Run, simulate_system
-from vibro_cli.stress.highprecision.scene import scene_of_system
-from vibro_cli.stress.highprecision.taylor import Real, mp
-from vibro_cli.stress.highprecision.twin import Twin
+from vibro_cli.stress.oracles.reference_solver import Twin
+from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.taylor import Real, mp
 
 BODIES = (ball(0.1), Body("hoop", 0.08, 1.0, 1.0))
 TRACE = three_arcs()

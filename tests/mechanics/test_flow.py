@@ -14,7 +14,7 @@ from vibro_cli.kernels.flow.flow import LINE, advance_slightly, flow
 from vibro_cli.kernels.flow.time_of_flight import time_to
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.structs import Flight
-from vibro_cli.stress.highprecision.taylor import ArcMotion, Real, mp
+from vibro_cli.stress.oracles.taylor import ArcMotion, Real, mp
 
 EPSILON = 2.0**-52
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=200)

@@ -19,9 +19,9 @@ from vibro_cli.mechanics.body import Body
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.simulation.prepare import half_angle
-from vibro_cli.stress.highprecision.scene import scene_of_system
-from vibro_cli.stress.highprecision.taylor import Real, mp
-from vibro_cli.stress.highprecision.twin import Place, Twin
+from vibro_cli.stress.oracles.reference_solver import Place, Twin
+from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.taylor import Real, mp
 
 EPSILON = 2.0**-52
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=100)

@@ -17,7 +17,7 @@ from vibro_cli.kernels.numerics.weierstrass_motion import (
     time_to_place,
 )
 from vibro_cli.mechanics.turning import Pull
-from vibro_cli.stress.highprecision.taylor import ArcMotion, mp
+from vibro_cli.stress.oracles.taylor import ArcMotion, mp
 
 # tilt, spread, angle, P, whether the body turns over, and how near rounding may bring it.
 ORBITS = [

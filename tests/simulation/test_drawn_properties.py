@@ -12,7 +12,7 @@ from tests.simulation.test_continuing import assert_same_results
 from tests.strategies import ENGINE, FEWER, NUMBERS, SETTINGS, drawn
 from vibro_cli.mechanics.system import System
 from vibro_cli.simulation.run import Run, simulate_system
-from vibro_cli.stress.drawn import judge
+from vibro_cli.stress.physics import judge
 from vibro_cli.stress.scenes import system_of
 
 pytestmark = pytest.mark.usefixtures("no_hang")

@@ -12,8 +12,8 @@ import pytest
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.simulation.run import Run
-from vibro_cli.stress.highprecision.scene import Scene, scene_of_system
-from vibro_cli.stress.highprecision.taylor import Real, mp
+from vibro_cli.stress.oracles.scene import Scene, scene_of_system
+from vibro_cli.stress.oracles.taylor import Real, mp
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 IMPACTS = 100_000

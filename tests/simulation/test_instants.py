@@ -23,8 +23,8 @@ from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import load_scenario, scenario_of
 from vibro_cli.simulation.prepare import make_world
 from vibro_cli.simulation.run import Run, simulate_system
-from vibro_cli.stress.accumulation import _Pendulum, _to_contact
-from vibro_cli.stress.image import distance_from_image
+from vibro_cli.stress.impact_laws import _Pendulum, _to_contact
+from vibro_cli.stress.physics import distance_from_image
 
 CASES = Path(__file__).parent.parent / "hard_cases"
 RADIUS = 0.1

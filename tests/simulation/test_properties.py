@@ -16,7 +16,7 @@ from tests.simulation.test_continuing import assert_same_results
 from tests.strategies import ENGINE, FEWER, SETTINGS, mirrored, possible, scenarios
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.simulation.run import Run, simulate_system
-from vibro_cli.stress.highprecision.sensitivity import amplification
+from vibro_cli.stress.oracles.sensitivity import amplification
 
 EPSILON = 2.0**-52
 pytestmark = pytest.mark.usefixtures("no_hang")

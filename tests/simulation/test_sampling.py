@@ -13,9 +13,9 @@ import pytest
 from tests import references
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.simulation.run import Run
-from vibro_cli.stress.highprecision.scene import scene_of_system
-from vibro_cli.stress.highprecision.taylor import mp
-from vibro_cli.stress.highprecision.twin import Twin, happenings_of
+from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.taylor import mp
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 EPSILON = 2.0**-52

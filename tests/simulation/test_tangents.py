@@ -21,9 +21,9 @@ from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.simulation.run import Wanted, simulate_system
 from vibro_cli.simulation.tangents import NoTangents, follow_system, time_scale
 from vibro_cli.storage.runs import write_run
-from vibro_cli.stress.highprecision.scene import scene_of_system
-from vibro_cli.stress.highprecision.twin import Happening, Twin, happenings_of
-from vibro_cli.stress.highprecision.variations import differences
+from vibro_cli.stress.oracles.reference_solver import Happening, Twin, happenings_of
+from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.sensitivity import differences
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems import driver
 

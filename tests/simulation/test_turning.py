@@ -23,9 +23,9 @@ from vibro_cli.compile.kinds import symbol_of
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.scenario import load_scenario, parse_scenario
 from vibro_cli.simulation.run import Run, simulate_system
-from vibro_cli.stress.highprecision.quantities import QUANTITIES, SPEEDS, solved
-from vibro_cli.stress.highprecision.scene import scene_of_system
-from vibro_cli.stress.highprecision.twin import Twin, happenings_of
+from vibro_cli.stress.impacts import QUANTITIES, SPEEDS, solved
+from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+from vibro_cli.stress.oracles.scene import scene_of_system
 
 SCENES = {"circle": on_circle(), "three arcs": on_three_arcs(), "lines": on_lines()}
 

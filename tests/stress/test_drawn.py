@@ -13,13 +13,12 @@ import pytest
 
 from vibro_cli.mechanics.system import System
 from vibro_cli.simulation.run import Run, simulate_system
-from vibro_cli.stress import drawn, physics
+from vibro_cli.stress import physics
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Plan
-from vibro_cli.stress.image import distance_from_image, mirrored_system
-from vibro_cli.stress.report import line_of
-from vibro_cli.stress.scenes import VALLEY, ball, scene, solve, system_of
-from vibro_cli.stress.watched import GivenUp, Watched
+from vibro_cli.stress.physics import check_drawn, distance_from_image, judge, mirrored_system
+from vibro_cli.stress.scenes import VALLEY, GivenUp, Watched, ball, scene, solve, system_of
+from vibro_cli.stress.suite import line_of
 
 HARD = Path(__file__).parents[1] / "hard_cases"
 
@@ -148,14 +147,14 @@ def test_limits_of_time_and_memory() -> None:
 
 
 def test_a_run_without_an_end_is_a_fault() -> None:
-    judged = drawn.judge(seconds=1.0)
+    judged = judge(seconds=1.0)
     endless = scene(VALLEY, [ball(-0.5), ball(0.5)], 1.0, time=1e9)
     assert kinds(judged(endless)) == ["failed"]
     assert judged({**endless, "stop": {"time": 1.0}}) == []
 
 
 def test_so_many_scenes_as_asked_for() -> None:
-    findings = drawn.check(Plan(3, False, 4))
+    findings = check_drawn(Plan(3, False, 4))
     assert {finding.cases for finding in findings} == {4}
     assert [line_of(one) for one in findings if one.mark != 0.0] == []
 

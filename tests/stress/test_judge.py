@@ -8,18 +8,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.stress import fifty_digits
 from vibro_cli.stress.flights import (
     KINDS,
     Family,
     States,
     for_judge,
+    near_grazing,
     random_family,
     random_states,
     scenario_of_flight,
 )
-from vibro_cli.stress.grazing import near_grazing
-from vibro_cli.stress.judge import COLUMNS, CONTACT, HORIZON, NO_CONTACT, judge_all
+from vibro_cli.stress.oracles.fifty_digits import first_contact, multiprecision
+from vibro_cli.stress.oracles.interval_oracle import (
+    COLUMNS,
+    CONTACT,
+    HORIZON,
+    NO_CONTACT,
+    judge_all,
+)
 from vibro_cli.stress.scenes import solve
 
 
@@ -65,13 +71,13 @@ def some_flights(kind: int, grazing: bool, count: int) -> tuple[Family, States]:
 
 @pytest.mark.parametrize("grazing", [False, True])
 def test_fifty_digits_agree(grazing: bool) -> None:
-    mp = fifty_digits.multiprecision()
+    mp = multiprecision()
     judged = 0
     for kind in range(len(KINDS)):
         family, states = some_flights(kind, grazing, 2)
         rows = for_judge(family, states, states.horizon)
         for row, (status, low, high, _) in zip(rows, verdicts_on(rows), strict=True):
-            exact = fifty_digits.first_contact(mp, row)
+            exact = first_contact(mp, row)
             judged += 1
             assert status == (NO_CONTACT if exact is None else CONTACT)
             if exact is not None:

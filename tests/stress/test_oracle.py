@@ -11,15 +11,16 @@ import pytest
 
 from tests import references
 from vibro_cli.stress.finding import Document
-from vibro_cli.stress.highprecision.first_zero import (
+from vibro_cli.stress.oracles.motion import (
+    BITS,
     Undecided,
     first_zero,
+    value_of,
     without_leading_zeros,
 )
-from vibro_cli.stress.highprecision.motion import BITS, value_of
-from vibro_cli.stress.highprecision.oracle import Oracle, Told
-from vibro_cli.stress.highprecision.scene import Scene, scene_of_system
-from vibro_cli.stress.highprecision.taylor import mp
+from vibro_cli.stress.oracles.oracle import Oracle, Told
+from vibro_cli.stress.oracles.scene import Scene, scene_of_system
+from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.scenes import ball, scene, system_of
 
 pytestmark = pytest.mark.long

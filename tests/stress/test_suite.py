@@ -11,11 +11,11 @@ import pytest
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.tables import read_parquet
-from vibro_cli.stress import limits, suite
+from vibro_cli.stress import suite
+from vibro_cli.stress.extremes import swings, unequal
 from vibro_cli.stress.finding import Finding, Plan, Worst
-from vibro_cli.stress.report import line_of, write
-from vibro_cli.stress.scenes import VALLEY, ball, scene
-from vibro_cli.stress.watched import fault_of
+from vibro_cli.stress.scenes import VALLEY, ball, fault_of, scene
+from vibro_cli.stress.suite import line_of, write
 
 pytestmark = pytest.mark.long
 
@@ -46,7 +46,7 @@ def test_few_cases_of_the_long_checks(name: str) -> None:
 
 def test_few_cases_of_long_and_unequal_motions() -> None:
     plan, rng = Tiny(1, False), np.random.default_rng(1)
-    findings = [limits.swings(rng, plan), *limits.unequal(rng, plan)]
+    findings = [swings(rng, plan), *unequal(rng, plan)]
     assert [line_of(one) for one in findings if not one.met] == []
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.simulation.tangents import follow_system
-from vibro_cli.stress import tangent
+from vibro_cli.stress import digits
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Plan
 from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
@@ -17,7 +17,7 @@ TOUCHING: Document = {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previou
 
 
 def test_scenes_drawn_at_random_meet_the_mark() -> None:
-    maps, times = tangent.check(Plan(seed=7, full=False, cases=3))
+    maps, times = digits.check_tangent(Plan(seed=7, full=False, cases=3))
     assert maps.cases == 3
     assert maps.met, maps
     assert times.met, times
@@ -25,7 +25,7 @@ def test_scenes_drawn_at_random_meet_the_mark() -> None:
 
 def test_two_bodies_reach_two_walls_at_one_instant() -> None:
     """A scene that is its own mirror image: each of both is an event of its own."""
-    map_error, times_error = tangent.errors_of(system_of(draw(0, 205)), 2)
+    map_error, times_error = digits.errors_of(system_of(draw(0, 205)), 2)
     assert map_error <= 1e-12
     assert times_error <= 1e-12
 
@@ -36,14 +36,14 @@ def test_an_error_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         found.matrix[-1, 0] += 1e-8 * np.max(np.abs(found.matrix))
         return found
 
-    monkeypatch.setattr(tangent, "follow_system", off)
-    maps, times = tangent.check(Plan(seed=7, full=False, cases=1))
+    monkeypatch.setattr(digits, "follow_system", off)
+    maps, times = digits.check_tangent(Plan(seed=7, full=False, cases=1))
     assert not maps.met
     assert times.met
 
 
 def test_what_has_no_derivative_is_left_out() -> None:
-    assert tangent.smooth_impacts(scene(VALLEY, [ball(-0.7), TOUCHING], 1.0, time=2.0)) == 0
-    assert tangent.smooth_impacts(scene(VALLEY, [ball(-0.7), ball(0.4)], 0.0, time=2.0)) == 0
-    assert tangent.smooth_impacts(scene(VALLEY, [ball(-0.7), ball(0.4)], 1.0, time=9.0)) == 3
-    assert any(tangent.smooth_impacts(draw(7, number)) == 0 for number in range(6))
+    assert digits.smooth_impacts(scene(VALLEY, [ball(-0.7), TOUCHING], 1.0, time=2.0)) == 0
+    assert digits.smooth_impacts(scene(VALLEY, [ball(-0.7), ball(0.4)], 0.0, time=2.0)) == 0
+    assert digits.smooth_impacts(scene(VALLEY, [ball(-0.7), ball(0.4)], 1.0, time=9.0)) == 3
+    assert any(digits.smooth_impacts(draw(7, number)) == 0 for number in range(6))

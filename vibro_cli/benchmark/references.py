@@ -1,6 +1,6 @@
 """Times of the first impacts of every scene in high precision, kept beside this module.
 
-They come from the twin of ``stress.highprecision``: a Taylor integration in 50 digits, fed with the
+They come from ``stress.oracles.reference_solver``, a Taylor integration in 50 digits fed with the
 very doubles that the methods get.
 """
 
@@ -49,9 +49,9 @@ def read(scene: Scene) -> list[str]:
 def compute(scene: Scene) -> dict[str, Any]:
     """Return the content of a scene's file, computed anew; needs mpmath."""
     from vibro_cli.simulation.run import simulate_system
-    from vibro_cli.stress.highprecision.scene import scene_of_system
-    from vibro_cli.stress.highprecision.taylor import mp
-    from vibro_cli.stress.highprecision.twin import Twin, happenings_of
+    from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+    from vibro_cli.stress.oracles.scene import scene_of_system
+    from vibro_cli.stress.oracles.taylor import mp
 
     run = simulate_system(scene.system, None, scene.compared, "python")
     impacts = Twin(scene_of_system(scene.system)).follow(happenings_of(run))

@@ -64,27 +64,27 @@ def stress(
 
 def _run_suite(wishes: _Wishes) -> int:
     from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.stress import report, suite
-    from vibro_cli.stress.fifty_digits import MissingLibrary
     from vibro_cli.stress.finding import Plan
+    from vibro_cli.stress.oracles.fifty_digits import MissingLibrary
+    from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run, write
 
-    unknown = sorted(set(wishes.only) - set(suite.NAMES))
+    unknown = sorted(set(wishes.only) - set(NAMES))
     if unknown:
-        expected = ", ".join(suite.NAMES)
+        expected = ", ".join(NAMES)
         raise CommandError(f"vibro: --only: no check {unknown[0]!r}; expected one of {expected}")
     plan = Plan(wishes.seed, wishes.full, wishes.cases)
     findings = []
     try:
         if wishes.output is not None:
-            report.check_stress_folder(Path(wishes.output))
-        for finding in suite.run(plan, wishes.only):
+            check_stress_folder(Path(wishes.output))
+        for finding in run(plan, wishes.only):
             findings.append(finding)
             if wishes.as_json:
-                print(json_text(report.record_of(finding)), flush=True)
+                print(json_text(record_of(finding)), flush=True)
             elif not wishes.quiet:
-                print(report.line_of(finding), flush=True)
+                print(line_of(finding), flush=True)
         if wishes.output is not None:
-            report.write(findings, plan, Path(wishes.output))
+            write(findings, plan, Path(wishes.output))
     except (FolderRefused, MissingLibrary) as error:
         raise CommandError(f"vibro: {error}") from error
     missed = sum(not finding.met for finding in findings)

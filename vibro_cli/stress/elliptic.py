@@ -15,10 +15,9 @@ from vibro_cli.kernels.numerics.elliptic import (
     theta_functions,
 )
 from vibro_cli.numerics.jacobi import Jacobi
-from vibro_cli.stress.fifty_digits import multiprecision
 from vibro_cli.stress.finding import Finding, Plan, Worst
+from vibro_cli.stress.oracles.fifty_digits import multiprecision
 
-CHECK = "elliptic"
 EPSILON = 2.0**-52
 LARGEST = math.log10(0.5)  # exponent of 1 - m
 PLAINLY = "relative error of cn, dn / (eps max(1, u))"
@@ -44,7 +43,7 @@ def _exact(mp: Any, u: float, root: float) -> tuple[Any, Any, Any]:
         return sn, cn, mp.sqrt(cn * cn + complement * sn * sn)
 
 
-def check(plan: Plan) -> list[Finding]:
+def check_elliptic(plan: Plan) -> list[Finding]:
     """sn, cn, dn over a period, and Carlson's integral, for 1 - m from 0.5 to 1e-300."""
     mp = multiprecision()
     rng = np.random.default_rng([plan.seed, 7])
@@ -76,12 +75,14 @@ def _jacobi(mp: Any, rng: np.random.Generator, count: int) -> list[Finding]:
         _take_plainly(mp, plain, jacobi, u, exact)
     tried = "sn, cn, dn over a period, 1 - m from 0.5 to 1e-300, against mpmath"
     return [
-        Finding(CHECK, "absolute error / (1e-14 + 2 ulp(u))", tried, count, absolute.value, 1.0),
         Finding(
-            CHECK, "relative error of cn, dn / (eps max(1, u)) in a flight, beside its slope",
+            "elliptic", "absolute error / (1e-14 + 2 ulp(u))", tried, count, absolute.value, 1.0
+        ),
+        Finding(
+            "elliptic", "relative error of cn, dn / (eps max(1, u)) in a flight, beside its slope",
             tried, count, relative.value, 16.0,
         ),
-        Finding(CHECK, PLAINLY, tried, count, plain.value, 16.0),
+        Finding("elliptic", PLAINLY, tried, count, plain.value, 16.0),
     ]  # fmt: skip
 
 
@@ -108,7 +109,7 @@ def _zeros(mp: Any, rng: np.random.Generator, count: int) -> Finding:
         u = float(zero + Decimal(off))
         _take_plainly(mp, worst, jacobi, u, _exact(mp, u, root))
     tried = "1e-15 to 1e-2 from the zeros of cn, 1 - m from 0.5 to 1e-300, against mpmath"
-    return Finding(CHECK, PLAINLY, tried, count, worst.value, 16.0)
+    return Finding("elliptic", PLAINLY, tried, count, worst.value, 16.0)
 
 
 def _carlson(mp: Any, rng: np.random.Generator, count: int) -> Finding:
@@ -124,4 +125,4 @@ def _carlson(mp: Any, rng: np.random.Generator, count: int) -> Finding:
         exact = s * mp.elliprf(1 - s * s, 1 - s * s + m1 * s * s, 1)
         worst.take(float(abs(mp.mpf(found) - exact)) / math.ulp(float(exact)))
     tried = "F and K by Carlson's R_F, 1 - m from 0.5 to 1e-300, against mpmath"
-    return Finding(CHECK, "error (ulp)", tried, count, worst.value, 4.0)
+    return Finding("elliptic", "error (ulp)", tried, count, worst.value, 4.0)

@@ -1,35 +1,44 @@
-"""Extreme sizes, gravities, masses and coefficients of restitution; penetration at impacts."""
+"""Very fast, very long, very unequal: single motions, first contacts, penetration at impacts.
+
+Extreme sizes, gravities, masses and coefficients of restitution are among them; motions and first
+contacts are compared with those in 50 digits.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
+from vibro_cli.scenario import ScenarioError
 from vibro_cli.simulation.run import Run
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.highprecision.quantities import solved
-from vibro_cli.stress.highprecision.scene import scene_of_system
-from vibro_cli.stress.highprecision.taylor import mp
-from vibro_cli.stress.highprecision.twin import Twin
+from vibro_cli.stress.flights import Family, States, for_judge
+from vibro_cli.stress.impacts import solved
+from vibro_cli.stress.oracles.fifty_digits import first_contact, multiprecision
+from vibro_cli.stress.oracles.reference_solver import Twin
+from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.scenes import (
+    CIRCLE,
     THREE_ARCS,
     VALLEY,
     ball,
     energy_at,
+    fault_of,
     scene,
     solve,
+    system_of,
 )
-from vibro_cli.stress.watched import fault_of
 
-CHECK = "extremes"
 # Powers of two: sizes and gravity over 12 orders of magnitude, exactly representable.
 SCALES = (-20, -13, -7, 7, 13, 20)
 ROWS = 5
 COEFFICIENTS = (0.0, 1.0e-300, 0.5, 1.0 - 2.0**-53, 1.0)
 
 
-def check(plan: Plan) -> list[Finding]:
+def check_extremes(plan: Plan) -> list[Finding]:
     """Scaled scenes against the one they are scaled from, mass ratios and k at their ends."""
     rng = np.random.default_rng([plan.seed, 23])
     return [_scaled(rng, plan.amount(3, 20)), *_ratios(plan), _penetration(rng, plan)]
@@ -79,7 +88,7 @@ def _scaled(rng: np.random.Generator, count: int) -> Finding:
                 off = np.abs(times - base) / base if same else np.array([math.inf])
                 worst.take(float(np.max(off, initial=0.0)), changed)
     tried = f"two balls on three arcs, sizes and gravity times 2^-20 ... 2^20, {ROWS} impacts"
-    return worst.finding(CHECK, "relative change of the times of impacts", tried, 1e-12)
+    return worst.finding("extremes", "relative change of the times of impacts", tried, 1e-12)
 
 
 def _ratios(plan: Plan) -> list[Finding]:
@@ -95,8 +104,8 @@ def _ratios(plan: Plan) -> list[Finding]:
                 gained.take(_gain(solve(document)), document)
     tried = "two balls, mass ratios to 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
     return [
-        ended.finding(CHECK, "runs that hang or fail", tried, 0.0),
-        gained.finding(CHECK, "relative energy gained", tried, 1e-12),
+        ended.finding("extremes", "runs that hang or fail", tried, 0.0),
+        gained.finding("extremes", "relative energy gained", tried, 1e-12),
     ]
 
 
@@ -117,7 +126,7 @@ def _penetration(rng: np.random.Generator, plan: Plan) -> Finding:
         for row in range(len(run.collisions["n"])):
             worst.take(_overlap(twin, run, row), document)
     tried = "two balls on three arcs, k = 0.9, up to 50 impacts each, distances to 50 digits"
-    return worst.finding(CHECK, "penetration (ulp of the positions)", tried, 8.0)
+    return worst.finding("extremes", "penetration (ulp of the positions)", tried, 8.0)
 
 
 def _overlap(twin: Twin, run: Run, row: int) -> float:
@@ -133,3 +142,127 @@ def _overlap(twin: Twin, run: Run, row: int) -> float:
     touch = sum(body.radius for body in twin.scene.bodies)
     largest = max(abs(float(value)) for centre in centres for value in centre)
     return max(float(touch - mp.hypot(bx - ax, by - ay)), 0.0) / math.ulp(largest)
+
+
+EPSILON = 2.0**-52
+TURNS = 1.0e6
+PERIODS = 1.0e9
+RATIOS = (1.0, 1.0e2, 1.0e4)
+
+
+def check_limits(plan: Plan) -> list[Finding]:
+    """A million turns, a billion periods, mixed ratios, the ends of the number range."""
+    rng = np.random.default_rng([plan.seed, 31])
+    return [turns(rng, plan), swings(rng, plan), *unequal(rng, plan), ends_of_range(plan)]
+
+
+def _state(mp: Any, rate: Any, t: float) -> tuple[Any, Any]:
+    """Sine and cosine of half the angle of a ball of 0.1 m in a valley of 1 m, from ``(0, rate)``.
+
+    ``S = k sn(w t | k^2)`` for a libration, ``S = sn(k w t | 1/k^2)`` for a rotation, where
+    ``k = rate/(2 w)`` is the ratio to the rate that just reaches the top (DLMF 22.19.2-3).
+    """
+    rho = mp.mpf(1) - mp.mpf(0.1)
+    w = mp.sqrt(mp.mpf(9.81) / (mp.mpf(7) / 5 * rho))
+    k = mp.mpf(rate) / (2 * w)
+    if k < 1:
+        return k * mp.ellipfun("sn", w * t, m=k * k), mp.ellipfun("dn", w * t, m=k * k)
+    u = k * w * mp.mpf(t)
+    return mp.ellipfun("sn", u, m=1 / k**2), mp.ellipfun("cn", u, m=1 / k**2)
+
+
+def _phase_error(mp: Any, document: Document, t: float) -> float:
+    """Error of a ball's angle in eps x what a relative change of its rate makes of it."""
+    run = solve(document, "compiled")
+    # The solver gets the speed of the centre, which is the rate times the radius of its path.
+    rate = mp.mpf(run.system.initial[0].speed) / (mp.mpf(1) - mp.mpf(0.1))
+    sine, cosine = _state(mp, rate, t)
+    sample = run.sample([t])
+    half = mp.mpf(float(sample["angle"][0])) / 2
+    # The sine of half the difference, whatever number of turns lies between.
+    off = 2 * abs(mp.sin(half) * cosine - mp.cos(half) * sine)
+    path = abs(float(sample["speed"][0])) / 0.9 * t
+    return float(off / (EPSILON * max(path, 1.0)))
+
+
+def turns(rng: np.random.Generator, plan: Plan) -> Finding:
+    """A ball that goes round its circle, the last time a million turns after it began."""
+    mp, worst = multiprecision(), Worst()
+    for _ in range(plan.amount(1, 4)):
+        rate = float(10.0 ** rng.uniform(2.0, 6.0))
+        t = plan.amount(1, 100) / 100 * TURNS * 2.0 * math.pi / rate
+        document = scene(CIRCLE, [ball(0.0, rate=rate)], time=t)
+        worst.take(_phase_error(mp, document, t), document)
+    tried = f"one ball on a circle, {plan.amount(1, 100) / 100 * TURNS:g} turns, against 50 digits"
+    return worst.finding("limits", "error of the angle / (eps x amplification)", tried, 64.0)
+
+
+def swings(rng: np.random.Generator, plan: Plan) -> Finding:
+    """A ball that swings undisturbed for a billion periods."""
+    mp, worst = multiprecision(), Worst()
+    for _ in range(plan.amount(5, 40)):
+        rate = float(rng.uniform(0.1, 5.0))
+        t = PERIODS * float(rng.uniform(2.0, 3.0))
+        document = scene(VALLEY, [ball(0.0, rate=rate)], time=t)
+        worst.take(_phase_error(mp, document, t), document)
+    tried = f"one ball in a valley, about {PERIODS:g} periods without an event, against 50 digits"
+    return worst.finding("limits", "error of the angle / (eps x amplification)", tried, 64.0)
+
+
+def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
+    """Radii to 1 : 1e4 with masses to 1 : 1e9 and k at its ends: right, or refused."""
+    mp = multiprecision()
+    first, gained, faults, refused = Worst(), Worst(), Worst(), 0
+    for number in range(plan.amount(10, 150)):
+        radii = [0.1, 0.1 / float(rng.choice(RATIOS))]
+        masses = [1.0, float(10.0 ** rng.uniform(-9.0, 9.0))]
+        order = int(rng.integers(2))
+        balls = [
+            ball(float(place), radius=radii[n ^ order], mass=masses[n ^ order])
+            for n, place in enumerate((rng.uniform(-1.3, -0.3), rng.uniform(0.3, 1.3)))
+        ]
+        document = scene(VALLEY, balls, COEFFICIENTS[number % 5], collisions=200, time=10.0)
+        try:
+            system = system_of(document)
+        except ScenarioError:
+            refused += 1
+            continue
+        fault = fault_of(document)
+        faults.take(float(bool(fault)), document)
+        if fault:
+            continue
+        run = solve(document)
+        before = energy_at(run, 0.0, "before")
+        after = energy_at(run, run.checkpoint()["end_time"], "after")
+        gained.take(max((after - before) / abs(before), 0.0), document)
+        place = np.array([[state.position for state in system.initial]])
+        states = States(place, np.zeros((1, 2)), np.array([10.0]))
+        exact = first_contact(mp, for_judge(Family("", document, system), states, 10.0)[0])
+        found = mp.mpf(float(run.collisions["t"][0])) + mp.mpf(float(run.collisions["t_low"][0]))
+        first.take(float(abs(found - exact) / exact), document)
+    tried = "two balls, radii to 1 : 1e4, masses to 1 : 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
+    return [
+        first.finding(
+            "limits", "relative error of the first impact", f"{tried}, against 50 digits", 1e-13
+        ),
+        gained.finding("limits", "relative energy gained", tried, 1e-12),
+        faults.finding("limits", "runs that hang or fail", tried, 0.0),
+        Finding("limits", "refused with the reason", tried, faults.cases + refused, refused, None),
+    ]
+
+
+def ends_of_range(plan: Plan) -> Finding:
+    """Times and gravities near the ends of double precision: run, or refused with the reason."""
+    worst = Worst()
+    pair, alone = [ball(-0.5), ball(0.5)], [ball(0.5)]
+    for k in COEFFICIENTS if plan.full else (0.5,):
+        for time in (1.0e15, 1.0e300, 1.7e308):
+            for balls in (pair, alone):
+                document = scene(VALLEY, balls, k, collisions=1000, time=time)
+                worst.take(float(bool(fault_of(document))), document)
+        for gravity in (1.0e-320, 1.0e-300, 1.0e300, 1.7e308):
+            document = scene(VALLEY, pair, k, collisions=100, time=1.0e300)
+            document["gravity"] = gravity
+            worst.take(float(bool(fault_of(document))), document)
+    tried = "stop.time to 1.7e308 s, gravity from 1e-320 to 1.7e308 m/s^2: right or refused"
+    return worst.finding("limits", "runs that hang or fail", tried, 0.0)

@@ -1,12 +1,16 @@
-"""Instants and places of impacts, and of what ends a single flight, against the twin in 50 digits.
+"""Instants and places of impacts, and of what ends a single flight, against 50 digits.
 
-The twin is told which events happen and computes every one of them anew from the very doubles that
-the solver starts from; it refuses a history in which bodies overlap or leave their pieces.
+The reference solver is told which events happen and computes every one of them anew from the very
+doubles that the solver starts from; it refuses a history in which bodies overlap or leave their
+pieces. Starts from a crest, 1e-3 to 1e-300 rad off it, are compared with elliptic integrals: when
+the body leaves, and where it goes. Traces that turn about a vertical axis have their energy and
+their lasting contacts checked too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -15,14 +19,65 @@ import numpy as np
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.highprecision.quantities import PLACES, TIME, columns, solved
-from vibro_cli.stress.highprecision.scene import scene_of_system
-from vibro_cli.stress.highprecision.sensitivity import amplification
-from vibro_cli.stress.highprecision.taylor import mp
-from vibro_cli.stress.highprecision.twin import Happening, Impact, Twin, happenings_of, in_contact
-from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
+from vibro_cli.stress.oracles.fifty_digits import multiprecision
+from vibro_cli.stress.oracles.reference_solver import (
+    Happening,
+    Impact,
+    Twin,
+    happenings_of,
+    in_contact,
+)
+from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.sensitivity import amplification
+from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.scenes import (
+    CIRCLE,
+    GRAVITY,
+    THREE_ARCS,
+    VALLEY,
+    ball,
+    scene,
+    solve,
+    system_of,
+)
 
-CHECK = "impacts"
+# Name in the collision table: name in the reference files, and how the twin has it.
+SPEEDS: dict[str, tuple[str, Callable[[Impact], Any]]] = {
+    "speed_a_pre": ("v_a_pre", lambda impact: impact.a.speed),
+    "speed_b_pre": ("v_b_pre", lambda impact: impact.b.speed),
+    "speed_a_post": ("v_a_post", lambda impact: impact.after_a),
+    "speed_b_post": ("v_b_post", lambda impact: impact.after_b),
+    "separation_speed": ("rel", lambda impact: impact.separation),
+}
+PLACES: dict[str, tuple[str, Callable[[Impact], Any]]] = {
+    "place_a": ("angle_a", lambda impact: impact.a.place),
+    "place_b": ("angle_b", lambda impact: impact.b.place),
+}
+TIME: dict[str, tuple[str, Callable[[Impact], Any]]] = {"t": ("t", lambda impact: impact.t)}
+QUANTITIES = {**TIME, **PLACES, **SPEEDS}
+
+
+def solved(run: Run, quantity: str, row: int) -> Any:
+    """A quantity of the collision table, without rounding: the time as the sum of both doubles."""
+    table = run.collisions
+    if quantity == "t":
+        return mp.mpf(float(table["t"][row])) + mp.mpf(float(table["t_low"][row]))
+    if quantity in SPEEDS:
+        return mp.mpf(float(table[quantity][row]))
+    end = quantity[-1]
+    angle = float(table[f"angle_{end}"][row])
+    if math.isnan(angle):
+        piece = run.system.trace.pieces[int(table[f"arc_{end}"][row]) - 1]
+        return mp.mpf(float(table[f"s_{end}"][row])) - mp.mpf(piece.start_s)
+    return mp.mpf(angle)
+
+
+def columns(run: Run) -> dict[str, list[float]]:
+    """All quantities of all rows, in doubles."""
+    count = len(run.collisions["n"])
+    return {name: [float(solved(run, name, row)) for row in range(count)] for name in QUANTITIES}
+
+
 EPSILON = 2.0**-52
 FIRST = 10
 LONGEST = 30.0  # s
@@ -41,7 +96,7 @@ LINE_BETWEEN: Document = {
 }
 
 
-def check(plan: Plan) -> list[Finding]:
+def check_impacts(plan: Plan) -> list[Finding]:
     """The first impacts of many scenes, and every flight of them on its own."""
     rng = np.random.default_rng([plan.seed, 29])
     whole, single, unresolved = Worst(), Worst(), Worst()
@@ -61,19 +116,22 @@ def check(plan: Plan) -> list[Finding]:
     again = "taken up from reference states"
     findings = [
         whole.finding(
-            CHECK,
+            "impacts",
             f"error of the first {FIRST} impacts / (eps x amplification)",
             f"{tried}; times and places",
             64.0,
         ),
         single.finding(
-            CHECK, "error of the end of a single flight / its length", f"{tried}; {again}", 1e-13
+            "impacts",
+            "error of the end of a single flight / its length",
+            f"{tried}; {again}",
+            1e-13,
         ),
     ]
     if unresolved.cases:
         findings.append(
             unresolved.finding(
-                CHECK,
+                "impacts",
                 "error of the end of a single flight / (eps x amplification)",
                 f"{again}; flights so short that a unit in the last place of these moves their end"
                 f" by more than {RESOLVED:g} of their length",
@@ -211,3 +269,167 @@ def _as_document(document: Document, system: System) -> Document:
         own |= {"arc": state.piece + 1, "speed": state.speed}
         balls.append(own | {"position" if line else "angle": state.position})
     return {**document, "balls": balls, "stop": {"collisions": 1, "time": LONGEST}}
+
+
+HUMP, RADIUS, KAPPA, VALLEY_RADIUS = 0.5, 0.1, 1.4, 1.0
+JUNCTION = math.radians(50.0)
+RETURNS = 6
+
+
+def check_crest(plan: Plan) -> list[Finding]:
+    """Departure and first impact against 50 digits; the decision to return over the crest."""
+    rng = np.random.default_rng([plan.seed, 13])
+    exponents = np.linspace(-3.0, -300.0, plan.amount(12, 199))
+    offsets = [float(10.0**e * rng.uniform(1.0, 9.0)) for e in exponents]
+    return [*_times(offsets), _decisions(offsets)]
+
+
+def time_from_rest(mp: Any, w: Any, offset: Any, angle: Any) -> Any:
+    """Time (s) from rest at ``offset`` to ``angle`` on a hump: Carlson's form of the integral.
+
+    ``w t = R_F(U12^2, U13^2, U23^2)`` (DLMF 19.29.4) of ``dx / sqrt(x (1-x) (x - x0))``, with
+    ``x = sin^2(psi/2)``.
+    """
+    y, x = mp.sin(offset / 2), mp.sin(angle / 2)
+    span = mp.sqrt((x - y) * (x + y))
+    one, two = mp.sqrt(1 - x * x), mp.sqrt(1 - y * y)
+    return mp.elliprf((y * two / span) ** 2, (x * two / span) ** 2, (one * y / span) ** 2) / w
+
+
+def _start_off_crest(offset: float) -> Document:
+    """A ball at rest off the crest, another at rest at the bottom of the right valley."""
+    balls = [ball(offset, arc=2), ball(0.0, arc=3)]
+    return scene(THREE_ARCS, balls, 1.0, collisions=1, time=1.0e6)
+
+
+def _exact(mp: Any, offset: float) -> tuple[Any, Any]:
+    """Instants of the departure from the hump and of the first impact."""
+    junction = mp.mpf(5) / 18 * mp.pi
+    radius = mp.mpf(RADIUS)
+    kappa = mp.mpf(KAPPA)
+    rho_hump, rho_valley = mp.mpf(HUMP) + radius, mp.mpf(VALLEY_RADIUS) - radius
+    w = mp.sqrt(mp.mpf(GRAVITY) / (kappa * rho_hump))
+    departure = time_from_rest(mp, w, mp.mpf(offset), junction)
+    y, x = mp.sin(mp.mpf(offset) / 2), mp.sin(junction / 2)
+    speed = 2 * w * mp.sqrt((x - y) * (x + y)) * rho_hump
+    pull = mp.mpf(GRAVITY) / (kappa * rho_valley)
+    beta = 2 * mp.asin(radius / rho_valley)
+    start = (speed / rho_valley) ** 2
+
+    def slowness(angle: Any) -> Any:
+        return 1 / mp.sqrt(start + 2 * pull * (mp.cos(angle) - mp.cos(junction)))
+
+    return departure, departure + mp.quad(slowness, [-junction, -junction / 2, -beta])
+
+
+def _times(offsets: list[float]) -> list[Finding]:
+    mp = multiprecision()
+    departure, impact = Worst(), Worst()
+    for offset in offsets:
+        document = _start_off_crest(offset)
+        run = solve(document)
+        exact = _exact(mp, offset)
+        crossings = run.events["t"][run.events["event"] == "crossing"]
+        left = float(crossings[0]) if len(crossings) else math.nan
+        met = float(run.collisions["t"][0]) if len(run.collisions["t"]) else math.nan
+        departure.take(float(abs(left - exact[0]) / exact[0]), document)
+        impact.take(float(abs(met - exact[1]) / exact[1]), document)
+    tried = "at rest 1e-3 ... 1e-300 rad off a crest, against 50 digits"
+    return [
+        worst.finding("crest", f"relative error of the time of {name}", tried, 1e-12)
+        for name, worst in (("departure", departure), ("the first impact", impact))
+    ]
+
+
+def _decisions(offsets: list[float]) -> Finding:
+    """A body at rest beside a crest never comes over it; one moving on it always does."""
+    worst = Worst()
+    for offset in offsets:
+        for over in (False, True):
+            one = ball(0.0, arc=2, rate=offset) if over else ball(offset, arc=2)
+            # Each way down and back takes about 2 ln(1/offset)/w and some seconds.
+            time = RETURNS * (2.0 * -math.log(offset) / 3.4 + 4.0)
+            document = scene(THREE_ARCS, [one], time=time)
+            events = solve(document).events
+            crossing = events["event"] == "crossing"
+            arcs = np.asarray(events["arc_to"][crossing]).tolist()
+            expected = [3, 2, 1, 2] if over else [3, 2, 3, 2]
+            enough = len(arcs) >= RETURNS
+            right = enough and all(a == expected[n % 4] for n, a in enumerate(arcs))
+            worst.take(float(not right), document)
+    tried = (
+        f"alone on three arcs for {RETURNS} crossings or more, at rest beside or moving on a crest"
+    )
+    return worst.finding("crest", "wrong decisions to return", tried, 0.0)
+
+
+_VALLEY: Document = {"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}
+_ARCS: list[Document] = [
+    {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
+    {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
+    _VALLEY,
+]
+
+
+def check_turning(plan: Plan) -> list[Finding]:
+    """Times of the first impacts, drift of energy at k = 1, balance of lasting contact."""
+    return [_first_impacts(), _energy(plan), _balance()]
+
+
+def _turning_document(on_axis: bool, rate: float, k: float, law: str, **stop: float) -> Document:
+    """Two balls in a valley on its axis, or on three arcs about the axis of the hump."""
+    ball: Document = {"radius": 0.1, "density": 7800.0}
+    balls = [
+        {**ball, "arc": 1, "angle": "-75 deg", "rate": 0.0 if on_axis else -5.0},
+        {**ball, "arc": 1 if on_axis else 3, "angle": "60 deg", "rate": 0.0 if on_axis else 5.0},
+    ]
+    turning = {"through_arc": 1 if on_axis else 2, "rate": rate}
+    return {
+        "gravity": 9.81, "balls": balls, "collision": {"law": law, "k": k}, "stop": stop,
+        "trace": {
+            "start_slope": "-90 deg", "turning": turning, "arcs": [_VALLEY] if on_axis else _ARCS,
+        },
+        "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}},
+    }  # fmt: skip
+
+
+def _first_impacts() -> Finding:
+    worst = Worst()
+    for on_axis, rate in ((True, 1.7), (True, 3.6), (False, 0.8), (False, 1.2)):
+        document = _turning_document(on_axis, rate, 0.95, "hedrih", collisions=10)
+        run = solve(document, "compiled")
+        impacts = Twin(scene_of_system(run.system)).follow(happenings_of(run))
+        for row, impact in enumerate(impacts):
+            worst.take(float(abs(solved(run, "t", row) / impact.t - 1)), document)
+    return worst.finding(
+        "turning",
+        "relative error of the time of an impact",
+        "first 10 impacts, circle and three arcs",
+        1e-12,
+    )
+
+
+def _energy(plan: Plan) -> Finding:
+    impacts = plan.amount(1_000, 100_000)
+    worst = Worst()
+    document = _turning_document(True, 2.5, 1.0, "hedrih", collisions=impacts)
+    worst.take(abs(solve(document, "compiled").summary_record()["energy_drift"]), document)
+    return worst.finding(
+        "turning", "relative drift of energy", f"k = 1, circle, {impacts} impacts", 1e-12
+    )
+
+
+def _balance() -> Finding:
+    worst = Worst()
+    for on_axis in (True, False):
+        document = _turning_document(on_axis, 1.2, 0.4, "normal-impulse", time=25.0)
+        run = solve(document, "compiled")
+        record = run.summary_record()
+        lost = record["energy_start"] - float(run.collisions["energy_loss"].sum())
+        worst.take(abs(record["energy_end"] - lost) / record["energy_start"], document)
+    return worst.finding(
+        "turning",
+        "energy missing in the balance (relative)",
+        "k = 0.4, into lasting contact",
+        1e-11,
+    )

@@ -1,13 +1,22 @@
-"""Scenes that several checks share, and running them."""
+"""Scenes that several checks share, and running them.
+
+Runs that may never end or fill the memory have a process of their own, which can be given up.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+import multiprocessing
+import resource
+import signal
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 from vibro_cli.build import build_system
 from vibro_cli.mechanics.system import System
-from vibro_cli.scenario import scenario_of
+from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.stress.finding import Document
 
@@ -76,3 +85,112 @@ def energy_at(run: Run, t: float, side: str) -> float:
         parts += [0.5 * body.kappa * body.mass * float(speed) ** 2]
         parts += [body.mass * system.gravity * float(y)]
     return math.fsum(parts)
+
+
+# Seconds of the processor, however many they are on a busy machine; far more than any run takes.
+PATIENCE = 20.0
+
+Answer = TypeVar("Answer")
+
+
+class GivenUp(Exception):
+    """The other process did not answer; the message says why."""
+
+
+def _limit_memory(function: Callable[[Document], Any], memory: int) -> None:
+    """Let this process grow by so many bytes of addresses from what small runs need."""
+    for trace in (VALLEY, {**VALLEY, "turning": {"through_arc": 1, "rate": 1.0}}):
+        function(scene(trace, [ball(-0.5), ball(0.5)], 0.9, time=1.0))
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    most = pages * resource.getpagesize() + memory
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def _serve(connection: Connection, function: Callable[[Document], Any], memory: int | None) -> None:
+    """Answer documents as they come.
+
+    What takes too long ends the process by a signal: it may be in machine code.
+    """
+    if memory is not None:
+        _limit_memory(function, memory)
+    while True:
+        try:
+            document, seconds = connection.recv()
+        except EOFError:
+            return  # nobody asks any more
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+        answer = function(document)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        connection.send(answer)
+
+
+class Watched(Generic[Answer]):
+    """A function of a document, called in another process, which is made when it is first needed.
+
+    Parameters
+    ----------
+    function
+        What is called; it is at the top of a module and raises nothing.
+    memory
+        Bytes that it may take, None for as many as there are.
+    """
+
+    def __init__(self, function: Callable[[Document], Answer], memory: int | None = None) -> None:
+        self._function = function
+        self._memory = memory
+        self._process: Any = None
+        self._connection: Any = None
+
+    def _begin(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, other = context.Pipe()
+        arguments = (other, self._function, self._memory)
+        self._process = context.Process(target=_serve, args=arguments, daemon=True)
+        self._process.start()
+        other.close()
+
+    def __call__(self, document: Document, seconds: float = PATIENCE) -> Answer:
+        """Return the function's answer, found in so many seconds of the processor.
+
+        Raises
+        ------
+        GivenUp
+            If there is none by then, or the process has ended.
+        """
+        if self._process is None:
+            self._begin()
+        try:
+            self._connection.send((document, seconds))
+            answer: Answer = self._connection.recv()
+        except (EOFError, OSError):
+            self._process.join()
+            timed_out = self._process.exitcode == -signal.SIGPROF
+            self._process = None
+            why = f"no end within {seconds:g} s" if timed_out else "the process ended"
+            raise GivenUp(why) from None
+        return answer
+
+
+def _fault(document: Document) -> str:
+    try:
+        run = solve(document)
+        run.sample([run.checkpoint()["end_time"]])
+    except ScenarioError:
+        return ""
+    except Exception as fault:
+        return repr(fault)
+    return ""
+
+
+_watched_fault = Watched(_fault)
+
+
+def fault_of(document: Document, seconds: float = PATIENCE) -> str:
+    """What a run of a document comes to grief by: a fault or no end in so many seconds; or "".
+
+    To be refused is none.
+    """
+    try:
+        return _watched_fault(document, seconds)
+    except GivenUp as reason:
+        return str(reason)

@@ -1,36 +1,48 @@
-"""The checks by name, and running them."""
+"""The checks by name, running them, and their table: as text, plain values and a folder."""
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from functools import partial
 from importlib import import_module
+from pathlib import Path
+from typing import Any
 
-from vibro_cli.stress.fifty_digits import multiprecision
+import numpy as np
+
+from vibro_cli import __version__
+from vibro_cli.storage.files import new_folder
+from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+from vibro_cli.storage.schema import Column, Table
+from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.stress.finding import Finding, Plan
+from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.systems import NAMES as SYSTEMS
 
-# Each is a module beside this one with a function ``check``, or ``stress`` in the folder of a
-# system; the quick ones first.
-NAMES = (
-    "elliptic",
-    "crest",
-    "impacts",
-    "accumulation",
-    "cradle",
-    "symmetry",
-    "extremes",
-    "limits",
-    "energy",
-    *SYSTEMS[1:],
-    "turning",
-    "tangent",
-    "drawn",
-    "digits",
-    "contacts",
-)
-
+# The function ``check_NAME`` of each is in this module beside this one; the quick ones first. Those
+# of a system are ``check`` in the module ``stress`` of its folder.
+HOMES = {
+    "elliptic": "elliptic",
+    "crest": "impacts",
+    "impacts": "impacts",
+    "accumulation": "impact_laws",
+    "cradle": "impact_laws",
+    "symmetry": "symmetry",
+    "extremes": "extremes",
+    "limits": "extremes",
+    "energy": "impact_laws",
+    **dict.fromkeys(SYSTEMS[1:], ""),
+    "turning": "impacts",
+    "tangent": "digits",
+    "drawn": "physics",
+    "digits": "digits",
+    "contacts": "first_contacts",
+}
+NAMES = tuple(HOMES)
 
 # Processes of the long form.
 WORKERS = 2
@@ -39,8 +51,10 @@ WORKERS = 2
 def findings_of(name: str, plan: Plan) -> list[Finding]:
     """What one check finds."""
     check: Callable[[Plan], list[Finding]]
-    home = f"systems.{name}.stress" if name in SYSTEMS else f"stress.{name}"
-    check = import_module(f"vibro_cli.{home}").check
+    if name in SYSTEMS:
+        check = import_module(f"vibro_cli.systems.{name}.stress").check
+    else:
+        check = getattr(import_module(f"vibro_cli.stress.{HOMES[name]}"), f"check_{name}")
     return check(plan)
 
 
@@ -59,3 +73,71 @@ def run(plan: Plan, names: Sequence[str]) -> Iterator[Finding]:
     with ProcessPoolExecutor(WORKERS, mp_context=context) as workers:
         for findings in workers.map(findings_of, chosen, [plan] * len(chosen)):
             yield from findings
+
+
+TABLE = Table(
+    "stress",
+    "one quantity on one set of cases",
+    (
+        Column("check", "string", "", "name of the check (--only)"),
+        Column("quantity", "string", "", "what is measured, with its unit"),
+        Column("tried", "string", "", "what it was measured on"),
+        Column("cases", "int64", "", "how many cases"),
+        Column("worst", "float64", "", "the greatest value found"),
+        Column("mark", "float64", "", "what it may be at most; null: only told", True),
+        Column("met", "bool", "", "whether the mark is met"),
+        Column("scenario", "string", "", "file of the scenario of the worst case", True),
+    ),
+)
+
+check_stress_folder = partial(check_replaceable, kind="stress")
+
+
+def line_of(finding: Finding) -> str:
+    """One finding on one line of text."""
+    verdict = "told" if finding.mark is None else ("met" if finding.met else "MISSED")
+    mark = "" if finding.mark is None else f" (mark {finding.mark:.3g})"
+    return (
+        f"{verdict:6}  {finding.check:12}  {finding.quantity}: {finding.worst:.3g}{mark}; "
+        f"{finding.cases} cases: {finding.tried}"
+    )
+
+
+def record_of(finding: Finding) -> dict[str, Any]:
+    """One finding as plain values; what is not finite is null."""
+    record = asdict(finding) | {"met": finding.met}
+    record["worst"] = finding.worst if math.isfinite(finding.worst) else None
+    return record
+
+
+def _file_names(findings: Sequence[Finding]) -> list[str | None]:
+    """Names of the scenario files, None where a finding has none."""
+    return [
+        f"{finding.check}_{number}.json" if finding.scenario is not None else None
+        for number, finding in enumerate(findings, 1)
+    ]
+
+
+def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
+    """Write the table and the scenario of every worst case into a folder.
+
+    Raises FolderRefused when ``target`` is there and is none of ours, OSError when it cannot be
+    written.
+    """
+    names = _file_names(findings)
+    columns: dict[str, Any] = {}
+    for column in TABLE.columns:
+        values = names if column.name == "scenario" else [getattr(f, column.name) for f in findings]
+        if column.type == "float64":
+            values = [math.nan if value is None else value for value in values]
+        kind = {"string": object, "int64": np.int64, "float64": float, "bool": bool}[column.type]
+        columns[column.name] = np.array(values, dtype=kind)
+    origin = Origin(asdict(plan), __version__)
+    files = {"stress.parquet": parquet_bytes(to_arrow(TABLE, columns, origin))}
+    for name, finding in zip(names, findings, strict=True):
+        if name is not None:
+            files[name] = json_bytes(finding.scenario)
+    with new_folder(target, check_stress_folder) as folder:
+        for name, content in files.items():
+            folder.write(name, content)
+        folder.write(MANIFEST_NAME, json_bytes(manifest("stress", files, asdict(plan))))

@@ -11,11 +11,10 @@ from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.scenes import THREE_ARCS, VALLEY, ball, scene, solve, system_of
 
-CHECK = "symmetry"
 EPSILON = 2.0**-52
 
 
-def check(plan: Plan) -> list[Finding]:
+def check_symmetry(plan: Plan) -> list[Finding]:
     """Mirror images on one arc and on three, motion reversed, runs in two parts."""
     rng = np.random.default_rng([plan.seed, 11])
     count = plan.amount(20, 400)
@@ -81,7 +80,7 @@ def _mirror_on_one_arc(rng: np.random.Generator, count: int) -> Finding:
             different = any(not np.array_equal(one, other) for one, other in pairs)
         worst.take(float(different), document)
     tried = "2 to 4 balls in a valley and their mirror images, up to 60 impacts, to the bit"
-    return worst.finding(CHECK, "runs that differ", tried, 0.0)
+    return worst.finding("symmetry", "runs that differ", tried, 0.0)
 
 
 def _sensitivity(document: Document, run: Run) -> Any:
@@ -113,7 +112,7 @@ def _mirror_on_three(rng: np.random.Generator, count: int) -> Finding:
         off = np.abs(run.collisions["t"][:rows] - image.collisions["t"][:rows])
         worst.take(float(np.max(off / allowed)), document)
     tried = "two balls on three arcs and their mirror images, times of the first 10 impacts"
-    return worst.finding(CHECK, "difference / (eps x amplification)", tried, 64.0)
+    return worst.finding("symmetry", "difference / (eps x amplification)", tried, 64.0)
 
 
 def _reversal(rng: np.random.Generator, count: int) -> Finding:
@@ -134,7 +133,7 @@ def _reversal(rng: np.random.Generator, count: int) -> Finding:
         allowed = EPSILON * _growth(document, end["angle"])
         worst.take(float(np.max(np.abs(back - start))) / allowed, document)
     tried = "two balls in a valley for 4 s, all speeds reversed, back for 4 s"
-    return worst.finding(CHECK, "distance from the start / (eps x amplification)", tried, 64.0)
+    return worst.finding("symmetry", "distance from the start / (eps x amplification)", tried, 64.0)
 
 
 def _growth(document: Document, end: Any) -> float:
@@ -175,4 +174,4 @@ def _continued(rng: np.random.Generator, count: int) -> Finding:
                 same &= bool(equal)
         worst.take(float(not same), document)
     tried = "one run and the same run in two parts, joined at a checkpoint, to the bit"
-    return worst.finding(CHECK, "runs that differ", tried, 0.0)
+    return worst.finding("symmetry", "runs that differ", tried, 0.0)

@@ -9,8 +9,8 @@ import numpy as np
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.stress.fifty_digits import multiprecision
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
+from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.systems.run import Run
 
 CHECK = "table"

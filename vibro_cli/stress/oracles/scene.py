@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vibro_cli.mechanics.system import System
-from vibro_cli.stress.highprecision.taylor import Real, mp
+from vibro_cli.stress.oracles.taylor import Real, mp
 
 KAPPA = {
     "ball": mp.mpf(7) / 5,

@@ -11,14 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from vibro_cli.stress.highprecision.arrangement import LEFT_WALL, RIGHT_WALL, Arrangement
-from vibro_cli.stress.highprecision.first_zero import (
-    Undecided,
-    first_zero,
-    without_leading_zeros,
-)
-from vibro_cli.stress.highprecision.instant import (
+from vibro_cli.stress.oracles.arrangement import (
+    LEFT_WALL,
+    RIGHT_WALL,
     ZERO,
+    Arrangement,
     Inadmissible,
     Laws,
     Touch,
@@ -27,7 +24,7 @@ from vibro_cli.stress.highprecision.instant import (
     pressing,
     speed_of,
 )
-from vibro_cli.stress.highprecision.motion import (
+from vibro_cli.stress.oracles.motion import (
     BITS,
     FIRST_STEP,
     GROWTH,
@@ -38,15 +35,18 @@ from vibro_cli.stress.highprecision.motion import (
     Path,
     Series,
     State,
+    Undecided,
     Whole,
     expand_all,
+    first_zero,
     order_for,
     product,
     real,
     whole,
+    without_leading_zeros,
 )
-from vibro_cli.stress.highprecision.scene import Scene
-from vibro_cli.stress.highprecision.taylor import Real, mp
+from vibro_cli.stress.oracles.scene import Scene
+from vibro_cli.stress.oracles.taylor import Real, mp
 
 REST = mp.mpf(10) ** -17  # s
 SAME = mp.mpf(10) ** -30  # s: closer than this is one instant

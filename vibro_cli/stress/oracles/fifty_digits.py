@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibro_cli.stress.judge import (
+from vibro_cli.stress.oracles.interval_oracle import (
     BODY_A,
     BODY_B,
     GRAVITY,

@@ -1,28 +1,142 @@
-"""First contacts: the solver's against the judge's, 50 digits and SciPy's event finder."""
+"""First contacts: the solver's against the judge's, 50 digits and SciPy's event finder.
+
+The solver's come from its own compiled event loop, many flights one after another; SciPy's DOP853
+finds its events by changes of sign.
+"""
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from vibro_cli.stress import engine_batch, event_finder, fifty_digits, kernels
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.structs import NEVER
+from vibro_cli.kernels.world import World
+from vibro_cli.mechanics.system import System
+from vibro_cli.simulation.drive import compiled_world
+from vibro_cli.simulation.prepare import make_world
+from vibro_cli.stress import kernels
 from vibro_cli.stress.finding import Document, Finding, Plan
 from vibro_cli.stress.flights import (
     Family,
     States,
     for_judge,
     for_solver,
+    near_grazing,
     random_family,
     random_states,
     scenario_of_flight,
 )
-from vibro_cli.stress.grazing import near_grazing
-from vibro_cli.stress.judge import CONTACT, NO_CONTACT, UNDECIDED, judge_all
+from vibro_cli.stress.kernels import ANSWER_COLUMNS, find_first_contacts
+from vibro_cli.stress.oracles.fifty_digits import first_contact, multiprecision
+from vibro_cli.stress.oracles.interval_oracle import (
+    BODY_A,
+    BODY_B,
+    CONTACT,
+    GRAVITY,
+    HORIZON,
+    KAPPA,
+    NO_CONTACT,
+    PLACE,
+    RADIUS,
+    SIDE,
+    SIGN,
+    SIZE,
+    SLOPE,
+    SPEED,
+    UNDECIDED,
+    judge_all,
+)  # fmt: skip
 
-CHECK = "contacts"
+TOLERANCES = (1.0e-9, 1.0e-12)
+
+
+def first_event(flight: Any, tolerance: float) -> float | None:
+    """Instant (s) at which ``solve_ivp`` finds the gap to close, None if it finds no such.
+
+    ``flight`` is a row for the judge; DOP853 with ``rtol = tolerance`` and a hundredth of it as
+    ``atol``, an event function for the gap, terminal and falling: as a user writes it.
+    """
+    from scipy.integrate import solve_ivp
+
+    bodies = (BODY_A, BODY_B)
+    touch = flight[BODY_A + RADIUS] + flight[BODY_B + RADIUS]
+
+    def rate(t: float, y: Any) -> list[float]:
+        return [*_motion(flight, BODY_A, y[0], y[1]), *_motion(flight, BODY_B, y[2], y[3])]
+
+    def gap(t: float, y: Any) -> float:
+        ax, ay = _centre(flight, BODY_A, y[0])
+        bx, by = _centre(flight, BODY_B, y[2])
+        return math.hypot(bx - ax, by - ay) - float(touch)
+
+    gap.terminal, gap.direction = True, -1.0  # type: ignore[attr-defined]
+    start = [value for body in bodies for value in _start(flight, body)]
+    solution = solve_ivp(
+        rate, (0.0, flight[HORIZON]), start, method="DOP853", rtol=tolerance,
+        atol=0.01 * tolerance, events=gap,
+    )  # fmt: skip
+    found = np.asarray(solution.t_events[0])
+    return float(found[0]) if len(found) else None
+
+
+def _path_radius(flight: Any, body: int) -> float:
+    return float(flight[body + SIZE] - flight[body + SIGN] * flight[body + RADIUS])
+
+
+def _start(flight: Any, body: int) -> tuple[float, float]:
+    scale = 1.0 if flight[body + SIGN] == 0.0 else _path_radius(flight, body)
+    return float(flight[body + PLACE]), float(flight[body + SPEED] / scale)
+
+
+def _motion(flight: Any, body: int, place: float, rate: float) -> tuple[float, float]:
+    pull = -flight[GRAVITY] / flight[body + KAPPA]
+    if flight[body + SIGN] == 0.0:
+        return rate, pull * math.sin(flight[SLOPE])
+    return rate, flight[body + SIGN] * pull / _path_radius(flight, body) * math.sin(place)
+
+
+def _centre(flight: Any, body: int, place: float) -> tuple[float, float]:
+    """Centre of a body, from the junction of the two pieces (or the centre of the one arc)."""
+    sine, cosine = math.sin(flight[SLOPE]), math.cos(flight[SLOPE])
+    sign, radius = flight[body + SIGN], flight[body + RADIUS]
+    if sign == 0.0:
+        along = place - (flight[body + SIZE] if flight[body + SIDE] < 0.0 else 0.0)
+        return along * cosine - radius * sine, along * sine + radius * cosine
+    rho = _path_radius(flight, body)
+    x, y = rho * math.sin(place), -sign * rho * math.cos(place)
+    if flight[body + SIDE] != 0.0:
+        x, y = x - sign * flight[body + SIZE] * sine, y + sign * flight[body + SIZE] * cosine
+    return x, y
+
+
+def first_contacts(system: System, starts: Any) -> Any:
+    """The solver's first contact of each start, up to the first end of a flight.
+
+    Parameters
+    ----------
+    system
+        Two bodies; their initial states are not used.
+    starts
+        Rows of ``START_COLUMNS``; the last one in s.
+
+    Returns
+    -------
+    Rows of ``ANSWER_COLUMNS``.
+    """
+    world = compiled_world(make_world(system, NEVER, 1))
+    copies: list[Any] = [np.array(array) for array in world]
+    fresh = World(*copies)
+    answers: Any = np.zeros((len(starts), ANSWER_COLUMNS))
+    if len(starts):
+        compiled(find_first_contacts)(world, fresh, np.ascontiguousarray(starts), answers)
+    return answers
+
+
 # A contact is another one, not the same a little displaced, beyond this part of a radius.
 DISPLACED = 1.0e-11
 # A contact and the end of a flight closer than this (relative) are not told apart.
@@ -60,7 +174,7 @@ class Tally:
 
 def compare(family: Family, states: States, keep: int) -> Tally:
     """Give the flights of a family to the solver and to the judge."""
-    answers = engine_batch.first_contacts(family.system, for_solver(family, states))
+    answers = first_contacts(family.system, for_solver(family, states))
     on_the_way = np.flatnonzero(answers[:, kernels.HORIZON] > 0.0)
     answers, states = answers[on_the_way], states.part(on_the_way)
     rows = for_judge(family, states, answers[:, kernels.HORIZON])
@@ -130,7 +244,7 @@ def run_flights(seed: int, wanted: int, grazing: bool, keep: int) -> Tally:
     return total
 
 
-def check(plan: Plan) -> list[Finding]:
+def check_contacts(plan: Plan) -> list[Finding]:
     """Missed and invented contacts on random and near-grazing flights."""
     findings: list[Finding] = []
     hostile: list[tuple[Any, float, float]] = []
@@ -142,12 +256,12 @@ def check(plan: Plan) -> list[Finding]:
         n = tally.flights
         tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
         findings += [
-            Finding(CHECK, "missed first contacts", tried, n, tally.missed, 0.0, tally.wrong),
-            Finding(CHECK, "invented contacts", tried, n, tally.invented, 0.0, tally.wrong),
-            Finding(CHECK, "undecided by the judge", tried, n, tally.undecided, None),
+            Finding("contacts", "missed first contacts", tried, n, tally.missed, 0.0, tally.wrong),
+            Finding("contacts", "invented contacts", tried, n, tally.invented, 0.0, tally.wrong),
+            Finding("contacts", "undecided by the judge", tried, n, tally.undecided, None),
             Finding(
-                CHECK, "displacement of a contact (R)", tried, n, tally.displacement, DISPLACED,
-                tally.worst,
+                "contacts", "displacement of a contact (R)", tried, n, tally.displacement,
+                DISPLACED, tally.worst,
             ),
         ]  # fmt: skip
         if grazing:
@@ -157,15 +271,15 @@ def check(plan: Plan) -> list[Finding]:
 
 
 def _by_fifty_digits(sample: list[tuple[Any, float, float]], plan: Plan) -> Finding:
-    mp = fifty_digits.multiprecision()
+    mp = multiprecision()
     wrong, chosen = 0, _spread(sample, plan.amount(20, 1000))
     for row, true, solved in chosen:
-        exact = fifty_digits.first_contact(mp, row)
+        exact = first_contact(mp, row)
         instant = float("inf") if exact is None else float(exact)
         agree = [instant == other or abs(instant - other) < 1.0e-6 for other in (true, solved)]
         wrong += not all(agree)
     tried = "near-grazing flights, 50 digits against the judge and the solver"
-    return Finding(CHECK, "contacts decided otherwise", tried, len(chosen), wrong, 0.0)
+    return Finding("contacts", "contacts decided otherwise", tried, len(chosen), wrong, 0.0)
 
 
 def _by_scipy(sample: list[tuple[Any, float, float]], plan: Plan) -> list[Finding]:
@@ -173,14 +287,14 @@ def _by_scipy(sample: list[tuple[Any, float, float]], plan: Plan) -> list[Findin
     meeting = [(row, true) for row, true, _ in sample if true < np.inf]
     chosen = _spread(meeting, plan.amount(20, 200))
     findings = []
-    for tolerance in event_finder.TOLERANCES:
+    for tolerance in TOLERANCES:
         missed = 0
         for row, true in chosen:
-            found = event_finder.first_event(row, tolerance)
+            found = first_event(row, tolerance)
             missed += found is None or found > true + 1.0e-3
         tried = f"near-grazing flights with contact, SciPy's DOP853 at rtol {tolerance:g}"
         findings.append(
-            Finding(CHECK, "missed by SciPy's event finder", tried, len(chosen), missed, None)
+            Finding("contacts", "missed by SciPy's event finder", tried, len(chosen), missed, None)
         )
     return findings
 

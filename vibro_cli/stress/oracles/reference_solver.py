@@ -13,8 +13,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from vibro_cli.stress.highprecision.scene import Scene
-from vibro_cli.stress.highprecision.taylor import ArcMotion, Real, mp
+from vibro_cli.stress.oracles.scene import Scene
+from vibro_cli.stress.oracles.taylor import ArcMotion, Real, mp
 
 ENOUGH = mp.mpf(10) ** -44
 # A body farther beyond its piece, or two deeper in one another, have missed an event.

@@ -1,0 +1,438 @@
+"""What impacts do, one or several at an instant, against their law and against 50 digits.
+
+Energy is kept over a million impacts at k = 1 and lost by the law below it, by one pair and by
+several; accumulating impacts end when a continuation in 50 digits says, and rightly go on; several
+pairs collide at one instant in Newton's cradle, by hits from both sides and with small k.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.clearance import contact_angle
+from vibro_cli.simulation.run import Run
+from vibro_cli.stress.finding import Document, Finding, Plan, Worst
+from vibro_cli.stress.oracles.fifty_digits import multiprecision
+from vibro_cli.stress.oracles.scene import KAPPA
+from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.stress.scenes import (
+    CIRCLE,
+    THREE_ARCS,
+    VALLEY,
+    ball,
+    energy_at,
+    fault_of,
+    scene,
+    solve,
+    system_of,
+)
+from vibro_cli.stress.symmetry import mirrored
+
+LAWS = ("hedrih", "translational", "normal-impulse")
+COEFFICIENTS = (0.0, 1.0e-300, 0.05, 0.5, 0.8, 0.95, 0.999, 1.0 - 2.0**-53)
+QUANTITY = "error of {} loss (ulp, beyond the rounding of the relative speeds)"
+
+# Weight q and response h of the left and of the right body of a pair under its law.
+Factors = tuple[tuple[Real, Real], tuple[Real, Real]]
+
+
+def single_losses(plan: Plan) -> Finding:
+    """Loss of every impact of one pair against the law, from the row's own speeds."""
+    worst = Worst()
+    for law in LAWS:
+        for k in COEFFICIENTS:
+            first: Document = {"mass": 2.5} if law == "hedrih" else {"mass": 2.5, "radius": 0.08}
+            balls = [ball(-1.1, body="disk", **first), ball(0.8, body="disk")]
+            document = scene(VALLEY, balls, k, law, collisions=plan.amount(40, 400), time=60.0)
+            document["collision"]["inadmissible"] = "normal-impulse"
+            run = solve(document)
+            for row in range(len(run.collisions["n"])):
+                if not run.collisions["substituted"][row] and not run.collisions["contact"][row]:
+                    worst.take(_error(run, [row], [k]), document)
+    tried = "three laws, k = 0, 1e-300 ... 1 - 2^-53, against 50 digits"
+    return worst.finding("energy", QUANTITY.format("an impact's"), tried, 4.0)
+
+
+def joint_losses(plan: Plan) -> Finding:
+    """Loss of every pair of an impact of two to five pairs at one instant."""
+    worst, rng = Worst(), np.random.default_rng([plan.seed, 37])
+    for _ in range(plan.amount(40, 2000)):
+        document = _closing_row(rng)
+        run = solve(document)
+        pairs = len(document["balls"]) - 1
+        if run.collisions["substituted"].any() or not run.collisions["simultaneous"][:pairs].all():
+            continue
+        worst.take(_error(run, range(pairs), document["collision"]["k"]), document)
+    tried = "3 to 6 bodies in a row that all close at one instant, three laws, against 50 digits"
+    return worst.finding("energy", QUANTITY.format("a joint impact's"), tried, 4.0)
+
+
+def _closing_row(rng: np.random.Generator) -> Document:
+    """Bodies in contact at the start, each faster than the next one."""
+    equal = bool(rng.random() < 0.3)
+    balls, speed = [], 2.0
+    for number in range(int(rng.integers(3, 7))):
+        radius, mass = (0.1, 1.0) if equal else (rng.uniform(0.05, 0.1), rng.uniform(0.3, 3.0))
+        own = ball(-0.8, radius=float(radius), mass=float(mass), body="disk", speed=speed)
+        if number > 0:
+            del own["angle"]
+            own["touching"] = "previous"
+        speed -= float(rng.uniform(0.1, 2.0))
+        balls.append(own)
+    law = str(rng.choice(LAWS))
+    document = scene(VALLEY, balls, 1.0, law, collisions=len(balls) - 1, time=1.0)
+    k = [float(rng.choice(COEFFICIENTS)) for _ in balls[1:]]
+    document["collision"] |= {"k": k, "inadmissible": "normal-impulse"}
+    return document
+
+
+def _error(run: Run, rows: Sequence[int], k: Sequence[float]) -> float:
+    """Greatest error of the losses (ulp) of rows that are one impact of neighbouring pairs.
+
+    A relative speed is a difference of two speeds, and resolved no better than they are; the loss
+    goes with its square, in a joint impact with it and the impulse, to which all pairs contribute.
+    """
+    table = run.collisions
+    bodies = run.system.bodies
+    first = int(table["ball_a"][rows[0]]) - 1
+    law, size = str(table["law"][rows[0]]), mp.mpf(run.system.trace.pieces[0].radius)
+    factors = [_factors(law, size, *bodies[first + n : first + n + 2]) for n in range(len(rows))]
+    relative, resolved = [], []
+    for row, ((qa, _), (qb, _)) in zip(rows, factors, strict=True):
+        va, vb = (mp.mpf(float(table[f"speed_{end}_pre"][row])) for end in "ab")
+        relative.append(qa * va - qb * vb)
+        resolved.append(max(abs(qa * va), abs(qb * vb)) / abs(relative[-1]))
+    matrix = _matrix(factors)
+    change = [(1 + mp.mpf(one)) * u for one, u in zip(k, relative, strict=True)]
+    impulses = mp.lu_solve(matrix, mp.matrix(change))
+    rounded = mp.lu_solve(matrix, mp.matrix([u * r for u, r in zip(change, resolved, strict=True)]))
+    worst = 0.0
+    for n, row in enumerate(rows):
+        exact = (1 - mp.mpf(k[n])) / 2 * impulses[n] * relative[n]
+        if law == "translational":
+            exact *= KAPPA[bodies[first + n].kind]
+        found = mp.mpf(float(table["energy_loss"][row]))
+        units = abs(found - exact) / max(math.ulp(float(exact)), 5e-324)
+        worst = max(worst, float(units - 2 * (resolved[n] + rounded[n] / impulses[n])))
+    return worst
+
+
+def _factors(law: str, size: Real, one: Body, two: Body) -> Factors:
+    """The factors of two bodies in contact in a valley of this radius (m)."""
+    masses = [KAPPA[body.kind] * mp.mpf(body.mass) for body in (one, two)]
+    radii = [mp.mpf(body.radius) for body in (one, two)]
+    if law == "translational":
+        return (mp.one, 1 / mp.mpf(one.mass)), (mp.one, 1 / mp.mpf(two.mass))
+    if law == "hedrih":
+        weights = [1 / radius for radius in radii]
+    else:
+        paths = [size - radius for radius in radii]
+        beta = 2 * mp.asin(mp.sqrt(radii[0] * radii[1] / (paths[0] * paths[1])))
+        weights = [path * mp.sin(beta) / sum(radii) for path in reversed(paths)]
+    left, right = ((q, q / mass) for q, mass in zip(weights, masses, strict=True))
+    return left, right
+
+
+def _matrix(factors: Sequence[Factors]) -> Any:
+    """Change of every pair's relative speed by every pair's impulse."""
+    matrix = mp.zeros(len(factors))
+    for n, ((qa, ha), (qb, hb)) in enumerate(factors):
+        matrix[n, n] = qa * ha + qb * hb
+        if n > 0:
+            matrix[n, n - 1] = -qa * factors[n - 1][1][1]
+        if n < len(factors) - 1:
+            matrix[n, n + 1] = -qb * factors[n + 1][0][1]
+    return matrix
+
+
+SEEDS = 64
+# Standard error of the exponent of growth from the RMS of 64 runs at two lengths, doubled.
+EXPONENT = 0.5 + 2.0 * (2.0 / 128.0) ** 0.5 / math.log(16.0)
+
+
+def check_energy(plan: Plan) -> list[Finding]:
+    """Drift and corrections at k = 1, growth of the RMS over seeds, loss of every impact."""
+    return [*_drift(plan), _growth(plan), single_losses(plan), joint_losses(plan)]
+
+
+def _long_scenes() -> dict[str, Document]:
+    heavy: Document = {"mass": 2.5}
+    light: Document = {"radius": 0.07}
+    return {
+        "one circle": scene(CIRCLE, [ball(-0.9, **heavy), ball(0.8, **light)]),
+        "one valley, equal balls": scene(VALLEY, [ball(-1.2), ball(0.7)]),
+        "three arcs with crossings": scene(
+            THREE_ARCS, [ball(-1.5, rate=1.0, **heavy), ball(1.0, arc=3)]
+        ),
+    }
+
+
+def _drift(plan: Plan) -> list[Finding]:
+    impacts = plan.amount(10_000, 1_000_000)
+    drift, corrections = Worst(), Worst()
+    for document in _long_scenes().values():
+        document = {**document, "stop": {"collisions": impacts}}
+        run = solve(document, "compiled")
+        summary = run.summary_record()
+        start = energy_at(run, 0.0, "before")
+        scale = summary["energy_start"]
+        end = energy_at(run, summary["end_time"], "after")
+        drift.take(abs(end - start) / scale, document)
+        corrections.take(summary["energy_correction"] / scale, document)
+    tried = f"k = 1, {impacts} impacts each: {', '.join(_long_scenes())}"
+    return [
+        drift.finding("energy", "relative drift of energy", tried, 1e-12),
+        corrections.finding("energy", "sum of |corrections| / energy", tried, None),
+    ]
+
+
+def _growth(plan: Plan) -> Finding:
+    """Growth of the RMS of the drift with the number of impacts, as an exponent."""
+    short = plan.amount(100, 4000)
+    squares = [0.0, 0.0]
+    for seed in range(SEEDS):
+        rng = np.random.default_rng([plan.seed, seed])
+        balls = [ball(float(rng.uniform(-1.5, -0.4))), ball(float(rng.uniform(0.4, 1.5)))]
+        balls[0]["mass"] = float(rng.uniform(0.3, 3.0))
+        for n, length in enumerate((short, 16 * short)):
+            run = solve(scene(VALLEY, balls, collisions=length), "compiled")
+            summary = run.summary_record()
+            squares[n] += (summary["energy_drift"] or 0.0) ** 2
+    exponent = 0.5 * math.log(squares[1] / squares[0]) / math.log(16.0)
+    tried = f"k = 1, one valley, RMS over {SEEDS} seeds at {short} and {16 * short} impacts"
+    return Finding(
+        "energy", "exponent of the growth of the RMS drift", tried, SEEDS, exponent, EXPONENT
+    )
+
+
+SHORT = (0.0, 0.05, 0.3, 0.5, 0.8)
+LONG = (*SHORT, 1.0e-300, 0.1, 0.2, 0.4, 0.6, 0.7, 0.85, 0.9, 0.95, 0.97, 0.98, 0.99)
+STEP = 0.1  # s
+LEFT_OUT = 32.0  # decimal digits that a Taylor step keeps
+SINGULARITY = 0.45  # s: in the complex plane nearest to any instant of these motions
+ENOUGH = 1.0e-9  # s: impacts closer than this follow as a geometric series, to their square
+NOTHING = 1.0e-20  # a coefficient of restitution that lengthens no time that counts
+SLOW = 0.95  # thousands of impacts from here on: fewer cases
+
+
+def check_accumulation(plan: Plan) -> list[Finding]:
+    """Time of accumulation of a pair in a valley; lasting contact and the end of the run."""
+    rng = np.random.default_rng([plan.seed, 17])
+    mp = multiprecision()
+    off, ended = Worst(), Worst()
+    for k in LONG if plan.full else SHORT:
+        for _ in range(2 if k >= SLOW else plan.amount(2, 4)):
+            balls = [ball(float(rng.uniform(-1.2, -0.3))), ball(float(rng.uniform(0.3, 1.2)))]
+            balls[0]["mass"] = float(rng.uniform(0.3, 3.0))
+            document = scene(VALLEY, balls, k, time=4000.0 if k > 0.9 else 400.0)
+            run = solve(document)
+            closed = run.events["event"] == "contact_closed"
+            found = float(run.events["t"][closed][0]) if closed.any() else float("nan")
+            exact = _accumulation(mp, document, k)
+            off.take(float(abs(found - exact) / exact), document)
+            ended.take(float(run.end_cause != "time"), document)
+    tried = "two balls in a valley, k = 0, 1e-300 ... 0.99" if plan.full else "k = 0 ... 0.8"
+    return [
+        off.finding(
+            "accumulation",
+            "relative error of the time of accumulation",
+            f"{tried}, against 50 digits",
+            1e-10,
+        ),
+        ended.finding("accumulation", "runs that do not go on to their stop", tried, 0.0),
+    ]
+
+
+class _Pendulum:
+    """One ball between impacts: its angle as a Taylor series about the last instant."""
+
+    def __init__(self, mp: Any, angle: Any, rate: Any, w2: Any) -> None:
+        self.mp, self.w2 = mp, w2
+        self.angle, self.rate = angle, rate
+
+    def series(self, terms: int) -> list[Any]:
+        mp = self.mp
+        f, s, c = [self.angle, self.rate], [mp.sin(self.angle)], [mp.cos(self.angle)]
+        for k in range(terms - 1):
+            f.append(-self.w2 * s[k] / ((k + 1) * (k + 2)))
+            rates = [(j + 1) * f[j + 1] for j in range(k + 1)]
+            s.append(mp.fdot(zip(c, reversed(rates), strict=True)) / (k + 1))
+            c.append(-mp.fdot(zip(s[: k + 1], reversed(rates), strict=True)) / (k + 1))
+        return f
+
+
+def _accumulation(mp: Any, document: Document, k: float) -> Any:
+    """Instant (s) at which the impacts of two equal balls in one valley end.
+
+    Flights in short Taylor steps, every contact by Newton's iteration; at the end the flights
+    shorten as a geometric series of ratio k.
+    """
+    one, two = document["balls"]
+    rho = mp.mpf(document["trace"]["arcs"][0]["radius"]) - mp.mpf(one["radius"])
+    w2 = mp.mpf(document["gravity"]) / (mp.mpf(1.4) * rho)
+    beta = 2 * mp.asin(mp.mpf(one["radius"]) / rho)
+    bodies = [_Pendulum(mp, mp.mpf(b["angle"]), mp.zero, w2) for b in (one, two)]
+    share = mp.mpf(two["mass"]) / (mp.mpf(one["mass"]) + mp.mpf(two["mass"]))
+    t, flight, ratio = mp.zero, mp.mpf(STEP), mp.mpf(k)
+    while True:
+        flight = _to_contact(mp, bodies, beta, flight)
+        t += flight
+        relative = bodies[0].rate - bodies[1].rate
+        if ratio < NOTHING or flight < ENOUGH:
+            return t + flight * ratio / (1 - ratio)
+        bodies[0].rate -= (1 + ratio) * share * relative
+        bodies[1].rate += (1 + ratio) * (1 - share) * relative
+        # From now on the gap is exactly zero.
+        bodies[1].angle = bodies[0].angle + beta
+
+
+def _to_contact(mp: Any, bodies: list[_Pendulum], beta: Any, expected: Any) -> Any:
+    """Time to the next contact, expected after about the given one; the bodies are taken there."""
+    t, step = mp.zero, mp.mpf(STEP)
+    if expected < STEP / 2:
+        step = 2 * expected
+    terms = 2 + int(LEFT_OUT / -mp.log10(step / SINGULARITY))
+    while True:
+        rows = [body.series(terms) for body in bodies]
+        gap = [b - a for a, b in zip(*rows, strict=True)]
+        gap[0] -= beta
+        parting = t == 0 and abs(gap[0]) < mp.mpf(10) ** -40
+        root = _root(mp, gap[1:] if parting else gap, step)
+        h = step if root is None else root
+        for body, row in zip(bodies, rows, strict=True):
+            body.angle, body.rate = mp.polyval(row, h, derivative=True, asc=True)
+        t += h
+        if root is not None:
+            return t
+
+
+def _root(mp: Any, coefficients: list[Any], step: Any) -> Any:
+    """First root of a polynomial on a step, None if it has none."""
+    row = coefficients
+    low = mp.zero
+    for k in range(1, 9):
+        high = step * k / 8
+        if mp.polyval(row, high, asc=True) <= 0:
+            break
+        low = high
+    else:
+        return None
+    # A root much shorter than the step is first bracketed by its own size.
+    while low == 0 and mp.polyval(row, high / 8, asc=True) <= 0:
+        high /= 8
+    u = high
+    for _ in range(60):
+        value, slope = mp.polyval(row, u, derivative=True, asc=True)
+        following = u - value / slope if slope else low
+        if not low <= following <= high:
+            following = (low + high) / 2
+        if mp.polyval(row, following, asc=True) <= 0:
+            high = following
+        else:
+            low = following
+        if abs(following - u) <= abs(u) * mp.mpf(10) ** -45:
+            return following
+        u = following
+    return u
+
+
+EPSILON = 2.0**-52
+# Accumulations of many bodies take tens of thousands of impacts; more than this is no end.
+MOST_IMPACTS = 200_000
+
+
+def _touching(masses: list[float], middle: float = 0.0) -> list[Document]:
+    """Balls at rest in contact, about the bottom of a valley."""
+    two = system_of(scene(VALLEY, [ball(-0.5), ball(0.5)], time=1.0))
+    beta = contact_angle(two.trace.pieces[0], 0.1, 0.1)
+    first = middle - 0.5 * beta * (len(masses) - 1)
+    balls = [ball(first, mass=masses[0])]
+    balls += [{"radius": 0.1, "mass": m, "arc": 1, "touching": "previous"} for m in masses[1:]]
+    return balls
+
+
+def check_cradle(plan: Plan) -> list[Finding]:
+    """Speeds after a cradle's hit, symmetric scenes, and that every run ends."""
+    return [*_cradles(plan), *_symmetric(plan)]
+
+
+def _cradles(plan: Plan) -> list[Finding]:
+    """One ball hits n at rest: energy is kept, and the same speed leaves at the other end."""
+    kept, passed, ended = Worst(), Worst(), Worst()
+    for count in range(2, plan.amount(4, 9)):
+        for k in (1.0, 0.7, 0.05, 0.0):
+            balls = [ball(-1.9), *_touching([1.0] * count)]
+            document = scene(VALLEY, balls, k, collisions=MOST_IMPACTS, time=6.0)
+            document["collision"]["inadmissible"] = "normal-impulse"
+            hangs = bool(fault_of(document))
+            ended.take(float(hangs), document)
+            if hangs:
+                continue
+            run = solve(document)
+            ended.take(float(run.end_cause != "time"), document)
+            end = run.checkpoint()["end_time"]
+            before, after = energy_at(run, 0.0, "before"), energy_at(run, end, "after")
+            gain = (after - before) / abs(before)
+            kept.take(abs(gain) if k == 1.0 else max(gain, 0.0), document)
+            if k == 1.0:
+                passed.take(_not_passed_on(run), document)
+    tried = "a ball against a row at rest in contact, k = 1, 0.7, 0.05, 0"
+    return [
+        kept.finding("cradle", "relative energy gained (k = 1: changed)", tried, 1e-13),
+        passed.finding(
+            "cradle",
+            "speed not passed on to the last ball at k = 1, relative",
+            tried,
+            64.0 * EPSILON,
+        ),
+        ended.finding("cradle", "runs that hang or fail", tried, 0.0),
+    ]
+
+
+def _not_passed_on(run: Run) -> float:
+    """How far the speeds just after the first hit are from 0, ..., 0, v."""
+    first = float(run.collisions["t"][0])
+    incident = float(run.collisions["speed_a_pre"][0])
+    same = np.abs(run.collisions["t"] - first) < 1.0e-9
+    speeds = {}
+    for row in np.flatnonzero(same):
+        for end in "ab":
+            ball_number = int(run.collisions[f"ball_{end}"][row])
+            speeds[ball_number] = float(run.collisions[f"speed_{end}_post"][row])
+    last = speeds.pop(len(run.system.bodies), 0.0)
+    rest = max(abs(speed) for speed in speeds.values())
+    return max(abs(last - incident), rest) / abs(incident)
+
+
+def _symmetric(plan: Plan) -> list[Finding]:
+    """Masses 1:2:1 and rows struck from both sides stay their own mirror images, to the bit."""
+    worst, ended = Worst(), Worst()
+    rng = np.random.default_rng([plan.seed, 19])
+    for _ in range(plan.amount(8, 60)):
+        k = float(rng.choice([1.0, 0.8, 0.3, 0.05, 0.0]))
+        angle, outer = float(rng.uniform(0.6, 1.6)), float(rng.uniform(0.5, 2.0))
+        balls = [ball(-angle, mass=outer), ball(0.0, mass=2.0), ball(angle, mass=outer)]
+        document = scene(VALLEY, balls, k, collisions=MOST_IMPACTS, time=6.0)
+        hangs = bool(fault_of(document))
+        ended.take(float(hangs), document)
+        if hangs:
+            continue
+        run, image = solve(document), solve(mirrored(document))
+        if run.end_cause != "time":
+            ended.take(1.0, document)
+            continue
+        end = [state.sample([6.0])["angle"] for state in (run, image)]
+        lopsided = float(np.max(np.abs(end[0] + end[0][::-1])))
+        different = float(np.max(np.abs(end[0] + end[1][::-1])))
+        bad = lopsided + different
+        worst.take(bad if math.isfinite(bad) else math.inf, document)
+    tried = "masses m : 2 : m struck from both sides at one instant, k = 1 ... 0"
+    return [
+        worst.finding("cradle", "distance from the mirror image (rad)", tried, 0.0),
+        ended.finding("cradle", "runs that hang or fail", tried, 0.0),
+    ]
