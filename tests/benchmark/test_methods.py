@@ -10,12 +10,30 @@ from pathlib import Path
 
 import pytest
 
-from vibro_cli.benchmark import kept, references, whole
+from vibro_cli.benchmark import end_to_end
+from vibro_cli.benchmark.end_to_end import (
+    COMMAND,
+    DOCUMENTS,
+    EVENT_LOOP,
+    GRID,
+    KERNEL,
+    ROWS,
+    SUMMARIES,
+    measure_command,
+    measure_grid,
+)
 from vibro_cli.benchmark.measurement import PLANS, TABLE, Row, parquet, read_rows
-from vibro_cli.benchmark.motion import Motion
-from vibro_cli.benchmark.runner import Event, LegRunner, Lost, Method, Setting
-from vibro_cli.benchmark.scenes import BY_NAME, SCENES, Scene
-from vibro_cli.benchmark.with_series import Leg, coefficients
+from vibro_cli.benchmark.methods.motion import Motion
+from vibro_cli.benchmark.methods.runner import Event, LegRunner, Lost, Method, Setting
+from vibro_cli.benchmark.methods.with_series import Leg, coefficients
+from vibro_cli.benchmark.scenes import (
+    BY_NAME,
+    SCENES,
+    ReferenceOutdated,
+    Scene,
+    errors_of_times,
+    reference_times,
+)
 from vibro_cli.simulation.run import simulate_system
 from vibro_cli.storage.files import write_file
 
@@ -25,7 +43,7 @@ LIBRARY = {"with_heyoka": "heyoka", "with_cyrk": "CyRK", "with_scipy": "scipy"}
 
 
 def methods(module: str) -> list[Method]:
-    found: list[Method] = import_module(f"vibro_cli.benchmark.{module}").methods()
+    found: list[Method] = import_module(f"vibro_cli.benchmark.methods.{module}").methods()
     return found
 
 
@@ -33,25 +51,25 @@ def worst(method: Method, scene: Scene, setting: Setting, impacts: int) -> float
     runner = method.prepare(scene, setting)
     runner.ready(impacts)
     runner.go()
-    return max(references.errors(runner.course().times[:impacts], references.read(scene)))
+    return max(errors_of_times(runner.course().times[:impacts], reference_times(scene)))
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
 def test_references_are_of_these_scenes(scene: Scene) -> None:
-    times = references.read(scene)
+    times = reference_times(scene)
     assert len(times) == scene.compared
     found = simulate_system(scene.system, None, scene.compared, "python").collisions["t"].tolist()
-    assert max(references.errors(found, times)) < 1e-14
+    assert max(errors_of_times(found, times)) < 1e-14
 
 
 def test_another_scene_has_no_reference() -> None:
     other = Scene("circle", "", BY_NAME["circle"].trace, BY_NAME["circle"].balls, k=0.5)
-    with pytest.raises(references.ReferenceOutdated, match="--references"):
-        references.read(other)
+    with pytest.raises(ReferenceOutdated, match="--references"):
+        reference_times(other)
 
 
 def test_errors_are_formed_exactly() -> None:
-    assert references.errors([1.0], ["1.00000000000000000001"]) == [pytest.approx(1e-20)]
+    assert errors_of_times([1.0], ["1.00000000000000000001"]) == [pytest.approx(1e-20)]
 
 
 def test_the_way_over_the_top_is_met_on_both_sides() -> None:
@@ -85,7 +103,7 @@ def test_a_batch_of_heyoka_has_the_impacts_of_the_scene_in_every_lane() -> None:
     runner.go()
     course = runner.course()
     assert abs(course.impacts - 1000) <= 80
-    assert max(references.errors(course.times[: scene.compared], references.read(scene))) < 1e-8
+    assert max(errors_of_times(course.times[: scene.compared], reference_times(scene))) < 1e-8
 
 
 def test_a_run_is_counted_and_keeps_its_energy() -> None:
@@ -134,11 +152,9 @@ def test_a_method_that_makes_no_progress_is_lost() -> None:
 
 
 def test_a_grid_and_its_kernel_alone_do_the_same_work() -> None:
-    rows = kept.measure(PLANS["quick"])
+    rows = measure_grid(PLANS["quick"])
     assert {(row.method, row.setting) for row in rows} == {
-        (method, setting)
-        for method in (kept.KERNEL, kept.GRID)
-        for setting in (kept.ROWS, kept.SUMMARIES)
+        (method, setting) for method in (KERNEL, GRID) for setting in (ROWS, SUMMARIES)
     }
     (impacts,) = {row.impacts for row in rows}
     assert impacts > 1000
@@ -156,13 +172,13 @@ def test_rows_come_back_from_the_table(tmp_path: Path) -> None:
 
 
 def test_commands_are_measured_beside_their_event_loops(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(whole, "REPEATS", 1)
+    monkeypatch.setattr(end_to_end, "REPEATS", 1)
     names = ("rotating three arcs", "springs")
-    monkeypatch.setattr(whole, "DOCUMENTS", {name: whole.DOCUMENTS[name] for name in names})
-    rows = [row for found in whole.measure(PLANS["quick"]) for row in found]
+    monkeypatch.setattr(end_to_end, "DOCUMENTS", {name: DOCUMENTS[name] for name in names})
+    rows = [row for found in measure_command(PLANS["quick"]) for row in found]
     assert [row.scene for row in rows] == [name for name in names for _ in range(4)]
     for alone, command in zip(rows[::2], rows[1::2], strict=True):
-        assert (alone.method, command.method) == (whole.KERNEL, whole.COMMAND)
+        assert (alone.method, command.method) == (EVENT_LOOP, COMMAND)
         assert alone.impacts == command.impacts
         # The command does more, and starts a process.
         assert alone.seconds is not None

@@ -5,12 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from vibro_cli.benchmark import kept, whole
+from vibro_cli.benchmark.ablation import WITH
+from vibro_cli.benchmark.end_to_end import (
+    COMMAND,
+    COMMAND_PART,
+    EVENT_LOOP,
+    GRID,
+    GRID_PART,
+    KERNEL,
+)
 from vibro_cli.benchmark.measurement import Row
+from vibro_cli.benchmark.methods.with_series import PAPERS_ORDER
+from vibro_cli.benchmark.methods.with_vibro import BATCH, COMPILED, INTERPRETED, KEPT
 from vibro_cli.benchmark.scenes import BY_NAME
-from vibro_cli.benchmark.skips import WITH
-from vibro_cli.benchmark.with_series import PAPERS_ORDER
-from vibro_cli.benchmark.with_vibro import BATCH, COMPILED, INTERPRETED, KEPT
 
 _OURS = (COMPILED, KEPT, BATCH, INTERPRETED)
 _SERIES = "series of the papers"
@@ -168,11 +175,11 @@ def _of_grid(rows: Sequence[Row]) -> Iterator[str]:
 
 def _of_kept(rows: Sequence[Row]) -> Iterator[str]:
     """What is left of the kernel's rate when a grid goes to the disk."""
-    own = [row for row in rows if row.part == kept.PART and row.per_impact]
+    own = [row for row in rows if row.part == GRID_PART and row.per_impact]
     for setting, group in groupby(own, key=lambda row: row.setting):
         pair = {row.method: row for row in group}
         if len(pair) == 2:
-            alone, whole = pair[kept.KERNEL], pair[kept.GRID]
+            alone, whole = pair[KERNEL], pair[GRID]
             share = (alone.per_impact or 0.0) / (whole.per_impact or 1.0)
             yield (
                 f"A grid of {whole.size:,} scenarios on {BY_NAME[whole.scene].title}, {setting}: "
@@ -202,11 +209,11 @@ def _of_skips(rows: Sequence[Row]) -> Iterator[str]:
 
 def _of_commands(rows: Sequence[Row]) -> Iterator[str]:
     """What an impact costs from the shell to the tables, beside its event loop."""
-    own = [row for row in rows if row.part == whole.PART and row.seconds]
+    own = [row for row in rows if row.part == COMMAND_PART and row.seconds]
     for scene, group in groupby(own, key=lambda row: row.scene):
         both = list(group)
-        command = [row for row in both if row.method == whole.COMMAND]
-        alone = [row for row in both if row.method == whole.KERNEL]
+        command = [row for row in both if row.method == COMMAND]
+        alone = [row for row in both if row.method == EVENT_LOOP]
         if len(command) < 2 or len(command) != len(alone):
             continue
         more = command[-1].impacts - command[0].impacts

@@ -1,9 +1,15 @@
-"""Cost per impact against the number of bodies, arcs, scenarios and cores; memory."""
+"""Cost per impact against the number of bodies, arcs, scenarios and cores; memory.
+
+A grid of scenarios on all cores, summaries only: our batches in threads, heyoka's in processes.
+
+heyoka calls back into Python for each impact, so that its batches need a process for each core.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import math
+import multiprocessing
 import subprocess
 import sys
 import tempfile
@@ -11,15 +17,19 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from vibro_cli.benchmark.measurement import Plan, Row, by_turns, warmed
-from vibro_cli.benchmark.runner import Lost
+from vibro_cli.benchmark.methods.motion import Motion
+from vibro_cli.benchmark.methods.runner import Lost
+from vibro_cli.benchmark.methods.with_heyoka_batch import NAME, TOLERANCES, Lanes
+from vibro_cli.benchmark.methods.with_vibro import DriverRunner, points_of
+from vibro_cli.benchmark.precision import installed_peers
 from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Document, Scene, ball
-from vibro_cli.benchmark.with_vibro import DriverRunner, points_of
 from vibro_cli.grids.threads import available_cores
 from vibro_cli.simulation.batch import Batch
 from vibro_cli.simulation.entry import empty_results
@@ -78,7 +88,7 @@ def chain_of_arcs(count: int) -> Scene:
     return Scene(f"{count} arcs", f"{count} arcs, 3 reached", trace, balls, law="normal-impulse")
 
 
-def measure(plan: Plan) -> Iterator[list[Row]]:
+def measure_growth(plan: Plan) -> Iterator[list[Row]]:
     """Measure how cost and memory grow; give the rows of each kind as they come."""
     yield _measure_scenes(plan, "bodies", {count: row_of_bodies(count) for count in plan.bodies})
     yield _measure_scenes(plan, "arcs", {count: chain_of_arcs(count) for count in plan.arcs})
@@ -225,3 +235,85 @@ def greatest_memory(process: subprocess.Popen[bytes]) -> int | None:
             greatest = int(found[0]) * 1024 if found else greatest
         time.sleep(0.01)
     return greatest
+
+
+PART = "grid"
+_SCENE = "circle"
+_SCENARIOS = {"quick": 64, "default": 10_000, "full": 10_000}
+
+
+class Processes:
+    """heyoka's batches of the scenarios of a `Crew`, in processes.
+
+    Parameters
+    ----------
+    processes
+        How many; each waits for its work from the start on.
+    count
+        How many scenarios.
+    tolerance
+        Of the integrator.
+    """
+
+    def __init__(self, processes: int, count: int, tolerance: float) -> None:
+        self.impacts = 0
+        context = multiprocessing.get_context("spawn")
+        self._ends: list[Any] = []
+        for number in range(processes):
+            here, there = context.Pipe()
+            share = range(number, count, processes)
+            work = context.Process(target=_serve, args=(there, share, count, tolerance))
+            work.daemon = True
+            work.start()
+            self._ends.append(here)
+
+    def ready(self) -> None:
+        """Nothing is kept from run to run."""
+
+    def go(self) -> None:
+        """Solve all scenarios."""
+        for end in self._ends:
+            end.send(True)
+        self.impacts = sum(end.recv() for end in self._ends)
+
+    def close(self) -> None:
+        """End the processes."""
+        for end in self._ends:
+            end.send(False)
+
+
+def _serve(end: Connection, share: range, count: int, tolerance: float) -> None:
+    """Solve a share of the scenarios whenever told to; answer with the impacts there were."""
+    motion = Motion(BY_NAME[_SCENE].system)
+    lanes = Lanes(motion, tolerance)
+    angles = 2.0 * first_halves(np.array(share), count)
+    while end.recv():
+        total = 0
+        for first in range(0, len(angles), lanes.count):
+            starts = np.tile(np.array(motion.start)[:, None], lanes.count)
+            # The last ones again in lanes that would be empty.
+            own = angles[first : first + lanes.count]
+            starts[0] = own[np.minimum(np.arange(lanes.count), len(own) - 1)]
+            total += lanes.go(starts, EACH)
+        end.send(total)
+
+
+def measure_on_all_cores(plan: Plan) -> list[Row]:
+    """Measure one grid by every way there is, by turns."""
+    count, cores = _SCENARIOS[plan.form], available_cores()
+    rows = [Row(PART, _SCENE, "vibro, batch", "exact", size=count)]
+    crews: list[Crew | Processes] = [Crew(cores, count)]
+    if "heyoka" in installed_peers():
+        for tolerance in TOLERANCES:
+            rows.append(Row(PART, _SCENE, NAME, f"{tolerance:g}", size=count))
+            crews.append(Processes(cores, count, tolerance))
+    try:
+        taken = by_turns(warmed([(crew.ready, crew.go) for crew in crews]), plan)
+    finally:
+        for crew in crews:
+            if isinstance(crew, Processes):
+                crew.close()
+    for row, crew, times in zip(rows, crews, taken, strict=True):
+        row.impacts = crew.impacts
+        row.take_times(times)
+    return rows

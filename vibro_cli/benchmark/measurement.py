@@ -1,11 +1,14 @@
-"""What is measured, as rows of one table; how long, by turns; and how much of it is wanted."""
+"""What is measured, as rows of one table; how long, by turns; how much of it; on which machine."""
 
 from __future__ import annotations
 
 import math
+import os
+import platform
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
+from importlib import metadata
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -13,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli import __version__
+from vibro_cli.grids.threads import available_cores
 from vibro_cli.storage.schema import Column, Table
 from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 
@@ -168,3 +172,33 @@ def read_rows(path: Path) -> tuple[list[Row], dict[str, Any]]:
 def record_of(row: Row) -> dict[str, Any]:
     """Return a row as plain values."""
     return asdict(row)
+
+
+_LIBRARIES = ("numpy", "scipy", "heyoka", "diffrax", "jax", "CyRK")
+
+
+def describe_machine() -> dict[str, str]:
+    """Return processor, cores, system and versions, as words."""
+    found = {
+        "Processor": _processor(),
+        "Cores that may be used": str(available_cores()),
+        "Load when it began (1, 5, 15 minutes)": ", ".join(f"{v:.1f}" for v in os.getloadavg()),
+        "System": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "Python": platform.python_version(),
+        "vibro": __version__,
+    }
+    for name in _LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else "unknown"

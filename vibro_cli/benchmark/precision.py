@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 
-from vibro_cli.benchmark import references
 from vibro_cli.benchmark.measurement import Plan, Row, by_turns
-from vibro_cli.benchmark.runner import Lost, Method, Runner, Setting
-from vibro_cli.benchmark.scenes import SCENES, Scene
+from vibro_cli.benchmark.methods.runner import Lost, Method, Runner, Setting
+from vibro_cli.benchmark.scenes import SCENES, Scene, errors_of_times, reference_times
 
 PEERS = {
     "with_heyoka": "heyoka", "with_heyoka_batch": "heyoka",
@@ -39,7 +38,7 @@ def methods(plan: Plan) -> list[tuple[str, Method]]:
     for module in _QUICK if quick else _MODULES:
         if module in PEERS and PEERS[module] not in installed_peers():
             continue
-        own = import_module(f"vibro_cli.benchmark.{module}").methods()
+        own = import_module(f"vibro_cli.benchmark.methods.{module}").methods()
         found += [(module, _ends(method) if quick else method) for method in own]
     return found
 
@@ -60,7 +59,7 @@ def measure(plan: Plan, names: Sequence[str]) -> Iterator[list[Row]]:
 
 
 def _measure_scene(plan: Plan, scene: Scene, found: list[tuple[str, Method]]) -> list[Row]:
-    exact = references.read(scene)
+    exact = reference_times(scene)
     rows, timed = [], []
     for module, method in found:
         if not method.suits(scene):
@@ -102,7 +101,7 @@ def _compared(
         row.status, row.note = "lost", str(lost)
         return None
     row.compared = len(times)
-    found = references.errors(times, exact)
+    found = errors_of_times(times, exact)
     row.error = max(found)
     astray = next((n for n, error in enumerate(found, 1) if error > _ASTRAY), None)
     if astray is not None and not series:

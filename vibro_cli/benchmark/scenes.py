@@ -1,9 +1,15 @@
-"""The scenes that every method is measured on, as scenarios."""
+"""The scenes that every method is measured on, with the times of their first impacts.
+
+The times are kept in the folder ``references``. They come from ``stress.oracles.reference_solver``,
+a Taylor integration in 50 digits fed with the very doubles that the methods get.
+"""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.resources import files
 from typing import Any
 
 from vibro_cli.build import build_system
@@ -87,3 +93,75 @@ SCENES = (
     ),
 )  # fmt: skip
 BY_NAME = {scene.name: scene for scene in SCENES}
+
+
+DIGITS = 40
+
+
+class ReferenceOutdated(Exception):
+    """A reference is not there, or is of another scene; the message says how to renew it."""
+
+
+def reference_file(scene: Scene) -> str:
+    """Name of a scene's file of references."""
+    return f"{scene.name}.json"
+
+
+def reference_times(scene: Scene) -> list[str]:
+    """Return the times (s) of the first impacts of a scene as decimals of ``DIGITS`` digits.
+
+    Raises
+    ------
+    ReferenceOutdated
+        If there is no reference of just this scene.
+    """
+    path = files("vibro_cli.benchmark") / "references" / reference_file(scene)
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        found = {}
+    if found.get("scenario") != json.loads(json.dumps(scene.document)):
+        raise ReferenceOutdated(
+            f"{path}: found no reference of the scene {scene.name!r} as it is; expected what "
+            "`vibro bench --references DIR` writes"
+        )
+    times: list[str] = found["times"]
+    return times
+
+
+def computed_reference(scene: Scene) -> dict[str, Any]:
+    """Return the content of a scene's file, computed anew; needs mpmath."""
+    from vibro_cli.simulation.run import simulate_system
+    from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+    from vibro_cli.stress.oracles.scene import scene_of_system
+    from vibro_cli.stress.oracles.taylor import mp
+
+    run = simulate_system(scene.system, None, scene.compared, "python")
+    impacts = Twin(scene_of_system(scene.system)).follow(happenings_of(run))
+    return {
+        "scenario": scene.document,
+        "unit": "s",
+        "digits": DIGITS,
+        "times": [mp.nstr(impact.t, DIGITS) for impact in impacts],
+    }
+
+
+def errors_of_times(times: list[float], exact: list[str]) -> list[float]:
+    """Relative errors of times, formed in exact fractions and rounded once."""
+    from fractions import Fraction
+
+    pairs = zip(times, exact, strict=False)
+    return [float(abs(Fraction(time) - Fraction(true)) / Fraction(true)) for time, true in pairs]
+
+
+def reference_difference(scene: Scene, content: dict[str, Any]) -> str:
+    """Say in words how a content computed anew differs from the reference in use."""
+    from fractions import Fraction
+
+    try:
+        used = reference_times(scene)
+    except ReferenceOutdated:
+        return "no reference in use"
+    pairs = zip(used, content["times"], strict=True)
+    worst = max(float(abs(Fraction(a) - Fraction(b)) / Fraction(b)) for a, b in pairs)
+    return f"{len(used)} times, greatest relative difference {worst:.1e}"

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from vibro_cli.benchmark import crowd, growth, kept, other_systems, precision, skips, whole
+from vibro_cli.benchmark import other_systems, precision
+from vibro_cli.benchmark.ablation import measure_skips
+from vibro_cli.benchmark.end_to_end import measure_command, measure_grid
+from vibro_cli.benchmark.growth import measure_growth, measure_on_all_cores
 from vibro_cli.benchmark.measurement import Plan, Row
 
 
@@ -12,9 +15,9 @@ def run(plan: Plan, scenes: Sequence[str] = ()) -> Iterator[list[Row]]:
     """Measure scenes of these names; all of them, with growth and skips, when none is named."""
     yield from precision.measure(plan, scenes)
     if not scenes:
-        yield from growth.measure(plan)
-        yield crowd.measure(plan)
-        yield kept.measure(plan)
-        yield skips.measure(plan)
+        yield from measure_growth(plan)
+        yield measure_on_all_cores(plan)
+        yield measure_grid(plan)
+        yield measure_skips(plan)
         yield other_systems.measure(plan)
-        yield from whole.measure(plan)
+        yield from measure_command(plan)

@@ -75,13 +75,13 @@ def _check_scenes(names: tuple[str, ...]) -> None:
 
 
 def _measure(wishes: _Wishes) -> int:
-    from vibro_cli.benchmark import machine, precision, suite
-    from vibro_cli.benchmark.measurement import PLANS
-    from vibro_cli.benchmark.references import ReferenceOutdated
+    from vibro_cli.benchmark import precision, suite
+    from vibro_cli.benchmark.measurement import PLANS, describe_machine
+    from vibro_cli.benchmark.scenes import ReferenceOutdated
     from vibro_cli.storage.provenance import FolderRefused, check_replaceable
 
     _check_scenes(wishes.scenes)
-    details = {"machine": machine.describe(), "plan": wishes.form}
+    details = {"machine": describe_machine(), "plan": wishes.form}
     missing = sorted(set(precision.PEERS.values()) - set(precision.installed_peers()))
     if missing and not wishes.quiet:
         names = ", ".join(missing)
@@ -140,8 +140,12 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
 
 
 def _renew(target: str, names: tuple[str, ...]) -> int:
-    from vibro_cli.benchmark import references
-    from vibro_cli.benchmark.scenes import SCENES
+    from vibro_cli.benchmark.scenes import (
+        SCENES,
+        computed_reference,
+        reference_difference,
+        reference_file,
+    )
     from vibro_cli.storage.files import new_folder
     from vibro_cli.storage.provenance import (
         MANIFEST_NAME,
@@ -158,9 +162,9 @@ def _renew(target: str, names: tuple[str, ...]) -> int:
         for scene in SCENES:
             if names and scene.name not in names:
                 continue
-            content = references.compute(scene)
-            files[references.file_name(scene)] = json_bytes(content)
-            print(f"{scene.name}: {references.difference(scene, content)}", flush=True)
+            content = computed_reference(scene)
+            files[reference_file(scene)] = json_bytes(content)
+            print(f"{scene.name}: {reference_difference(scene, content)}", flush=True)
         with new_folder(Path(target), check) as folder:
             for name, bytes_ in files.items():
                 folder.write(name, bytes_)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibro_cli.benchmark.motion import Motion
-from vibro_cli.benchmark.runner import Course, Lost, Method, Runner, Setting
+from vibro_cli.benchmark.methods.motion import Motion
+from vibro_cli.benchmark.methods.runner import Course, Lost, Method, Runner, Setting
+from vibro_cli.benchmark.methods.with_heyoka import gap
 from vibro_cli.benchmark.scenes import Scene
-from vibro_cli.benchmark.with_heyoka import gap
 
 NAME = "heyoka, batch"
 TOLERANCES = (1e-16, 1e-9)

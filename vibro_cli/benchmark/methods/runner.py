@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from vibro_cli.benchmark.motion import Motion, State
+from vibro_cli.benchmark.methods.motion import Motion, State
 
 _STUCK = 4
 

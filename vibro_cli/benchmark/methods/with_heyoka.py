@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from vibro_cli.benchmark.motion import Motion
-from vibro_cli.benchmark.runner import Course, Lost, Method, Runner, Setting, course_of
+from vibro_cli.benchmark.methods.motion import Motion
+from vibro_cli.benchmark.methods.runner import Course, Lost, Method, Runner, Setting, course_of
 from vibro_cli.benchmark.scenes import Scene
 
 _TOLERANCES = (1e-16, 1e-12, 1e-9, 1e-6)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
+from vibro_cli.benchmark.methods.with_vibro import DriverRunner
 from vibro_cli.benchmark.scenes import BY_NAME, Scene
-from vibro_cli.benchmark.with_vibro import DriverRunner
 from vibro_cli.simulation.run import Run, Wanted, simulate_system
 
 WITH, WITHOUT = "skipped", "not skipped"
@@ -33,7 +33,7 @@ class _Searching(DriverRunner):
             far[:] = 0
 
 
-def measure(plan: Plan) -> list[Row]:
+def measure_skips(plan: Plan) -> list[Row]:
     """Measure each skip on a scene where it matters, with and without it by turns."""
     impacts = 500 if plan.form == "quick" else 20_000
     rows, tasks = [], []

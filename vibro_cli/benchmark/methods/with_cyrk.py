@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.benchmark.motion import Motion, State
-from vibro_cli.benchmark.runner import Event, LegRunner, Lost, Method, Runner, Setting
+from vibro_cli.benchmark.methods.motion import Motion, State
+from vibro_cli.benchmark.methods.runner import Event, LegRunner, Lost, Method, Runner, Setting
 from vibro_cli.benchmark.scenes import Scene
 
 _FAR = 1.0e3

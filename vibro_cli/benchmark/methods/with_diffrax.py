@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.benchmark.motion import Motion
-from vibro_cli.benchmark.runner import Course, Lost, Method, Runner, Setting, course_of
+from vibro_cli.benchmark.methods.motion import Motion
+from vibro_cli.benchmark.methods.runner import Course, Lost, Method, Runner, Setting, course_of
 from vibro_cli.benchmark.scenes import Scene
 
 _FAR = 1.0e3

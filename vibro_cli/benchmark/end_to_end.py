@@ -1,14 +1,19 @@
-"""A grid from end to end against its kernel alone: what planning, encoding and writing cost.
+"""From end to end against the kernels alone: what planning, encoding, writing and starting cost.
 
-Both in threads of this process, on all cores. The kernel has the points of the grid planned, and
-leaves the rows that the grid keeps as columns; without them, it has the summaries alone.
+A grid and its kernel both run in threads of this process, on all cores. The kernel has the points
+of the grid planned, and leaves the rows that the grid keeps as columns; without them, it has the
+summaries alone. A single run is measured as a command, from the shell to the tables, beside its
+event loop.
 """
 
 from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -17,10 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.benchmark.growth import shared_out
+from vibro_cli.benchmark.growth import greatest_memory, shared_out
 from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
-from vibro_cli.benchmark.scenes import BY_NAME
-from vibro_cli.build import build_system
+from vibro_cli.benchmark.other_systems import SCENES as OTHERS
+from vibro_cli.benchmark.other_systems import SLOW
+from vibro_cli.benchmark.scenes import BY_NAME, Document, ball
+from vibro_cli.build import build_any, build_system
 from vibro_cli.grids.axes import Column
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import Grid, load_grid
@@ -32,12 +39,16 @@ from vibro_cli.grids.solving import Task as Planned
 from vibro_cli.grids.tables import impact_table_of
 from vibro_cli.grids.threads import available_cores, solve_in_threads
 from vibro_cli.mechanics.system import System
-from vibro_cli.scenario import scenario_of
+from vibro_cli.scenario import any_scenario_of, scenario_of
 from vibro_cli.simulation.batch import Batch
 from vibro_cli.simulation.entry import empty_results
+from vibro_cli.storage.provenance import json_bytes
 from vibro_cli.storage.schema import Table
+from vibro_cli.stress.scenes import three_arcs
+from vibro_cli.systems import system_named
+from vibro_cli.systems.driver import Driver
 
-PART = "kept"
+GRID_PART = "kept"
 KERNEL, GRID = "kernel alone", "grid on the disk"
 ROWS, SUMMARIES = "every impact", "summaries only"
 _SCENE = "three_arcs"
@@ -46,7 +57,7 @@ _MOST = 50
 """Impacts of a point."""
 
 
-def measure(plan: Plan) -> list[Row]:
+def measure_grid(plan: Plan) -> list[Row]:
     """Measure one grid, with every impact and with summaries only, and its kernel, by turns."""
     rows: list[Row] = []
     tasks: list[Task] = []
@@ -56,7 +67,7 @@ def measure(plan: Plan) -> list[Row]:
             expected = expected_impacts(one)
             chunks = Chunks.of(one, expected, impact_density(one, expected, "compiled"))
             for method, job in ((KERNEL, _Kernels(one, chunks)), (GRID, _Whole(one, chunks))):
-                rows.append(Row(PART, _SCENE, method, setting, size=chunks.points))
+                rows.append(Row(GRID_PART, _SCENE, method, setting, size=chunks.points))
                 jobs.append(job)
                 tasks.append((job.ready, job.go))
         times = by_turns(warmed(tasks), plan)
@@ -173,3 +184,95 @@ class _Solver:
             impact_columns(self._kept, [given], points, lease)
             lease.give_back()
         return impacts
+
+
+COMMAND_PART = "command"
+EVENT_LOOP, COMMAND = "event loop alone", "vibro run"
+SIZES = {
+    "quick": (100, 1000),
+    "default": (1000, 100_000),
+    "full": (1000, 10_000, 100_000, 1_000_000),
+}
+REPEATS = 3
+
+
+def _rotating() -> Document:
+    """Three arcs between walls, which turn about the vertical through the hump."""
+    turning = {"through_arc": 2, "rate": 0.8}
+    return BY_NAME["three_arcs"].document | {
+        "trace": three_arcs(90) | {"turning": turning},
+        "balls": [ball("-80 deg", 7800.0), ball("60 deg", 6000.0, 3, rate=3.5)],
+        "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}},
+    }
+
+
+_ARCS = BY_NAME["three_arcs"].document
+DOCUMENTS: dict[str, Document] = {
+    "circle": BY_NAME["circle"].document,
+    "three_arcs": _ARCS,
+    "three_arcs, friction": _ARCS | {"output": {"friction": 0.3}},
+    "three_arcs, turning points": _ARCS | {"output": {"turning_points": True}},
+    "rotating three arcs": _rotating(),
+    **{name: OTHERS[name] for name in ("30 balls in a box", *SLOW)},
+}
+
+
+def measure_command(plan: Plan) -> Iterator[list[Row]]:
+    """Measure scene by scene, without figures; the event loop by turns with the command."""
+    for name, document in DOCUMENTS.items():
+        rows = []
+        for size in SIZES[plan.form]:
+            # Springs are solved by series, and an impact takes as long as many elsewhere.
+            impacts = size // 100 if name in SLOW else size
+            rows += _measured(name, document | {"stop": {"collisions": impacts}}, impacts)
+        yield rows
+
+
+def _measured(name: str, document: Document, impacts: int) -> list[Row]:
+    rows = [
+        Row(COMMAND_PART, name, method, size=impacts, impacts=impacts)
+        for method in (EVENT_LOOP, COMMAND)
+    ]
+    times: list[list[float]] = [[], []]
+    with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
+        source = Path(folder) / "scene.json"
+        source.write_bytes(json_bytes(document))
+        _event_loop(document, impacts)  # machine code is loaded, or made anew
+        for _ in range(REPEATS):
+            times[0].append(_event_loop(document, impacts))
+            taken, memory = _command(source)
+            times[1].append(taken)
+            rows[1].memory = max(memory or 0, rows[1].memory or 0) or None
+    for row, taken_each in zip(rows, times, strict=True):
+        row.take_times(taken_each)
+    return rows
+
+
+def _event_loop(document: Document, impacts: int) -> float:
+    """Time (s) of a run; the rows of a trace are dropped."""
+    scenario: Any = any_scenario_of(document)
+    kind, system = system_named(scenario.system), build_any(scenario)
+    world = kind.world(system, kind.limits(scenario))
+    if hasattr(world.settings[0], "keep"):
+        world.settings[0].keep = 0
+    driver = Driver(kind.loop, world, "compiled", overrides=kind.overrides(system))
+    start = time.perf_counter()
+    driver.run()
+    taken = time.perf_counter() - start
+    found = int(driver.clock_value("collisions"))
+    if found != impacts:
+        raise RuntimeError(f"{scenario.name}: found {found} impacts, expected {impacts}")
+    return taken
+
+
+def _command(source: Path) -> tuple[float, int | None]:
+    """Time (s) and greatest memory (B) of a process that writes its tables."""
+    command = [sys.executable, "-m", "vibro_cli", "run", str(source), "-q", "--no-figures"]
+    command += ["-o", str(source.with_name("out")), "--force"]
+    start = time.perf_counter()
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    memory = greatest_memory(process)
+    taken = time.perf_counter() - start
+    if process.returncode:
+        raise RuntimeError(f"{' '.join(command)}: exit code {process.returncode}")
+    return taken, memory

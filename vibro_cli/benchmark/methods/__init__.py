@@ -1,0 +1,1 @@
+"""The methods that are measured: this solver, integrators of other packages, the papers' series."""
