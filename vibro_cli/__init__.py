@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from vibro_cli.figures.movie import NoFilm as NoFilm
     from vibro_cli.grids.dataset import FolderInUse as FolderInUse
     from vibro_cli.grids.dataset import GridChanged as GridChanged
-    from vibro_cli.grids.verifying import NoManifest as NoManifest
+    from vibro_cli.grids.dataset import NoManifest as NoManifest
     from vibro_cli.results import Drawing as Drawing
     from vibro_cli.results import Grid as Grid
     from vibro_cli.results import Run as Run
@@ -62,8 +62,7 @@ _HOME = {
     "vibro_cli.api": ("NotRecalled",),
     "vibro_cli.errors": ("VibroError",),
     "vibro_cli.figures.movie": ("NoFilm",),
-    "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged"),
-    "vibro_cli.grids.verifying": ("NoManifest",),
+    "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest"),
     "vibro_cli.results": (
         *("Drawing", "Grid", "Run", "check", "example", "fit", "load_scenario", "open_grid"),
         *("open_run", "orbit", "orbit_family", "portrait", "simulate", "simulate_many", "sweep"),

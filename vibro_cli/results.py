@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 from vibro_cli import __version__, api
 from vibro_cli.build import build_any, warnings_of
+from vibro_cli.grids.dataset import Verdict
+from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.grids.document import Grid as GridDocument
 from vibro_cli.grids.document import grid_of, load_grid
-from vibro_cli.grids.threads import available_cores
-from vibro_cli.grids.verifying import Verdict
-from vibro_cli.grids.verifying import verify as verify_folder
-from vibro_cli.grids.whole import solve_into
+from vibro_cli.grids.threads import available_cores, solve_into
 from vibro_cli.scenario import any_scenario_of, gallery, load_any
 from vibro_cli.scenario.loading import Document, parse_document
 from vibro_cli.storage import runs

@@ -17,11 +17,10 @@ import pytest
 
 from tests.grids.conftest import Write
 from vibro_cli.grids.chunks import Chunks
-from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened
+from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened, verify
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.shards import MergeRefused, Shard, merge
 from vibro_cli.grids.threads import solve_in_threads
-from vibro_cli.grids.verifying import verify
 from vibro_cli.storage import files
 from vibro_cli.storage.provenance import FolderRefused
 

@@ -10,7 +10,7 @@ import pytest
 from tests.grids.test_same_as_run import GRIDS, MORE, grid_of, plain
 from vibro_cli.api import simulate
 from vibro_cli.grids.points import scenario_at
-from vibro_cli.grids.solving import Solver
+from vibro_cli.grids.solving import TraceSolver
 from vibro_cli.systems import driver
 
 NAMES = ("two balls, starts and k", "radii and gravity", "several balls", "walls", "lines")
@@ -22,7 +22,7 @@ def test_exponents_of_points_are_those_of_runs(name: str, keep: str, tmp_path: P
     more = ["analysis={lyapunov = true}", *MORE.get(name, ())]
     grid = grid_of(tmp_path, *GRIDS[name], more, keep)
     indices = np.arange(24)
-    solved = Solver(grid, "compiled").solve(indices)
+    solved = TraceSolver(grid, "compiled").solve(indices)
     values = grid.design.columns(indices)
     known = 0
     for row in range(len(indices)):
@@ -39,9 +39,9 @@ def test_exponents_of_points_are_those_of_runs(name: str, keep: str, tmp_path: P
 def test_long_runs_are_followed_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     more = ["analysis={lyapunov = true}", "stop={collisions = 300}", "collision.k=1"]
     grid = grid_of(tmp_path, "one_circle.toml", {"balls[1].angle": [-1.2, -0.3]}, more, "false")
-    whole = Solver(grid, "compiled").solve(np.arange(4)).summary
+    whole = TraceSolver(grid, "compiled").solve(np.arange(4)).summary
     monkeypatch.setattr(driver, "COMPILED_ROWS", 16)
-    parts = Solver(grid, "compiled").solve(np.arange(4)).summary
+    parts = TraceSolver(grid, "compiled").solve(np.arange(4)).summary
     assert whole.keys() == parts.keys()
     assert whole["collisions"].tolist() == [300] * 4
     for name, column in whole.items():

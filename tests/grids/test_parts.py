@@ -15,15 +15,14 @@ import pytest
 from hypothesis import strategies as st
 
 from tests.grids.conftest import Write
-from vibro_cli.grids import chunks, parts, sample
+from vibro_cli.grids import chunk_writer, chunks, threads
+from vibro_cli.grids.buffers import Lease, Pieces, Rooms
+from vibro_cli.grids.chunk_writer import Encoded, Making
 from vibro_cli.grids.chunks import Chunks
-from vibro_cli.grids.dataset import known_division, opened
+from vibro_cli.grids.dataset import known_division, opened, verify
 from vibro_cli.grids.document import load_grid
-from vibro_cli.grids.parts import Encoded, Making
-from vibro_cli.grids.room import Lease, Pieces, Rooms
-from vibro_cli.grids.solving import Solved, Solver
+from vibro_cli.grids.solving import Solved, TraceSolver
 from vibro_cli.grids.threads import solve_in_threads
-from vibro_cli.grids.verifying import verify
 
 
 def tell(points: int, impacts: int) -> None:
@@ -37,13 +36,13 @@ def contents(made: Encoded) -> dict[str, bytes]:
 def test_stretches_come_in_any_order_and_are_given_back(
     small: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(parts, "_ROWS_OF_A_GROUP", 10)
+    monkeypatch.setattr(chunk_writer, "_ROWS_OF_A_GROUP", 10)
     grid = load_grid(small(), ["stop.collisions=4"])
     whole = Chunks(grid.design.points, grid.design.points, 1)
     back: list[int] = []
 
     def solved() -> list[Solved]:
-        solver, found = Solver(grid, "python"), []
+        solver, found = TraceSolver(grid, "python"), []
         for number, stretch in enumerate(whole.stretches(0)):
             one = solver.solve(np.arange(*stretch))
             own = lambda number=number: back.append(number)  # noqa: E731
@@ -122,13 +121,13 @@ def test_a_grid_of_many_parts_is_divided_the_same_way_again(
 ) -> None:
     monkeypatch.setattr(chunks, "_IMPACTS_OF_A_PART", 5)
     monkeypatch.setattr(chunks, "_MANY_PARTS", 2)
-    monkeypatch.setattr(sample, "_IMPACTS_OF_A_BLOCK", 4)
-    monkeypatch.setattr(sample, "_POINTS_OF_A_BLOCK", 2)
-    monkeypatch.setattr(sample, "_LEAST_SHARE", 1)
+    monkeypatch.setattr(threads, "_IMPACTS_OF_A_BLOCK", 4)
+    monkeypatch.setattr(threads, "_POINTS_OF_A_BLOCK", 2)
+    monkeypatch.setattr(threads, "_LEAST_SHARE", 1)
     grid = load_grid(small(), ["stop.collisions=4"])
-    expected = sample.expected_impacts(grid)
-    density = sample.impact_density(grid, expected, "python")
-    compiled = sample.impact_density(grid, expected, "compiled")
+    expected = threads.expected_impacts(grid)
+    density = threads.impact_density(grid, expected, "python")
+    compiled = threads.impact_density(grid, expected, "compiled")
     assert density is not None
     assert compiled is not None
     assert density.tolist() == compiled.tolist()

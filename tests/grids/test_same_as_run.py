@@ -13,7 +13,7 @@ from vibro_cli.api import simulate
 from vibro_cli.build import build_system
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.points import Reader, scenario_at
-from vibro_cli.grids.solving import Solver
+from vibro_cli.grids.solving import TraceSolver
 from vibro_cli.scenario import ScenarioError
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -168,12 +168,12 @@ def plain(values: Any, row: int) -> Any:
 def test_points_are_runs(name: str, tmp_path: Path) -> None:
     grid = grid_of(tmp_path, *GRIDS[name], MORE.get(name, ()))
     indices = np.arange(POINTS)
-    solved = Solver(grid, "compiled").solve(indices)
+    solved = TraceSolver(grid, "compiled").solve(indices)
     values = grid.design.columns(indices)
     collisions = solved.kept["collisions"]
     scenarios = collisions["scenario"].to_numpy()
     # Without their impacts, points may be solved in another way.
-    without = Solver(grid_of(tmp_path, *GRIDS[name], MORE.get(name, ()), "false"), "compiled")
+    without = TraceSolver(grid_of(tmp_path, *GRIDS[name], MORE.get(name, ()), "false"), "compiled")
     summary = without.solve(indices).summary
     seen = set()
     for row in range(POINTS):
@@ -231,6 +231,6 @@ def test_numbers_are_read_once_for_all_points(
         return read(self, values)
 
     monkeypatch.setattr(Reader, "read", counted)
-    solved = Solver(grid, "compiled").solve(np.arange(POINTS))
+    solved = TraceSolver(grid, "compiled").solve(np.arange(POINTS))
     assert set(solved.summary["status"]) == {"ok"}
     assert len(reads) == 1

@@ -27,7 +27,7 @@ from vibro_cli.build.bodies import body_of
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
-from vibro_cli.grids.changing import changed
+from vibro_cli.grids.points import changed
 from vibro_cli.kernels.impact.laws import weight_and_response
 from vibro_cli.kernels.structs import Flight
 from vibro_cli.kernels.tangent.arrivals import Arrival, find_arrivals

@@ -28,16 +28,19 @@ from vibro_cli.benchmark.other_systems import SCENES as OTHERS
 from vibro_cli.benchmark.other_systems import SLOW
 from vibro_cli.benchmark.scenes import BY_NAME, Document, ball
 from vibro_cli.build import build_any, build_system
-from vibro_cli.grids.axes import Column
+from vibro_cli.grids.axes import Array
+from vibro_cli.grids.buffers import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks
+from vibro_cli.grids.columns import Logged, LogSpace, impact_columns, impact_table_of
 from vibro_cli.grids.document import Grid, load_grid
-from vibro_cli.grids.impacts import Logged, LogSpace, impact_columns
-from vibro_cli.grids.room import Lease, Pieces
-from vibro_cli.grids.sample import expected_impacts, impact_density
-from vibro_cli.grids.setting import Setting
 from vibro_cli.grids.solving import Task as Planned
-from vibro_cli.grids.tables import impact_table_of
-from vibro_cli.grids.threads import available_cores, solve_in_threads
+from vibro_cli.grids.system_template import Setting
+from vibro_cli.grids.threads import (
+    available_cores,
+    expected_impacts,
+    impact_density,
+    solve_in_threads,
+)
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import any_scenario_of, scenario_of
 from vibro_cli.simulation.batch import Batch
@@ -138,7 +141,7 @@ class _Kernels:
         self._solvers = [_Solver(self._setting.system, table) for _ in range(_threads())]
         self.impacts = 0
 
-    def _planned(self, grid: Grid, points: Column) -> Planned:
+    def _planned(self, grid: Grid, points: Array) -> Planned:
         values = grid.design.columns(points)
         systems = self._setting.systems(values, len(points))
         return Planned.of(self._setting.starts(values, systems), systems, points)
@@ -160,7 +163,7 @@ class _Solver:
         self._logs, self._pieces = LogSpace(), Pieces()
         self._most = 0.0
 
-    def solve(self, work: tuple[Column, Planned]) -> int:
+    def solve(self, work: tuple[Array, Planned]) -> int:
         """Solve a stretch; return how many impacts it has."""
         points, task = work
         count = len(task.points)

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 def understood_grid(grid: "Grid") -> dict[str, Any]:
     """What a grid means, as plain values; its points are not looked at, but for the first."""
-    from vibro_cli.grids.paths import unit_of
+    from vibro_cli.grids.axes import unit_of
     from vibro_cli.scenario.problems import path_text
 
     axes = [

@@ -183,7 +183,7 @@ def _estimate(wishes: Wishes) -> int:
 
     from vibro_cli.commands.words import count, duration, lines_of, size
     from vibro_cli.grids.chunks import Chunks
-    from vibro_cli.grids.sample import estimate, expected_impacts, impact_density
+    from vibro_cli.grids.threads import estimate, expected_impacts, impact_density
 
     begin = time.perf_counter()
     found = load(wishes)

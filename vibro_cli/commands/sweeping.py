@@ -51,8 +51,8 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
 def _chunks(wishes: "Wishes", grid: "Grid", folder: Path) -> "Chunks":
     """How the grid is divided: as its folder or that of a shard has it, if it is there already."""
     from vibro_cli.grids.dataset import known_division
-    from vibro_cli.grids.sample import chunks_of
     from vibro_cli.grids.shards import division_of_shards
+    from vibro_cli.grids.threads import chunks_of
 
     known = None if wishes.force else known_division(folder)
     if known is None and wishes.shard is not None:
@@ -76,7 +76,7 @@ def _nothing_to_do(grid: "Grid", folder: Path) -> dict[str, Any]:
 
 def _drop_damaged(dataset: "Dataset") -> None:
     """Forget chunks whose files are missing or not as they were written."""
-    from vibro_cli.grids.verifying import verify
+    from vibro_cli.grids.dataset import verify
 
     damaged = {finding.file for finding in verify(dataset.folder).findings}
     for chunk, receipt in list(dataset.receipts.items()):

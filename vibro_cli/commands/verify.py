@@ -27,8 +27,8 @@ def verify(
 
 def _verify(folders: list[Path], as_json: bool) -> int:
     from vibro_cli.commands.words import count, size
-    from vibro_cli.grids.verifying import NoManifest
-    from vibro_cli.grids.verifying import verify as check
+    from vibro_cli.grids.dataset import NoManifest
+    from vibro_cli.grids.dataset import verify as check
 
     sound = True
     for folder in folders:

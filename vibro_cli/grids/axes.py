@@ -1,23 +1,124 @@
-"""The axes of a grid: which values some scalars of the scenario go through."""
+"""The axes of a grid: which scalars of the scenario go through which values."""
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
+from pydantic import BaseModel
 from pydantic_core import PydanticCustomError
 
-from vibro_cli.grids.paths import Model, NotAnAxis, kind_of, read_number, type_of
+from vibro_cli.scenario import Scenario, fields
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, path_text, shown, suggestion
 from vibro_cli.scenario.source import parsed_path
+from vibro_cli.scenario.translate import unknown_key
 
-Column = np.ndarray[Any, np.dtype[Any]]
+UNITS = {
+    "": "",
+    "length": "m",
+    "mass": "kg",
+    "time": "s",
+    "angle": "rad",
+    "angular rate": "rad/s",
+    "speed": "m/s",
+    "acceleration": "m/s^2",
+    "density": "kg/m^3",
+    "stiffness": "N/m",
+}
+# What a grid's tables do not depend on.
+_WITHOUT_EFFECT = ("name", "output")
+
+Model = type[BaseModel]
+
+
+class NotAnAxis(Exception):
+    """A path that no axis can go through, as a fault without a place."""
+
+    def __init__(self, fault: Fault) -> None:
+        super().__init__(fault)
+        self.fault = fault
+
+
+def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
+    """Return the kind of the scalar at a path of scenarios with the model `root`.
+
+    Raises
+    ------
+    NotAnAxis
+        If a scenario has nothing there, or nothing that is one value.
+    """
+    if path[0] in _WITHOUT_EFFECT:
+        expected = "a value that the tables of a grid depend on"
+        raise NotAnAxis(Fault(path, path_text(path), expected))
+    if path == ("system",):
+        expected = "a value of the scenario: those of a grid are of one system"
+        raise NotAnAxis(Fault(path, path_text(path), expected))
+    if path[:2] == ("collision", "k") and len(path) in (2, 3):
+        return kinds.RESTITUTION
+    entries = next((n for n, part in enumerate(reversed(path)) if isinstance(part, str)), 0)
+    table, key = path[: len(path) - entries - 1], path[len(path) - entries - 1]
+    model = fields.model_at(table, root)
+    if model is None or not isinstance(key, str) or key not in model.model_fields:
+        raise NotAnAxis(_unknown(path, model, root))
+    field = model.model_fields[key]
+    for part in _kinds_within(field.annotation) if entries else field.metadata:
+        if isinstance(part, kinds.Kind):
+            return part
+    expected = "one value: a number, a word, true or false"
+    raise NotAnAxis(Fault(path, f"{path_text(path)} as a whole", expected))
+
+
+def _kinds_within(annotation: Any) -> Iterator[Any]:
+    """What the annotations of a list's entries, and of theirs, say."""
+    for part in get_args(annotation):
+        yield from getattr(part, "__metadata__", ())
+        yield from _kinds_within(part)
+
+
+def _unknown(path: KeyPath, model: Model | None, root: Model) -> Fault:
+    if model is None or isinstance(path[-1], int):
+        return Fault(path, path_text(path), "a value of a scenario, such as balls[1].angle")
+    return unknown_key(path, root)
+
+
+def unit_of(kind: kinds.Kind) -> str:
+    """Return the unit in which values of a kind stand in tables, "" for plain numbers."""
+    return UNITS[kind.dimension] if isinstance(kind, kinds.Quantity) else ""
+
+
+def type_of(kind: kinds.Kind) -> Any:
+    """Return the type of the column for values of a kind, as ``storage.schema`` names it."""
+    if isinstance(kind, kinds.Quantity):
+        return "float64"
+    if isinstance(kind, kinds.Count):
+        return "int64"
+    return "bool" if isinstance(kind, kinds.Flag) else "string"
+
+
+def read_number(kind: kinds.Kind, value: Any) -> Any:
+    """Return one value of an axis in SI units; what the scenario refuses may still be one.
+
+    Bounds are left to the scenario: a value beyond them makes an invalid point, not a wrong axis.
+
+    Raises
+    ------
+    PydanticCustomError
+        If the value is not of this kind at all.
+    """
+    if isinstance(kind, kinds.Quantity):
+        return kinds.Quantity(kind.dimension).read(value)
+    if isinstance(kind, kinds.Count) and isinstance(value, int) and not isinstance(value, bool):
+        return value
+    return kind.read(value)
+
+
+Array = np.ndarray[Any, np.dtype[Any]]
 
 GENERATORS = ("values", "linspace", "logspace", "uniform", "table")
 _KEYS = ("path", "paths", *GENERATORS)
@@ -40,7 +141,7 @@ class Axis:
 
     paths: tuple[KeyPath, ...]
     kinds: tuple[kinds.Kind, ...]
-    columns: tuple[Column, ...] | None
+    columns: tuple[Array, ...] | None
     """The values of each path in turn; None for an interval."""
     interval: tuple[float, float] | None
     """Both ends of an interval that a design draws from (SI units)."""
@@ -51,12 +152,12 @@ class Axis:
         """Number of values; 0 for an interval, which has as many as are asked for."""
         return 0 if self.columns is None else len(self.columns[0])
 
-    def at(self, index: Any) -> tuple[Column, ...]:
+    def at(self, index: Any) -> tuple[Array, ...]:
         """Return the values of each path at indices (from 0)."""
         assert self.columns is not None
         return tuple(column[index] for column in self.columns)
 
-    def drawn(self, share: Column) -> tuple[Column, ...]:
+    def drawn(self, share: Array) -> tuple[Array, ...]:
         """Return the values of each path at shares of the axis, from 0 to below 1."""
         if self.interval is not None:
             low, high = self.interval
@@ -142,7 +243,7 @@ def _value(kind: kinds.Kind, value: Any, loc: KeyPath) -> Any:
         raise Wrong(loc, str(context["found"]), str(context["expected"])) from None
 
 
-def _column(kind: kinds.Kind, values: list[Any]) -> Column:
+def _column(kind: kinds.Kind, values: list[Any]) -> Array:
     types = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
     return np.array(values, dtype=types[type_of(kind)])
 
@@ -164,7 +265,7 @@ def _listed(
 
 
 def _with_columns(
-    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], columns: list[Column]
+    paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], columns: list[Array]
 ) -> Axis:
     resolved: dict[str, Any] = {"paths": [path_text(path) for path in paths]}
     if len(columns[0]) <= _LISTED:
@@ -174,7 +275,7 @@ def _with_columns(
     return Axis(paths, of, tuple(columns), None, resolved)
 
 
-def _digest(columns: list[Column]) -> str:
+def _digest(columns: list[Array]) -> str:
     digest = hashlib.sha256()
     for column in columns:
         text = "\n".join(column) if column.dtype == object else ""
@@ -277,7 +378,7 @@ def _from_table(given: dict[str, Any], loc: KeyPath, folder: Path, root: Model) 
     return _with_columns(paths, of, columns)
 
 
-def _table_column(kind: kinds.Kind, values: Column, name: str, loc: KeyPath) -> Column:
+def _table_column(kind: kinds.Kind, values: Array, name: str, loc: KeyPath) -> Array:
     """A column of a table as values of its path."""
     if isinstance(kind, kinds.Quantity) and values.dtype.kind in "iuf":
         numbers = values.astype(np.float64)

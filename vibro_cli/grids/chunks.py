@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_cli.grids.axes import Column
+from vibro_cli.grids.axes import Array
 from vibro_cli.grids.document import Grid
 
 # Rows of a part: what readers of parquet like (100,000 and more), and what a chunk may take of
@@ -62,7 +62,7 @@ class Chunks:
     """Points that are solved at one go, at most; groups of rows have whole stretches."""
 
     @staticmethod
-    def of(grid: Grid, impacts: Expected, density: Column | None = None) -> Chunks:
+    def of(grid: Grid, impacts: Expected, density: Array | None = None) -> Chunks:
         """Divide a grid.
 
         Parameters
@@ -103,7 +103,7 @@ class Chunks:
         return sizes
 
     @cached_property
-    def _ends(self) -> Column:
+    def _ends(self) -> Array:
         """The point after the last one of each chunk."""
         if isinstance(self.division, tuple):
             return np.cumsum(self.division)
@@ -123,7 +123,7 @@ class Chunks:
         return [(start, min(start + length, last)) for start in starts]
 
 
-def _cut(points: int, density: Column) -> tuple[int, ...]:
+def _cut(points: int, density: Array) -> tuple[int, ...]:
     """Cut points into chunks with about as many impacts each, but no more points than impacts.
 
     ``density`` is the number of impacts of a point in each of some equal parts.

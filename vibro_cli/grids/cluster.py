@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.errors import VibroError
+from vibro_cli.grids.buffers import Rooms
+from vibro_cli.grids.chunk_writer import Making
 from vibro_cli.grids.chunks import Chunks, Receipt
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.parts import Making
-from vibro_cli.grids.room import Rooms
-from vibro_cli.grids.systems import Solver, solver_of
+from vibro_cli.grids.solving import Solver, solver_of
 from vibro_cli.grids.threads import Told
 
 # Chunks that wait at the scheduler for each thread that solves.

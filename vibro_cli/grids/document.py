@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli.grids.axes import Axis, Wrong, read_axis
-from vibro_cli.grids.design import MODES, SAMPLED, Design
+from vibro_cli.grids.points import MODES, SAMPLED, Design
 from vibro_cli.scenario import loading
 from vibro_cli.scenario.base import ScenarioTable
 from vibro_cli.scenario.loading import Document, load_document, located

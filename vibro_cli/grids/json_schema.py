@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibro_cli.grids.design import MODES, SAMPLED
 from vibro_cli.grids.document import impact_columns_of
+from vibro_cli.grids.points import MODES, SAMPLED
 from vibro_cli.scenario.json_schema import DIALECT, SCHEMA_KEY, exactly_one, identifier, json_schema
 
 _END = {"type": ["number", "string"]}

@@ -1,4 +1,4 @@
-"""Single points of a grid: each read alone, or like one whose scenario is known.
+"""The points of a grid: from axes to columns, and each read alone or like one that is known.
 
 The ordinary reader decides what is a valid scenario, and says what is wrong with one that is not.
 Where points differ in numbers only, a good part of its work is the same for all of them.
@@ -8,19 +8,47 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from vibro_cli.build import build_system
-from vibro_cli.grids.changing import changed
-from vibro_cli.grids.paths import kind_of
+from vibro_cli.grids.axes import Array, Axis, kind_of
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import Scenario, ScenarioError, scenario_of
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.loading import Document
 from vibro_cli.scenario.overrides import apply
 from vibro_cli.scenario.problems import KeyPath
+
+Given = Mapping[KeyPath, Any]
+
+
+def changed(known: Scenario, values: Given) -> Scenario:
+    """Return a scenario with other numbers, each of which its key allows, or arrays of numbers."""
+    values = dict(values)
+    for_all = values.pop(("collision", "k"), None)
+    if for_all is not None:
+        values |= {("collision", "k", n): for_all for n in range(len(known.collision.k))}
+    new: Scenario = _changed(known, values)
+    return new
+
+
+def _changed(known: Any, values: Given) -> Any:
+    """A table, list or value with others in some places."""
+    if () in values:
+        return values[()]
+    within: dict[Any, dict[KeyPath, Any]] = {}
+    for path, value in values.items():
+        within.setdefault(path[0], {})[path[1:]] = value
+    if isinstance(known, tuple):
+        return tuple(
+            _changed(one, within[n]) if n in within else one for n, one in enumerate(known)
+        )
+    updates = {str(key): _changed(getattr(known, key), given) for key, given in within.items()}
+    return known.model_copy(update=updates)
+
 
 PointValues = Mapping[KeyPath, Any]
 
@@ -162,3 +190,77 @@ def _inside(known: Scenario, piece: int, angle: float) -> bool:
         slopes.append(slopes[-1] if arc.end_slope is None else arc.end_slope)
     sign = -1.0 if arcs[piece].shape == "hump" else 1.0
     return sign * slopes[piece] < angle < sign * slopes[piece + 1]
+
+
+SAMPLED = ("latin-hypercube", "sobol")
+"""Modes that draw a number of points from the axes."""
+MODES = ("product", "zip", *SAMPLED)
+
+
+@dataclass(frozen=True)
+class Design:
+    """The points of a grid, numbered from 0; the last axis changes fastest."""
+
+    axes: tuple[Axis, ...]
+    mode: str
+    points: int
+    seed: int
+
+    @property
+    def paths(self) -> tuple[KeyPath, ...]:
+        """The path of every column."""
+        return tuple(path for axis in self.axes for path in axis.paths)
+
+    def resolved(self) -> dict[str, Any]:
+        """Return the design as plain data."""
+        return {
+            "mode": self.mode,
+            "n": self.points,
+            "seed": self.seed,
+            "axes": [axis.resolved for axis in self.axes],
+        }
+
+    def columns(self, indices: Array) -> dict[KeyPath, Array]:
+        """Return the value of every path at some points."""
+        found: dict[KeyPath, Array] = {}
+        for number, axis in enumerate(self.axes):
+            if self.mode in ("product", "zip"):
+                values = axis.at(self._index(number, indices))
+            else:
+                values = axis.drawn(self._shares(indices)[:, number])
+            found.update(zip(axis.paths, values, strict=True))
+        return found
+
+    def _index(self, number: int, indices: Array) -> Array:
+        """Index on one axis of some points."""
+        if self.mode == "zip":
+            return indices
+        inner = 1
+        for axis in self.axes[number + 1 :]:
+            inner *= len(axis)
+        return (indices // inner) % len(self.axes[number])
+
+    def _shares(self, indices: Array) -> Array:
+        """Points of the unit cube, a row for each, from scipy's quasi-random designs."""
+        if self.mode == "latin-hypercube":
+            return np.asarray(self._hypercube[indices])
+        from scipy.stats import qmc
+
+        if not len(indices):
+            return np.zeros((0, len(self.axes)))
+        first, last = int(indices.min()), int(indices.max())
+        engine = qmc.Sobol(len(self.axes), scramble=True, rng=np.random.default_rng(self.seed))
+        if first:
+            engine.fast_forward(first)
+        # The first draw is of one point: of any other number it would warn of lost balance.
+        stretch: Array = engine.random(1)
+        if last > first:
+            stretch = np.concatenate([stretch, engine.random(last - first)])
+        return np.asarray(stretch[indices - first])
+
+    @cached_property
+    def _hypercube(self) -> Array:
+        from scipy.stats import qmc
+
+        rng = np.random.default_rng(self.seed)
+        return np.asarray(qmc.LatinHypercube(len(self.axes), rng=rng).random(self.points))

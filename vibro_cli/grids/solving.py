@@ -1,28 +1,39 @@
-"""Solving a stretch of points: their summaries, and their impacts if they are kept."""
+"""Solving a stretch of points: their summaries, and their impacts if they are kept.
+
+A trace is solved many points at a time; the points of other systems are runs, one after another.
+All else is the same for every system: axes, chunks, parts, manifest, shards, workers.
+"""
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pyarrow as pa
 
-from vibro_cli.grids.axes import Column
+from vibro_cli.api import simulate
+from vibro_cli.grids.axes import Array
+from vibro_cli.grids.buffers import Lease, Pieces
+from vibro_cli.grids.columns import (
+    Logged,
+    LogSpace,
+    ball_count,
+    impact_columns,
+    impact_table_of,
+    is_followed,
+)
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.impacts import Logged, LogSpace, impact_columns
-from vibro_cli.grids.points import Point, Reader, is_quick
-from vibro_cli.grids.room import Lease, Pieces
-from vibro_cli.grids.setting import Setting, Starts, Systems
-from vibro_cli.grids.soundness import is_of_system
-from vibro_cli.grids.tables import impact_table_of, is_followed
+from vibro_cli.grids.points import Point, Reader, document_at, is_quick, reason_of
+from vibro_cli.grids.system_template import Setting, Starts, Systems, is_of_system
 from vibro_cli.kernels.ensemble.points import Points, Results
 from vibro_cli.kernels.ensemble.stacks import Stack
 from vibro_cli.kernels.structs import NEVER
 from vibro_cli.kernels.world import LOG_FULL, World
 from vibro_cli.mechanics.system import System
+from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.batch import Batch, make_points
 from vibro_cli.simulation.entry import empty_results
@@ -31,10 +42,13 @@ from vibro_cli.simulation.run import Wanted, simulate_system
 from vibro_cli.simulation.stacks import own_records, stack_of
 from vibro_cli.simulation.summary import summary_columns
 from vibro_cli.simulation.tangents import exponent_columns, time_scale
-from vibro_cli.storage.schema import summary
+from vibro_cli.storage.schema import Table, summary
 from vibro_cli.storage.tables import record_batch
+from vibro_cli.systems import system_named
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.tables import impacts_of_runs
 
-Table = dict[str, Any]
+Columns = dict[str, Any]
 
 # Settings whose records are kept ready; a grid seldom needs many at once.
 _READY = 1024
@@ -45,7 +59,7 @@ _ROWS_AT_FIRST = 1 << 12
 class Solved:
     """A stretch of points, solved."""
 
-    summary: Table
+    summary: Columns
     impacts: int
     """Number of impacts, kept or not."""
     kept: Mapping[str, pa.RecordBatch]
@@ -61,15 +75,15 @@ class Task:
     starts: Starts
     system: System
     """One system, or several as one of arrays."""
-    of_points: Column | None
+    of_points: Array | None
     """Then the number of the system of each point."""
     stack: Stack | None
     """And the records of the systems."""
-    points: Column
+    points: Array
     """Numbers of the points, from 0 in the grid."""
 
     @staticmethod
-    def of(starts: Starts, systems: Systems, points: Column) -> Task:
+    def of(starts: Starts, systems: Systems, points: Array) -> Task:
         """Return the task of those points whose starts are sure."""
         sure, of_points, stack = starts.sure, systems.of_points, None
         if of_points is not None:
@@ -92,7 +106,7 @@ class Task:
         scales = time_scale(self.system)
         return scales if self.of_points is None or np.ndim(scales) == 0 else scales[self.of_points]
 
-    def places(self, which: Column) -> Places:
+    def places(self, which: Array) -> Places:
         """Return the geometry of the systems of some of the points."""
         return Places(self.system, None if self.of_points is None else self.of_points[which])
 
@@ -101,12 +115,12 @@ class Task:
 class _Parts:
     """What is solved of a stretch, as it comes."""
 
-    summaries: list[tuple[Column, Table]] = field(default_factory=list)
+    summaries: list[tuple[Array, Columns]] = field(default_factory=list)
     """Each with the points it is of (from 0 in the stretch)."""
     logged: list[Logged] = field(default_factory=list)
 
 
-class Solver:
+class TraceSolver:
     """Solves stretches of a grid's points, in one thread.
 
     Parameters
@@ -129,12 +143,12 @@ class Solver:
         self._wanted = Wanted(lyapunov=is_followed(grid))
         self._sums: Any = None
         self._reader = Reader(grid.base)
-        self._indices: Column = np.zeros(0, dtype=np.int64)
+        self._indices: Array = np.zeros(0, dtype=np.int64)
         paths = grid.design.paths
         self._of_systems = [path for path in paths if is_of_system(path)]
         self._slow = [path for path in paths if not is_quick(path) and not is_of_system(path)]
 
-    def solve(self, indices: Column) -> Solved:
+    def solve(self, indices: Array) -> Solved:
         """Solve some points, given by their numbers from 0."""
         self._indices = indices
         self._logs.clear()
@@ -152,8 +166,8 @@ class Solver:
         return Solved(summary, impacts, kept, lease.give_back)
 
     def _groups(
-        self, values: dict[KeyPath, Column], count: int
-    ) -> list[tuple[tuple[Any, ...], Column]]:
+        self, values: dict[KeyPath, Array], count: int
+    ) -> list[tuple[tuple[Any, ...], Array]]:
         """The points of each setting: what they have in common, and their rows."""
         if not self._slow:
             return [((), np.arange(count))]
@@ -163,7 +177,7 @@ class Solver:
         return [(key, np.array(rows)) for key, rows in groups.items()]
 
     def _solve_group(
-        self, key: tuple[Any, ...], rows: Column, values: dict[KeyPath, Column], parts: _Parts
+        self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array], parts: _Parts
     ) -> None:
         """Solve points of one setting."""
         if self._engine == "python":
@@ -190,7 +204,7 @@ class Solver:
             self._batches.pop(oldest, None)
 
     def _solve_setting(
-        self, key: tuple[Any, ...], rows: Column, values: dict[KeyPath, Column], parts: _Parts
+        self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array], parts: _Parts
     ) -> None:
         """Solve points of a known setting: first all that are surely valid, then the others."""
         setting = self._settings[key]
@@ -233,7 +247,7 @@ class Solver:
         key: tuple[Any, ...],
         starts: Starts,
         systems: Systems,
-        rows: Column,
+        rows: Array,
         parts: _Parts,
     ) -> None:
         """Solve valid points of a setting with the compiled kernels."""
@@ -272,7 +286,7 @@ class Solver:
         return results
 
     def _take(
-        self, task: Task, rows: Column, whole: Column, results: Results, world: World, parts: _Parts
+        self, task: Task, rows: Array, whole: Array, results: Results, world: World, parts: _Parts
     ) -> None:
         """Turn results of a batch into columns."""
         starts, bodies = task.starts, task.starts.piece.shape[1]
@@ -327,9 +341,9 @@ class Solver:
             parts.logged.append(Logged(run.system, run.world, run.engine, points, counts, log))
 
 
-def not_solved(status: str, reason: str | None, bodies: int, followed: bool = False) -> Table:
+def not_solved(status: str, reason: str | None, bodies: int, followed: bool = False) -> Columns:
     """Return the summary of a point without a run."""
-    table: Table = {}
+    table: Columns = {}
     for column in summary(bodies, grown=followed).columns:
         if column.type == "string":
             table[column.name] = np.array([None], dtype=object)
@@ -342,15 +356,15 @@ def not_solved(status: str, reason: str | None, bodies: int, followed: bool = Fa
     return table
 
 
-def _taken(values: dict[KeyPath, Column], at: Any) -> dict[KeyPath, Column]:
+def _taken(values: dict[KeyPath, Array], at: Any) -> dict[KeyPath, Array]:
     return {path: column[at] for path, column in values.items()}
 
 
-def _row(values: dict[KeyPath, Column], at: int) -> dict[KeyPath, Any]:
+def _row(values: dict[KeyPath, Array], at: int) -> dict[KeyPath, Any]:
     return {path: column[at] for path, column in values.items()}
 
 
-def _in_order(parts: list[tuple[Column, Table]], count: int) -> Table:
+def _in_order(parts: list[tuple[Array, Columns]], count: int) -> Columns:
     """One summary for all points, in their order."""
     if len(parts) == 1:  # which has all of them
         return parts[0][1]
@@ -365,3 +379,103 @@ def _concatenated(columns: list[Any]) -> Any:
     if any(np.ma.isMaskedArray(column) for column in columns):
         return np.ma.concatenate(columns)  # type: ignore[no-untyped-call]
     return np.concatenate(columns)
+
+
+class Solver(Protocol):
+    """Solves stretches of a grid's points, in one thread."""
+
+    def solve(self, indices: Array) -> Solved:
+        """Solve some points, given by their numbers from 0."""
+
+
+def solver_of(grid: Grid, engine: str = "compiled") -> Solver:
+    """Return a solver of the points of a grid; engine ``"python"`` or ``"compiled"``."""
+    return system_named(grid.system).solver(grid, engine)
+
+
+class RunSolver:
+    """Solves stretches of a grid's points, in one thread, each as a run of its own.
+
+    Parameters
+    ----------
+    grid
+        The grid, of a system other than the trace.
+    engine
+        ``"compiled"`` or ``"python"``; both give the same bits.
+    """
+
+    def __init__(self, grid: Grid, engine: str = "compiled") -> None:
+        self._grid = grid
+        self._engine = engine
+        self._table = summary(ball_count(grid), grid.system)
+        self._kept = {name: impact_table_of(grid, name) for name in grid.kept_tables}
+
+    def solve(self, indices: Array) -> Solved:
+        """Solve some points, given by their numbers from 0."""
+        found = [self._run(values) for values in self._values(indices)]
+        records = [one.summary_record() if isinstance(one, Run) else one for one in found]
+        table = _columns_of(records, self._table)
+        done = np.array([isinstance(one, Run) for one in found])
+        runs = [one for one in found if isinstance(one, Run)]
+        kept = {
+            name: record_batch(of_impacts, columns_of_runs(of_impacts, indices[done], runs))
+            for name, of_impacts in self._kept.items()
+        }
+        return Solved(table, impacts_of(table, self._grid), kept)
+
+    def _values(self, indices: Array) -> list[dict[Any, Any]]:
+        """The values of the axes at some points, a mapping for each."""
+        columns = {path: c.tolist() for path, c in self._grid.design.columns(indices).items()}
+        return [{path: c[row] for path, c in columns.items()} for row in range(len(indices))]
+
+    def _run(self, values: dict[Any, Any]) -> Run | dict[str, Any]:
+        """The run of a point, or a summary that says why there is none."""
+        try:
+            scenario = any_scenario_of(document_at(self._grid.base, values))
+            run = simulate(scenario, self._engine)
+        except ScenarioError as error:
+            return {"status": "invalid", "reason": reason_of(error)}
+        except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
+            return {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
+        return run
+
+
+def impacts_of(table: dict[str, Any], grid: Grid) -> int:
+    """Return how many impacts there are in the points of a summary."""
+    return int(sum(np.ma.filled(table[name], 0).sum() for name in grid.counted))
+
+
+def _columns_of(records: Sequence[dict[str, Any]], table: Table) -> dict[str, Any]:
+    """Summaries as columns."""
+    columns: dict[str, Any] = {}
+    for column in table.columns:
+        values = [record.get(column.name) for record in records]
+        if column.type == "string":
+            columns[column.name] = np.array(values, dtype=object)
+        elif column.type == "int64":
+            mask = [value is None for value in values]
+            columns[column.name] = np.ma.MaskedArray([value or 0 for value in values], mask)
+        else:
+            columns[column.name] = np.array(values, dtype=np.float64)
+    return columns
+
+
+def columns_of_runs(table: Table, points: Array, runs: Sequence[Run]) -> dict[str, Any]:
+    """Return the columns of a table of the impacts of runs.
+
+    Parameters
+    ----------
+    table
+        Which columns there are.
+    points, runs
+        Numbers of points, from 0 in the grid, in order, and the run of each.
+    """
+    if not runs:
+        kinds = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}
+        return {column.name: np.zeros(0, kinds[column.type]) for column in table.columns}
+    # The name of the table of a run.
+    kept = runs[0].kind.impact_logs[table.name.removeprefix("grid-")]
+    logs = [run.history()[kept.log] for run in runs]
+    found, run = impacts_of_runs(kept, [run.system for run in runs], logs)
+    wanted = [column.name for column in table.columns]
+    return {name: points[run] + 1 if name == "scenario" else found[name] for name in wanted}

@@ -1,22 +1,29 @@
-"""Solving chunks with threads of this process: the compiled kernels leave the interpreter free."""
+"""A grid solved by threads of this process: the compiled kernels leave the interpreter free.
+
+A few points are solved ahead, which tell how many impacts to expect, and how large a chunk may be.
+"""
 
 from __future__ import annotations
 
 import os
 import queue
 import threading
+import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from vibro_cli.grids.chunks import Chunks, Receipt
+from vibro_cli.grids.axes import Array
+from vibro_cli.grids.buffers import Rooms
+from vibro_cli.grids.chunk_writer import Encoded, Making, part_bytes
+from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many_parts
+from vibro_cli.grids.dataset import known_division, opened
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.parts import Encoded, Making
-from vibro_cli.grids.room import Rooms
-from vibro_cli.grids.systems import solver_of
+from vibro_cli.grids.solving import solver_of
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""
@@ -131,3 +138,133 @@ def _given(
             raise got
         else:
             yield got
+
+
+# The number of points that tell how the grid is divided; it must not depend on the machine.
+_POINTS = 32
+_MOST_IMPACTS = 500
+# Where a grid has many parts: parts of it with about so many impacts, and points of each that are
+# solved ahead, of at least a hundred times as many.
+_IMPACTS_OF_A_BLOCK = 50_000
+_MOST_BLOCKS = 4096
+_POINTS_OF_A_BLOCK = 16
+_LEAST_SHARE = 100
+_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+# A point that has more is taken to have this many times as many, if its stop allows.
+_MANY = 10.0
+# Least time (s) of a sample that is timed.
+_TIMED = 0.3
+
+
+def spread(grid: Grid, count: int) -> Array:
+    """Return the numbers of about so many points spread over a grid, along every axis of it."""
+    points = grid.design.points
+    if count >= points:
+        return np.arange(points)
+    # Equal steps would meet the same values of the last axes again and again.
+    shares = (0.5 + _GOLDEN * np.arange(count)) % 1.0
+    return np.unique((shares * points).astype(np.int64))
+
+
+def expected_impacts(grid: Grid) -> Expected:
+    """Return how many impacts a point may be expected to have: the same on every machine."""
+    stop = grid.base.data.get("stop")
+    given = [stop.get(name) if isinstance(stop, dict) else None for name in grid.counted]
+    limits = [float(most) for most in given if isinstance(most, int) and most > 0]
+    limit = sum(limits) if len(limits) == len(given) else _MANY * _MOST_IMPACTS
+    free = [name for name in grid.counted if ("stop", name) not in grid.design.paths]
+    limited = grid.stopped_at(min(int(limit), _MOST_IMPACTS), free)
+    solved = solver_of(limited.without_collisions()).solve(spread(grid, _POINTS)).summary
+    each = [np.ma.filled(solved[name], 0).astype(np.float64) for name in grid.counted]
+    counts = np.sum(each, axis=0)
+    counts[counts >= _MOST_IMPACTS] = limit
+    crossings = np.ma.filled(solved.get("crossings", np.zeros(1)), 0)
+    return Expected(float(np.mean(counts)), float(np.max(counts)), float(np.mean(crossings)))
+
+
+def impact_density(grid: Grid, impacts: Expected, engine: str) -> Array | None:
+    """Return how many impacts a point may be expected to have, for equal parts of a grid.
+
+    None for a grid of a few parts. The same with either engine, on every machine.
+    """
+    if not has_many_parts(grid, impacts):
+        return None
+    points = grid.design.points
+    blocks = int(points * impacts.mean / _IMPACTS_OF_A_BLOCK)
+    blocks = max(1, min(blocks, _MOST_BLOCKS, points // (_LEAST_SHARE * _POINTS_OF_A_BLOCK)))
+    shares = (np.arange(_POINTS_OF_A_BLOCK) * _GOLDEN) % 1.0
+    sample = ((np.arange(blocks)[:, None] + shares) * (points / blocks)).astype(np.int64)
+    distinct, places = np.unique(sample, return_inverse=True)
+    solver = solver_of(grid.without_collisions(), engine)
+    solved = solver.solve(distinct).summary
+    counts = np.sum([np.ma.filled(solved[n], 0).astype(np.float64) for n in grid.counted], axis=0)
+    density: Array = counts[places].reshape(sample.shape).mean(axis=1)
+    return density
+
+
+def chunks_of(grid: Grid, known: Division | None, engine: str) -> Chunks:
+    """Return how a grid is divided: as a folder has it already, or by its expected impacts."""
+    expected = expected_impacts(grid)
+    if known is not None and grid.chunk_points is None:
+        return Chunks.of_division(grid, known, expected)
+    return Chunks.of(grid, expected, impact_density(grid, expected, engine))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a grid will take, judged by a sample of its points."""
+
+    sampled: int
+    impacts: float
+    """Impacts of a point, on average."""
+    seconds: float
+    """Time of a point in one thread (s)."""
+    bytes: float
+    """Bytes of a point on the disk."""
+
+
+def estimate(grid: Grid, engine: str, stretch: int) -> Estimate:
+    """Time points spread over the grid for about half a second, as many at one go as it solves."""
+    solver = solver_of(grid, engine)
+    count = 16
+    while True:
+        points = spread(grid, count)
+        begin = time.perf_counter()
+        for first in range(0, len(points), stretch):
+            solver.solve(points[first : first + stretch])
+        taken = time.perf_counter() - begin
+        if taken >= _TIMED or len(points) == grid.design.points:
+            break
+        count *= 4
+    solved = solver.solve(points)
+    size = part_bytes(grid, solved, points)
+    return Estimate(len(points), solved.impacts / len(points), taken / len(points), size)
+
+
+def solve_into(
+    folder: Path, grid: Grid, workers: int = 0, engine: str = "compiled", force: bool = False
+) -> None:
+    """Solve what a folder lacks of a grid.
+
+    Parameters
+    ----------
+    folder, grid
+        Where the dataset goes, and what it is to hold.
+    workers
+        Threads; 0 for one on each processor.
+    engine
+        ``"compiled"`` or ``"python"``; both give the same bytes.
+    force
+        Whether another grid in the folder is replaced.
+
+    Raises as :func:`dataset.opened`, and ``OSError`` where a part cannot be written.
+    """
+    chunks = chunks_of(grid, None if force else known_division(folder), engine)
+    with opened(folder, grid, chunks, force) as dataset:
+        threads = workers or available_cores()
+        given = grid, chunks, dataset.missing, folder, threads, engine
+        try:
+            for receipt in solve_in_threads(*given, lambda points, impacts: None):
+                dataset.add(receipt)
+        finally:
+            dataset.write_manifest()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vibro_cli.compile.kernel import Kernel, Overrides
     from vibro_cli.figures.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
-    from vibro_cli.grids.systems import Solver
+    from vibro_cli.grids.solving import Solver
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
@@ -173,7 +173,7 @@ class System(ABC):
 
     def solver(self, grid: Grid, engine: str) -> Solver:
         """Return a solver of the points of a grid: without another, each is a run of its own."""
-        from vibro_cli.grids.runs import RunSolver
+        from vibro_cli.grids.solving import RunSolver
 
         return RunSolver(grid, engine)
 

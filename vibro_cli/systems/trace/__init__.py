@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from vibro_cli.compile.kernel import Overrides
     from vibro_cli.figures.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
-    from vibro_cli.grids.solving import Solver
+    from vibro_cli.grids.solving import TraceSolver
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.simulation.long_motion import LongMotion
     from vibro_cli.simulation.paths import Paths
@@ -84,10 +84,10 @@ class Trace(System):
 
         return skipped(clock, wanted, end)
 
-    def solver(self, grid: Grid, engine: str) -> Solver:
-        from vibro_cli.grids.solving import Solver
+    def solver(self, grid: Grid, engine: str) -> TraceSolver:
+        from vibro_cli.grids.solving import TraceSolver
 
-        return Solver(grid, engine)
+        return TraceSolver(grid, engine)
 
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.simulation.tables import tables

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.grids.axes import Column
+from vibro_cli.grids.axes import Array
 from vibro_cli.storage.files import BLOCK
 
 # Bytes of a block of which pieces are cut; larger pieces have blocks of their own.
@@ -21,9 +21,9 @@ class Room:
     """Blocks of memory by name, each as large as was ever asked for; for one thread at a time."""
 
     def __init__(self) -> None:
-        self._blocks: dict[str, Column] = {}
+        self._blocks: dict[str, Array] = {}
 
-    def __call__(self, name: str, size: int) -> Column:
+    def __call__(self, name: str, size: int) -> Array:
         """Return so many bytes; they are good until the same name is asked for again."""
         block = self._blocks.get(name)
         if block is None or block.nbytes < size:
@@ -55,7 +55,7 @@ class Rooms:
 
 @dataclass(eq=False)
 class _Block:
-    memory: Column
+    memory: Array
     used: int = 0
     leases: int = 0
 
@@ -68,7 +68,7 @@ class Pieces:
         self._block = _Block(np.empty(0, dtype=np.uint8))
         self._spare: list[_Block] = []
 
-    def cut(self, size: int) -> tuple[Column, _Block]:
+    def cut(self, size: int) -> tuple[Array, _Block]:
         """Return so many bytes, and what to give back once they are not needed any more."""
         with self._lock:
             if self._block.leases == 0:

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from vibro_cli.grids.axes import Column
+from vibro_cli.grids.axes import Array
+from vibro_cli.grids.buffers import Room, Rooms
 from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
+from vibro_cli.grids.columns import impact_table_of, part_file, summary_table
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.room import Room, Rooms
-from vibro_cli.grids.solving import Solved, Table
-from vibro_cli.grids.tables import impact_table_of, part_file, summary_table
+from vibro_cli.grids.solving import Columns, Solved
 from vibro_cli.storage.files import write_file
 from vibro_cli.storage.parts import PartFile
 from vibro_cli.storage.provenance import entry
@@ -78,7 +78,7 @@ class Making:
     """
 
     def __init__(
-        self, grid: Grid, chunk: int, indices: Column, stretches: int, rooms: Rooms
+        self, grid: Grid, chunk: int, indices: Array, stretches: int, rooms: Rooms
     ) -> None:
         self._grid = grid
         self._chunk = chunk
@@ -89,7 +89,7 @@ class Making:
         self._lock = threading.Lock()
         self._busy = False
         self._come: dict[int, Solved] = {}
-        self._summaries: list[Table] = []
+        self._summaries: list[Columns] = []
         self._impacts = 0
         self._parts = {
             name: _Part(part_file(grid, impact_table_of(grid, name), chunk, self._room))
@@ -121,7 +121,7 @@ class Making:
                 self._busy = False
         return None
 
-    def _room(self, name: str, size: int) -> Column:
+    def _room(self, name: str, size: int) -> Array:
         if self._taken is None:
             self._taken = self._rooms.take()
         return self._taken(name, size)
@@ -181,14 +181,14 @@ class Making:
         return Encoded(contents, receipt, partial(self._rooms.give_back, self._taken))
 
 
-def part_bytes(grid: Grid, solved: Solved, indices: Column) -> float:
+def part_bytes(grid: Grid, solved: Solved, indices: Array) -> float:
     """Return how many bytes a point takes on the disk, judged by some of them."""
     made = Making(grid, 0, indices, 1, Rooms()).add(0, solved)
     assert made is not None
     return sum(map(len, made.files.values())) / len(indices)
 
 
-def _joined(name: str, tables: list[Table]) -> Any:
+def _joined(name: str, tables: list[Columns]) -> Any:
     """One column of several tables, freed there; null where a table does not have it."""
     parts = []
     for table in tables:

@@ -2,8 +2,9 @@
 
 Points that share trace, radii, laws and ends make one setting: it is built once by the ordinary
 reader, and what its points differ in (starts, masses, k, stops) is worked out for all of them at
-once. Only what is sure to be a valid scenario is taken so: every other point goes through the
-ordinary reader alone, which also says what is wrong with it.
+once, as are systems that differ in numbers only. Only what is sure to be a valid scenario is taken
+so, checked here with room to spare: every other point goes through the ordinary reader alone, which
+also says what is wrong with it.
 """
 
 from __future__ import annotations
@@ -11,28 +12,191 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, reduce
+from itertools import combinations, permutations
 from typing import Any
 
 import numpy as np
 
-from vibro_cli.build.assembly import speed_of
+from vibro_cli.build.assembly import speed_of, system_of, trace_of
 from vibro_cli.build.bodies import body_of
-from vibro_cli.grids.axes import Column
-from vibro_cli.grids.changing import changed
-from vibro_cli.grids.points import Point
-from vibro_cli.grids.soundness import SURE, is_of_system, sound_systems
-from vibro_cli.mechanics.clearance import contact_angle
-from vibro_cli.mechanics.placement import wall_position
+from vibro_cli.build.findings import SIZES
+from vibro_cli.grids.axes import Array, kind_of
+from vibro_cli.grids.points import Point, changed
+from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.clearance import contact_angle, fits_between, not_neighbours, over_others
+from vibro_cli.mechanics.placement import fits_at_wall, wall_position
+from vibro_cli.mechanics.separation import Path, Window, surely_clear
 from vibro_cli.mechanics.system import InitialState, System
-from vibro_cli.mechanics.trace import Piece
+from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics.alike import taken
 from vibro_cli.scenario import Scenario
+from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.simulation.geometry import centres
 from vibro_cli.simulation.prepare import initial_flight, neighbours
 
-Values = Mapping[KeyPath, Column]
+SURE = 1.0e-9
+"""Closer than this share to the edge of what is possible, the ordinary reader decides."""
+_OF_A_BALL = ("radius", "thickness", "inertia_ratio")
+_OF_THE_TRACE = ("radius", "length", "end_slope")
+_MOST_SLOPE = 999.0
+
+
+def is_of_system(path: KeyPath) -> bool:
+    """Tell whether a path leads to a number of the system that belongs to no start of a run."""
+    if path[0] == "balls":
+        return len(path) == 3 and path[2] in _OF_A_BALL
+    if path[:2] == ("trace", "arcs"):
+        return len(path) == 4 and path[3] in _OF_THE_TRACE
+    walls = (("ends", "left", "wall"), ("ends", "right", "wall"))
+    return path in (("gravity",), ("trace", "start_slope"), *walls)
+
+
+def sound_systems(
+    known: Scenario, like: System, values: Values, count: int
+) -> tuple[Array, System]:
+    """Return which systems are surely sound, and these as one system of arrays.
+
+    Parameters
+    ----------
+    known, like
+        A valid scenario and its system.
+    values
+        Numbers of the systems, ``count`` for each path; the others are those of ``known``.
+    """
+    sound = _allowed(values, count)
+    if like.turning is not None:
+        sound[:] = False
+    sound &= _is_chain(changed(known, values), values)
+    at = np.flatnonzero(sound)
+    scenario = changed(known, {path: column[at] for path, column in values.items()})
+    on_new_trace = any(path[0] == "trace" for path in values)
+    trace = trace_of(scenario) if on_new_trace and len(at) else like.trace
+    bodies = tuple(map(body_of, scenario.balls))
+    system = system_of(scenario, trace, bodies, like.initial, None)
+    resized = any(path[0] == "balls" and path[2] == "radius" for path in values)
+    fit = np.ones(len(at), dtype=bool)
+    if (on_new_trace or resized) and len(at):
+        if any(ball.touching for ball in known.balls):
+            fit[:] = False
+        with np.errstate(all="ignore"):
+            fit &= _bodies_fit(trace, bodies, like)
+            at_once = trace.closed and len(trace.pieces) == 1
+            fit &= at_once or _touch_nothing_else(trace, bodies, len(at))
+            fit &= _only_neighbours_touch(trace, bodies, len(at))
+            fit &= _walls_fit(system)
+    sound[at[~fit]] = False
+    return sound, taken(system, fit)
+
+
+def _allowed(values: Values, count: int) -> Array:
+    """Which systems have numbers that their keys allow, and that doubles can compute with."""
+    allowed = np.ones(count, dtype=bool)
+    low, high = SIZES[0] * (1.0 + SURE), SIZES[1] * (1.0 - SURE)
+    for path, column in values.items():
+        kind = kind_of(path)
+        assert isinstance(kind, kinds.Quantity)
+        if kind.above is not None:
+            allowed &= column > kind.above
+        if kind.at_least is not None:
+            allowed &= column >= kind.at_least
+        if kind.at_most is not None:
+            allowed &= column <= kind.at_most
+        if path[-1] in ("radius", "thickness", "length", "gravity"):
+            allowed &= (column > low) & (column < high)
+        allowed &= np.abs(column) < (_MOST_SLOPE if "slope" in str(path[-1]) else high)
+    return allowed
+
+
+def _is_chain(scenario: Scenario, values: Values) -> Any:
+    """Where the slopes of a changed trace, which is open, are those of its shapes."""
+    if not any(path[0] == "trace" for path in values):
+        return True
+    slope: Any = scenario.trace.start_slope
+    sound: Any = not scenario.trace.closed
+    for arc in scenario.trace.arcs:
+        if arc.end_slope is None:
+            continue
+        sound = sound & ((arc.end_slope > slope) == (arc.shape == "valley"))
+        sound = sound & (arc.end_slope != slope)
+        slope = arc.end_slope
+    return sound
+
+
+def _bodies_fit(trace: Trace, bodies: tuple[Body, ...], like: System) -> Any:
+    """Where bodies fit every valley, alone and beside another as those of a known system do."""
+    fit: Any = True
+    for piece in trace.pieces:
+        if piece.sign > 0.0:
+            for body in bodies:
+                fit = fit & (body.radius < piece.radius * (1.0 - SURE))
+    for a, b in combinations(range(len(bodies)), 2):
+        for piece, old in zip(trace.pieces, like.trace.pieces, strict=True):
+            if piece.is_line:
+                continue
+            angle = contact_angle(piece, bodies[a].radius, bodies[b].radius)
+            before = contact_angle(old, like.bodies[a].radius, like.bodies[b].radius)
+            fit = fit & (np.isfinite(angle) == math.isfinite(before))
+            sweep = piece.angle_end - piece.angle_start
+            behind = np.isfinite(angle) & (sweep > math.tau - angle * (1.0 + SURE) - SURE)
+            if not (trace.closed and len(trace.pieces) == 1):
+                fit = fit & ~behind
+    return fit
+
+
+def _touch_nothing_else(trace: Trace, bodies: tuple[Body, ...], count: int) -> Any:
+    """Where bodies on a trace touch only the piece they roll on, and so the trace nowhere itself.
+
+    The largest body encloses, where it touches the trace, all the others there.
+    """
+    largest = reduce(np.maximum, [body.radius for body in bodies])
+    clear: Any = True
+    for piece in trace.pieces:
+        if not piece.is_line:
+            clear = clear & (piece.angle_end - piece.angle_start < math.tau * (1.0 - SURE))
+    for i, j in permutations(range(len(trace.pieces)), 2):
+        path, other = Path.of(trace.pieces[i], largest), Path.of(trace.pieces[j], 0.0)
+        clear = clear & surely_clear(path, other, Window.of(trace, i, j), largest, count)
+    return clear
+
+
+def _only_neighbours_touch(trace: Trace, bodies: tuple[Body, ...], count: int) -> Any:
+    """Where bodies never touch but as neighbours, over those between them or else."""
+    fit: Any = True
+    for (left, right), between in over_others(len(bodies), trace.closed):
+        outer = bodies[left].radius, bodies[right].radius
+        row = tuple(bodies[n].radius for n in between)
+        fit = fit & np.logical_not(fits_between(trace, outer, row))
+    for first, second in not_neighbours(len(bodies), trace.closed):
+        a, b = bodies[first].radius, bodies[second].radius
+        for i, j in permutations(range(len(trace.pieces)), 2):
+            if i < j or trace.closed:
+                path, other = Path.of(trace.pieces[i], a), Path.of(trace.pieces[j], b)
+                fit = fit & surely_clear(path, other, Window.of(trace, i, j), a + b, count)
+    return fit
+
+
+def _walls_fit(system: System) -> Any:
+    """Where the outer bodies can meet the walls, and no other."""
+    fit: Any = True
+    pieces = system.trace.pieces
+    ends = (system.left_end, pieces[0], 0), (system.right_end, pieces[-1], -1)
+    for wall, piece, outer in ends:
+        if wall is None:
+            continue
+        touch = wall_position(piece, system.bodies[outer].radius, outer != 0)
+        if touch is None:
+            return False
+        room = SURE * (1.0 + np.abs(touch))
+        fit = fit & (touch > piece.angle_start + room) & (touch < piece.angle_end - room)
+        for body in system.bodies[1:] if outer == 0 else system.bodies[:-1]:
+            between = system.bodies[outer].radius
+            fit = fit & np.logical_not(fits_at_wall(piece, body.radius, between, outer != 0))
+    return fit
+
+
+Values = Mapping[KeyPath, Array]
 
 _LEAST_MASS, _MOST_MASS, _MOST_SPEED = 1.0e-99, 1.0e99, 1.0e29
 
@@ -41,19 +205,19 @@ _LEAST_MASS, _MOST_MASS, _MOST_SPEED = 1.0e-99, 1.0e99, 1.0e29
 class Starts:
     """What the solver starts some points with; rows of points that are not sure mean nothing."""
 
-    sure: Column
+    sure: Array
     """Whether a point is known to be a valid scenario."""
-    piece: Column
+    piece: Array
     """[point, ball]"""
-    s: Column
-    c: Column
-    p: Column
-    mass: Column
-    restitution: Column
+    s: Array
+    c: Array
+    p: Array
+    mass: Array
+    restitution: Array
     """[point, pair]"""
-    stop_t: Column
+    stop_t: Array
     """s; nan without a stop."""
-    stop_collisions: Column
+    stop_collisions: Array
     """0 without a stop."""
 
     def at(self, rows: Any) -> Starts:
@@ -65,11 +229,11 @@ class Starts:
 class Systems:
     """The systems of some points, as far as they are surely sound."""
 
-    points: Column
+    points: Array
     """Which points these are, of those that were asked for."""
     system: System
     """One system, or several as one of arrays."""
-    of_points: Column | None
+    of_points: Array | None
     """Then the number of the system of each of these points, from 0."""
 
     @property
@@ -163,7 +327,7 @@ class Setting:
         )
 
 
-def _table(columns: Sequence[Any], count: int) -> Column:
+def _table(columns: Sequence[Any], count: int) -> Array:
     """Numbers and arrays as the columns of one table."""
     if not columns:
         return np.zeros((count, 0))
@@ -171,7 +335,7 @@ def _table(columns: Sequence[Any], count: int) -> Column:
 
 
 def _state(
-    scenario: Scenario, system: System, number: int, values: Values, sure: Column
+    scenario: Scenario, system: System, number: int, values: Values, sure: Array
 ) -> InitialState:
     """Position and speed of the centre of one body; where they are in doubt, not sure."""
     given, body = scenario.balls[number], system.bodies[number]
@@ -190,7 +354,7 @@ def _state(
     return InitialState(piece.index, position, speed_of(given, body, piece))
 
 
-def _stops(scenario: Scenario, sure: Column) -> tuple[Column, Column]:
+def _stops(scenario: Scenario, sure: Array) -> tuple[Array, Array]:
     count, time, most = len(sure), scenario.stop.time, scenario.stop.collisions
     if time is not None:
         sure &= (time > 0.0) & np.isfinite(time)
@@ -202,7 +366,7 @@ def _stops(scenario: Scenario, sure: Column) -> tuple[Column, Column]:
     )
 
 
-def _check_order(system: System, states: list[InitialState], sure: Column) -> None:
+def _check_order(system: System, states: list[InitialState], sure: Array) -> None:
     """Leave sure only points whose neighbours are in order and clear of one another."""
     count = len(states)
     pairs = [(n, n + 1) for n in range(count - 1)]
@@ -225,7 +389,7 @@ def _check_order(system: System, states: list[InitialState], sure: Column) -> No
             sure &= along < math.tau - needed - SURE
 
 
-def _check_walls(system: System, states: list[InitialState], sure: Column) -> None:
+def _check_walls(system: System, states: list[InitialState], sure: Array) -> None:
     pieces = system.trace.pieces
     for wall, ball, piece, side in (
         (system.left_end, 0, pieces[0], 1.0),
@@ -248,11 +412,11 @@ def _clear(
     piece_b: Piece,
     place_b: Any,
     radius_b: float,
-) -> Column:
+) -> Array:
     """Whether bodies on two pieces are surely apart."""
     ax, ay = centres(piece_a, place_a, radius_a)
     bx, by = centres(piece_b, place_b, radius_b)
     contact = radius_a + radius_b
     size = np.abs(ax) + np.abs(ay) + np.abs(bx) + np.abs(by) + contact
-    clear: Column = np.hypot(bx - ax, by - ay) > contact + SURE * size
+    clear: Array = np.hypot(bx - ax, by - ay) > contact + SURE * size
     return clear
