@@ -165,6 +165,7 @@ def test_the_command_tells_what_is_wrong(
         (["none.csv", *free], "none.csv: cannot be read"),
         (["circle.json", *free], "expected .csv or .parquet"),
         (["bad.csv", "--free", "collision.k=1:0"], "expected PATH or PATH=LOW:HIGH"),
+        (["bad.csv", "--free", "collision.k=0.5"], "expected PATH or PATH=LOW:HIGH"),
     ):
         measured = str(tmp_path / arguments[0])
         assert run_command_line(["fit", str(file), measured, *arguments[1:]]) == 2

@@ -207,7 +207,7 @@ def test_python_finds_what_the_command_finds(
         (["--vary", "balls[2].mass=3:2"], "expected PATH=LOW:HIGH"),
         (["--vary", "balls[2].mass=3:4"], "expected a number in the range"),
         (["--vary", "balls[2].density=3:4"], "found no number there"),
-        (["--impacts", "1", "--set", "collision.k=0.9"], "no orbit"),
+        (["--impacts", "1", "--set", "collision.k=0.9"], "no orbit: impacts take energy"),
     ],
 )
 def test_what_cannot_be_followed_is_told(

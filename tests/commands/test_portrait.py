@@ -64,11 +64,36 @@ def test_barriers_between_equal_saddles_are_zero(vibro: Vibro) -> None:
     assert outcome.text.count("C3-S3-C4: open; barriers +0 m (left)") == 2
 
 
-@pytest.mark.parametrize("vary", ["r", "r=1:2", "r=2:1:3", "r=1:2:1", "r=a:b:3", "=1:2:3"])
+@pytest.mark.parametrize("vary", ["r", "r=1:2", "r=1:1:3", "r=1:2:1", "r=a:b:3", "=1:2:3"])
 def test_a_wrong_family_is_refused(vibro: Vibro, vary: str) -> None:
     outcome = vibro("portrait", THREE_ARCS, "--vary", vary)
     assert outcome.code == 2
-    assert "PATH=LOW:HIGH:N" in outcome.err
+    assert "PATH=FROM:TO:N" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("vary", "words"),
+    [
+        ("ball[1].radius=0.1:0.2:3", "found ball[1].radius, expected a value of a scenario"),
+        ("balls[1].body=1:2:3", "found balls[1].body, expected a number"),
+        ("balls[1].radius=1 kg:2 kg:3", 'found "1 kg", expected a length'),
+        ("balls[1].radius=2:3:3", "no member is possible: balls[1].radius: found 2.0"),
+    ],
+)
+def test_a_family_that_cannot_be_is_refused(vibro: Vibro, vary: str, words: str) -> None:
+    outcome = vibro("portrait", THREE_ARCS, "--no-figures", "--vary", vary)
+    assert outcome.code == 2
+    assert words in outcome.err
+
+
+def test_a_family_has_units_and_may_fall(vibro: Vibro) -> None:
+    command = ("portrait", THREE_ARCS, *STEEP, "--no-figures", "--json", "--vary")
+    falling = json.loads(vibro(*command, "balls[1].radius=30 cm:50 mm:6").text)["family"]
+    rising = json.loads(vibro(*command, "balls[1].radius=0.05:0.3:6").text)["family"]
+    assert [one["value"] for one in falling["members"]] == pytest.approx(
+        [one["value"] for one in reversed(rising["members"])]
+    )
+    assert falling["changes"][0]["high"] == pytest.approx(rising["changes"][0]["high"], rel=1e-12)
 
 
 def test_a_folder_that_is_not_a_portrait_is_left_alone(vibro: Vibro) -> None:

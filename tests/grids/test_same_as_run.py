@@ -234,3 +234,17 @@ def test_numbers_are_read_once_for_all_points(
     solved = TraceSolver(grid, "compiled").solve(np.arange(POINTS))
     assert set(solved.summary["status"]) == {"ok"}
     assert len(reads) == 1
+
+
+def test_words_of_bodies_may_be_an_axis(tmp_path: Path) -> None:
+    file = tmp_path / "words.toml"
+    base = f'base = "{SCENARIOS / "three_arcs.toml"}"'
+    words = '[[axes]]\npath = "balls[1].body"\nvalues = ["ball", "particle"]'
+    numbers = '[[axes]]\npath = "collision.k"\nvalues = [0.8, 1.0]'
+    file.write_text("\n".join([base, words, numbers]))
+    grid = load_grid(file)
+    together, alone = (
+        Solver(grid, engine).solve(np.arange(4)).summary for engine in ("compiled", "python")
+    )
+    for name, column in alone.items():
+        np.testing.assert_array_equal(together[name], column, err_msg=name)

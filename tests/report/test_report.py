@@ -206,6 +206,11 @@ def test_a_run_without_impacts_says_so(beside: Path) -> None:
     assert "There was no impact." in page.with_id("run1-impacts").text
 
 
+def test_a_body_at_rest_at_the_bottom_has_no_swing(beside: Path) -> None:
+    run = stored(beside / "at the bottom", "three_arcs", "balls[2].angle=0", "stop.collisions=3")
+    assert b"</html>" in report_html([run], beside, "1.2.3")
+
+
 def test_an_inadmissible_end_is_told(beside: Path) -> None:
     run = stored(beside / "through", "unequal_hedrih")
     page = Page(report_html([run], beside, "0"))

@@ -313,7 +313,11 @@ def newton(
         state, period, shot, residual = found
         best = residual
     if residual > NEARLY_CLOSED:
-        raise NoOrbit(f"Newton's method does not converge: it comes to {residual:.2g}")
+        raise NoOrbit(
+            f"Newton's method does not converge: it comes to an orbit that fails to close by "
+            f"{residual:.2g} of the size of its state; begin nearer to one, or with another number "
+            "of impacts or period"
+        )
     start = started(system, state)
     return Orbit(start, period, state, shot, residual, energy_of(system, state))
 
@@ -429,6 +433,13 @@ def find_orbit(
     """
     if len(system.bodies) < 2:
         raise NoOrbit("found one body, expected two or more: an orbit of impacts")
+    walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
+    lossy = [k for k in (*system.restitution, *walls) if k != 1.0]
+    if lossy:
+        raise NoOrbit(
+            f"impacts take energy: found a coefficient of restitution of {lossy[0]:g}, expected 1 "
+            "of all bodies and walls"
+        )
     if period is None:
         period = nearest_return(system, impacts, longest)
     orbit = newton(system, state_of(system), period, None, None)

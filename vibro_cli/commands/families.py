@@ -1,6 +1,6 @@
 """Families of portraits: one number varied, or a few values of anything compared."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,8 @@ class Source:
     name: str
     overrides: tuple[str, ...]
     width: str
+    model: Any
+    """Of the scenarios of its system."""
 
     def portrait(self, path: str, value: Any) -> "Portrait":
         """The portrait with one more override; raises `ScenarioError` where it is not possible."""
@@ -49,18 +51,19 @@ def ball_of(path: str) -> int:
     return int(number) if number.isdecimal() else 1
 
 
-def parsed_range(vary: str) -> tuple[str, float, float, int]:
-    """Path, first and last value and number of members of `--vary`."""
+def parsed_range(vary: str) -> tuple[str, str, str, int]:
+    """Path, first and last value as they are written, and number of members of `--vary`."""
     path, _, values = vary.rpartition("=")
     try:
-        low, high, number = values.split(":")
-        parsed = (path.strip(), float(low), float(high), int(number))
+        first, last, number = (text.strip() for text in values.split(":"))
+        parsed = (path.strip(), first, last, int(number))
     except ValueError:
-        parsed = ("", 0.0, 0.0, 0)
-    if not parsed[0] or not parsed[1] < parsed[2] < float("inf") or not 2 <= parsed[3] <= 1000:
+        parsed = ("", "", "", 0)
+    of_digits = all(text.lstrip("+-.")[:1].isdigit() for text in parsed[1:3])
+    if not parsed[0] or not of_digits or parsed[1] == parsed[2] or not 2 <= parsed[3] <= 1000:
         raise typer.BadParameter(
-            f"--vary: found {vary!r}, expected PATH=LOW:HIGH:N with LOW < HIGH in SI units and "
-            "radians, and N from 2 to 1000"
+            f"--vary: found {vary!r}, expected PATH=FROM:TO:N with two different numbers (SI units "
+            "and radians, or with their units) and N from 2 to 1000"
         )
     return parsed
 
@@ -83,7 +86,7 @@ def parsed_values(compare: str) -> tuple[str, list[str]]:
 
 def varied(source: Source, vary: str, draw: Draw | None) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The types of a family, where they change, and the figure of its portraits."""
-    record, shown = _varied(vary, source.portrait, lambda one: one.type)
+    record, shown = _varied(source, vary, source.portrait, lambda one: one.type)
     if draw is None or not shown:
         return record, {}
     from vibro_cli.figures.family import family
@@ -96,21 +99,29 @@ def varied_systems(
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The same of a system that tells the type of a body's portrait (C, part 3: l ≶ b)."""
     ball = ball_of(vary)
-    record, shown = _varied(vary, source.system, lambda one: str(kind.family_type(one, ball)))
+    record, shown = _varied(
+        source, vary, source.system, lambda one: str(kind.family_type(one, ball))
+    )
     if draw is None or not shown:
         return record, {}
     return record, draw("family", kind.family_figure(shown, ball, source.width))
 
 
 def _varied(
-    vary: str, member: "Callable[[str, Any], Any]", type_of_member: "Callable[[Any], str]"
+    source: Source,
+    vary: str,
+    member: "Callable[[str, Any], Any]",
+    type_of_member: "Callable[[Any], str]",
 ) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
     """The types of a family and where they change; titles and members that are possible."""
     from vibro_cli.analysis.family import IMPOSSIBLE, changes
 
-    path, low, high, number = parsed_range(vary)
-    values = [low + (high - low) * step / (number - 1) for step in range(number)]
+    path, *ends, number = parsed_range(vary)
+    (first, last), unit = _numbers(path, ends, source.model)
+    values = [first + (last - first) * step / (number - 1) for step in range(number)]
     members, reasons = _members(path, values, member)
+    if not members:
+        raise CommandError(f"vibro: --vary: no member is possible: {reasons[values[0]]}")
 
     def type_of(value: float) -> str:
         if value in reasons:
@@ -118,7 +129,7 @@ def _varied(
         one = members[value] if value in members else _member(path, value, member)
         return IMPOSSIBLE if isinstance(one, str) else type_of_member(one)
 
-    found = changes(type_of, values)
+    found = changes(type_of, sorted(values))
     record = {
         "path": path,
         "ball": ball_of(path),
@@ -129,8 +140,30 @@ def _varied(
         ],
         "changes": [vars(change) for change in found],
     }
-    shown = [(f"{path} = {value:.6g}", one) for value, one in members.items()]
+    shown = [(f"{path} = {value:.6g} {unit}".rstrip(), one) for value, one in members.items()]
     return record, shown
+
+
+def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], str]:
+    """Numbers (SI) that are written with or without units at a path, and their SI unit."""
+    from pydantic_core import PydanticCustomError
+
+    from vibro_cli.grids.paths import NotAnAxis, kind_of, read_number, unit_of
+    from vibro_cli.scenario.overrides import OverrideError, given, parse_value
+    from vibro_cli.scenario.quantities import Quantity
+
+    try:
+        kind = kind_of(given(path, 0.0).path, model)
+        if not isinstance(kind, Quantity):
+            raise CommandError(f"vibro: --vary: found {path}, expected a number of the scenario")
+        return [read_number(kind, parse_value(text)) for text in texts], unit_of(kind)
+    except (NotAnAxis, OverrideError) as error:
+        fault = error.fault
+        raise CommandError(
+            f"vibro: --vary: found {fault.found}, expected {fault.expected}"
+        ) from error
+    except PydanticCustomError as error:
+        raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error
 
 
 def _members(

@@ -1,9 +1,9 @@
 """`vibro fit`: numbers of a scenario from measured instants of impacts."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from math import floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -46,8 +46,8 @@ def fit(
         typer.Argument(
             metavar="MEASURED",
             help="CSV or parquet file with the instants of impacts: column t (s); if some are "
-            "missing n, the number of the impact from 1; error (s) if they differ in it; ball_a "
-            "and ball_b if the bodies are known.",
+            "missing, n, the number of the impact from 1; if their errors differ, error (s), the "
+            "standard deviation; if the bodies are known, ball_a and ball_b.",
         ),
     ],
     free: Annotated[
@@ -103,7 +103,8 @@ def parsed_free(texts: Sequence[str]) -> "list[Free]":
     for text in texts:
         path, equals, values = text.partition("=")
         try:
-            found.append(Free.of(path, *(map(float, values.split(":", 1)) if equals else ())))
+            low, high = map(float, values.split(":")) if equals else (-math.inf, math.inf)
+            found.append(Free.of(path, low, high))
         except (TypeError, ValueError) as error:
             raise CommandError(
                 f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH"
@@ -220,7 +221,7 @@ def _lines(found: "Fit") -> Iterator[str]:
 
 def _rounded(value: float, error: float) -> str:
     """A number to two digits of its error."""
-    digits = 2 + floor(log10(abs(value) / error)) if abs(value) > error else 2
+    digits = 2 + math.floor(math.log10(abs(value) / error)) if abs(value) > error else 2
     return f"{value:#.{min(digits, 17)}g}"
 
 

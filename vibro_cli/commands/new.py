@@ -73,6 +73,7 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
     path = Path(f"{name}.toml" if output is None else output)
     if path.exists() and not force:
         raise CommandError(f"vibro: {path} exists; --force replaces it")
+    path.parent.mkdir(parents=True, exist_ok=True)
     command, files = _write_files(name, content, path)
     if as_json:
         print(json_text({"file": str(path), "files": [str(one) for one in files]}))

@@ -126,7 +126,7 @@ def _find(wishes: _Wishes) -> int:
             columns = orbit_columns(found, branch)
             drawn = {}
             if wishes.vary is not None and wishes.figures:
-                drawn = _drawn(columns, parsed_span(wishes.vary)[0])
+                drawn = _drawn(columns, _axis(parsed_span(wishes.vary)[0]))
             write_orbits(scenario, columns, folder, drawn)
     except (NoOrbit, NoTangents) as error:
         raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
@@ -210,8 +210,9 @@ def _lines(name: str, found: "Orbit", branch: "Branch | None") -> Iterator[str]:
     told = ", ".join(_complex(mu) for mu in found.multipliers)
     yield f"  multipliers  {told}: {'stable' if found.stable else 'unstable'}"
     for body, state in enumerate(found.system.initial, 1):
+        unit = "m" if found.system.trace.pieces[state.piece].is_line else "rad"
         yield (
-            f"  ball {body}       arc {state.piece + 1}, {state.position:.15g}, "
+            f"  ball {body}       arc {state.piece + 1}, {state.position:.15g} {unit}, "
             f"{state.speed:.15g} m/s"
         )
     if branch is not None:
@@ -226,11 +227,23 @@ def _complex(value: complex) -> str:
     return f"{value.real:.9g}" if value.imag == 0.0 else f"{value.real:.9g}{value.imag:+.9g}i"
 
 
-def _drawn(columns: dict[str, Any], path: str) -> dict[str, bytes]:
+def _axis(path: str) -> str:
+    """The label of the axis of a family over the number at a path."""
+    from vibro_cli.figures.lattice import words_of
+    from vibro_cli.grids.paths import kind_of, unit_of
+    from vibro_cli.scenario.overrides import given
+
+    if path == ENERGY:
+        return "energy [J]"
+    unit = unit_of(kind_of(given(path, 0.0).path))
+    return f"{words_of(path)} [{unit}]" if unit else words_of(path)
+
+
+def _drawn(columns: dict[str, Any], label: str) -> dict[str, bytes]:
     """The figure of a family in both forms."""
     from vibro_cli.figures.orbit_branch import branch_figure
     from vibro_cli.figures.output import render
 
     told = columns | {"special": [kind or "" for kind in columns["special"]]}
-    figure = branch_figure(told, path, "single")
+    figure = branch_figure(told, label, "single")
     return {f"orbits.{form}": render(figure, form) for form in ("png", "pdf")}

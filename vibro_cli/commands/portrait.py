@@ -53,9 +53,9 @@ def portrait(
     vary: Annotated[
         str | None,
         typer.Option(
-            metavar="PATH=LOW:HIGH:N",
-            help="A family of N portraits, and where their type changes, "
-            "e.g. --vary balls[1].radius=0.05:0.3:6 (SI units, radians).",
+            metavar="PATH=FROM:TO:N",
+            help="A family of N portraits, and where their type changes, e.g. --vary "
+            "balls[1].radius=0.05:0.3:6 (SI units, or with units: 5 cm:30 cm:6).",
         ),
     ] = None,
     compare: Annotated[
@@ -142,7 +142,7 @@ def _analysed(
     drawn = {
         name: file for stem, one in figures.items() for name, file in _files(stem, one).items()
     }
-    source = Source(wishes.source, tuple(wishes.overrides), wishes.width)
+    source = Source(wishes.source, tuple(wishes.overrides), wishes.width, kind.model)
     draw = _files if wishes.figures else None
     if wishes.vary is not None:
         of_kind = varied if kind.has_families else partial(varied_systems, kind)

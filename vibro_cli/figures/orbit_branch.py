@@ -24,17 +24,19 @@ _MARKS = {
     "grazing": ("x", "grazing end"), "coincidence": ("+", "two events at once"),
 }  # fmt: skip
 _OTHER = ("o", "end")
+_ROUNDING = 1e-9
+"""Values that differ by less than this share of them are drawn as one."""
 
 
-def branch_figure(found: dict[str, Any], path: str, width: str) -> Figure:
+def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
     """Return period and size of the largest multiplier over a number of the scenario.
 
     Parameters
     ----------
     found
         Columns of ``orbits.parquet``.
-    path
-        Of the number.
+    label
+        Of the number, with its unit.
     width
         "single" or "double".
     """
@@ -50,6 +52,8 @@ def branch_figure(found: dict[str, Any], path: str, width: str) -> Figure:
         names = (("period", "$T$", "s"), ("multiplier", r"$|\mu|$", ""))
         for axes, (name, symbol, unit) in zip(panels, names, strict=True):
             height = np.asarray(found[name])
+            if np.ptp(height) <= _ROUNDING * np.max(np.abs(height)):
+                height = np.full_like(height, np.median(height))
             for look, shown in ((STABLE, stable), (UNSTABLE, ~stable)):
                 # A piece of the curve has the look of its unstable end.
                 joined = shown if look is STABLE else shown | np.roll(shown, 1) | np.roll(shown, -1)
@@ -65,7 +69,7 @@ def branch_figure(found: dict[str, Any], path: str, width: str) -> Figure:
             ticks = number_ticks(low, high if high > low else low + 1.0, widths[0])
             last = axes is panels[-1]
             axes.set_xticks(ticks.places, ticks.labels if last else [""] * len(ticks.places))
-        panels[-1].set_xlabel(path)
+        panels[-1].set_xlabel(label)
     return figure
 
 

@@ -211,7 +211,9 @@ class TraceSolver:
         systems = setting.systems(values, len(rows))
         sure = np.zeros(len(rows), dtype=bool)
         if len(systems.points):
-            starts = setting.starts(_taken(values, systems.points), systems)
+            # What the points have in common is in the setting's scenario.
+            own_values = {path: one for path, one in values.items() if path not in self._slow}
+            starts = setting.starts(_taken(own_values, systems.points), systems)
             sure[systems.points] = starts.sure
             if starts.sure.any():
                 self._solve_batch(key, starts, systems, rows[systems.points], parts)

@@ -46,7 +46,7 @@ def series_rows(run: StoredRun) -> list[list[str]]:
 def _way(run: StoredRun, row: int, end: str) -> tuple[Swing, float, float] | None:
     """Return the swing of a body before an impact, the angle there (rad) and the time (s) of it.
 
-    None unless it rolled freely in one valley since its impact before, or the start.
+    None unless it swung freely in one valley since its impact before, or the start.
     """
     table, flights = run.collisions, run.flights()
     t, ball = float(table["t"][row]), int(table[f"ball_{end}"][row])
@@ -63,6 +63,8 @@ def _way(run: StoredRun, row: int, end: str) -> tuple[Swing, float, float] | Non
         return None
     angle, rate = (float(flights[name][flight]) for name in ("angle_start", "rate_start"))
     swing = Swing(squared_rate(run.system, ball, piece), angle, rate)
+    if swing.scale == 0.0:  # at rest at the bottom: no swing
+        return None
     lasts = t - float(flights["t_start"][flight])
     return swing, float(table[f"angle_{end}"][row]), lasts
 
