@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vibro_cli.api import recalled, recalled_motion, simulate_streamed
 from vibro_cli.build import build_any
 from vibro_cli.scenario import load_any
+from vibro_cli.simulation import long_motion
 from vibro_cli.simulation.long_motion import LongMotion
 from vibro_cli.systems import system_named
 from vibro_cli.systems.run import Run, simulate
@@ -27,7 +29,8 @@ def both(request: pytest.FixtureRequest) -> tuple[Run, LongMotion]:
     scenario = load_any(scene, [stop])
     kind, system = system_named(scenario.system), build_any(scenario)
     limits = kind.limits(scenario)
-    return simulate(kind, system, limits), LongMotion(kind, system, limits)
+    run = simulate(kind, system, limits)
+    return run, LongMotion(kind, system, limits, len(run.flights()["ball"]))
 
 
 def assert_same(one: dict[str, Any], other: dict[str, Any]) -> None:
@@ -62,3 +65,17 @@ def test_samples(both: tuple[Run, LongMotion], side: str) -> None:
         [draw.uniform(0.0, run.end_time, 500), starts[:: len(starts) // 200 + 1], [run.end_time]]
     )
     assert_same(run.sample(times, side), long.sample(times, side))
+
+
+def test_a_run_that_was_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(long_motion, "MOST_FLIGHTS", 1000)
+    scenario = load_any(SCENES[0][0], [SCENES[0][1]])
+    asked = iter([False, True])
+    part = simulate_streamed(scenario, lambda *_: None, interrupted=lambda: next(asked))
+    checkpoint = part.checkpoint()
+    assert checkpoint["end_cause"] == "interrupted"
+    long, run = recalled_motion(scenario, checkpoint), recalled(scenario, checkpoint)
+    assert isinstance(long, LongMotion)
+    assert_same(run.flights(), long.flights())
+    times = np.linspace(0.0, run.end_time, 100)
+    assert_same(run.sample(times), long.sample(times))

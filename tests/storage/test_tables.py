@@ -17,7 +17,15 @@ import pytest
 from tests.fake_run import columns_of
 from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema
-from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, stream, to_arrow
+from vibro_cli.storage.tables import (
+    Origin,
+    as_array,
+    parquet_bytes,
+    read_column,
+    read_parquet,
+    stream,
+    to_arrow,
+)
 
 ROOT = Path(__file__).parents[2]
 ORIGIN = Origin({"name": "by-hand", "gravity": 9.81}, "0.1.0")
@@ -97,6 +105,22 @@ tables.parquet_bytes(tables.to_arrow(table, columns_of(table), tables.Origin({},
 sys.exit("pandas" in sys.modules)
 """
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
+
+
+def test_columns_are_read_as_arrow_does(tmp_path: Path) -> None:
+    names = ["bool", "int", "float", "missing", "gaps", "word", "gap"]
+    kinds = [pa.bool_(), pa.int64(), pa.float64(), pa.float64(), pa.int64(), *[pa.string()] * 2]
+    rows = [(n % 3 == 0, n, n / 7, n / 3 if n % 2 else None, n if n % 5 else None, f"w{n % 4}",
+             None if n % 4 else "w") for n in range(100)]  # fmt: skip
+    columns = zip(zip(*rows, strict=True), kinds, strict=True)
+    table = pa.table([pa.array(values, kind) for values, kind in columns], names=names)
+    for data in (table, table.slice(13, 50), table.slice(13, 0)):
+        pq.write_table(data, tmp_path / "table.parquet", row_group_size=30)
+        for name in names:
+            expected = data[name].to_numpy()
+            for found in (as_array(data[name]), read_column(tmp_path / "table.parquet", name)):
+                assert found.dtype.kind == expected.dtype.kind
+                np.testing.assert_array_equal(found, expected, err_msg=name)
 
 
 def test_an_empty_table_is_written_with_its_schema() -> None:

@@ -1,5 +1,6 @@
 """`vibro report`: a page that explains one run or a grid, or compares several runs."""
 
+import gc
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -134,6 +135,7 @@ def _report(wishes: _Wishes) -> int:
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     subject = _subject(wishes)
     _check_maps(subject, wishes.maps)
+    gc.freeze()  # figures are collected again and again: all that is there by now stays
     content = _page(subject, Path.cwd() if printed else target.parent, wishes.maps)
     if printed:
         sys.stdout.buffer.write(content)
@@ -246,7 +248,7 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
         return
     for place, run in enumerate(subject, 1):
         prefix = f"{place}_{run.scenario.name}_" if len(subject) > 1 else ""
-        each = draw_all(run.run, None, width)
+        each = draw_all(run.whole or run, None, width)
         yield from ((f"{prefix}{drawn.name}", drawn) for drawn in each)
 
 
@@ -255,10 +257,8 @@ def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:
     from vibro_cli.figures.output import render_pages
     from vibro_cli.storage.files import write_file
 
-    write_file(
-        target,
-        render_pages([drawn.figure for _, drawn in _drawn(subject, wishes.width, wishes.maps)]),
-    )
+    drawn = _drawn(subject, wishes.width, wishes.maps)
+    write_file(target, render_pages(one.figure for _, one in drawn))
     say(f"figures in {target}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS
-from vibro_cli.figures.source import Array
+from vibro_cli.figures.source import Array, Integers
 from vibro_cli.figures.style import MM
 
 MANY = " Of very many impacts those that fall on one spot are one dot."
@@ -22,6 +23,8 @@ _PIXEL = 0.06
 """Size of such a pixel (mm)."""
 _POINT = 25.4 / 72.0
 """A typographic point (mm)."""
+_CELLS = (5120, 1024)
+"""Halves of such pixels across and along the widest chart over time."""
 _AT_ONCE = 1 << 18
 _EDGE = 1e-9
 """Share of the axes by which rounding may move a point over their edge."""
@@ -72,6 +75,27 @@ def draw_marks(
     else:
         shown[there] = np.round(255.0 * np.array(to_rgba(colour)))
     _show(axes, shown)
+
+
+def told_apart(across: Array, values: Array) -> Integers:
+    """Return the rows of points that a chart can tell apart, with its values on a logarithmic axis.
+
+    Of those within half a pixel the last one. Values are not negative; 0 is apart from all others.
+    """
+    columns, rows = _CELLS
+    positive = (values > 0.0) & np.isfinite(values)
+    low = math.log10(np.min(values, where=positive, initial=np.inf))
+    high = math.log10(np.max(values, where=positive, initial=0.0))
+    start, end = float(np.min(across)), float(np.max(across))
+    last = np.full(columns * rows, -1, dtype=np.int64)
+    for first in range(0, len(values), _AT_ONCE):
+        some = np.arange(first, min(first + _AT_ONCE, len(values)))
+        column = (across[some] - start) * ((columns - 1) / ((end - start) or 1.0))
+        height = np.log10(values[some], where=positive[some], out=np.full(len(some), low))
+        row = 1.0 + (height - low) * ((rows - 2) / ((high - low) or 1.0))
+        row[~positive[some]] = 0.0
+        last[column.astype(np.int64) * rows + row.astype(np.int64)] = some
+    return last[last >= 0]
 
 
 def _pixels(axes: Axes, across: Array, along: Array, values: Array) -> Array:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.style import journal
@@ -60,8 +59,10 @@ def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png", "pdf")) ->
     return tuple(paths)
 
 
-def render_pages(figures: Sequence[Figure]) -> bytes:
+def render_pages(figures: Iterable[Figure]) -> bytes:
     """Return figures as one PDF file, a page each."""
+    from matplotlib.backends.backend_pdf import PdfPages
+
     buffer = BytesIO()
     metadata = {"CreationDate": None, "Creator": "vibro", "Producer": None}
     with journal(), PdfPages(buffer, metadata=metadata) as pages:

@@ -22,8 +22,8 @@ from vibro_cli.figures.chart import (
     stacked,
     time_axis,
 )
-from vibro_cli.figures.dots import draw_marks
-from vibro_cli.figures.source import Array, Recorded, Table
+from vibro_cli.figures.dots import MOST_MARKS, draw_marks, told_apart
+from vibro_cli.figures.source import Array, Recorded, Table, kept
 from vibro_cli.figures.ticks import angle_ticks, number_ticks
 from vibro_cli.figures.timeline import energy_residuals
 from vibro_cli.mechanics.trace import VALLEY, Piece
@@ -149,7 +149,7 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
         return None
     table = run.collisions
     gap = np.abs(np.asarray(table["gap"], dtype=np.float64))
-    time, error = energy_residuals(run)
+    time, error, flights = _errors(run)
     end = float(np.max(run.flights()["t_end"]))
     with style.journal():
         heights = [_SMALL[width]] * (2 if len(gap) else 1)
@@ -158,24 +158,49 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
             time_axis(panels[0], end, across[0], labelled=False)
             _residuals(panels[0], np.asarray(table["t"]), gap, "gap", "m")
         time_axis(panels[-1], end, across[-1], labelled=True)
-        _residuals(panels[-1], time, np.abs(error), r"$|\delta E|/E_0$", "")
+        _residuals(panels[-1], time, error, r"$|\delta E|/E_0$", "", flights)
         panels[-1].axhline(_EPSILON, zorder=1.0, **EPSILON)
         legend(figure, [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", EPSILON)])
     return figure
 
 
-def _residuals(axes: Axes, time: Array, values: Array, symbol: str, unit: str) -> None:
-    """Draw residuals on a logarithmic axis; those that are exactly 0 lie on its lower edge."""
+@kept
+def _errors(run: Recorded) -> tuple[Array, Array, int]:
+    """Return the ends (s) of free flights, the changes of energy along them, and how many.
+
+    Of very many flights those that can be told apart.
+    """
+    time, change = energy_residuals(run)
+    error, flights = np.abs(change), len(time)
+    if flights > MOST_MARKS:
+        apart = told_apart(time, error)
+        time, error = time[apart], error[apart]
+    return time, error, flights
+
+
+def _residuals(
+    axes: Axes, time: Array, values: Array, symbol: str, unit: str, number: int | None = None
+) -> None:
+    """Draw residuals on a logarithmic axis; those that are exactly 0 lie on its lower edge.
+
+    `number` is how many there are, where they are not all given.
+    """
     log_axis(axes, np.append(values, _EPSILON), symbol, unit)
     bottom = axes.get_ylim()[0]
     shown = np.where(values > 0.0, values, bottom)
-    _draw_dots(axes, time, shown, clip_on=False)
+    _draw_dots(axes, time, shown, number, clip_on=False)
 
 
-def _draw_dots(axes: Axes, across: Array, along: Array, **look: Any) -> None:
-    """Draw a dot for each point; the limits of the axes have to be set."""
-    size = math.sqrt(_dot(len(along)))
-    if len(along) > MOST_VECTOR_POINTS:
+def _draw_dots(
+    axes: Axes, across: Array, along: Array, number: int | None = None, **look: Any
+) -> None:
+    """Draw a dot for each point; the limits of the axes have to be set.
+
+    `number` is how many there are, where they are not all given.
+    """
+    number = number or len(along)
+    size = math.sqrt(_dot(number))
+    if number > MOST_VECTOR_POINTS:
         draw_marks(axes, across, along, size, DOT["color"])
     else:
         axes.plot(across, along, **(DOT | look | {"markersize": size}))

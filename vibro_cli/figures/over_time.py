@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,7 +25,7 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
-from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.source import Array, Recorded, kept
 from vibro_cli.figures.timeline import calm_until, energy_course, shown_until, timeline
 
 HIGH = {"single": (34.0, 20.0), "double": (44.0, 24.0)}
@@ -59,16 +59,51 @@ def energies(run: Recorded, width: str = "single") -> Figure | None:
     """
     if run.system.turning is not None:
         return None
-    until = calm_until(run)
-    courses = [energy_course(run, ball, until) for ball in range(1, len(run.system.bodies) + 1)]
+    until, lines = _courses(run)
     table = run.collisions
     losses = np.asarray(table["t"]), np.asarray(table["energy_loss"], dtype=np.float64)
-    return energy_chart(run, courses, losses, contact_times(run), until, width)
+    return energy_chart(run, lines, losses, contact_times(run), until, width)
+
+
+@kept
+def _courses(run: Recorded) -> tuple[float, EnergyLines]:
+    """Return until when energies are drawn (s), and their lines."""
+    until = calm_until(run)
+    bodies = range(1, len(run.system.bodies) + 1)
+    return until, energy_lines([energy_course(run, ball, until) for ball in bodies])
+
+
+class EnergyLines(NamedTuple):
+    """Energies against time as lines: times (s) and energies (J), the points that can be seen."""
+
+    bodies: list[tuple[Array, Array]]
+    dense: list[bool]
+    """Of each body, whether steps may lie closer than they can be drawn."""
+    total: tuple[Array, Array] | None
+    """Of all bodies together, None for one."""
+    highest: float
+    """The greatest energy of all (J)."""
+    start: float
+    """The energy of all bodies at the start (J)."""
+
+
+def energy_lines(courses: Sequence[tuple[Array, Array]]) -> EnergyLines:
+    """Return lines of the energies of bodies; `courses` are times (s) and energies (J) of each."""
+    bodies = [seen([course]) for course in courses]
+    spans = -(-max(len(time) for time, _ in courses) // _AT_ONCE)
+    total = seen(_sums(courses, spans), -(-_STRIPS // spans)) if len(courses) > 1 else None
+    return EnergyLines(
+        bodies,
+        [len(time) > _VERY_MANY for time, _ in courses],
+        total,
+        max(float(np.max(energy)) for _, energy in (*bodies, *([total] if total else []))),
+        sum(float(energy[0]) for _, energy in courses),
+    )
 
 
 def energy_chart(
     run: HasBodies,
-    courses: Sequence[tuple[Array, Array]],
+    lines: EnergyLines,
     losses: tuple[Array, Array],
     contacts: Sequence[tuple[float, float]],
     until: float,
@@ -76,13 +111,13 @@ def energy_chart(
 ) -> Figure:
     """Return energies of bodies and of all against time up to one (s), and losses below if any.
 
-    `courses` are times (s) and energies (J) of each body, `losses` times and losses of the impacts
-    (J), `contacts` when there is lasting contact. Raises ValueError for an unknown width.
+    `losses` are times and losses of the impacts (J), `contacts` when there is lasting contact.
+    Raises ValueError for an unknown width.
     """
     within = (losses[0] <= until) & (losses[1] > 0.0)
-    shown = within & (losses[1] >= _EPSILON * sum(energy[0] for _, energy in courses))
+    shown = within & (losses[1] >= _EPSILON * lines.start)
     lossy, hidden = bool(np.any(shown)), int(np.sum(within & ~shown))
-    total = [("sum", TOTAL)] if len(courses) > 1 else []
+    total = [("sum", TOTAL)] if lines.total is not None else []
     words = f"loss ({hidden} below rounding not shown)" if hidden else "loss"
     lost = [(words, LOSS | {"linestyle": "none"})] if lossy else []
     entries = [*body_entries(run, MOST_LOOKS), *total, *lost, *band_entry(contacts)]
@@ -91,10 +126,10 @@ def energy_chart(
         figure, panels, across = stacked(width, heights, entries=entries)
         for axes in panels:
             draw_contacts(axes, [span for span in contacts if span[0] < until])
-        highest = _draw_energies(panels[0], courses)
+        _draw_energies(panels[0], lines)
         end = _room_after(until, losses[0])
         time_axis(panels[0], end, across[0], labelled=not lossy)
-        value_axis(panels[0], 0.0, highest, HIGH[width][0], "$E$", "J")
+        value_axis(panels[0], 0.0, lines.highest, HIGH[width][0], "$E$", "J")
         if lossy:
             _draw_losses(panels[1], losses[0][shown], losses[1][shown], HIGH[width][1])
             time_axis(panels[1], end, across[1], labelled=True)
@@ -106,52 +141,44 @@ def _room_after(until: float, impacts: Array) -> float:
     return until * (1.0 + _ROOM) if len(impacts) and np.max(impacts) == until else until
 
 
-def _draw_energies(axes: Any, courses: Sequence[tuple[Array, Array]]) -> float:
-    """Draw the steps of each body and of the sum; return the highest energy (J)."""
-    for ball, (time, energy) in enumerate(courses, 1):
+def _draw_energies(axes: Any, lines: EnergyLines) -> None:
+    """Draw the steps of each body and of the sum."""
+    for ball, (line, dense) in enumerate(zip(lines.bodies, lines.dense, strict=True), 1):
         # Where steps lie closer than they can be drawn, both bodies are to be seen.
-        alpha = _DENSE if len(time) > _VERY_MANY else 1.0
-        axes.plot(*seen([(time, energy)]), zorder=2.0, alpha=alpha, **body_look(ball))
-    highest = max(float(np.max(energy)) for _, energy in courses)
-    if len(courses) > 1:
-        sides, total = seen(_sums(courses))
-        axes.plot(sides, total, zorder=2.1, **TOTAL)
-        highest = max(highest, float(np.max(total)))
+        axes.plot(*line, zorder=2.0, alpha=_DENSE if dense else 1.0, **body_look(ball))
+    if lines.total is not None:
+        axes.plot(*lines.total, zorder=2.1, **TOTAL)
     for line in axes.lines:
         line.set_rasterized(len(line.get_xdata()) > MOST_VECTOR_POINTS)
-    return highest
 
 
-def _sums(courses: Sequence[tuple[Array, Array]]) -> Iterator[tuple[Array, Array]]:
-    """Yield the sum of the energies on either side of every jump, span of time by span of time."""
+def _sums(courses: Sequence[tuple[Array, Array]], count: int) -> Iterator[tuple[Array, Array]]:
+    """Yield the sum of the energies on either side of every jump, in so many spans of time."""
     end = max(float(time[-1]) for time, _ in courses)
-    count = -(-max(len(time) for time, _ in courses) // _AT_ONCE)
     edges = [*np.linspace(0.0, end, count + 1)[:-1].tolist(), np.nextafter(end, np.inf)]
     for span in pairwise(edges):
         parts = [time[slice(*np.searchsorted(time, span))] for time, _ in courses]
         times = np.unique(np.concatenate(parts))
-        sides = np.sort(np.concatenate([np.nextafter(times, side) for side in (-np.inf, np.inf)]))
+        sides = np.stack([np.nextafter(times, side) for side in (-np.inf, np.inf)], axis=1).ravel()
         yield sides, np.sum([np.interp(sides, time, energy) for time, energy in courses], axis=0)
 
 
-def seen(parts: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
+def seen(parts: Iterable[tuple[Array, Array]], strips: int = _STRIPS) -> tuple[Array, Array]:
     """Return the points of a line over time, given part by part, that can be seen.
 
-    Of very many, in a strip narrower than a pixel, those are the first, the last, the least and the
-    greatest: the line through them covers the same.
+    Of very many, in each of the strips of a part, those are the first, the last, the least and the
+    greatest: where a strip is narrower than a pixel, the line through them covers the same.
     """
     shown = []
     for time, values in parts:
         if len(time) > _VERY_MANY:
-            strip = np.floor((time - time[0]) / (time[-1] - time[0]) * _STRIPS)
-            first = np.flatnonzero(np.append(True, strip[1:] != strip[:-1]))
-            last = np.append(first[1:], len(time)) - 1
-            own = np.repeat(np.arange(len(first)), last - first + 1)
-            extremes = []
-            for extreme in (np.minimum, np.maximum):
-                reached = np.flatnonzero(values == extreme.reduceat(values, first)[own])
-                extremes.append(reached[np.unique(own[reached], return_index=True)[1]])
-            kept = np.unique(np.concatenate([first, last, *extremes]))
+            edges = np.searchsorted(time, np.linspace(time[0], time[-1], strips + 1)[1:-1])
+            kept = []
+            for first, beyond in pairwise([0, *edges.tolist(), len(time)]):
+                if first < beyond:
+                    within = values[first:beyond]
+                    extremes = first + int(np.argmin(within)), first + int(np.argmax(within))
+                    kept += sorted({first, *extremes, beyond - 1})
             time, values = time[kept], values[kept]
         shown.append((time, values))
     times, lines = zip(*shown, strict=True)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, runtime_checkable
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,12 @@ from numpy.typing import NDArray
 from vibro_cli.mechanics.system import System
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Table = Mapping[str, NDArray[Any]]
+Run = TypeVar("Run")
+Found = TypeVar("Found")
+More = ParamSpec("More")
+_MOST_KEPT = 8
 
 
 @runtime_checkable
@@ -51,3 +58,23 @@ class Recorded(Protocol):
         self, index: int, count: int, lasts: float = math.inf
     ) -> tuple[Array, Array, Array]:
         """Times, positions and rates along one flight, of its first seconds."""
+
+
+def kept(
+    find: Callable[Concatenate[Run, More], Found],
+) -> Callable[Concatenate[Run, More], Found]:
+    """Keep what a function has found last of a run: figures are drawn several wide."""
+    known: WeakKeyDictionary[Any, dict[Any, Found]] = WeakKeyDictionary()
+
+    @wraps(find)
+    def found(run: Run, /, *args: More.args, **more: More.kwargs) -> Found:
+        if not callable(getattr(run, "__hash__", None)):
+            return find(run, *args, **more)
+        of_run, asked = known.setdefault(run, {}), (args, *more.items())
+        if asked not in of_run:
+            of_run[asked] = find(run, *args, **more)
+            if len(of_run) > _MOST_KEPT:
+                del of_run[next(iter(of_run))]
+        return of_run[asked]
+
+    return found

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.source import Array, Integers, Recorded, Table
 from vibro_cli.mechanics.trace import Piece
 
 MOST_FLIGHTS = 3000
@@ -109,8 +109,9 @@ def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Ar
     mine = np.flatnonzero(
         (np.asarray(flights["ball"]) == ball) & (np.asarray(flights["t_start"]) <= until)
     )
+    mine, last = _kept_levels(flights, mine)
     contact = np.asarray(flights["contact"], dtype=np.bool_)[mine]
-    starts, ends = flights["t_start"][mine], np.minimum(flights["t_end"][mine], until)
+    starts, ends = flights["t_start"][mine], np.minimum(flights["t_end"][last], until)
     level = np.empty(len(mine))
     rows, times, energies = [], [], []
     for piece in run.system.trace.pieces:
@@ -137,6 +138,17 @@ def energy_course(run: Recorded, ball: int, until: float = math.inf) -> tuple[Ar
     return np.maximum.accumulate(time[order]), energy[order]
 
 
+def _kept_levels(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
+    """Return the first and the last of those flights of a body between which its energy stays.
+
+    Those are free flights that follow on one another across pieces.
+    """
+    free = ~np.asarray(flights["contact"], dtype=np.bool_)[mine]
+    crossed = flights["cause_start"][mine] == "crossing"
+    goes_on = crossed[1:] & free[1:] & free[:-1]
+    return mine[np.append(True, ~goes_on)], mine[np.append(~goes_on, True)]
+
+
 def _pace(run: Recorded, ball: int, piece: Piece) -> float:
     """Return the points a second that the energy of a body wants, in contact on a piece."""
     body = run.system.bodies[ball - 1]
@@ -145,7 +157,7 @@ def _pace(run: Recorded, ball: int, piece: Piece) -> float:
 
 
 def energy_residuals(run: Recorded) -> tuple[Array, Array]:
-    """Return the ends (s) of all free flights and the change of energy along each.
+    """Return the ends (s) of all free flights, body by body, and the change of energy along each.
 
     Relative to the energy of all bodies at the start; from the states alone, so that it is a
     measure of the error of the motion.
@@ -153,6 +165,9 @@ def energy_residuals(run: Recorded) -> tuple[Array, Array]:
     flights = run.flights()
     ends, changes = [], []
     whole = 0.0
+    free = ~np.asarray(flights["contact"], dtype=np.bool_)
+    # the last flight of an accumulation stands for all the impacts that are left
+    free &= np.asarray(flights["cause_end"], dtype=object) != "contact_closed"
     for ball in range(1, len(run.system.bodies) + 1):
         hills = Landscape.of(run.system, ball)
         mine = np.asarray(flights["ball"]) == ball
@@ -161,15 +176,10 @@ def energy_residuals(run: Recorded) -> tuple[Array, Array]:
         whole += float(
             hills.energy(start, flights["angle_start"][first], flights["rate_start"][first])
         )
-        free = mine & ~np.asarray(flights["contact"], dtype=np.bool_)
-        # the last flight of an accumulation stands for all the impacts that are left
-        free &= np.asarray(flights["cause_end"], dtype=object) != "contact_closed"
         for piece in run.system.trace.pieces:
-            rows = np.flatnonzero(free & (np.asarray(flights["arc"]) == piece.index + 1))
+            rows = np.flatnonzero(mine & free & (np.asarray(flights["arc"]) == piece.index + 1))
             before = hills.energy(piece, flights["angle_start"][rows], flights["rate_start"][rows])
             after = hills.energy(piece, flights["angle_end"][rows], flights["rate_end"][rows])
             ends.append(flights["t_end"][rows])
             changes.append(after - before)
-    time, change = np.concatenate(ends), np.concatenate(changes)
-    order = np.argsort(time, kind="stable")
-    return time[order], change[order] / (whole or 1.0)
+    return np.concatenate(ends), np.concatenate(changes) / (whole or 1.0)

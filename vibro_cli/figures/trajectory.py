@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.analysis.branches import free_branches
 from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.figures.source import Array, Recorded, Table
+from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept
 from vibro_cli.mechanics.trace import Piece
 
-Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 MOST_NUMBERS = 12
@@ -94,37 +91,22 @@ class Trajectory:
     """1 if every branch and every jump is there, else n for one in n."""
 
 
-# A figure is drawn several wide, and of the same motion there are several kinds.
-_KEPT: WeakKeyDictionary[Recorded, dict[int, Trajectory]] = WeakKeyDictionary()
-_MOST_KEPT = 8
-
-
+@kept
 def trajectory(run: Recorded, ball: int) -> Trajectory:
     """Return the phase trajectory of a body (from 1) of a run.
 
     Free flights are curves of constant energy in closed form; those in lasting contact, and those
-    on a turning trace, are sampled from the run. Those of the bodies asked for last are kept.
+    on a turning trace, are sampled from the run.
     """
-    if not isinstance(run, Hashable):
-        return _found(run, ball)
-    kept = _KEPT.setdefault(run, {})
-    if ball not in kept:
-        kept[ball] = _found(run, ball)
-        if len(kept) > _MOST_KEPT:
-            del kept[next(iter(kept))]
-    return kept[ball]
-
-
-def _found(run: Recorded, ball: int) -> Trajectory:
     flights = run.flights()
     mine = np.flatnonzero(np.asarray(flights["ball"]) == ball)
     first, last = strands(flights, mine)
     every = max(1, math.ceil(len(first) / MOST_BRANCHES))
-    count = points_each(len(first[::every]))
-    free = _free(run, ball, flights, first)[::every]
+    ends = first[::every], last[::every]
+    count = points_each(len(ends[0]))
+    free = _free(run, ball, flights, ends[0])
     branches = tuple(
-        _branches(run, flights, ball, piece, (first[::every], last[::every]), free, count)
-        for piece in run.system.trace.pieces
+        _branches(run, flights, ball, piece, ends, free, count) for piece in run.system.trace.pieces
     )
     start = (
         int(flights["arc"][mine[0]]) - 1,
@@ -145,7 +127,7 @@ def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
     """
     contact = np.asarray(flights["contact"], dtype=np.bool_)[mine]
     arc = np.asarray(flights["arc"])[mine]
-    segment = np.asarray(flights["cause_start"], dtype=object)[mine] == "segment"
+    segment = flights["cause_start"][mine] == "segment"
     goes_on = segment[1:] & contact[1:] & contact[:-1] & (arc[1:] == arc[:-1])
     begins = np.append(True, ~goes_on)
     ends = np.append(~goes_on, True)

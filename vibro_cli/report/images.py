@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import gc
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -21,11 +20,8 @@ _TYPES = {"png": "png", "svg": "svg+xml"}
 
 def figures_of_run(run: Any, name: str) -> Iterator[dict[str, Any]]:
     """Return every figure of a run as the page has it, with its words."""
-    for wide, narrow in zip(*(draw_all(run, None, w) for w in ("double", "single")), strict=True):
-        yield _as_shown(wide, narrow, f"run {name}")
-        del wide, narrow
-        # Figures refer to themselves: until they are collected what they show is in memory.
-        gc.collect(1)
+    both = (draw_all(run, None, width) for width in ("double", "single"))
+    return _shown(zip(*both, strict=True), f"run {name}")
 
 
 def figures_of_grid(grid: StoredGrid, columns: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
@@ -34,19 +30,19 @@ def figures_of_grid(grid: StoredGrid, columns: Sequence[str] = ()) -> Iterator[d
     `columns` are those of the summary whose maps are drawn too.
     """
     both = (draw_grid(grid, width, columns) for width in ("double", "single"))
-    for wide, narrow in zip(*both, strict=True):
-        yield _as_shown(wide, narrow, f"grid {grid.name}")
+    return _shown(zip(*both, strict=True), f"grid {grid.name}")
 
 
-def _as_shown(wide: Drawn, narrow: Drawn, of: str) -> dict[str, Any]:
-    """Return a figure of two columns' width and the one of one's for narrow screens, with words."""
-    return {
-        "title": wide.title,
-        "caption": wide.caption,
-        "alternative": f"{wide.title}, {of}. {wide.caption}",
-        "wide": image(wide.figure),
-        "narrow": image(narrow.figure),
-    }
+def _shown(both: Iterator[tuple[Drawn, Drawn]], of: str) -> Iterator[dict[str, Any]]:
+    """Return figures of two columns' width and of one's for narrow screens, with words."""
+    for wide, narrow in both:
+        yield {
+            "title": wide.title,
+            "caption": wide.caption,
+            "alternative": f"{wide.title}, {of}. {wide.caption}",
+            "wide": image(wide.figure),
+            "narrow": image(narrow.figure),
+        }
 
 
 def image(figure: Figure) -> dict[str, str]:

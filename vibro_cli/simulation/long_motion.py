@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.kernels.world import RUNNING, World
+from vibro_cli.kernels.world import CAUSE_NAMES, RUNNING, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.simulation.geometry import Floats, Places
-from vibro_cli.simulation.paths import Paths, places_and_rates, states_at
+from vibro_cli.simulation.paths import CAUSES, InWords, Paths, places_and_rates, states_at
 from vibro_cli.simulation.prepare import make_world
 from vibro_cli.simulation.stretches import last_of_each
 from vibro_cli.simulation.summary import with_logs
@@ -29,6 +29,10 @@ MOST_FLIGHTS = 200_000
 """Of a run with more flights than this no log is kept for figures and reports."""
 
 
+# Columns that are gathered with those of the flights.
+_NUMBER, _LASTS = "number", "lasts"
+
+
 class LongMotion:
     """The motion of a run on a trace, of which no log is kept.
 
@@ -36,18 +40,30 @@ class LongMotion:
     ----------
     kind, system, limits
         Of the run, which is solved by machine code.
+    flights
+        How many it has.
+    interrupted
+        Whether it ended when so many had begun.
     """
 
-    def __init__(self, kind: contract.System, system: System, limits: Limits) -> None:
+    def __init__(
+        self,
+        kind: contract.System,
+        system: System,
+        limits: Limits,
+        flights: int,
+        interrupted: bool = False,
+    ) -> None:
         self.system = system
         self._kind = kind
         self._limits = limits
+        self._most = flights if interrupted else math.inf
         self._places = Places(system)
         self._overrides = overrides_of(system)
         self._world = make_world(system, None, None)
         self.state: dict[str, Any] = {}
         """All that changes in the run, after its last event."""
-        self._table, self._numbers, self._durations = self._gathered()
+        self._table, self._numbers, self._durations = self._gathered(flights)
         self._asked: Any = np.zeros(0, dtype=np.int64)
         self._near: World | None = None
 
@@ -107,31 +123,45 @@ class LongMotion:
     def _stretches(self) -> Iterator[Stretch]:
         driver = begun(self._kind, self.system, self._limits)
         self._solved = self._kind.stretches(driver, self._limits.time)
-        yield from self._solved
+        yield from self._solved.until(lambda: driver.rows["log"] >= self._most)
 
     def _paths(self, stretch: Stretch) -> Paths:
         logs = stretch.logs
         self._world = world = with_logs(self._world, stretch.engine, logs, stretch.clock)
         return Paths(self._places, world, logs["log"], *stretch.end, self._overrides)
 
-    def _gathered(self) -> tuple[dict[str, Any], Any, Any]:
+    def _gathered(self, flights: int) -> tuple[dict[str, Any], Any, Any]:
         """Go through the run: the table of flights, their rows in the log, how long they last."""
-        tables, numbers, durations = [], [], []
+        columns: dict[str, Any] = {}
+        bodies, edges, told = np.arange(len(self.system.bodies) + 1), [], 0
         for stretch, own in _numbered(self._stretches()):
             paths = self._paths(stretch)
-            over = ~paths.last if stretch.cause == RUNNING else paths.last
-            table = paths.table()
-            tables.append({n: _narrow(n, values)[over] for n, values in table.items()})
-            numbers.append(own[paths.number[over]])
-            durations.append(paths.duration[over])
+            over = np.flatnonzero(~paths.last if stretch.cause == RUNNING else paths.last)
+            over = over[: flights - told]  # another run may have more: its state tells it
+            table = paths.columns() | {_NUMBER: own[paths.number], _LASTS: paths.duration}
+            columns = columns or self._room(table, flights)
+            for name, values in table.items():
+                columns[name][told : told + len(over)] = values[over]
+            edges.append((told + np.searchsorted(paths.body[over], bodies)).tolist())
+            told += len(over)
         self.state = self._solved.state
-        balls = np.concatenate([table["ball"] for table in tables])
-        order = np.argsort(balls, kind="stable").astype(np.int32)
-        gathered = {
-            name: np.concatenate([table.pop(name) for table in tables])[order]
-            for name in list(tables[0])
+        # Every stretch has its flights body by body.
+        order = [slice(*each[body : body + 2]) for body in bodies[:-1] for each in edges]
+        for name in list(columns):
+            columns[name] = np.concatenate([columns[name][rows] for rows in order])
+        numbers, durations = columns.pop(_NUMBER), columns.pop(_LASTS)
+        return columns | {name: InWords(columns[name]) for name in CAUSES}, numbers, durations
+
+    def _room(self, table: dict[str, Any], flights: int) -> dict[str, Any]:
+        """Return columns for so many flights, those of small numbers in few bytes."""
+        greatest = {
+            "ball": len(self.system.bodies),
+            "arc": len(self.system.trace.pieces),
+            **dict.fromkeys(CAUSES, len(CAUSE_NAMES)),
+            _NUMBER: flights,
         }
-        return gathered, np.concatenate(numbers)[order], np.concatenate(durations)[order]
+        types = {name: np.min_scalar_type(number) for name, number in greatest.items()}
+        return {n: np.empty(flights, types.get(n, values.dtype)) for n, values in table.items()}
 
     def _rows_of(self, wanted: Any) -> tuple[dict[str, Any], Any]:
         """The rows of some flights, by their ascending numbers, as logs of their own."""
@@ -159,7 +189,3 @@ def _numbered(stretches: Iterator[Stretch]) -> Iterator[tuple[Stretch, Any]]:
         told += new
         carried = own[last_of_each(log)]
         yield stretch, own
-
-
-def _narrow(name: str, values: Any) -> Any:
-    return values.astype(np.int32) if name in ("ball", "arc") else values

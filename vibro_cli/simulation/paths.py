@@ -16,6 +16,9 @@ from vibro_cli.simulation.geometry import Floats, Places
 from vibro_cli.systems.instants import within_run
 from vibro_cli.systems.record import record_array
 
+CAUSES = ("cause_start", "cause_end")
+"""Columns of flights: why each begins and ends."""
+
 
 def states_at(world: World, rows: Any, after: Floats, overrides: Overrides | None) -> Any:
     """Return records of ``Sample``: flights, rows of the log, a time (s) after each has begun.
@@ -48,6 +51,23 @@ def places_and_rates(places: Places, body: int, piece: int, states: Any) -> tupl
     position = places.position(np.full(len(states), piece), states["s"], states["c"])
     frequency = places.frequencies[body, piece]
     return position, states["p"] * (2.0 * frequency if frequency > 0.0 else 1.0)
+
+
+class InWords:
+    """Causes in words, of rows that are asked for; all of them as an array of numpy."""
+
+    def __init__(self, numbers: Any) -> None:
+        self._numbers = numbers
+        self._words = np.array([*CAUSE_NAMES, "end"], dtype=object)
+
+    def __getitem__(self, rows: Any) -> Any:
+        return self._words[self._numbers[rows]]
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        return self[:]
 
 
 class _Sorted:
@@ -119,7 +139,11 @@ class Paths:
 
     def table(self) -> dict[str, Any]:
         """Return the flights as columns: body, arc, times, positions and rates at both ends."""
-        causes = np.array([*CAUSE_NAMES, "end"], dtype=object)
+        columns = self.columns()
+        return columns | {name: InWords(columns[name])[:] for name in CAUSES}
+
+    def columns(self) -> dict[str, Any]:
+        """Return the flights as columns, the causes as numbers."""
         following = np.minimum(np.arange(len(self.log)) + 1, len(self.log) - 1)
         ends = {name: self.log[f"before_{name}"][following] for name in "scp"}
         last = np.flatnonzero(self.last)
@@ -135,8 +159,8 @@ class Paths:
             "angle_end": self.places.position(self.piece, ends["s"], ends["c"]),
             "rate_end": self._rate(ends["p"]),
             "contact": self.log["grouped"] == 1,
-            "cause_start": causes[self.log["cause"]],
-            "cause_end": causes[np.where(self.last, -1, self.log["cause"][following])],
+            "cause_start": self.log["cause"].copy(),
+            "cause_end": np.where(self.last, len(CAUSE_NAMES), self.log["cause"][following]),
         }
 
     def _rate(self, p: Floats) -> Floats:

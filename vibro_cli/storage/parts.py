@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vibro_cli.storage.tables import numbers_in, parquet_options, words_in
+from vibro_cli.storage.tables import numbers_in, parquet_options, plain_numbers, words_in
 
 Room = Callable[[int], Any]
 
@@ -91,15 +91,7 @@ def _most_bytes(group: pa.Table) -> int:
 
 def _has_few(column: pa.ChunkedArray) -> bool:
     """Whether a column seems to repeat a few numbers, judged by some of them."""
-    # Of all rows: how they lie in chunks depends on how the points were solved. Arrow's own way
-    # to numpy may import pandas.
-    values = np.concatenate([np.empty(0), *map(_numbers, column.chunks)])
+    # Of all rows: how they lie in chunks depends on how the points were solved.
+    values = np.concatenate([np.empty(0), *map(plain_numbers, column.chunks)])
     step = max(1, len(values) // _SAMPLE)
     return len(np.unique(values[::step])) <= len(values[::step]) // 8
-
-
-def _numbers(chunk: pa.Array) -> Any:
-    """The numbers of an array, without a copy; anything at all where it is null."""
-    if len(chunk) == 0:
-        return np.empty(0)
-    return np.frombuffer(chunk.buffers()[1], np.float64, len(chunk), 8 * chunk.offset)

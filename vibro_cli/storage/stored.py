@@ -23,7 +23,7 @@ from vibro_cli.systems.contract import Motion, System
 from vibro_cli.systems.run import Run
 
 # Columns of a table that are in memory at once.
-_MOST_COLUMNS = 12
+_MOST_COLUMNS = 16
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
@@ -137,4 +136,6 @@ def _unit(field: "pyarrow.Field") -> str:
 
 def _columns(data: "pyarrow.Table") -> dict[str, Column]:
     """The columns as arrays; null is NaN in numbers and None in words."""
-    return {name: np.asarray(data[name].to_numpy()) for name in data.column_names}
+    from vibro_cli.storage.tables import as_array
+
+    return {name: as_array(data[name]) for name in data.column_names}

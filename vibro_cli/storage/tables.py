@@ -113,8 +113,8 @@ def _missing(column: Column, values: Any, array: Any) -> Any:
     return mask if mask is not np.ma.nomask and np.any(mask) else None
 
 
-# Columns are put together from buffers: arrow's own conversion, of lists too, imports pandas where
-# it is installed, which takes longer than a short run.
+# Columns are put together from buffers, and taken apart likewise: arrow's own conversion, of lists
+# too, imports pandas where it is installed, which takes longer than a short run.
 
 
 def _bits(flags: "np.ndarray[Any, np.dtype[np.bool_]]") -> pa.Buffer:
@@ -236,7 +236,7 @@ def read_column(path: Path, name: str) -> "np.ndarray[Any, np.dtype[Any]]":
     with pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=[name]) as file:
         # Group by group, so that no more than the column is ever there.
         groups = [file.read_row_group(n, [name]) for n in range(file.num_row_groups)]
-        return np.concatenate([_values(rows[name]) for rows in groups or [file.read([name])]])
+        return np.concatenate([as_array(rows[name]) for rows in groups or [file.read([name])]])
 
 
 def read_first(path: Path) -> "dict[str, np.ndarray[Any, np.dtype[Any]]]":
@@ -245,20 +245,53 @@ def read_first(path: Path) -> "dict[str, np.ndarray[Any, np.dtype[Any]]]":
         words = words_in(file.schema_arrow)
     with pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=words) as file:
         group = file.read_row_group(0) if file.num_row_groups else file.read()
-        return {name: _values(group[name]) for name in group.column_names}
+        return {name: as_array(group[name]) for name in group.column_names}
 
 
-def _values(column: pa.ChunkedArray) -> "np.ndarray[Any, np.dtype[Any]]":
-    if not pa.types.is_dictionary(column.type):
-        values: np.ndarray[Any, np.dtype[Any]] = column.to_numpy()
-        return values
-    # One object for each word, and a last one for null.
-    whole = column.unify_dictionaries().combine_chunks()
-    whole = whole.chunk(0) if isinstance(whole, pa.ChunkedArray) else whole
-    words = np.array([*whole.dictionary.to_pylist(), None], dtype=object)
-    numbers = whole.indices.fill_null(len(words) - 1).to_numpy()
-    found: np.ndarray[Any, np.dtype[Any]] = words[numbers]
-    return found
+def as_array(column: pa.ChunkedArray) -> "np.ndarray[Any, np.dtype[Any]]":
+    """A column as an array; null is NaN in numbers and None in words."""
+    if pa.types.is_string(column.type):
+        return np.array(column.to_pylist(), dtype=object)
+    whole = column.combine_chunks()
+    chunks = whole.chunks if isinstance(whole, pa.ChunkedArray) else [whole]
+    parts = [_as_array(chunk) for chunk in chunks or [pa.array([], column.type)]]
+    return np.concatenate(parts) if len(parts) > 1 else parts[0]
+
+
+def _as_array(chunk: pa.Array) -> "np.ndarray[Any, np.dtype[Any]]":
+    if pa.types.is_dictionary(chunk.type):
+        # One object for each word, and a last one for null.
+        words = np.array([*chunk.dictionary.to_pylist(), None], dtype=object)
+        numbers = plain_numbers(chunk.indices)
+        found: np.ndarray[Any, np.dtype[Any]] = words[_or_null(chunk, numbers, len(words) - 1)]
+        return found
+    return _or_null(chunk, plain_numbers(chunk), math.nan)
+
+
+def _or_null(chunk: pa.Array, numbers: Any, null: float) -> "np.ndarray[Any, np.dtype[Any]]":
+    """The numbers of an array with another one where it is null."""
+    if chunk.null_count == 0:
+        return np.asarray(numbers)
+    present = _flags(chunk.buffers()[0], chunk)
+    return np.where(present, numbers, null)
+
+
+def plain_numbers(chunk: pa.Array) -> "np.ndarray[Any, np.dtype[Any]]":
+    """The numbers or flags of an array, anything at all where it is null; numbers are no copy."""
+    if pa.types.is_boolean(chunk.type):
+        return _flags(chunk.buffers()[1], chunk)
+    size = chunk.type.bit_width // 8
+    kind = ("f" if pa.types.is_floating(chunk.type) else "i") + str(size)
+    content = chunk.buffers()[1] if len(chunk) else b""
+    return np.frombuffer(content, kind, len(chunk), size * chunk.offset)
+
+
+def _flags(bits: Any, chunk: pa.Array) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+    """Flags of an array as arrow has them packed."""
+    if not len(chunk):
+        return np.empty(0, dtype=np.bool_)
+    flags = np.unpackbits(np.frombuffer(bits, np.uint8), bitorder="little")
+    return flags[chunk.offset : chunk.offset + len(chunk)].view(np.bool_)
 
 
 def json_lines(data: pa.Table) -> Iterator[bytes]:

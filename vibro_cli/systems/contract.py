@@ -213,11 +213,11 @@ class System(ABC):
         """
 
     def long_motion(
-        self, system: Any, limits: Limits, rows: Mapping[str, int]
+        self, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool
     ) -> LongMotion | None:
         """Return the motion in a run that is too long to be kept, None for one that is not.
 
-        `rows` is how many its logs have.
+        `rows` is how many its logs have, where it ended or was `interrupted`.
         """
         return None
 

@@ -23,8 +23,8 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.over_impacts import speed_map
-from vibro_cli.figures.over_time import HIGH, IMPACT, energy_chart
-from vibro_cli.figures.source import Array
+from vibro_cli.figures.over_time import HIGH, IMPACT, EnergyLines, energy_chart, energy_lines
+from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.ticks import number_ticks
 from vibro_cli.figures.timeline import MOST_FLIGHTS, MOST_PERIODS
 from vibro_cli.systems.run import Run
@@ -39,11 +39,18 @@ FOOT = "foot of the spring"
 def springs_energies(run: Run, width: str = "single") -> Figure:
     """Return the energy of each body and of all against time, and what the impacts lose."""
     rows = run.collisions
-    every = [motions(run, body) for body in range(len(run.system.bodies))]
-    until = _calm(run, every)
-    courses = [springs_energy(run, ball, until) for ball in range(1, len(every) + 1)]
+    until, lines = _courses(run)
     lost = rows["t"], rows["energy_loss"]
-    return energy_chart(run, courses, lost, _contacts(every), until, width)
+    every = [motions(run, body) for body in range(len(run.system.bodies))]
+    return energy_chart(run, lines, lost, _contacts(every), until, width)
+
+
+@kept
+def _courses(run: Run) -> tuple[float, EnergyLines]:
+    """Return until when energies are drawn (s), and their lines."""
+    bodies = range(1, len(run.system.bodies) + 1)
+    until = _calm(run, [motions(run, ball - 1) for ball in bodies])
+    return until, energy_lines([springs_energy(run, ball, until) for ball in bodies])
 
 
 def springs_impact_map(run: Run, width: str = "single") -> Figure | None:

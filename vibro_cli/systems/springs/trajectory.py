@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.figures.source import Array
+from vibro_cli.figures.source import Array, Integers
 from vibro_cli.figures.trajectory import (
     MOST_BRANCHES,
     MOST_NUMBERS,
     Branches,
     Flags,
-    Integers,
     Jumps,
     Trajectory,
     points_each,

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from vibro_cli.figures.contact_points import POINTS_CAPTION, POINTS_TITLE
 from vibro_cli.figures.kinds import INTERVALS, Kind, KindOfBody
-from vibro_cli.figures.over_time import energy_chart
-from vibro_cli.figures.source import Array
+from vibro_cli.figures.over_time import EnergyLines, energy_chart, energy_lines
+from vibro_cli.figures.source import Array, kept
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import table_plan
 from vibro_cli.systems.table.velocities import table_contact_points, table_velocities
@@ -23,11 +23,15 @@ def table_energies(run: Run, width: str = "single") -> Figure | None:
     """
     tables = (run.collisions, run.bounces)
     t, lost = (np.concatenate([table[name] for table in tables]) for name in ("t", "energy_loss"))
-    bodies = range(1, len(run.system.bodies) + 1)
-    if len(bodies) == 1 and not np.any(lost > 0.0):
+    if len(run.system.bodies) == 1 and not np.any(lost > 0.0):
         return None
-    courses = [_energy(run, ball) for ball in bodies]
-    return energy_chart(run, courses, (t, lost), [], run.end_time, width)
+    return energy_chart(run, _lines(run), (t, lost), [], run.end_time, width)
+
+
+@kept
+def _lines(run: Run) -> EnergyLines:
+    """Return the lines of the energies."""
+    return energy_lines([_energy(run, ball) for ball in range(1, len(run.system.bodies) + 1)])
 
 
 def _energy(run: Run, ball: int) -> tuple[Array, Array]:

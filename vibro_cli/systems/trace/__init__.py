@@ -119,13 +119,14 @@ class Trace(System):
         return trajectory_of(system, stretch)
 
     def long_motion(
-        self, system: Any, limits: Limits, rows: Mapping[str, int]
+        self, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool
     ) -> LongMotion | None:
         from vibro_cli.simulation import long_motion
 
-        if rows["log"] <= long_motion.MOST_FLIGHTS:
+        flights = rows["log"]
+        if flights <= long_motion.MOST_FLIGHTS:
             return None
-        return long_motion.LongMotion(self, system, limits)
+        return long_motion.LongMotion(self, system, limits, flights, interrupted)
 
     @property
     def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
