@@ -9,7 +9,7 @@ from typing import Any
 
 from tests.highprecision.decimals import scene_of_decimals
 from vibro_cli.api import simulate
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.simulation.run import Run, simulate_system

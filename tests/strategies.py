@@ -15,7 +15,7 @@ from typing import Any
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.stress.drawing import draw

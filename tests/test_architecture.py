@@ -15,7 +15,7 @@ PACKAGE = ROOT / "vibro_cli"
 
 # From top to bottom: each line may import from itself and from the lines below it. systems,
 # simulation, mechanics and numerics know nothing of scenario/, and scenario/ nothing of them; only
-# build/ knows both.
+# assemble.py knows both.
 LAYERS = (
     "commands",
     "results",
@@ -28,7 +28,7 @@ LAYERS = (
     "grids",
     "storage",
     "api",
-    "build",
+    "assemble",
     "scenario",
     "simulation",
     "systems",
@@ -58,15 +58,12 @@ OBJECT = "object of a system"
 # Parts of a system's folder, each on the layer of what it is part of.
 PARTS = {
     "scenario": "scenario",
-    "build": "build",
+    "build": "assemble",
     "describe": "report",
     "stress": "stress",
-    **dict.fromkeys(("landscape", "periods", "portrait_type", "wall_orbits"), "analysis"),
+    **dict.fromkeys(("phase_plane", "wall_orbits"), "analysis"),
     **dict.fromkeys(
-        (
-            *("figures", "plan", "portrait", "trajectory", "courses", "wall_portrait"),
-            *("scene", "velocities"),
-        ),
+        (*("figures", "portrait", "wall_portrait", "velocities"),),
         "figures",
     ),
 }
@@ -147,12 +144,12 @@ def test_the_solver_knows_no_files_and_no_figures(path: Path) -> None:
         assert not found & (NOT_IN_THE_SOLVER | {"pathlib", "json", "tomllib"})
 
 
-def test_only_build_knows_both_scenario_and_mechanics() -> None:
-    upper = set(LAYERS[: LAYERS.index("build")])
+def test_only_assemble_knows_both_scenario_and_mechanics() -> None:
+    upper = set(LAYERS[: LAYERS.index("assemble")])
     both = {
         str(path.relative_to(PACKAGE))
         for path in SOURCES
-        if layer(path) not in {*upper, "build", OBJECT}
+        if layer(path) not in {*upper, "assemble", OBJECT}
         and {"scenario", "mechanics"} <= own_layers(path)
     }
     assert not both

@@ -27,7 +27,7 @@ from vibro_cli.analysis.swings import (
     series_time,
 )
 from vibro_cli.api import simulate
-from vibro_cli.build import build_any as assembled
+from vibro_cli.assemble import build_any as assembled
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.papers import A, B, C, D, commands
 from vibro_cli.figures import output
@@ -35,8 +35,7 @@ from vibro_cli.report import content as report_content
 from vibro_cli.report.series import time_between, turning_points
 from vibro_cli.scenario import load_any
 from vibro_cli.systems import system_named
-from vibro_cli.systems.springs.periods import spring_periods
-from vibro_cli.systems.springs.portrait_type import springs_record
+from vibro_cli.systems.springs.phase_plane import spring_periods, springs_record
 
 FOLDER = ROOT / "scenarios"
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.build import build_any
+from vibro_cli.assemble import build_any
 from vibro_cli.errors import VibroError
 from vibro_cli.scenario import load_scenario
 from vibro_cli.systems import run, system_named
@@ -18,7 +18,7 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.stream import Streamed, stream
 
 if TYPE_CHECKING:
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
 
 __all__ = ["CannotContinue", "Run", "TooQuiet", "load_scenario", "simulate", "simulate_streamed"]
 

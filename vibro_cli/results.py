@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from vibro_cli import __version__, api
-from vibro_cli.build import build_any, warnings_of
+from vibro_cli.assemble import build_any, warnings_of
 from vibro_cli.grids.dataset import Verdict
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.grids.document import Grid as GridDocument
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from vibro_cli.analysis.orbits import Orbit
     from vibro_cli.figures.basins import Mapped
     from vibro_cli.scenario import Scenario
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
 
 _LOG = logging.getLogger("vibro_cli")
 _LOG.addHandler(logging.NullHandler())

@@ -12,7 +12,7 @@ import pytest
 
 from tests.simulation.test_tangents import SCENES
 from vibro_cli.analysis.impact_times import NoDerivative, impact_times
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.scenario import scenario_of
 from vibro_cli.scenario.source import parsed_path
 from vibro_cli.simulation.run import simulate_system

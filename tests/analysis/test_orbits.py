@@ -16,7 +16,7 @@ from vibro_cli import example, orbit, orbit_family
 from vibro_cli.analysis.orbit_branch import Branch, Family
 from vibro_cli.analysis.orbits import NoOrbit, Orbit, energy_gradient, find_orbit, shoot, started
 from vibro_cli.api import load_scenario
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures.orbit_branch import branch_figure
 from vibro_cli.mechanics.system import System

@@ -16,7 +16,7 @@ from vibro_cli.analysis.levels import level_curves, reaches
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.analysis.singular import CENTRE, SADDLE, singular_points
 from vibro_cli.analysis.trigger import FIGURE_EIGHT
-from vibro_cli.mechanics.turning import Turning
+from vibro_cli.mechanics.potential import Turning
 
 
 def on_circle(rate: float, x: float = 1.0) -> Landscape:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.potential import Turning
+from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.mechanics.turning import Turning
 
 GRAVITY = 9.81
 DEGREE = math.pi / 180.0

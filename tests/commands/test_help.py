@@ -12,7 +12,7 @@ from vibro_cli.commands.papers import A
 from vibro_cli.commands.reference import LAWS, TOPICS
 from vibro_cli.commands.terminal import as_terminal_text
 from vibro_cli.scenario.json_schema import json_schema
-from vibro_cli.scenario.units import UNITS, to_si
+from vibro_cli.scenario.quantities import UNITS, to_si
 
 
 def words(text: str) -> list[str]:

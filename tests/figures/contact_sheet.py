@@ -23,7 +23,7 @@ from tests.grid_folder import product, write_grid
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.api import simulate
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.figures.comparison import comparison
 from vibro_cli.figures.family import family
 from vibro_cli.figures.grid_kinds import draw_grid

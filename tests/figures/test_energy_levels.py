@@ -29,7 +29,7 @@ from vibro_cli.figures.portrait import phase_portrait
 from vibro_cli.figures.stage import Film
 from vibro_cli.figures.style import MM
 from vibro_cli.scenario.loading import load_any
-from vibro_cli.systems.springs.courses import springs_energies
+from vibro_cli.systems.springs.figures import springs_energies
 from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
 
 pytestmark = pytest.mark.long

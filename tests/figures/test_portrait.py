@@ -27,7 +27,7 @@ from vibro_cli.analysis.singular import singular_points
 from vibro_cli.figures import strokes
 from vibro_cli.figures.portrait import phase_portrait
 from vibro_cli.figures.trajectory import MOST_BRANCHES, MOST_NUMBERS, trajectory
-from vibro_cli.mechanics.turning import Turning
+from vibro_cli.mechanics.potential import Turning
 
 pytestmark = pytest.mark.long
 

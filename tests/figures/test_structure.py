@@ -14,7 +14,7 @@ from tests.analysis.traces import circle, hump, landscape, line, three_arcs, val
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.figures.along import curves_of, highest_energy
 from vibro_cli.figures.background import background
 from vibro_cli.figures.family import family

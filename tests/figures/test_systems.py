@@ -13,9 +13,8 @@ from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.api import simulate
 from vibro_cli.figures.kinds import draw_all
 from vibro_cli.scenario.loading import load_any
-from vibro_cli.systems.springs.courses import springs_place
-from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
-from vibro_cli.systems.springs.trajectory import motions
+from vibro_cli.systems.springs.figures import springs_place
+from vibro_cli.systems.springs.portrait import motions, springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
 from vibro_cli.systems.table.wall_orbits import has_wall_portrait
 from vibro_cli.systems.table.wall_portrait import wall_portrait

@@ -14,7 +14,7 @@ import atheris
 with atheris.instrument_imports(include=["vibro_cli.scenario", "tomllib", "json", "ruamel"]):
     from tests.fuzz.judge import Found, judge_one
     from tests.fuzz.mutation import FORMS, WORDS, seeds
-    from vibro_cli.build import build_any
+    from vibro_cli.assemble import build_any
     from vibro_cli.scenario import load_any
 
 

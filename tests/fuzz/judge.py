@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from tests.fuzz.mutation import mutated
-from vibro_cli.build import build_any
+from vibro_cli.assemble import build_any
 from vibro_cli.scenario import ScenarioError, parse_any
 
 LONGEST = 1.0

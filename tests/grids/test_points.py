@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import product
 from pathlib import Path
 
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.grids.points import Reader, scenario_at
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.loading import load_document

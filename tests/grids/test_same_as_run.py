@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import simulate
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.points import Reader, scenario_at
 from vibro_cli.grids.solving import TraceSolver
@@ -244,7 +244,7 @@ def test_words_of_bodies_may_be_an_axis(tmp_path: Path) -> None:
     file.write_text("\n".join([base, words, numbers]))
     grid = load_grid(file)
     together, alone = (
-        Solver(grid, engine).solve(np.arange(4)).summary for engine in ("compiled", "python")
+        TraceSolver(grid, engine).solve(np.arange(4)).summary for engine in ("compiled", "python")
     )
     for name, column in alone.items():
         np.testing.assert_array_equal(together[name], column, err_msg=name)

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tests.mechanics.kernel_records import GRAVITY, ball, three_arcs
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.stress.oracles.reference_solver import Twin
 from vibro_cli.stress.oracles.scene import scene_of_system

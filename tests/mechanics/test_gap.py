@@ -15,8 +15,7 @@ from vibro_cli.kernels.contact.gap import (
     distance_gap,
     half_gap_sine,
 )
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.simulation.prepare import half_angle
 from vibro_cli.stress.oracles.reference_solver import Place, Twin

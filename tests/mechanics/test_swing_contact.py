@@ -18,8 +18,7 @@ from vibro_cli.kernels.numerics.elliptic import (
     set_two_theta_constants,
 )
 from vibro_cli.kernels.structs import Flight
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.simulation.run import Run, simulate_system
 

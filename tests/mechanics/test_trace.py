@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibro_cli.mechanics.body import CUSTOM, INERTIA_RATIO, Body, mass_from_density
+from vibro_cli.mechanics.system import CUSTOM, INERTIA_RATIO, Body, mass_from_density
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace, sine_cosine
 
 EPSILON = 2.0**-52

@@ -16,7 +16,7 @@ from vibro_cli.kernels.numerics.weierstrass_motion import (
     squared_rate,
     time_to_place,
 )
-from vibro_cli.mechanics.turning import Pull
+from vibro_cli.mechanics.potential import Pull
 from vibro_cli.stress.oracles.taylor import ArcMotion, mp
 
 # tilt, spread, angle, P, whether the body turns over, and how near rounding may bring it.

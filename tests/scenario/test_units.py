@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibro_cli.scenario.units import DIMENSIONS, PI, UNITS, UnitError, exact, to_si, unit_of
+from vibro_cli.scenario.quantities import DIMENSIONS, PI, UNITS, UnitError, exact, to_si, unit_of
 
 
 def test_pi_has_120_digits() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import simulate
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.kernels.contact.contact_kinematics import set_normals
 from vibro_cli.kernels.impact.impulse_chain import apply_impulses
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.kernels.ensemble.points import Points, Results
 from vibro_cli.kernels.structs import NEVER
 from vibro_cli.kernels.world import LOG_FULL

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.api import recalled, recalled_motion, simulate_streamed
-from vibro_cli.build import build_any
+from vibro_cli.assemble import build_any
 from vibro_cli.scenario import load_any
 from vibro_cli.simulation import long_motion
 from vibro_cli.simulation.long_motion import LongMotion

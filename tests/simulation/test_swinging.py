@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.kernels.world import LOGS
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import scenario_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import parse_scenario
 

@@ -10,7 +10,7 @@ import pytest
 from tests.highprecision import springs as twin
 from tests.highprecision.springs_references import CASES, COLUMNS, references, twin_of
 from tests.systems.springs_cases import FIGURE_FIVE, disk, solve, spring, springs
-from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.springs.system import Spring, separatrix_speed, singular_points
 
 

@@ -20,7 +20,7 @@ from scipy.stats import chi2, t
 
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
 from vibro_cli.analysis.measured import Measured
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError
 from vibro_cli.numerics.dual import Floats
 from vibro_cli.scenario import Scenario, ScenarioError

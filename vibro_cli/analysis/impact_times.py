@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.build.assembly import speed_of, system_of, trace_of
-from vibro_cli.build.bodies import body_of
+from vibro_cli.assemble import body_of, speed_of, system_of, trace_of
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
@@ -32,9 +31,8 @@ from vibro_cli.kernels.impact.laws import weight_and_response
 from vibro_cli.kernels.structs import Flight
 from vibro_cli.kernels.tangent.arrivals import Arrival, find_arrivals
 from vibro_cli.kernels.world import CAUSE_NAMES, COLLISION, CROSSING, END_NAMES, START, WALL
-from vibro_cli.mechanics.body_record import body_record
-from vibro_cli.mechanics.placement import wall_position
-from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.initial_conditions import wall_position
+from vibro_cli.mechanics.system import InitialState, System, body_record
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import alike
 from vibro_cli.numerics.dual import Dual, Floats, change_of, value_of

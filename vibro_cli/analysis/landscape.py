@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.potential import Pull, Turning, inside
+from vibro_cli.mechanics.system import Body, System
 from vibro_cli.mechanics.trace import Piece, Trace
-from vibro_cli.mechanics.turning import Pull, Turning, inside
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from vibro_cli.analysis.landscape import Array, Landscape, half_turn
+from vibro_cli.mechanics.potential import inside, zeros
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.mechanics.turning import inside, zeros
 
 _ROUNDING = 64.0 * np.finfo(np.float64).eps
 _JOINED = 1e-9

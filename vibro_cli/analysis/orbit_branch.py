@@ -32,7 +32,7 @@ from vibro_cli.analysis.orbits import (
     size_of,
     started,
 )
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.source import parsed_path

@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.assemble import build_any, build_system
 from vibro_cli.benchmark.growth import greatest_memory, shared_out
 from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
 from vibro_cli.benchmark.other_systems import SCENES as OTHERS
 from vibro_cli.benchmark.other_systems import SLOW
 from vibro_cli.benchmark.scenes import BY_NAME, Document, ball
-from vibro_cli.build import build_any, build_system
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.buffers import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks

@@ -11,9 +11,9 @@ from vibro_cli.commands.options import FailFast, Overrides, Quiet, Scenarios, Ta
 from vibro_cli.commands.streams import json_text
 
 if TYPE_CHECKING:
-    from vibro_cli.build import AnySystem
+    from vibro_cli.assemble import AnySystem
     from vibro_cli.grids.document import Grid
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
 
 
 def check(

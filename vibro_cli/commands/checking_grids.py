@@ -47,7 +47,7 @@ def _first_point(grid: "Grid") -> str | None:
     """Why the first point is no valid scenario, None where it is one."""
     import numpy as np
 
-    from vibro_cli.build import build_any
+    from vibro_cli.assemble import build_any
     from vibro_cli.grids.points import document_at, reason_of
     from vibro_cli.scenario import ScenarioError, any_scenario_of
 

@@ -31,7 +31,7 @@ class Source:
         """The portrait with one more override; raises `ScenarioError` where it is not possible."""
         from vibro_cli.analysis.landscape import Landscape
         from vibro_cli.analysis.portrait_type import portrait_of
-        from vibro_cli.build import build_system
+        from vibro_cli.assemble import build_system
         from vibro_cli.scenario import load_scenario
 
         scenario = load_scenario(self.name, [*self.overrides, f"{path}={value}"])
@@ -39,7 +39,7 @@ class Source:
 
     def system(self, path: str, value: Any) -> Any:
         """The system with one more override; raises `ScenarioError` where it is not possible."""
-        from vibro_cli.build import build_any
+        from vibro_cli.assemble import build_any
         from vibro_cli.scenario import load_any
 
         return build_any(load_any(self.name, [*self.overrides, f"{path}={value}"]))

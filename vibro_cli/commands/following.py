@@ -12,7 +12,7 @@ from vibro_cli.commands.boundary import CommandError, Terminated, leaving
 from vibro_cli.commands.solving import Wishes, figures_of, followed
 
 if TYPE_CHECKING:
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.runs import EarlierRun, StreamedFolder
     from vibro_cli.systems.contract import Sink
     from vibro_cli.systems.stream import Streamed

@@ -11,11 +11,11 @@ from vibro_cli.commands.completing import scenario_files
 from vibro_cli.commands.suggesting import closest
 
 if TYPE_CHECKING:
-    from vibro_cli.build import AnySystem
+    from vibro_cli.assemble import AnySystem
     from vibro_cli.grids.document import Grid
     from vibro_cli.mechanics.system import System
     from vibro_cli.scenario import Scenario
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
 
 Loaded = TypeVar("Loaded")
 
@@ -33,7 +33,7 @@ def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "System"]:
 
     Raises `CommandError` with every problem of it, or if it is of another system.
     """
-    from vibro_cli.build import build_system
+    from vibro_cli.assemble import build_system
     from vibro_cli.scenario import load_scenario
 
     def read() -> tuple["Scenario", "System"]:
@@ -48,7 +48,7 @@ def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", "Any
 
     Raises `CommandError` with every problem of it.
     """
-    from vibro_cli.build import build_any
+    from vibro_cli.assemble import build_any
     from vibro_cli.scenario import load_any as load_scenario
 
     def read() -> tuple["AnyScenario", "AnySystem"]:
@@ -90,7 +90,7 @@ def load_scenario_or_grid(
 
     Raises `CommandError` with every problem of it.
     """
-    from vibro_cli.build import build_any
+    from vibro_cli.assemble import build_any
     from vibro_cli.scenario import any_scenario_of
     from vibro_cli.scenario.loading import is_grid, load_document
 

@@ -25,7 +25,7 @@ from vibro_cli.commands.streams import json_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
 
 _FORMS = ("png", "pdf")
 

@@ -22,9 +22,9 @@ from vibro_cli.commands.streams import json_text
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from vibro_cli.build import AnySystem
+    from vibro_cli.assemble import AnySystem
     from vibro_cli.commands.loading import Refused
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
 
 OutputFolder = Annotated[
     str | None,
@@ -179,7 +179,7 @@ def _print_refused(wishes: Wishes, refused: "list[Refused]") -> None:
 
 def _warn(scenario: "AnyScenario", system: "AnySystem") -> None:
     """Say what is doubtful about a scenario."""
-    from vibro_cli.build import warnings_of
+    from vibro_cli.assemble import warnings_of
 
     for warning in warnings_of(scenario, system):
         say(f"{scenario.name}: warning: {warning}", "warning", scenario=scenario.name)

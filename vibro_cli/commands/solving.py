@@ -15,7 +15,7 @@ from vibro_cli.commands.suggesting import suggestion
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.runs import EarlierRun
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.run import Run

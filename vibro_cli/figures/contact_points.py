@@ -33,7 +33,7 @@ from vibro_cli.figures.velocities import (
     striking,
     touching_point,
 )
-from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.system import Body
 
 ASIDE = math.radians(35.0)
 """The angle α of the points beside, where an impact is central."""

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.mechanics.body import PARTICLE, Body
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import PARTICLE, Body, System
 from vibro_cli.mechanics.trace import Trace
 
 _PER_PERIOD = 64

@@ -17,8 +17,8 @@ from vibro_cli.figures.plan import trace_points
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.mechanics.turning import Turning
 
 _LEFT = 11.0
 _RIGHT = 3.0

@@ -18,7 +18,7 @@ from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
 from vibro_cli.figures.numbering import Named, write_names
 from vibro_cli.figures.source import Array, Recorded, first_of
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import Piece
 
 _IMPACTS = {"single": 2, "double": 4}

@@ -15,9 +15,9 @@ from pydantic_core import PydanticCustomError
 
 from vibro_cli.scenario import Scenario, fields
 from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.fields import unknown_key
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, path_text, shown, suggestion
 from vibro_cli.scenario.source import parsed_path
-from vibro_cli.scenario.translate import unknown_key
 
 UNITS = {
     "": "",

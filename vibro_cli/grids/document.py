@@ -11,7 +11,7 @@ from typing import Any
 from vibro_cli.grids.axes import Axis, Wrong, read_axis
 from vibro_cli.grids.points import MODES, SAMPLED, Design
 from vibro_cli.scenario import loading
-from vibro_cli.scenario.base import ScenarioTable
+from vibro_cli.scenario.base import ScenarioTable, model_of, system_of
 from vibro_cli.scenario.loading import Document, load_document, located
 from vibro_cli.scenario.overrides import OverrideError, apply
 from vibro_cli.scenario.problems import (
@@ -25,7 +25,6 @@ from vibro_cli.scenario.problems import (
     suggestion,
 )
 from vibro_cli.scenario.source import Source
-from vibro_cli.scenario.systems import model_of, system_of
 from vibro_cli.storage.schema import Column, table_named
 from vibro_cli.systems import system_named
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.grids.axes import Array, Axis, kind_of
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import Scenario, ScenarioError, scenario_of

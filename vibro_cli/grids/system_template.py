@@ -18,16 +18,20 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.build.assembly import speed_of, system_of, trace_of
-from vibro_cli.build.bodies import body_of
-from vibro_cli.build.findings import SIZES
+from vibro_cli.assemble import SIZES, body_of, speed_of, system_of, trace_of
 from vibro_cli.grids.axes import Array, kind_of
 from vibro_cli.grids.points import Point, changed
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.clearance import contact_angle, fits_between, not_neighbours, over_others
-from vibro_cli.mechanics.placement import fits_at_wall, wall_position
-from vibro_cli.mechanics.separation import Path, Window, surely_clear
-from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.initial_conditions import fits_at_wall, wall_position
+from vibro_cli.mechanics.reachability import (
+    Path,
+    Window,
+    contact_angle,
+    fits_between,
+    not_neighbours,
+    over_others,
+    surely_clear,
+)
+from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics.alike import taken
 from vibro_cli.scenario import Scenario

@@ -1,12 +1,80 @@
-"""What the solver solves: bodies on a trace, how they start, how they collide, what the ends do."""
+"""What the solver solves: a trace with bodies that roll or slide, how they start and collide."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from vibro_cli.mechanics.body import Body
+from vibro_cli.kernels.structs import BodyData
+from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.trace import Trace
-from vibro_cli.mechanics.turning import Turning
+from vibro_cli.numerics import alike
+
+BALL = "ball"
+DISK = "disk"
+HOLLOW_BALL = "hollow_ball"
+HOOP = "hoop"
+PARTICLE = "particle"
+CUSTOM = "custom"
+"""Kind of a body that is given by its inertia ratio."""
+
+INERTIA_RATIO = {BALL: 2 / 5, DISK: 1 / 2, HOLLOW_BALL: 2 / 3, HOOP: 1.0, PARTICLE: 0.0}
+"""J_C/(m r²) of each kind of body."""
+
+_KAPPA = {BALL: 7 / 5, DISK: 3 / 2, HOLLOW_BALL: 5 / 3, HOOP: 2.0, PARTICLE: 1.0}
+
+NEEDS_THICKNESS = (DISK, HOLLOW_BALL, HOOP)
+"""Kinds whose mass follows from a density only with a thickness."""
+
+
+def mass_from_density(
+    kind: str, radius: float, density: float, thickness: float | None = None
+) -> float:
+    """Return the mass (kg) of a homogeneous body.
+
+    `radius` and `thickness` in m, `density` in kg/m³. Ball and particle: ⁴⁄₃π r³ ρ. Disk of the
+    given thickness: π r² t ρ. Hollow ball, thin against its radius: 4π r² t ρ. Hoop, a thin ring
+    of square cross-section t × t: 2π r t² ρ. Hollow ball and hoop are thin in the sense of their
+    moments of inertia (⅔ m r² and m r²): their matter is counted at radius r.
+    Raises ValueError for another kind, or when the thickness is missing.
+    """
+    if kind in (BALL, PARTICLE):
+        return 4.0 / 3.0 * math.pi * alike.power(radius, 3) * density
+    if kind not in NEEDS_THICKNESS:
+        raise ValueError(f"the mass of a body of kind {kind!r} does not follow from its density")
+    if thickness is None:
+        raise ValueError(f"a {kind} with a density needs a thickness")
+    if kind == DISK:
+        return math.pi * alike.power(radius, 2) * thickness * density
+    if kind == HOLLOW_BALL:
+        return 4.0 * math.pi * alike.power(radius, 2) * thickness * density
+    return 2.0 * math.pi * radius * alike.power(thickness, 2) * density
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body of revolution on the trace."""
+
+    kind: str
+    """`ball`, `disk`, `hollow_ball`, `hoop`, `particle`, or `custom` (by its inertia ratio)."""
+    radius: float
+    """Radius r (m)."""
+    mass: float
+    """Mass m (kg)."""
+    inertia_ratio: float
+    """J_C/(m r²), of the moment of inertia about the centre."""
+
+    @property
+    def kappa(self) -> float:
+        """κ = 1 + J_C/(m r²): ball 7/5, disk 3/2, hollow ball 5/3, hoop 2, sliding particle 1."""
+        if self.kind != CUSTOM and self.inertia_ratio == INERTIA_RATIO.get(self.kind):
+            return _KAPPA[self.kind]  # 1 + 2/3 in doubles is not the double nearest to 5/3
+        return 1.0 + self.inertia_ratio
+
+    @property
+    def rolling_inertia(self) -> float:
+        """J_P = κ m r² (kg m²), about the point of contact with the trace."""
+        return self.kappa * self.mass * self.radius**2
 
 
 @dataclass(frozen=True)
@@ -52,3 +120,14 @@ class System:
     """Wall at the right end of an open trace; None stops the run there."""
     turning: Turning | None
     """The vertical axis about which the trace turns, and its rate; None at rest."""
+
+
+def body_record(body: Body, gravity: float = 0.0) -> BodyData:
+    """Return the record of a body; without gravity (m/s²), where it plays no part, no weight."""
+    data = BodyData()
+    data.radius = body.radius
+    data.kappa = body.kappa
+    data.mass = body.mass
+    data.rolling_mass = body.kappa * body.mass
+    data.weight = body.mass * gravity
+    return data

@@ -12,9 +12,8 @@ from urllib.parse import quote
 import numpy as np
 
 from vibro_cli.figures.source import first_of
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.caveats import mechanics_warnings
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.model_warnings import mechanics_warnings
+from vibro_cli.mechanics.system import Body, System
 from vibro_cli.report.analogy import analogy
 from vibro_cli.report.images import figures_of_run
 from vibro_cli.report.series import series_rows

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.build import warnings_of
+from vibro_cli.assemble import warnings_of
 from vibro_cli.report.analogy import analogy
 from vibro_cli.report.content import (
     BODY_HEADS,

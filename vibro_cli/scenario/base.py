@@ -1,14 +1,20 @@
-"""What scenarios of every system have in common: strict tables, rules between fields, places."""
+"""What scenarios of every system have in common: strict tables, rules between fields, places.
+
+What a body is and sampled motion are tables that several share. Which model reads a scenario its
+key `system` tells, and the object of that system has it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from html import escape
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
+    Field,
     ModelWrapValidatorHandler,
     PrivateAttr,
     ValidationError,
@@ -17,11 +23,12 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.problems import Fault, KeyPath, Place
+from vibro_cli.scenario.problems import Fault, KeyPath, Place, shown
 from vibro_cli.scenario.source import Source
+from vibro_cli.systems import NAMES, system_named
 
 if TYPE_CHECKING:
-    from vibro_cli.scenario.systems import AnyScenario
+    pass
 
 
 def as_tuple(value: object) -> object:
@@ -203,3 +210,102 @@ def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
             yield from _flat(inner, f"{path}[{number}]")
     else:
         yield path, value
+
+
+class AnyScenario(Protocol):
+    """What the scenarios of every system have."""
+
+    @property
+    def name(self) -> str:
+        """Of the scenario."""
+
+    @property
+    def system(self) -> str:
+        """Of which system it is."""
+
+    @property
+    def balls(self) -> tuple[Any, ...]:
+        """The bodies."""
+
+    @property
+    def collision(self) -> Any:
+        """The impact law."""
+
+    @property
+    def stop(self) -> Any:
+        """When the run ends."""
+
+    @property
+    def output(self) -> Any:
+        """What is wanted beside the impacts."""
+
+    def given(self) -> dict[str, Any]:
+        """What a user wrote of it."""
+
+    def replace(self, changes: Mapping[str, Any]) -> Self:
+        """Return the scenario with other values, by their paths."""
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+
+    def place(self, key_path: str) -> Place:
+        """Return where a key stands in its file."""
+
+    def resolved(self) -> dict[str, Any]:
+        """Return every key with its value, as plain values."""
+
+
+def model_named(system: str) -> type[ScenarioTable]:
+    """Return the model of the scenarios of a system."""
+    return system_named(system).model
+
+
+def system_of(data: Any) -> str:
+    """Return the system of the data of a scenario; without one that there is, `trace`."""
+    system = data.get("system") if isinstance(data, Mapping) else None
+    return system if isinstance(system, str) and system in NAMES else "trace"
+
+
+def model_of(data: Any) -> type[ScenarioTable]:
+    """Return the model for the data of a scenario; without a system it knows, that of a trace."""
+    return model_named(system_of(data))
+
+
+BodyKind = Literal["ball", "disk", "hollow_ball", "hoop", "particle"]
+
+
+def _as_times(value: object) -> object:
+    if isinstance(value, (list, tuple)):
+        return tuple(value)
+    raise kinds.fault(shown(value), "a list of times")
+
+
+class BodyTable(Table):
+    """What a body is: its kind, its radius and its mass."""
+
+    body: Annotated[
+        BodyKind | None, kinds.Word(("ball", "disk", "hollow_ball", "hoop", "particle"))
+    ] = Field(default=None, json_schema_extra={"default": "ball"})
+    """Kind of the body, ball if not given; gives its moment of inertia."""
+    inertia_ratio: Annotated[float | None, kinds.RATIO] = None
+    """J_C/(m r^2) of any other body, instead of its kind; needs the mass."""
+    radius: Annotated[float, kinds.RADIUS]
+    """Radius of the body in m; 0 only for a lone particle."""
+    density: Annotated[float | None, kinds.DENSITY] = None
+    """Density in kg/m^3, or else the mass."""
+    mass: Annotated[float | None, kinds.MASS] = None
+    """Mass in kg, or else the density."""
+    thickness: Annotated[float | None, kinds.LENGTH] = None
+    """Thickness in m, needed with a density: of a disk, of a thin hollow ball, or of a hoop of
+    square section."""
+
+
+class Sampling(Table):
+    """Sampled motion, if wanted."""
+
+    step: Annotated[float | None, kinds.TIME] = None
+    """Time step of the sampled motion in s."""
+    times: Annotated[
+        tuple[Annotated[float, kinds.INSTANT], ...] | None, BeforeValidator(_as_times)
+    ] = None
+    """Times of the sampled motion in s, ascending; instead of a step."""

@@ -6,9 +6,8 @@ import json
 import re
 from typing import Any
 
-from vibro_cli.scenario import limits
-from vibro_cli.scenario.nodes import FormError, Node
 from vibro_cli.scenario.problems import KeyPath, shown
+from vibro_cli.scenario.source import FormError, Node, check_json
 
 _SPACE = re.compile(r"[ \t\r\n]*")
 _STRINGS = json.JSONDecoder()
@@ -27,7 +26,7 @@ def read(text: str) -> Any:
     FormError
         If the text is not JSON, gives a key twice, or is beyond the limits.
     """
-    limits.check_json(text)
+    check_json(text)
     try:
         return json.loads(text, object_pairs_hook=_unique)
     except json.JSONDecodeError as error:

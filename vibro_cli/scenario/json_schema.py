@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibro_cli.scenario.base import ScenarioTable
+from vibro_cli.scenario.base import ScenarioTable, model_named
 from vibro_cli.scenario.fields import descriptions, tables
 from vibro_cli.scenario.rules import AXIS, KIND, MASS, MOTION, SAMPLES, START
-from vibro_cli.scenario.systems import model_named
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from pydantic import ValidationError
 
-from vibro_cli.scenario import limits, translate
-from vibro_cli.scenario.base import ScenarioTable, plain
+from vibro_cli.scenario import fields
+from vibro_cli.scenario.base import ScenarioTable, model_of, plain
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.nodes import FormError, Node, line_and_column
 from vibro_cli.scenario.overrides import Override, OverrideError, apply, given, parse
 from vibro_cli.scenario.problems import (
     Fault,
@@ -27,11 +26,10 @@ from vibro_cli.scenario.problems import (
     shortened,
     shown,
 )
-from vibro_cli.scenario.source import Source
-from vibro_cli.scenario.systems import model_of
+from vibro_cli.scenario.source import MOST_BYTES, FormError, Node, Source, line_and_column
 
 if TYPE_CHECKING:
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
 
 FORMS = {".toml": "toml", ".json": "json", ".yaml": "yaml", ".yml": "yaml"}
 """The form of a file by its suffix."""
@@ -171,7 +169,7 @@ def _validated(
     try:
         scenario = root.model_validate(data)
     except ValidationError as error:
-        problems += located(translate.faults(error, root), source)
+        problems += located(fields.faults(error, root), source)
     if problems:
         raise ScenarioError(problems)
     scenario._source = source
@@ -233,7 +231,7 @@ def load_document(source: str | Path) -> Document:
     if str(source) == "-":
         if sys.stdin is None:
             raise _error(_STANDARD_INPUT, "standard input closed", "a scenario")
-        text = _decoded(sys.stdin.buffer.read(limits.MOST_BYTES + 1), _STANDARD_INPUT)
+        text = _decoded(sys.stdin.buffer.read(MOST_BYTES + 1), _STANDARD_INPUT)
         return parse_document(text, form_of(text), _STANDARD_INPUT)
     path = Path(source)
     if path.is_dir():
@@ -245,7 +243,7 @@ def load_document(source: str | Path) -> Document:
         raise _error(str(source), found, expected + _of_the_gallery(str(source)))
     try:
         with path.open("rb") as stream:
-            content = stream.read(limits.MOST_BYTES + 1)
+            content = stream.read(MOST_BYTES + 1)
     except ValueError:  # a null character in the name
         raise _error(shown(str(source)), "a name with a null character", "a file") from None
     return parse_document(_decoded(content, str(source)), form, str(source), _stem(path))
@@ -269,8 +267,8 @@ def _error(file: str, found: str, expected: str, place: Place | None = None) -> 
 
 
 def _decoded(content: bytes, file: str) -> str:
-    if len(content) > limits.MOST_BYTES:
-        most = f"{limits.MOST_BYTES:,} bytes"
+    if len(content) > MOST_BYTES:
+        most = f"{MOST_BYTES:,} bytes"
         raise _error(file, f"more than {most}", f"at most {most}")
     try:
         return content.decode("utf-8-sig")
@@ -320,8 +318,8 @@ def parse_document(text: str, form: str, file: str = "<text>", name: str = "scen
     """
     if form not in FORMS.values():
         raise ValueError(f'form: found "{form}", expected toml, json or yaml')
-    if len(text) > limits.MOST_BYTES:
-        most = f"{limits.MOST_BYTES:,} characters"
+    if len(text) > MOST_BYTES:
+        most = f"{MOST_BYTES:,} characters"
         raise _error(file, f"more than {most}", f"at most {most}")
     try:
         data, tree = _read(text, form)

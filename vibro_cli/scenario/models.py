@@ -12,8 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import ScenarioTable, Table, as_tuple
-from vibro_cli.scenario.parts import BodyTable, Sampling
+from vibro_cli.scenario.base import BodyTable, Sampling, ScenarioTable, Table, as_tuple
 from vibro_cli.scenario.problems import Fault
 from vibro_cli.scenario.rules import ALTERNATIVES, all_faults, prepared
 from vibro_cli.systems import NAMES

@@ -9,13 +9,11 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-from vibro_cli.scenario import fields, limits
-from vibro_cli.scenario.base import ScenarioTable, plain
-from vibro_cli.scenario.nodes import FormError
+from vibro_cli.scenario import fields
+from vibro_cli.scenario.base import ScenarioTable, model_of, plain
+from vibro_cli.scenario.fields import unknown_key
 from vibro_cli.scenario.problems import Fault, KeyPath, path_text, shown
-from vibro_cli.scenario.source import parsed_path
-from vibro_cli.scenario.systems import model_of
-from vibro_cli.scenario.translate import unknown_key
+from vibro_cli.scenario.source import FormError, check_toml, parsed_path
 
 _LONGEST = 100_000
 
@@ -80,7 +78,7 @@ def parse_value(text: str) -> Any:
     if len(text) > _LONGEST:
         raise ValueError("too long")
     try:
-        limits.check_toml(f"value = {text}")
+        check_toml(f"value = {text}")
         table = tomllib.loads(f"value = {text}")
     except (FormError, ValueError, RecursionError):
         return text

@@ -7,9 +7,8 @@ import tomllib
 from contextlib import suppress
 from typing import Any
 
-from vibro_cli.scenario import limits
-from vibro_cli.scenario.nodes import FormError, Node, offset_at
 from vibro_cli.scenario.problems import KeyPath
+from vibro_cli.scenario.source import FormError, Node, check_toml, offset_at
 
 _AT = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
@@ -29,7 +28,7 @@ def read(text: str) -> dict[str, Any]:
     FormError
         If the text is not TOML (a key given twice is not), or beyond the limits.
     """
-    limits.check_toml(text)
+    check_toml(text)
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

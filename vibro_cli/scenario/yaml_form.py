@@ -12,9 +12,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from vibro_cli.scenario import limits
-from vibro_cli.scenario.nodes import FormError, Node
 from vibro_cli.scenario.problems import KeyPath, shown
+from vibro_cli.scenario.source import (
+    LONGEST_BARE,
+    LONGEST_KEY,
+    MOST_ALIASES,
+    MOST_DEPTH,
+    MOST_KEYS,
+    MOST_VALUES,
+    FormError,
+    Node,
+    too_deep,
+    too_long,
+    too_many,
+)
 
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", re.ASCII)
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", re.ASCII)
@@ -104,8 +115,8 @@ class _Builder:
         before, node = self.size, Node(at)
         if kind == "ScalarEvent":
             value = self._scalar(event, path)
-        elif depth >= limits.MOST_DEPTH:
-            raise limits.too_deep(at)
+        elif depth >= MOST_DEPTH:
+            raise too_deep(at)
         elif kind == "MappingStartEvent":
             value = self._mapping(node, path, depth)
         else:
@@ -116,8 +127,8 @@ class _Builder:
 
     def _check(self, event: Any, path: KeyPath) -> None:
         at = event.start_mark.index
-        if self.size > limits.MOST_VALUES:
-            raise limits.too_many("values", limits.MOST_VALUES, at)
+        if self.size > MOST_VALUES:
+            raise too_many("values", MOST_VALUES, at)
         tag = getattr(event, "tag", None)
         if tag is not None:
             raise FormError(at, f"the tag {shown(str(tag))}", "a value without a tag", path)
@@ -125,15 +136,15 @@ class _Builder:
     def _scalar(self, event: Any, path: KeyPath) -> Any:
         if not event.implicit[0]:  # quoted
             return event.value
-        if len(event.value) > limits.LONGEST_BARE:
-            raise limits.too_long(event.start_mark.index, len(event.value))
+        if len(event.value) > LONGEST_BARE:
+            raise too_long(event.start_mark.index, len(event.value))
         return plain_scalar(event.value)
 
     def _alias(self, event: Any, path: KeyPath) -> tuple[Any, Node]:
         at, name = event.start_mark.index, event.anchor
         self.aliases += 1
-        if self.aliases > limits.MOST_ALIASES:
-            raise limits.too_many("aliases", limits.MOST_ALIASES, at)
+        if self.aliases > MOST_ALIASES:
+            raise too_many("aliases", MOST_ALIASES, at)
         anchor = self.anchors.get(name)
         if anchor is None or anchor.size == 0:
             found = f"the alias *{name[:20]}"
@@ -161,11 +172,11 @@ class _Builder:
         return table
 
     def _check_key(self, key: str, at: int) -> None:
-        if len(key) > limits.LONGEST_KEY:
-            expected = f"keys of at most {limits.LONGEST_KEY} characters"
+        if len(key) > LONGEST_KEY:
+            expected = f"keys of at most {LONGEST_KEY} characters"
             raise FormError(at, f"a key of {len(key)} characters", expected)
-        if self.keys > limits.MOST_KEYS:
-            raise limits.too_many("keys", limits.MOST_KEYS, at)
+        if self.keys > MOST_KEYS:
+            raise too_many("keys", MOST_KEYS, at)
 
     def _sequence(self, node: Node, path: KeyPath, depth: int) -> list[Any]:
         values: list[Any] = []

@@ -19,12 +19,10 @@ from vibro_cli.kernels.structs import (
     TrackData,
 )
 from vibro_cli.kernels.world import ContactRow, FlightRow, ImpactRow, SegmentRow, World
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.body_record import body_record
-from vibro_cli.mechanics.clearance import contact_angle, reach
-from vibro_cli.mechanics.heights import Heights, contains_turn, heights
-from vibro_cli.mechanics.placement import wall_position
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.initial_conditions import wall_position
+from vibro_cli.mechanics.potential import Heights, contains_turn, heights
+from vibro_cli.mechanics.reachability import contact_angle, reach
+from vibro_cli.mechanics.system import Body, System, body_record
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import alike
 from vibro_cli.simulation.turning_tracks import set_turning

@@ -6,9 +6,9 @@ import math
 
 from vibro_cli.kernels.structs import TrackData
 from vibro_cli.kernels.world import World
+from vibro_cli.mechanics.potential import Pull, Turning, inside, roots
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.mechanics.turning import Pull, Turning, inside, roots
 
 # Bounds are kept above the rounding of what they bound.
 CAUTION = 1.0 + 1.0e-12

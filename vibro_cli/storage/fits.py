@@ -12,7 +12,7 @@ from vibro_cli.storage.tables import parquet_bytes, to_arrow
 from vibro_cli.systems.columns import Table, count, number
 
 if TYPE_CHECKING:
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
 
 check_fit_folder = partial(check_replaceable, kind="fit")
 

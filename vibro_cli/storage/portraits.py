@@ -9,7 +9,7 @@ from vibro_cli.storage.files import new_folder
 from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
 
 if TYPE_CHECKING:
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
 
 check_portrait_folder = partial(check_replaceable, kind="portrait")
 check_basins_folder = partial(check_replaceable, kind="basins")

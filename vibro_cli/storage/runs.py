@@ -29,7 +29,7 @@ from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 if TYPE_CHECKING:
     import pyarrow
 
-    from vibro_cli.scenario.systems import AnyScenario
+    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.systems.run import Run
     from vibro_cli.systems.stream import Streamed
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.api import NotRecalled, recalled, recalled_motion
 from vibro_cli.scenario import load_any
-from vibro_cli.scenario.systems import AnyScenario
+from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.storage.checking import check_files
 from vibro_cli.storage.provenance import manifest, read_manifest
 from vibro_cli.storage.runs import NotContinuable, read_earlier_run

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.compile.native import compiled
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.clearance import contact_angle
+from vibro_cli.mechanics.reachability import contact_angle
+from vibro_cli.mechanics.system import Body
 from vibro_cli.simulation.run import Run
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from vibro_cli.build import build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.simulation.run import Run, simulate_system

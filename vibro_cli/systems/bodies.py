@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.system import Body
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.system import Body
 
 
 def understood(scenario: Any, system: Any, warnings: tuple[str, ...]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL
-from vibro_cli.mechanics.body import Body
+from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.bodies import ImpactSystem
 
 

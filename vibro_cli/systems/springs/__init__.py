@@ -41,13 +41,13 @@ class BodiesOnSprings(System):
         return build_springs(scenario)
 
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        from vibro_cli.mechanics.caveats import law_warnings
+        from vibro_cli.mechanics.model_warnings import law_warnings
 
         return tuple(law_warnings(system.law, system.inadmissible, [*pairwise(system.bodies)]))
 
     @property
     def loop(self) -> EventLoop:
-        from vibro_cli.systems.springs.prepare import LOOP
+        from vibro_cli.systems.springs.system import LOOP
 
         return LOOP
 
@@ -59,7 +59,7 @@ class BodiesOnSprings(System):
         return advance, sample_states
 
     def world(self, system: Any, limits: Limits) -> Any:
-        from vibro_cli.systems.springs.prepare import make_world
+        from vibro_cli.systems.springs.system import make_world
 
         return make_world(system, limits.time, limits.collisions)
 
@@ -119,7 +119,7 @@ class BodiesOnSprings(System):
         return found | {"bodies": [body | {"swing": swing} for body, swing in bodies]}
 
     def family_type(self, system: Any, ball: int) -> str:
-        from vibro_cli.systems.springs.portrait_type import springs_record
+        from vibro_cli.systems.springs.phase_plane import springs_record
 
         return str(springs_record(system, ball - 1)["type"])
 

@@ -8,9 +8,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from vibro_cli.systems.springs.periods import spring_periods
+from vibro_cli.systems.springs.phase_plane import spring_periods, springs_record
 from vibro_cli.systems.springs.portrait import springs_structure
-from vibro_cli.systems.springs.portrait_type import springs_record
 from vibro_cli.systems.springs.system import SpringsSystem
 
 

@@ -1,15 +1,364 @@
-"""Every kind of figure of a run of bodies on springs, with what it shows in words."""
+"""Every kind of figure of a run of bodies on springs, with what it shows in words.
+
+The scene at the start and at the first impacts (C fig. 5a), and charts over time: energies with
+their jumps, places.
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from vibro_cli.figures import style
+from vibro_cli.figures.chart import (
+    LEFT,
+    MOST_LOOKS,
+    MOST_VECTOR_POINTS,
+    band_entry,
+    body_entries,
+    body_look,
+    draw_contacts,
+    joined,
+    stacked,
+    time_axis,
+    value_axis,
+)
 from vibro_cli.figures.dots import MANY
 from vibro_cli.figures.kinds import INTERVALS, PORTRAIT, Kind, KindOfBody
+from vibro_cli.figures.numbering import Named, write_names
+from vibro_cli.figures.over_impacts import speed_map
+from vibro_cli.figures.over_time import HIGH, IMPACT, EnergyLines, energy_chart, energy_lines
+from vibro_cli.figures.source import Array, kept
+from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.timeline import MOST_FLIGHTS, MOST_PERIODS
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.springs.courses import springs_energies, springs_impact_map, springs_places
-from vibro_cli.systems.springs.portrait import springs_portrait
-from vibro_cli.systems.springs.scene import springs_scene
+from vibro_cli.systems.springs.phase_plane import SpringsLandscape
+from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait
+
+_EACH = 64
+"""Points of a period."""
+FOOT = "foot of the spring"
+
+
+def springs_energies(run: Run, width: str = "single") -> Figure:
+    """Return the energy of each body and of all against time, and what the impacts lose."""
+    rows = run.collisions
+    until, lines = _courses(run)
+    lost = rows["t"], rows["energy_loss"]
+    every = [motions(run, body) for body in range(len(run.system.bodies))]
+    return energy_chart(run, lines, lost, _contacts(every), until, width)
+
+
+@kept
+def _courses(run: Run) -> tuple[float, EnergyLines]:
+    """Return until when energies are drawn (s), and their lines."""
+    bodies = range(1, len(run.system.bodies) + 1)
+    until = _calm(run, [motions(run, ball - 1) for ball in bodies])
+    return until, energy_lines([springs_energy(run, ball, until) for ball in bodies])
+
+
+def springs_impact_map(run: Run, width: str = "single") -> Figure | None:
+    """Return approach speed against place of every impact, None without one."""
+    table = run.collisions
+    if not len(table["n"]):
+        return None
+
+    def places(axes: Axes, place: Array, across: float) -> None:
+        room = 0.08 * float(np.ptp(place)) or 0.5
+        low, high = float(np.min(place)) - room, float(np.max(place)) + room
+        axes.set_xlim(low, high)
+        ticks = number_ticks(low, high, across)
+        axes.set_xticks(ticks.places, ticks.labels)
+        axes.set_xlabel("$x$ of the left body [m]")
+
+    return speed_map(table, np.asarray(table["x_a"], dtype=np.float64), width, places)
+
+
+def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
+    """Return times (s) up to one and the energy (J) of a body (from 1) then.
+
+    Constant between impacts, but for lasting contact; at a jump a time stands twice.
+    """
+    found, hills = motions(run, ball - 1), SpringsLandscape.of(run.system, ball - 1, ball - 1)
+    times, energies = [], []
+    for row in np.flatnonzero(found.start <= until).tolist():
+        if found.contact[row]:
+            time, place, speed = springs_course(run, ball, found, row, until)
+        else:
+            time = np.array([found.start[row], min(found.end[row], until)])
+            place, speed = (column[[row, row]] for column in found.states[:2])
+        times.append(time)
+        energies.append(hills.mass * hills.energy(place, speed))
+    return np.concatenate(times), np.concatenate(energies)
+
+
+def springs_course(
+    run: Run, ball: int, found: Motions, row: int, until: float
+) -> tuple[Array, Array, Array]:
+    """Return times (s) up to one, displacements (m) and speeds (m/s) of a body in one motion."""
+    first = int(found.first[row])
+    hills = SpringsLandscape.of(run.system, first, int(found.last[row]))
+    shift = hills.offsets[ball - 1 - first]
+    x, v, x_end, v_end = (float(column[row]) for column in found.states)
+    start, lasts = float(found.start[row]), float(found.end[row] - found.start[row])
+    period = float(hills.period(np.array([x - shift]), np.array([v]))[0])
+    if lasts > until - start + period:  # the rest is not drawn
+        x_end, v_end, lasts = math.nan, math.nan, until - start + period
+    time, place, speed = hills.course((x - shift, v), (x_end - shift, v_end), lasts, _EACH)
+    shown = time <= until - start
+    return start + time[shown], place[shown] + shift, speed[shown]
+
+
+def _calm(run: Run, every: list[Motions]) -> float:
+    """Return until when (s) energies are drawn: lasting contact at the end for some periods."""
+    contacts = [float(each.start[-1]) for each in every if each.contact[-1]]
+    last = max(float(each.start[-1]) for each in every)
+    return min(run.end_time, last + _periods(run)) if contacts else run.end_time
+
+
+def _periods(run: Run) -> float:
+    """Return the time (s) of as many small oscillations as can be told apart."""
+    slowest: float = min(run.system.frequency(body) for body in range(len(run.system.bodies)))
+    return MOST_PERIODS * 2.0 * math.pi / slowest
+
+
+def _contacts(every: list[Motions]) -> list[tuple[float, float]]:
+    """Return from when to when (s) bodies are in lasting contact."""
+    spans = [
+        span
+        for each in every
+        for span in zip(
+            each.start[each.contact].tolist(), each.end[each.contact].tolist(), strict=True
+        )
+    ]
+    return joined(spans)
+
+
+def springs_places(run: Run, width: str = "single") -> Figure:
+    """Return the place of every body along the line against time, with the impacts and the feet.
+
+    Of a long run, the first part only.
+    """
+    high = 1.5 * HIGH[width][0]
+    every = [motions(run, body) for body in range(len(run.system.bodies))]
+    starts = np.sort(np.concatenate([each.start for each in every]))
+    drawn = float(starts[MOST_FLIGHTS]) if len(starts) > MOST_FLIGHTS else run.end_time
+    until = min(drawn, run.end_time, _periods(run))
+    spans = [span for span in _contacts(every) if span[0] < until]
+    marks = [("impact", IMPACT)] if np.any(run.collisions["t"] <= until) else []
+    feet = [(FOOT, _foot(1) | {"color": style.FRAME_GREY})]
+    entries = [*body_entries(run, MOST_LOOKS), *marks, *feet, *band_entry(spans)]
+    with style.journal():
+        figure, (axes,), across = stacked(width, [high], entries=entries)
+        draw_contacts(axes, spans)
+        low, top = math.inf, -math.inf
+        for ball, spring in enumerate(run.system.springs, 1):
+            time, place = springs_place(run, ball, every[ball - 1], until)
+            (line,) = axes.plot(time, place, zorder=2.0, **body_look(ball))
+            line.set_rasterized(len(time) > MOST_VECTOR_POINTS)
+            axes.axhline(spring.foot, zorder=0.9, **_foot(ball))
+            low = min(low, float(np.min(place)), spring.foot)
+            top = max(top, float(np.max(place)), spring.foot)
+        _draw_impacts(axes, run, until)
+        time_axis(axes, until, across[0], labelled=True)
+        value_axis(axes, low, top, high, "$x$", "m")
+    return figure
+
+
+def _foot(ball: int) -> dict[str, Any]:
+    return body_look(ball) | {"linewidth": 0.5, "alpha": 0.6}
+
+
+def springs_place(run: Run, ball: int, found: Motions, until: float) -> tuple[Array, Array]:
+    """Return times (s) up to one, and where a body (from 1) is along the line then (m)."""
+    rows = np.flatnonzero(found.start <= until).tolist()
+    parts = [springs_course(run, ball, found, row, until) for row in rows]
+    times, places = (np.concatenate([part[n] for part in parts]) for n in range(2))
+    return times, places + run.system.springs[ball - 1].foot
+
+
+def _draw_impacts(axes: Any, run: Run, until: float) -> None:
+    """Mark both bodies at each impact, as long as the marks can be told apart."""
+    rows = run.collisions
+    shown = rows["t"] <= until
+    size = float(np.clip(30.0 / max(np.sqrt(np.sum(shown)), 1.0), 1.0, IMPACT["markersize"]))
+    for end in "ab":
+        look = IMPACT | {"markersize": size}
+        axes.plot(rows["t"][shown], rows[f"x_{end}"][shown], zorder=2.3, **look)
+
+
+_IMPACTS = 2
+_RIGHT, _TITLE, _BOTTOM, _GAP = 3.0, 5.0, 8.5, 1.5
+_HIGHEST = 45.0
+_COILS = 9
+_APART = 3.6
+"""Distance of the heights of springs whose feet are at one place (mm)."""
+_LEAST = 0.5
+"""Least radius of a body that is drawn (mm)."""
+_LINE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
+_FOOT: dict[str, Any] = {"color": style.BLACK, "linewidth": 1.2}
+_HEIGHT: dict[str, Any] = {
+    "color": style.FRAME_GREY, "linewidth": 0.4, "linestyle": (0, (6, 1.5, 1, 1.5)),
+}  # fmt: skip
+_ARROW: dict[str, Any] = {
+    "arrowstyle": "-|>", "color": style.BLACK, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0,
+    "mutation_scale": 7.0,
+}  # fmt: skip
+_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 24)) for f in (np.cos, np.sin)])
+
+
+@dataclass(frozen=True)
+class Instant:
+    """Where the bodies are, and their speeds after what happens then."""
+
+    title: str
+    places: Array
+    """Of the centres along the line (m)."""
+    speeds: Array
+    """m/s"""
+
+
+def springs_scene(run: Run, width: str = "single") -> Figure:
+    """Return bodies, springs and feet to scale, at the start and at the first impacts.
+
+    Raises ValueError for a width that is neither `single` nor `double`.
+    """
+    if width not in WIDTHS:
+        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    shown = _instants(run)
+    low, high = _extent(run, shown)
+    inner = WIDTHS[width] - LEFT - _RIGHT
+    scale = min(inner / float(high[0] - low[0]), _HIGHEST / float(high[1] - low[1]))
+    tall = scale * float(high[1] - low[1])
+    total = len(shown) * (_TITLE + tall + _GAP) + _BOTTOM
+    with style.journal():
+        figure = Figure(figsize=(WIDTHS[width] * MM, total * MM))
+        for number, one in enumerate(shown):
+            bottom = total - (number + 1) * (_TITLE + tall) - number * _GAP
+            box = (LEFT / WIDTHS[width], bottom / total, inner / WIDTHS[width], tall / total)
+            axes = figure.add_axes(box)
+            last = number == len(shown) - 1
+            _set_axes(axes, low, high, (inner, tall), scale, last)
+            axes.set_title(one.title, pad=2.0, color=style.FRAME_GREY)
+            _draw(axes, run, one, (inner, tall), scale)
+    return figure
+
+
+def _instants(run: Run) -> list[Instant]:
+    """Return the start and the first impacts."""
+    times = [0.0, *(float(t) for t in run.collisions["t"][:_IMPACTS])]
+    sampled = run.sample(times)
+    number = len(run.system.bodies)
+    places, speeds = (np.reshape(sampled[name], (-1, number)) for name in ("x", "speed"))
+    titles = ["start", *(_title(run, row) for row in range(len(times) - 1))]
+    return [Instant(*one) for one in zip(titles, places, speeds, strict=True)]
+
+
+def _title(run: Run, row: int) -> str:
+    """Return what stands over an impact: when it is, and how far apart the centres are."""
+    one, other = (int(run.collisions[f"ball_{end}"][row]) for end in "ab")
+    radii = [run.system.bodies[number - 1].radius for number in (one, other)]
+    apart = 2.0 * np.sqrt(radii[0] * radii[1])
+    names = rf"$x_{{{other}}}-x_{{{one}}}=2\sqrt{{r_{{{one}}}r_{{{other}}}}}$"
+    time = float(run.collisions["t"][row])
+    return f"impact {row + 1}, {time:.4g} s: {names} = {apart:.4g} m"
+
+
+def _extent(run: Run, shown: list[Instant]) -> tuple[Array, Array]:
+    """Return the corners of what is drawn (m); heights are above the line of the centres."""
+    radius = max(body.radius for body in run.system.bodies)
+    feet = [spring.foot for spring in run.system.springs]
+    along = np.concatenate([*(one.places for one in shown), feet])
+    top = max(spring.height for spring in run.system.springs)
+    size = float(np.ptp(along)) + 2.0 * radius
+    room = 0.07 * size
+    low = np.array([np.min(along) - radius - room, -radius - room])
+    return low, np.array([np.max(along) + radius + room, max(top, radius) + 0.8 * room])
+
+
+def _set_axes(
+    axes: Axes, low: Array, high: Array, size: tuple[float, float], scale: float, labelled: bool
+) -> None:
+    """Set both axes to one scale (mm per m) around the middle."""
+    half = 0.5 * size[0] / scale
+    middle = 0.5 * float(low[0] + high[0])
+    axes.set_xlim(middle - half, middle + half)
+    axes.set_ylim(float(low[1]), float(high[1]))
+    across = number_ticks(middle - half, middle + half, size[0])
+    along = vertical_ticks(float(low[1]), float(high[1]), size[1])
+    axes.set_xticks(across.places, across.labels if labelled else [""] * len(across.labels))
+    axes.set_yticks(along.places, along.labels)
+    if labelled:
+        axes.set_xlabel("$x$ [m]")
+    scaled = rf"$10^{{{along.power}}}$ m" if along.power else "m"
+    axes.set_ylabel(f"$y$ [{scaled}]", labelpad=1.0)
+
+
+def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: float) -> None:
+    """Draw the trace, the bodies, their springs with feet and heights, and name them."""
+    named: list[Named] = []
+    drawn = [np.zeros((0, 2))]
+    for number, (body, spring) in enumerate(
+        zip(run.system.bodies, run.system.springs, strict=True), 1
+    ):
+        colour = str(body_look(number)["color"])
+        place, speed = float(one.places[number - 1]), float(one.speeds[number - 1])
+        foot, centre = np.array([spring.foot, spring.height]), np.array([place, 0.0])
+        coil = _coil(foot, centre, 1.3 / scale)
+        axes.plot(*coil.T, color=colour, linewidth=0.7, zorder=2.2)
+        reach = 2.2 / scale
+        axes.plot([foot[0] - reach, foot[0] + reach], [foot[1]] * 2, zorder=2.4, **_FOOT)
+        upright = np.array([[foot[0] + _aside(run, number - 1) / scale, y] for y in (0.0, foot[1])])
+        axes.plot(*upright.T, zorder=1.4, **_HEIGHT)
+        shown = max(body.radius, _LEAST / scale)
+        look: dict[str, Any] = {"facecolor": colour, "alpha": 0.35, "edgecolor": "none"}
+        axes.add_patch(Circle((place, 0.0), shown, zorder=1.8, **look))
+        edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}
+        axes.add_patch(Circle((place, 0.0), shown, zorder=2.1, **edge))
+        axes.plot(place, 0.0, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+        axes.plot([place - reach, place + reach], [-body.radius] * 2, zorder=2.0, **_LINE)
+        if speed:
+            tip = (place + np.sign(speed) * (shown + 4.0 / scale), 0.0)
+            axes.annotate("", tip, (place, 0.0), arrowprops=_ARROW, zorder=2.6)
+            drawn.append(np.linspace([place, 0.0], tip, 20))
+        named += [
+            Named(rf"$C_{{{number}}}$", (place, 0.0)),
+            Named(rf"$A_{{{number}}}$", (float(foot[0]), float(foot[1]))),
+            Named(rf"$b_{{{number}}}$", _middle(upright), style.FRAME_GREY),
+        ]
+        drawn += [coil, centre + shown * _RING, np.linspace(upright[0], upright[1], 30)]
+    write_names(axes, named, np.concatenate(drawn), size)
+
+
+def _aside(run: Run, index: int) -> float:
+    """Return how far aside of its foot the height of a spring is drawn (mm): at one place apart."""
+    feet = [spring.foot for spring in run.system.springs]
+    alike = [number for number, foot in enumerate(feet) if foot == feet[index]]
+    return _APART * (alike.index(index) - 0.5 * (len(alike) - 1))
+
+
+def _middle(ends: Array) -> tuple[float, float]:
+    return float(ends[:, 0].mean()), float(ends[:, 1].mean())
+
+
+def _coil(foot: Array, centre: Array, wide: float) -> Array:
+    """Return the points of a spring between its foot and a centre (m)."""
+    share = np.linspace(0.14, 0.86, 2 * _COILS + 1)
+    along = centre - foot
+    length = float(np.hypot(*along)) or 1.0
+    side = np.array([-along[1], along[0]]) / length
+    swing = np.where(np.arange(len(share)) % 2 == 0, wide, -wide)
+    swing[[0, -1]] = 0.0
+    points = foot + share[:, None] * along + swing[:, None] * side
+    return np.concatenate([[foot], points, [centre]])
+
 
 _PORTRAIT_CAPTION = (
     "Above, speed against the displacement from the foot of the spring: the branches run through "

@@ -45,7 +45,7 @@ class BallsOnTable(System):
         return build_table(scenario)
 
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        from vibro_cli.mechanics.caveats import law_warnings
+        from vibro_cli.mechanics.model_warnings import law_warnings
 
         return tuple(
             law_warnings(system.law, system.inadmissible, [*combinations(system.bodies, 2)])
@@ -53,7 +53,7 @@ class BallsOnTable(System):
 
     @property
     def loop(self) -> EventLoop:
-        from vibro_cli.systems.table.prepare import LOOP
+        from vibro_cli.systems.table.system import LOOP
 
         return LOOP
 
@@ -64,7 +64,7 @@ class BallsOnTable(System):
         return (advance,)
 
     def world(self, system: Any, limits: Limits) -> Any:
-        from vibro_cli.systems.table.prepare import make_world
+        from vibro_cli.systems.table.system import make_world
 
         return make_world(system, limits.time, limits.collisions, limits.bounces)
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.build.bodies import bodies_of
-from vibro_cli.build.findings import Findings, Given
-from vibro_cli.mechanics.body import Body
+from vibro_cli.assemble import Findings, Given, bodies_of
+from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.bodies import touching_distance
-from vibro_cli.systems.table import fitting
+from vibro_cli.systems.table import system
 from vibro_cli.systems.table.scenario import TableBall, TableScenario
 from vibro_cli.systems.table.scenario import Wall as WallTable
 from vibro_cli.systems.table.system import InitialState, Point, TableSystem, Wall
@@ -83,11 +82,11 @@ def _wall(table: WallTable | None, findings: Findings) -> Wall | None:
         moved = tuple((table.x + dx, table.y + dy) for dx, dy in corners)
         return Wall("polygon", inside, table.k, corners=moved)
     points = tuple((x, y) for x, y in table.corners or ())
-    wrong = fitting.wrong_with_polygon(points)
+    wrong = system.wrong_with_polygon(points)
     if wrong:
         findings.add("wall.corners", wrong, "sides that meet only at their common corners")
         return None
-    return Wall("polygon", inside, table.k, corners=fitting.anticlockwise(points))
+    return Wall("polygon", inside, table.k, corners=system.anticlockwise(points))
 
 
 def _check_wall(
@@ -95,13 +94,13 @@ def _check_wall(
 ) -> None:
     """Check that every ball fits the wall and starts free of it."""
     for number, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True), 1):
-        limit = fitting.largest_radius(wall)
+        limit = system.largest_radius(wall)
         if body.radius >= limit:
             expected = f"less than {limit!r}, the least radius of curvature of the wall"
             findings.add(f"balls[{number}].radius", repr(body.radius), expected)
             continue
-        free = fitting.distance_to_wall(wall, (ball.x, ball.y)) - body.radius
-        if free < -fitting.rounding(wall, (ball.x, ball.y)):
+        free = system.distance_to_wall(wall, (ball.x, ball.y)) - body.radius
+        if free < -system.rounding(wall, (ball.x, ball.y)):
             side = "inside" if wall.inside else "outside"
             found = f"ball {number} reaching {-free:.6g} m into the wall"
             findings.add(f"balls[{number}].x", found, f"a place {side} it, free of it")

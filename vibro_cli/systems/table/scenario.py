@@ -11,9 +11,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import ScenarioTable, Table, as_tuple
+from vibro_cli.scenario.base import BodyTable, Sampling, ScenarioTable, Table, as_tuple
 from vibro_cli.scenario.models import Inadmissible, Law, Stop
-from vibro_cli.scenario.parts import BodyTable, Sampling
 from vibro_cli.scenario.problems import Fault, listing, shown
 from vibro_cli.scenario.rules import (
     KIND,

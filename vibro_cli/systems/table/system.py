@@ -1,12 +1,42 @@
-"""What is solved on the table: balls, the wall, how they start and how they collide."""
+"""What is solved on the table: balls and the wall that they fit; the records of the event loop."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.table.loop import advance
+from vibro_cli.kernels.table.world import (
+    CONIC,
+    END_INTERRUPTED,
+    END_NAMES,
+    END_TIME,
+    LOG_FULL,
+    LOGS,
+    NEVER,
+    NO_WALL,
+    RECORDS,
+    STATE,
+    Ball,
+    Clock,
+    Edge,
+    Meeting,
+    Settings,
+    Share,
+    Touch,
+    WallData,
+    World,
+)
+from vibro_cli.kernels.table.world import (
+    POLYGON as POLYGON_KIND,
+)
+from vibro_cli.mechanics.system import body_record
 from vibro_cli.systems.bodies import ImpactSystem
+from vibro_cli.systems.driver import EventLoop
 
 ELLIPSE = "ellipse"
 CIRCLE = "circle"
@@ -56,3 +86,241 @@ class TableSystem(ImpactSystem):
         if len(self.bodies) > 1:
             kept = kept and self.restitution == 1.0 and self.law_keeps_energy
         return kept
+
+
+# A side ends in a corner that no ball can touch; met a little beyond, it has no way through there.
+BEYOND = 1.0e-9
+UNLIMITED = 2**62
+
+LOOP = EventLoop(
+    advance=advance,
+    records=RECORDS,
+    logs=LOGS,
+    state=STATE,
+    end_names=END_NAMES,
+    end_time=END_TIME,
+    end_interrupted=END_INTERRUPTED,
+    log_full=LOG_FULL,
+    rows_of_event=8,
+)
+
+
+def make_world(
+    system: TableSystem,
+    stop_time: float | None,
+    stop_collisions: int | None,
+    stop_bounces: int | None,
+) -> World:
+    """Return the records of a system at the start, with empty logs."""
+    settings = Settings()
+    settings.law = LAW_NAMES.index(system.law)
+    settings.substitute = 1 if system.inadmissible == "normal-impulse" else 0
+    settings.restitution = system.restitution
+    settings.stop_time = NEVER if stop_time is None else stop_time
+    settings.stop_collisions = UNLIMITED if stop_collisions is None else stop_collisions
+    settings.stop_bounces = UNLIMITED if stop_bounces is None else stop_bounces
+    leaves = 2
+    while leaves < len(system.bodies):
+        leaves *= 2
+    settings.leaves = leaves
+    wall = WallData()
+    edges: list[Edge] = []
+    if system.wall is not None:
+        wall, edges = wall_records(system.wall)
+    bodies: list[BodyData] = [body_record(body) for body in system.bodies]
+    return World(
+        clock=[Clock()],
+        settings=[settings],
+        wall=[wall],
+        edges=edges,
+        bodies=bodies,
+        balls=[_ball(state.place, state.velocity) for state in system.initial],
+        meetings=[Meeting() for _ in system.bodies],
+        tree=[leaves] * leaves,  # no ball where none has played
+        touches=[Touch() for _ in range(most_touches(len(system.bodies)))],
+        shares=[Share() for _ in system.bodies],
+        group=[0] * max(len(system.bodies), 2),
+        pair_log=[],
+        bounce_log=[],
+    )
+
+
+def most_touches(balls: int) -> int:
+    """Return how many pairs of balls can touch at once.
+
+    The mean number of spheres that touch one of a packing, whatever their radii, is below
+    8 + 4 sqrt(3) (Kuperberg and Schramm 1994), so there are fewer than 7.5 pairs for each.
+    """
+    return max(1, min(balls * (balls - 1) // 2, 8 * balls))
+
+
+def _ball(place: tuple[float, float], velocity: tuple[float, float]) -> Ball:
+    ball = Ball()
+    ball.x, ball.y = place
+    ball.vx, ball.vy = velocity
+    ball.square = ball.vx * ball.vx + ball.vy * ball.vy
+    return ball
+
+
+def wall_records(wall: Wall) -> tuple[WallData, list[Edge]]:
+    """Return the wall as a whole, and its sides if it is a polygon."""
+    data = WallData()
+    data.kind = NO_WALL if wall is None else CONIC
+    data.side = 1.0 if wall.inside else -1.0
+    data.restitution = wall.restitution
+    data.x, data.y = wall.center
+    data.a, data.b = wall.semi_axes
+    if wall.shape != POLYGON:
+        return data, []
+    data.kind = POLYGON_KIND
+    corners = wall.corners
+    count = len(corners)
+    edges = [_edge(corners[n], corners[(n + 1) % count], data.side) for n in range(count)]
+    for before, edge in zip(edges[-1:] + edges[:-1], edges, strict=True):
+        # The corners that a ball can touch are those that point at it.
+        turn = before.along_x * edge.along_y - before.along_y * edge.along_x
+        edge.corner = 1 if turn * data.side < 0.0 else 0
+        if not edge.corner:
+            before.open_end = BEYOND * before.length
+            edge.open_start = BEYOND * edge.length
+    return data, edges
+
+
+def _edge(start: tuple[float, float], end: tuple[float, float], side: float) -> Edge:
+    """A side of a polygon whose corners go round anticlockwise; the balls are on ``side``."""
+    edge = Edge()
+    edge.x, edge.y = start
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    edge.length = math.hypot(dx, dy)
+    edge.along_x, edge.along_y = dx / edge.length, dy / edge.length
+    edge.normal_x, edge.normal_y = side * edge.along_y, -side * edge.along_x
+    return edge
+
+
+def largest_radius(wall: Wall) -> float:
+    """Return the radius (m) up to which balls touch a wall at one place at a time.
+
+    Inside an ellipse the least radius of curvature, b^2/a; a greater ball would touch it at both
+    sides of an end of the long axis. Elsewhere every radius, if there is room.
+    """
+    if wall.shape == POLYGON or not wall.inside:
+        return math.inf
+    a, b = max(wall.semi_axes), min(wall.semi_axes)
+    return a if wall.shape == CIRCLE else b * b / a
+
+
+def rounding(wall: Wall, place: Point) -> float:
+    """Return what of a distance from the wall (m) may be rounding."""
+    sizes = [*wall.center, *wall.semi_axes, *place, *(x for corner in wall.corners for x in corner)]
+    return 1e-14 * max(map(abs, sizes))
+
+
+def distance_to_wall(wall: Wall, place: Point) -> float:
+    """Return the distance (m) of a place from the wall, negative on the side without balls."""
+    if wall.shape == POLYGON:
+        distance = min(_to_side(place, *side) for side in _sides(wall))
+        return distance if _is_within(wall, place) == wall.inside else -distance
+    x, y = place[0] - wall.center[0], place[1] - wall.center[1]
+    distance = _into_ellipse(*wall.semi_axes, abs(x), abs(y))
+    return distance if wall.inside else -distance
+
+
+def _sides(wall: Wall) -> list[tuple[Point, Point]]:
+    return list(zip(wall.corners, wall.corners[1:] + wall.corners[:1], strict=True))
+
+
+def _to_side(place: Point, start: Point, end: Point) -> float:
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    share = ((place[0] - start[0]) * dx + (place[1] - start[1]) * dy) / (dx * dx + dy * dy)
+    share = min(max(share, 0.0), 1.0)
+    return math.hypot(start[0] + share * dx - place[0], start[1] + share * dy - place[1])
+
+
+def _is_within(wall: Wall, place: Point) -> bool:
+    """Whether a place is within a polygon: a ray from it crosses an odd number of sides."""
+    within = False
+    for (x, y), (ex, ey) in _sides(wall):
+        if (y > place[1]) != (ey > place[1]):
+            crossing = x + (place[1] - y) / (ey - y) * (ex - x)
+            within ^= place[0] < crossing
+    return within
+
+
+def _into_ellipse(a: float, b: float, x: float, y: float) -> float:
+    """Distance of a place in the first quadrant from an ellipse, positive within it.
+
+    The nearest point ``(a^2 x/(s + a^2), b^2 y/(s + b^2))`` has the greatest root s of
+    ``(a x/(s + a^2))^2 + (b y/(s + b^2))^2 = 1``, found by bisection.
+    """
+    if x == 0.0 and y == 0.0:
+        return min(a, b)
+    least = min(a, b) ** 2
+    low, high = -least, a * math.hypot(x, y) + b * math.hypot(x, y)
+    for _ in range(200):
+        s = 0.5 * (low + high)
+        if not low < s < high:
+            break
+        value = _term(a, x, s) + _term(b, y, s)
+        low, high = (s, high) if value > 1.0 else (low, s)
+    nearest_x, nearest_y = a * a * x / (high + a * a), b * b * y / (high + b * b)
+    if high + least <= 1e-12 * least:  # the place is on the long axis near the middle
+        nearest_x, nearest_y = _beside_axis(a, b, x, y)
+    distance = math.hypot(nearest_x - x, nearest_y - y)
+    return distance if (x / a) ** 2 + (y / b) ** 2 <= 1.0 else -distance
+
+
+def _term(axis: float, place: float, s: float) -> float:
+    return 0.0 if place == 0.0 else (axis * place / (s + axis * axis)) ** 2
+
+
+def _beside_axis(a: float, b: float, x: float, y: float) -> Point:
+    """Nearest point of the ellipse to a place on its long axis, nearer the centre than the foci."""
+    if a >= b:
+        nearest = a * a * x / (a * a - b * b) if a > b else 0.0
+        return nearest, b * math.sqrt(max(1.0 - (nearest / a) ** 2, 0.0))
+    nearest = b * b * y / (b * b - a * a)
+    return a * math.sqrt(max(1.0 - (nearest / b) ** 2, 0.0)), nearest
+
+
+def anticlockwise(corners: tuple[Point, ...]) -> tuple[Point, ...]:
+    """Return the corners of a polygon in anticlockwise order, beginning with the same one."""
+    if _area(corners) > 0.0:
+        return corners
+    return corners[:1] + corners[:0:-1]
+
+
+def _area(corners: tuple[Point, ...]) -> float:
+    following = corners[1:] + corners[:1]
+    return 0.5 * sum(x * ey - ex * y for (x, y), (ex, ey) in zip(corners, following, strict=True))
+
+
+def wrong_with_polygon(corners: tuple[Point, ...]) -> str:
+    """Return why corners make no polygon, empty if they do."""
+    count = len(corners)
+    sides = [(corners[n], corners[(n + 1) % count]) for n in range(count)]
+    for number, (start, end) in enumerate(sides, 1):
+        if start == end:
+            return f"corners {number} and {number % count + 1} at one place"
+    for first in range(count):
+        for second in range(first + 1, count):
+            neighbours = second == first + 1 or (first == 0 and second == count - 1)
+            if _meet(sides[first], sides[second], neighbours):
+                return f"sides {first + 1} and {second + 1} that meet"
+    return ""
+
+
+def _meet(one: tuple[Point, Point], other: tuple[Point, Point], neighbours: bool) -> bool:
+    """Whether two sides meet, neighbours elsewhere than at their common corner."""
+    (p, q), (r, s) = one, other
+    if neighbours:
+        common, before, after = (q, p, s) if q == r else (p, q, r)
+        turn = _turn(before, common, after)
+        ahead = (common[0] - before[0]) * (after[0] - common[0])
+        ahead += (common[1] - before[1]) * (after[1] - common[1])
+        return turn == 0.0 and ahead <= 0.0
+    splits = _turn(p, q, r) * _turn(p, q, s), _turn(r, s, p) * _turn(r, s, q)
+    return splits[0] <= 0.0 and splits[1] <= 0.0
+
+
+def _turn(p: Point, q: Point, r: Point) -> float:
+    return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])

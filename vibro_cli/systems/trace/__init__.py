@@ -46,12 +46,12 @@ class Trace(System):
         return Scenario
 
     def build(self, scenario: Any) -> Any:
-        from vibro_cli.build.trace import build_trace
+        from vibro_cli.assemble import build_system
 
-        return build_trace(scenario)
+        return build_system(scenario)
 
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        from vibro_cli.mechanics.caveats import mechanics_warnings
+        from vibro_cli.mechanics.model_warnings import mechanics_warnings
 
         return mechanics_warnings(system, scenario.stop.time)
 

@@ -1,4 +1,4 @@
-"""Level curves of bodies on springs, one alone or several that move as one, from the energy.
+"""The phase plane of bodies on springs: singular points, separatrix, periods, level curves.
 
 Of bodies in lasting contact the place of the first gives those of the others, so that they too are
 one point in a potential: U(q) = Σ c/2 (√(b² + (q + d)²) - l)² / Σ κ m, and v² = 2 (E - U) (C (4)).
@@ -10,12 +10,63 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from vibro_cli.systems.springs.system import Spring, SpringsSystem, singular_points
+from vibro_cli.systems.springs.system import (
+    Spring,
+    SpringsSystem,
+    separatrix_speed,
+    singular_points,
+)
+
+TYPES = {1: "one centre", 3: "saddle between two centres (trigger)"}
+"""By the number of singular points (C, part 3)."""
+
+
+def point_names(system: SpringsSystem, index: int) -> tuple[str, ...]:
+    """Return the names of the singular points of a body (from 0), each kind from the left."""
+    kinds = [kind for _, kind in singular_points(system.springs[index])]
+    return tuple(
+        f"{'S' if kind == 'saddle' else 'C'}{kinds[: place + 1].count(kind)}"
+        for place, kind in enumerate(kinds)
+    )
+
+
+def springs_record(system: SpringsSystem, index: int) -> dict[str, Any]:
+    """Return type and singular points of a body (from 0) as plain values.
+
+    Places are in m along the line and from the spring's foot, energies of the spring in J; the
+    greatest speed on the separatrix, over the centres, in m/s, where there is one.
+    """
+    spring, body = system.springs[index], system.bodies[index]
+    points = singular_points(spring)
+    speed = None
+    if len(points) == 3:
+        speed = separatrix_speed(spring, system.frequency(index), points[0][0])
+    return {
+        "ball": index + 1,
+        "body": body.kind,
+        "radius": body.radius,
+        "type": TYPES[len(points)],
+        "frequency": system.frequency(index),
+        "separatrix_speed": speed,
+        "points": [
+            {
+                "name": name,
+                "kind": kind,
+                "displacement": place,
+                "x": spring.foot + place,
+                "energy": spring.energy(place),
+                "stressed": kind == "saddle" or spring.length < spring.height,
+            }
+            for name, (place, kind) in zip(point_names(system, index), points, strict=True)
+        ],
+    }
+
 
 Array = NDArray[np.float64]
 
@@ -335,3 +386,44 @@ class _Loops:
         speed = np.sqrt(np.maximum(square, 0.0))
         each: Array = np.divide(rate, speed, out=np.zeros_like(rate), where=speed > 0.0)
         return each
+
+
+_SUM_POINTS = 4096
+
+
+def spring_periods(system: SpringsSystem, ball: int) -> tuple[float, float]:
+    """Return periods (s) of a body (from 1) on its spring: of small swings, and of its own.
+
+    Small ones about a centre beside the foot: ω₀ √(1 − b²/l²) for l > b, under it ω₀ √(1 − l/b) for
+    l < b; infinite for l = b, where nothing of first order pulls. That of the start, infinite at
+    rest at the saddle, is 2 ∫ dx/√(2 (E − U)) by a sum that converges like a power.
+    """
+    spring, rate = system.springs[ball - 1], system.frequency(ball - 1)
+    b, long = spring.height, spring.length
+    share = 1.0 - (b / long) ** 2 if long > b else 1.0 - long / b if b > 0.0 else 1.0
+    small = 2.0 * math.pi / (rate * math.sqrt(share)) if share > 0.0 else math.inf
+    state = system.initial[ball - 1]
+    x = state.position - spring.foot
+    resting = dict(singular_points(spring)).get(x) if state.speed == 0.0 else None
+    if resting is not None:
+        return small, small if resting == "centre" else math.inf
+    return small, _period_through(system, ball, x, state.speed)
+
+
+def _period_through(system: SpringsSystem, ball: int, x: float, speed: float) -> float:
+    """Return the period (s) of the motion through a displacement (m) with a speed (m/s)."""
+    hills, spring = SpringsLandscape.of(system, ball - 1, ball - 1), system.springs[ball - 1]
+    energy = 0.5 * speed**2 + float(hills.potential(np.array(x)))
+    # Where the spring is longer or shorter by so much the body turns.
+    reach = math.sqrt(2.0 * energy * hills.mass / spring.stiffness)
+    outer = math.sqrt(max((spring.length + reach) ** 2 - spring.height**2, 0.0))
+    low, high = -outer, outer
+    if spring.length - reach > spring.height:
+        inner = math.sqrt((spring.length - reach) ** 2 - spring.height**2)
+        low, high = (inner, outer) if x > 0.0 else (-outer, -inner)
+    # The midpoint rule in x = m + h cos θ converges like a power for such an integral.
+    theta = (np.arange(_SUM_POINTS) + 0.5) * math.pi / _SUM_POINTS
+    half = 0.5 * (high - low)
+    places = 0.5 * (high + low) - half * np.cos(theta)
+    rates = np.sqrt(2.0 * np.maximum(energy - hills.potential(places), 1e-300))
+    return 2.0 * float(np.sum(half * np.sin(theta) / rates)) * math.pi / _SUM_POINTS

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.placement import (
+from vibro_cli.mechanics.initial_conditions import (
     beside,
     enter_piece,
     gap,
@@ -15,7 +14,7 @@ from vibro_cli.mechanics.placement import (
     speed_of_rate,
     wall_position,
 )
-from vibro_cli.mechanics.system import InitialState
+from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace
 
 EPSILON = 2.0**-52

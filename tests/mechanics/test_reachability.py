@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.effort import calls
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.clearance import (
+from vibro_cli.mechanics.reachability import (
+    Path,
+    Window,
     contact_angle,
     fits_between,
     joined_behind,
@@ -21,10 +22,11 @@ from vibro_cli.mechanics.clearance import (
     overreaching,
     pocket_radius,
     reach,
+    surely_clear,
     touch_across,
     touched_pieces,
 )
-from vibro_cli.mechanics.separation import Path, Window, surely_clear
+from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import ArcShape, Trace
 
 pytestmark = pytest.mark.long

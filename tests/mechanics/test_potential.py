@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.mechanics.kernel_records import three_arcs
-from vibro_cli.mechanics.heights import contains_turn, heights
+from vibro_cli.mechanics.potential import contains_turn, heights
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.stress.oracles.scene import Piece, chain
 from vibro_cli.stress.oracles.taylor import Real, mp

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.clearance import contact_angle
-from vibro_cli.mechanics.system import InitialState
+from vibro_cli.mechanics.reachability import contact_angle
+from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import alike
 

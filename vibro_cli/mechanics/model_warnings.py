@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import Body, System
 
 _EPSILON = 2.0**-52
 

@@ -1,21 +1,153 @@
-"""From the scenario of a trace to the system that is solved, with all that is wrong at once."""
+"""From scenarios to the systems that are solved: the only place that knows both.
+
+All that is mechanically wrong with a scenario is gathered and told at once. The numbers of a
+scenario of a trace may be arrays (see ``numerics.alike``): then so are those of the system.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from itertools import combinations
+from typing import Any, TypeAlias
 
-from vibro_cli.build.assembly import speed_of, system_of, trace_of
-from vibro_cli.build.bodies import bodies_of
-from vibro_cli.build.findings import Findings, Given
-from vibro_cli.mechanics import clearance, placement
-from vibro_cli.mechanics.body import Body
-from vibro_cli.mechanics.system import InitialState, System
-from vibro_cli.mechanics.trace import Piece, Trace
-from vibro_cli.mechanics.turning import Turning
+from vibro_cli.mechanics import initial_conditions, reachability
+from vibro_cli.mechanics.potential import Turning
+from vibro_cli.mechanics.system import (
+    CUSTOM,
+    INERTIA_RATIO,
+    Body,
+    InitialState,
+    System,
+    Wall,
+    mass_from_density,
+)
+from vibro_cli.mechanics.trace import ArcShape, Piece, Trace
+from vibro_cli.numerics import alike
+from vibro_cli.scenario.base import AnyScenario, BodyTable, ScenarioTable
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
-from vibro_cli.scenario.problems import ScenarioError
+from vibro_cli.scenario.problems import Problem, ScenarioError
+from vibro_cli.systems import system_named
+
+
+def trace_of(scenario: Scenario) -> Trace:
+    """Return the trace; raises ``ValueError`` if the pieces do not make a chain."""
+    table = scenario.trace
+    shapes = [ArcShape(arc.shape, arc.radius, arc.length, arc.end_slope) for arc in table.arcs]
+    return Trace.chain(table.start_slope, shapes, table.closed)
+
+
+def speed_of(ball: Ball, body: Body, piece: Piece) -> float:
+    """Return the speed (m/s) with which the centre of a body starts on a piece."""
+    if ball.speed is not None:
+        return ball.speed
+    if ball.omega is not None:
+        return initial_conditions.speed_of_omega(body, ball.omega)
+    if ball.rate is None or not alike.occurs(ball.rate != 0.0):
+        return 0.0
+    speed = initial_conditions.speed_of_rate(piece, body, ball.rate)
+    return alike.choose(ball.rate != 0.0, speed, 0.0)  # type: ignore[no-any-return]
+
+
+def system_of(
+    scenario: Scenario,
+    trace: Trace,
+    bodies: tuple[Body, ...],
+    initial: tuple[InitialState, ...],
+    turning: Turning | None,
+) -> System:
+    """Return the system of a scenario from its parts."""
+    left, right = scenario.ends.left, scenario.ends.right
+    return System(
+        gravity=scenario.gravity,
+        trace=trace,
+        bodies=bodies,
+        initial=initial,
+        restitution=scenario.collision.k,
+        law=scenario.collision.law,
+        inadmissible=scenario.collision.inadmissible,
+        surface=scenario.trace.surface,
+        left_end=Wall(left.wall) if isinstance(left, WallTable) else None,
+        right_end=Wall(right.wall) if isinstance(right, WallTable) else None,
+        turning=turning,
+    )
+
+
+# Within these bounds no product or quotient of the mechanics leaves the range of doubles.
+SIZES = (1e-30, 1e30)
+# Beyond it the sum of two times, or a time in units of a period, leaves that range.
+LONGEST = 1e300
+
+Given = tuple[str, float | None]
+"""A key of the scenario and its number, None where none is given."""
+
+
+class Findings:
+    """Collects what is wrong, each with its place in the scenario."""
+
+    def __init__(self, scenario: ScenarioTable) -> None:
+        self._scenario = scenario
+        self.problems: list[Problem] = []
+
+    def add(self, path: str, found: str, expected: str) -> None:
+        """Add what was found at a key, and what was expected there."""
+        place = self._scenario.place(path)
+        self.problems.append(Problem.at(place, path, found, expected))
+
+    def add_wrong_lengths(self, given: Iterable[Given]) -> None:
+        """Add the lengths (m) that doubles cannot compute with."""
+        low, high = SIZES
+        for path, length in given:
+            if length is not None and not low <= length <= high:
+                self.add(path, repr(length), f"a length from {low} to {high} m")
+
+    def add_wrong_numbers(self, given: Iterable[Given]) -> None:
+        """Add the places, speeds and rates that doubles cannot compute with."""
+        high = SIZES[1]
+        for path, value in given:
+            if value is not None and abs(value) > high:
+                self.add(path, repr(value), f"a number from {-high} to {high}")
+
+    def add_wrong_time(self, stop_time: float | None) -> None:
+        """Add the end of the run (s) if doubles cannot compute with it."""
+        if stop_time is not None and stop_time > LONGEST:
+            self.add("stop.time", repr(stop_time), f"a time up to {LONGEST} s")
+
+    def settle(self) -> None:
+        """Raise everything found so far, in the order of the file."""
+        if self.problems:
+            by_place = sorted(self.problems, key=lambda found: (found.line or 0, found.column or 0))
+            raise ScenarioError(by_place)
+
+
+_MASSES = (1e-100, 1e100)
+
+
+def bodies_of(balls: Sequence[BodyTable], findings: Findings) -> tuple[Body, ...]:
+    """Return the bodies; one of a mass that doubles cannot compute with is a finding."""
+    bodies = tuple(map(body_of, balls))
+    low, high = _MASSES
+    for number, (ball, body) in enumerate(zip(balls, bodies, strict=True), 1):
+        if not low <= body.mass <= high:
+            key = "mass" if ball.mass is not None else "density"
+            found = repr(ball.mass) if ball.mass is not None else f"a mass of {body.mass!r} kg"
+            findings.add(f"balls[{number}].{key}", found, f"a mass from {low} to {high} kg")
+    return bodies
+
+
+def body_of(ball: BodyTable) -> Body:
+    """Return a body; its numbers may be arrays (see ``numerics.alike``)."""
+    if ball.inertia_ratio is not None or ball.body is None:
+        kind, ratio = CUSTOM, 0.0 if ball.inertia_ratio is None else ball.inertia_ratio
+    else:
+        kind, ratio = ball.body, INERTIA_RATIO[ball.body]
+    mass = ball.mass
+    if mass is None:
+        assert ball.density is not None  # one of both is given
+        mass = mass_from_density(kind, ball.radius, ball.density, ball.thickness)
+    return Body(kind, ball.radius, mass, ratio)
+
 
 _CLOSING_TOLERANCE = 1e-12
 
@@ -25,7 +157,7 @@ _MOST_SLOPE = 1e3
 _RATES = (1e-10, 1e10)
 
 
-def build_trace(scenario: Scenario) -> System:
+def build_system(scenario: Scenario) -> System:
     """Return the system of a scenario, checked against the mechanics.
 
     Raises ScenarioError with every problem: a trace that does not close or meets itself, bodies
@@ -45,7 +177,9 @@ def build_trace(scenario: Scenario) -> System:
         _check_contacts(trace, bodies, findings)
     _check_walls(scenario, trace, bodies, initial, findings)
     findings.settle()
-    entered = (placement.enter_piece(trace, state) for state in initial if state is not None)
+    entered = (
+        initial_conditions.enter_piece(trace, state) for state in initial if state is not None
+    )
     return system_of(scenario, trace, bodies, tuple(entered), turning)
 
 
@@ -105,7 +239,7 @@ def _check_trace(trace: Trace, findings: Findings) -> bool:
             expected = "a trace that ends where and how it began, after a turn of 360 deg"
             findings.add("trace.closed", found, expected)
             return False
-    overlapping = clearance.overlapping_pieces(trace)
+    overlapping = reachability.overlapping_pieces(trace)
     for index in overlapping:
         piece = trace.pieces[index]
         sweep = math.degrees(piece.angle_end - piece.angle_start)
@@ -113,7 +247,7 @@ def _check_trace(trace: Trace, findings: Findings) -> bool:
         findings.add(f"trace.arcs[{index + 1}].end_slope", f"an arc of {sweep:.9g} deg", expected)
     if overlapping:
         return False
-    meeting = {frozenset(pair) for pair in clearance.touched_pieces(trace, 0.0)}
+    meeting = {frozenset(pair) for pair in reachability.touched_pieces(trace, 0.0)}
     for first, second in sorted(sorted(pair) for pair in meeting):
         found = f"a trace whose arcs {first + 1} and {second + 1} meet"
         findings.add(f"trace.arcs[{second + 1}]", found, "a trace that does not meet itself")
@@ -128,14 +262,14 @@ def _check_fit(
     touched: dict[float, tuple[tuple[int, int], ...]] = {}
     for number, body in enumerate(bodies, 1):
         path = f"balls[{number}].radius"
-        narrow = clearance.narrow_valleys(trace, body.radius)
+        narrow = reachability.narrow_valleys(trace, body.radius)
         if narrow:
             tightest = min(narrow, key=lambda index: trace.pieces[index].radius)
             limit = f"less than {trace.pieces[tightest].radius!r}, the radius of the valley"
             findings.add(path, repr(body.radius), f"{limit} that is arc {tightest + 1}")
         elif trace_is_sound:
             if body.radius not in touched:
-                touched[body.radius] = clearance.touched_pieces(trace, body.radius)
+                touched[body.radius] = reachability.touched_pieces(trace, body.radius)
             if touched[body.radius]:
                 own, other = touched[body.radius][0]
                 expected = "a body that touches no other piece than the one it rolls on"
@@ -150,14 +284,14 @@ def _check_contacts(trace: Trace, bodies: tuple[Body, ...], findings: Findings) 
     for a, b in combinations(range(len(bodies)), 2):
         pair = bodies[a].radius, bodies[b].radius
         if pair not in known:
-            known[pair] = clearance.joined_behind(trace, *pair)
+            known[pair] = reachability.joined_behind(trace, *pair)
         for index in known[pair]:
             piece = trace.pieces[index]
             sweep = math.degrees(piece.angle_end - piece.angle_start)
             expected = f"one on which bodies {a + 1} and {b + 1} cannot touch through its gap"
             path = f"trace.arcs[{index + 1}].end_slope"
             findings.add(path, f"an arc of {sweep:.9g} deg", expected)
-    for over in clearance.overreaching(trace, tuple(body.radius for body in bodies)):
+    for over in reachability.overreaching(trace, tuple(body.radius for body in bodies)):
         first, second = over.first + 1, over.second + 1
         if over.pieces is not None:
             arcs = f"arcs {over.pieces[0] + 1} and {over.pieces[1] + 1}"
@@ -202,14 +336,14 @@ def _position(
     if ball.touching is None:
         key = "position" if piece.is_line else "angle"
         given = ball.position if piece.is_line else ball.angle
-        settled = None if given is None else placement.settle(piece, given)
+        settled = None if given is None else initial_conditions.settle(piece, given)
         if settled is None:
             limits = f"{piece.angle_start!r} to {piece.angle_end!r}"
             findings.add(f"{path}.{key}", repr(given), f"a place on arc {ball.arc}, {limits}")
         return settled
     if previous is None or previous[1] is None:
         return None
-    beside = placement.beside(trace, previous[0], previous[1], body)
+    beside = initial_conditions.beside(trace, previous[0], previous[1], body)
     if beside is None:
         found = f"no room to the right of body {index}"
         findings.add(f"{path}.touching", found, "a contact on the trace")
@@ -247,7 +381,7 @@ def _check_order(
             found = f"body {b + 1} not to the right of body {a + 1}"
             findings.add(f"balls[{b + 1}].{key}", found, "bodies in order from left to right")
             continue
-        gap, rounding = placement.gap(trace, bodies[a], left, bodies[b], right)
+        gap, rounding = initial_conditions.gap(trace, bodies[a], left, bodies[b], right)
         if gap < -rounding:
             found = f"bodies {min(a, b) + 1} and {later + 1} overlapping by {-gap:.6g} m"
             findings.add(path, found, "bodies that do not overlap")
@@ -261,7 +395,7 @@ def _check_over_outermost(
     row = bodies[::-1] if at_right else bodies
     for step, body in enumerate(row[1:], 1):
         between = (other.radius for other in row[:step])
-        if all(placement.fits_at_wall(piece, body.radius, r, at_right) for r in between):
+        if all(initial_conditions.fits_at_wall(piece, body.radius, r, at_right) for r in between):
             number = outer - step if at_right else step
             reach = f"body {number + 1} cannot reach the {side} wall over it"
             found = repr(bodies[outer].radius)
@@ -283,7 +417,7 @@ def _check_walls(
         if not isinstance(getattr(scenario.ends, side), WallTable):
             continue
         at_right = side == "right"
-        touch = placement.wall_position(piece, bodies[index].radius, at_right)
+        touch = initial_conditions.wall_position(piece, bodies[index].radius, at_right)
         if touch is None:
             found = f"a wall that body {index + 1} cannot meet on arc {piece.index + 1}"
             findings.add(f"ends.{side}", found, "an end piece with room for the body at its wall")
@@ -300,3 +434,20 @@ def _check_walls(
             found = f"body {index + 1} reaching into the {side} wall"
             expected = f"a place free of it: {touch!r} or further {'left' if at_right else 'right'}"
             findings.add(path, found, expected)
+
+
+AnySystem: TypeAlias = Any
+"""What is solved, of whatever kind."""
+
+
+def build_any(scenario: AnyScenario) -> AnySystem:
+    """Return the system of a scenario of whatever kind, checked against its mechanics.
+
+    Raises ScenarioError with everything that is wrong.
+    """
+    return system_named(scenario.system).build(scenario)
+
+
+def warnings_of(scenario: AnyScenario, system: AnySystem) -> tuple[str, ...]:
+    """Return what a user should know about a sound system before running it, a sentence each."""
+    return system_named(scenario.system).warnings(scenario, system)
