@@ -62,10 +62,7 @@ PARTS = {
     "describe": "report",
     "stress": "stress",
     **dict.fromkeys(("phase_plane", "wall_orbits"), "analysis"),
-    **dict.fromkeys(
-        (*("figures", "portrait", "wall_portrait", "velocities"),),
-        "figures",
-    ),
+    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait", "velocities"), "figures"),
 }
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py"))
