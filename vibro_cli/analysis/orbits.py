@@ -26,6 +26,7 @@ CLOSED = 1.0e-13
 # Rounding of a long or unstable orbit leaves more; beyond this it is none.
 NEARLY_CLOSED = 1.0e-10
 MOST_STEPS = 40
+_LOSSY = "impacts take energy: found a coefficient of restitution of {:g}, expected 1"
 # Of a damped step no less than this share is tried.
 LEAST_SHARE = 2.0**-12
 
@@ -297,6 +298,9 @@ def newton(
     scale, tau = scale_of(system), float(time_scale(system))
     unit = system.gravity * tau  # m/s, by which a period counts
     shot = shoot(started(system, state), period)
+    walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
+    if any(event.endswith("|") for event in shot.word) and all(k != 1.0 for k in walls):
+        raise NoOrbit(_LOSSY.format(walls[0]))
     word = shot.word if word is None else word
     if shot.word != word:
         raise NoOrbit("the guess has other events")
@@ -433,13 +437,8 @@ def find_orbit(
     """
     if len(system.bodies) < 2:
         raise NoOrbit("found one body, expected two or more: an orbit of impacts")
-    walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
-    lossy = [k for k in (*system.restitution, *walls) if k != 1.0]
-    if lossy:
-        raise NoOrbit(
-            f"impacts take energy: found a coefficient of restitution of {lossy[0]:g}, expected 1 "
-            "of all bodies and walls"
-        )
+    if all(k != 1.0 for k in system.restitution):
+        raise NoOrbit(_LOSSY.format(system.restitution[0]))
     if period is None:
         period = nearest_return(system, impacts, longest)
     orbit = newton(system, state_of(system), period, None, None)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit, Free
     from vibro_cli.scenario import Scenario
 
+DOUBTFUL = 1.0e-6
+"""A likelihood below this is told of as a warning."""
+
 
 @dataclass(frozen=True)
 class _Wishes:
@@ -212,6 +215,8 @@ def _lines(found: "Fit") -> Iterator[str]:
             f"  chi square           {found.chi_square:.4g} of {found.freedom} degrees of freedom: "
             f"as large or larger in {100.0 * found.likelihood:.2g} % of such measurements"
         )
+    if found.likelihood is not None and found.likelihood < DOUBTFUL:
+        yield "  warning              model or noise are wrong, or impacts were missed (give n)"
     if not found.same_events:
         yield (
             "  events               change within the 95 % region: the errors are those of the "

@@ -103,6 +103,8 @@ def summary_text(
         }
         if "min_normal_force" in record:
             items["validity"] = _validity(record, one_sided)
+        if "lyapunov_1" in record:
+            items["exponents"] = _exponents(record)
     if folder is not None:
         items |= {"files": printable(str(folder)), "next": report_command(folder)}
     if record["end_cause"] == "inadmissible":
@@ -145,6 +147,18 @@ def _accuracy(record: Mapping[str, Any]) -> str:
     if record["max_gap"] is None:
         return "no impact to measure a gap at"
     return f"largest gap left at an impact {quantity(record['max_gap'], 'm', digits=2)}"
+
+
+def _exponents(record: Mapping[str, Any]) -> str:
+    rates = [value for name, value in record.items() if name.startswith("lyapunov_")]
+    if rates[0] is None:
+        contact = "; lasting contact across two pieces has no tangent map"
+        return f"unknown{contact if record['contacts'] else ''}"
+    lost = rates.count(None)
+    text = f"the greatest {quantity(rates[0], '1/s', digits=4)}"
+    if lost:
+        return f"{text}; {count(lost, 'direction', 'directions')} lost in lasting contact"
+    return f"{text}, the sum {quantity(sum(rates), '1/s', digits=2)}"
 
 
 def _validity(record: Mapping[str, Any], one_sided: bool) -> str:
