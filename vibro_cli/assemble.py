@@ -383,7 +383,7 @@ def _check_order(
             continue
         gap, rounding = initial_conditions.gap(trace, bodies[a], left, bodies[b], right)
         if gap < -rounding:
-            found = f"bodies {min(a, b) + 1} and {later + 1} overlapping by {-gap:.6g} m"
+            found = f"bodies {min(a, b) + 1} and {later + 1} that overlap by {-gap:.6g} m"
             findings.add(path, found, "bodies that do not overlap")
 
 

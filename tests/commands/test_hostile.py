@@ -20,7 +20,7 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
 )
 CONTENTS: dict[str, tuple[bytes, str]] = {
     "empty.toml": (b"", 'gravity: found nothing, expected the key "gravity"'),
-    "empty.json": (b"", "1:1: found no JSON"),
+    "empty.json": (b"", "1:1: found broken JSON"),
     "empty.yaml": (b"", "1:1: found null, expected a table"),
     "binary.toml": (bytes(range(256)), "2:118: found the byte 0x80, expected a text in UTF-8"),
     "binary.json": (b"\x89PNG\r\n\x1a\n\0\0", "1:1: found the byte 0x89, expected a text in UTF-8"),

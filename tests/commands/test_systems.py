@@ -120,7 +120,7 @@ def test_runs_of_one_system_are_compared(vibro: Vibro) -> None:
     assert "expected one system" in outcome.err
     outcome = vibro("report", "springs", "--animate", "film.gif")
     assert outcome.code == 2
-    assert "found springs, expected a run of a trace" in outcome.err
+    assert "found a run of the system springs, expected one of a trace" in outcome.err
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 
 def understood_grid(grid: "Grid") -> dict[str, Any]:
-    """What a grid means, as plain values; its points are not looked at, but for the first."""
+    """What a grid means, as plain values; of its points the first and the last are tried."""
     from vibro_cli.grids.axes import unit_of
     from vibro_cli.scenario.problems import path_text
 
@@ -27,7 +27,8 @@ def understood_grid(grid: "Grid") -> dict[str, Any]:
         "grid": grid.resolved(),
         "points": grid.design.points,
         "axes": axes,
-        "first_point": _first_point(grid),
+        "first_point": _point(grid, 0),
+        "last_point": _point(grid, grid.design.points - 1),
     }
 
 
@@ -43,15 +44,15 @@ def _plain(value: Any) -> Any:
     return value.item() if hasattr(value, "item") else value
 
 
-def _first_point(grid: "Grid") -> str | None:
-    """Why the first point is no valid scenario, None where it is one."""
+def _point(grid: "Grid", index: int) -> str | None:
+    """Why a point is no valid scenario, None where it is one."""
     import numpy as np
 
     from vibro_cli.assemble import build_any
     from vibro_cli.grids.points import document_at, reason_of
     from vibro_cli.scenario import ScenarioError, any_scenario_of
 
-    values = {path: column[0] for path, column in grid.design.columns(np.arange(1)).items()}
+    values = {path: column[0] for path, column in grid.design.columns(np.array([index])).items()}
     try:
         build_any(any_scenario_of(document_at(grid.base, values)))
     except ScenarioError as error:
@@ -73,8 +74,9 @@ def lines_of_grid(found: dict[str, Any]) -> Iterator[str]:
     yield "  kept: " + (
         f"summaries and every impact ({columns})" if kept["collisions"] else "summaries"
     )
-    if found["first_point"] is not None:
-        yield f"  warning: the first point is invalid: {found['first_point']}"
+    for which in ("first", "last"):
+        if found[f"{which}_point"] is not None:
+            yield f"  warning: the {which} point is invalid: {found[f'{which}_point']}"
 
 
 def _shown(value: Any) -> str:

@@ -201,8 +201,7 @@ is marked (`collision.inadmissible = "normal-impulse"`).
 
 def units() -> str:
     """The units that numbers may be given in."""
-    from vibro_cli.grids.axes import UNITS as SI
-    from vibro_cli.scenario.quantities import DIMENSIONS, UNITS
+    from vibro_cli.scenario.quantities import DIMENSIONS, SI, UNITS
 
     lines = ["| quantity | SI | also |", "|---|---|---|"]
     for quantity, dimension in DIMENSIONS.items():

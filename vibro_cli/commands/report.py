@@ -185,7 +185,7 @@ def _runs(wishes: _Wishes) -> "Runs":
             raise CommandError(f"vibro: {folder} is of {system} and {first}; expected one system")
     if wishes.film is not None:
         if not found[0].kind.has_film:
-            raise CommandError(f"vibro: --animate: found {systems[0]}, expected a run of a trace")
+            raise CommandError(f"vibro: --animate: found a run of the system {systems[0]}, expected one of a trace")
         check_film(found[0], wishes.film)
     return found
 
@@ -247,7 +247,8 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
         yield from ((drawn.name, drawn) for drawn in draw_grid(subject, width, maps))
         return
     for place, run in enumerate(subject, 1):
-        prefix = f"{place}_{run.scenario.name}_" if len(subject) > 1 else ""
+        name = run.scenario.name if run.folder is None else run.folder.name
+        prefix = f"{place}_{name}_" if len(subject) > 1 else ""
         each = draw_all(run.whole or run, None, width)
         yield from ((f"{prefix}{drawn.name}", drawn) for drawn in each)
 

@@ -98,6 +98,8 @@ def _show(
         except (TypeError, ValueError) as error:  # of a table that is not one of ours
             text = f"cannot be shown as {form or 'json'}: {' '.join(str(error).split())}"
             raise CommandError(f"{file}: {text} (choose columns with --columns)") from error
+    elif data.num_rows == 1 and columns is None:
+        print("\n".join(_listed(data)))
     else:
         width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
         print("\n".join(_blocks(chosen, first, width)))
@@ -171,6 +173,15 @@ def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.{_DIGITS}g}" if isinstance(value, float) else printable(str(value))
+
+
+def _listed(data: "pyarrow.Table") -> Iterator[str]:
+    """The one row of a table: a line for each column."""
+    names = _aligned([printable(name) for name in data.column_names], False)
+    values = _aligned([_text(data[name][0].as_py()) for name in data.column_names], True)
+    for name, value, column in zip(names, values, data.column_names, strict=True):
+        unit, meaning = (printable(_meta(data, column, key)) for key in (b"unit", b"description"))
+        yield f"{name}  {value}  {unit:8}  {meaning}".rstrip()
 
 
 def _blocks(data: "pyarrow.Table", first: int, width: int | None) -> Iterator[str]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, FAILED, CommandError, say
+from vibro_cli.commands.boundary import DONE, FAILED, MISUSED, say
 from vibro_cli.commands.options import Task
 from vibro_cli.commands.streams import json_text
 
@@ -30,12 +30,14 @@ def _verify(folders: list[Path], as_json: bool) -> int:
     from vibro_cli.grids.dataset import NoManifest
     from vibro_cli.grids.dataset import verify as check
 
-    sound = True
+    sound, ours = True, True
     for folder in folders:
         try:
             verdict = check(folder)
         except NoManifest as error:
-            raise CommandError(f"vibro: {error}") from error
+            ours = False
+            say(f"vibro: {error}" if folder.exists() else f"{folder}: no such folder", "error")
+            continue
         sound = sound and verdict.sound
         if as_json:
             print(json_text({"folder": str(folder), "sound": verdict.sound, **asdict(verdict)}))
@@ -48,4 +50,6 @@ def _verify(folders: list[Path], as_json: bool) -> int:
         state = "as written" if verdict.sound else "not sound"
         files = count(verdict.files, "file", "files")
         say(f"{folder}: {state} ({verdict.kind}, {files}, {size(verdict.bytes)})")
+    if not ours:
+        return MISUSED
     return DONE if sound else FAILED

@@ -19,18 +19,6 @@ from vibro_cli.scenario.fields import unknown_key
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, path_text, shown, suggestion
 from vibro_cli.scenario.source import parsed_path
 
-UNITS = {
-    "": "",
-    "length": "m",
-    "mass": "kg",
-    "time": "s",
-    "angle": "rad",
-    "angular rate": "rad/s",
-    "speed": "m/s",
-    "acceleration": "m/s^2",
-    "density": "kg/m^3",
-    "stiffness": "N/m",
-}
 # What a grid's tables do not depend on.
 _WITHOUT_EFFECT = ("name", "output")
 
@@ -89,7 +77,7 @@ def _unknown(path: KeyPath, model: Model | None, root: Model) -> Fault:
 
 def unit_of(kind: kinds.Kind) -> str:
     """Return the unit in which values of a kind stand in tables, "" for plain numbers."""
-    return UNITS[kind.dimension] if isinstance(kind, kinds.Quantity) else ""
+    return kind.unit if isinstance(kind, kinds.Quantity) else ""
 
 
 def type_of(kind: kinds.Kind) -> Any:

@@ -18,6 +18,7 @@ from pydantic_core import ErrorDetails
 
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, similar, suggestion
+from vibro_cli.scenario.quantities import Quantity
 
 Model = type[BaseModel]
 
@@ -41,6 +42,21 @@ def model_at(path: KeyPath, root: Model = Scenario) -> Model | None:
         field = model.model_fields.get(part) if model is not None else None
         model = None if field is None else next(_models_in(field.annotation), None)
     return model
+
+
+def unit_at(path: KeyPath, root: Model = Scenario) -> str:
+    """Return the unit of the number at a path, an empty text where it has none."""
+    models = [root]
+    for part in path[:-1]:
+        if isinstance(part, str):
+            holders = [one.model_fields[part] for one in models if part in one.model_fields]
+            models = [model for field in holders for model in _models_in(field.annotation)]
+    for model in models:
+        field = model.model_fields.get(str(path[-1]))
+        for part in field.metadata if field is not None else ():
+            if isinstance(part, Quantity):
+                return part.unit
+    return ""
 
 
 @cache

@@ -31,7 +31,7 @@ def read(text: str) -> Any:
         return json.loads(text, object_pairs_hook=_unique)
     except json.JSONDecodeError as error:
         reason = error.msg[:1].lower() + error.msg[1:]
-        raise FormError(error.pos, f"no JSON ({reason})", "a text in JSON") from None
+        raise FormError(error.pos, f"broken JSON ({reason})", "valid JSON") from None
     except _GivenTwice:
         places(text)
         raise

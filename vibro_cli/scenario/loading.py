@@ -329,7 +329,7 @@ def parse_document(text: str, form: str, file: str = "<text>", name: str = "scen
         raise ScenarioError([_problem(fault, place)]) from None
     except Exception as error:  # what a parser leaks (RecursionError, KeyError, ...)
         found = f"a text that cannot be read ({type(error).__name__})"
-        raise _error(file, found, f"a text in {form.upper()}") from error
+        raise _error(file, found, f"valid {form.upper()}") from error
     if not isinstance(data, dict):
         raise _error(file, shown(data), "a table with the keys of a scenario", Place(file, 1, 1))
     if isinstance(data.get("$schema"), str):  # what an editor is told, and nobody else

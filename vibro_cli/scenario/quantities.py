@@ -68,6 +68,20 @@ class Kind:
         return self.schema()
 
 
+SI = {
+    "length": "m",
+    "mass": "kg",
+    "time": "s",
+    "angle": "rad",
+    "angular rate": "rad/s",
+    "speed": "m/s",
+    "acceleration": "m/s^2",
+    "density": "kg/m^3",
+    "stiffness": "N/m",
+}
+"""Units of the numbers, by the dimensions of `units.DIMENSIONS`."""
+
+
 @dataclass(frozen=True)
 class Quantity(Kind):
     """A finite real number, with a dimension (then also a text with its unit) and bounds.
@@ -81,6 +95,11 @@ class Quantity(Kind):
     at_least: float | None = None
     at_most: float | None = None
     bounds: str = ""
+
+    @property
+    def unit(self) -> str:
+        """The SI unit in which its numbers are, an empty text for plain numbers."""
+        return SI[self.dimension] if self.dimension else ""
 
     def read(self, value: object) -> float:
         """Return the SI value as a double."""

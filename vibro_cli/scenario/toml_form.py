@@ -47,8 +47,8 @@ def _syntax_error(text: str, message: str) -> FormError:
     if reason == "Cannot overwrite a value" or reason.startswith(("Cannot declare", "Cannot mut")):
         where = scanner.last_key_offset
         return FormError(where, "a key given twice", "each key once", scanner.last_key)
-    found = f"no TOML ({reason[:1].lower()}{reason[1:]})"
-    return FormError(offset, found, "a text in TOML", scanner.last_key)
+    found = f"broken TOML ({reason[:1].lower()}{reason[1:]})"
+    return FormError(offset, found, "valid TOML", scanner.last_key)
 
 
 def places(text: str) -> Node:
@@ -124,6 +124,7 @@ class Scanner:
 
     def _header(self) -> tuple[Node, KeyPath]:
         start, many = self.at, self._peek("[[")
+        self.last_key = ()
         self._take("[[" if many else "[")
         *parents, (name, offset) = self._key()
         self._take("]]" if many else "]")

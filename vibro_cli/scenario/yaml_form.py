@@ -65,11 +65,11 @@ def read(text: str) -> tuple[Any, Node]:
         mark = error.problem_mark or error.context_mark
         offset = len(text) if mark is None else mark.index
         reason = str(error.problem or error.context)
-        raise FormError(offset, f"no YAML ({reason})", "a text in YAML") from None
+        raise FormError(offset, f"broken YAML ({reason})", "valid YAML") from None
     except YAMLError as error:  # a character that YAML does not allow
         offset = getattr(error, "position", 0)
         reason = str(getattr(error, "reason", "unreadable"))
-        raise FormError(offset, f"no YAML ({reason})", "a text in YAML") from None
+        raise FormError(offset, f"broken YAML ({reason})", "valid YAML") from None
 
 
 @dataclass

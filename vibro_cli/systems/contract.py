@@ -263,7 +263,7 @@ class System(ABC):
         """Return that as lines of text."""
         from vibro_cli.systems.describe import lines_of
 
-        return lines_of(found)
+        return lines_of(found, self.model)
 
     has_orbits: ClassVar[bool] = False
     """Whether its tangent maps are known: periodic orbits are looked for, numbers are fitted."""

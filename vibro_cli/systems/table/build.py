@@ -113,6 +113,6 @@ def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], findings:
             touch = touching_distance(bodies[a], bodies[b])
             apart = math.hypot(other.x - one.x, other.y - one.y)
             if apart < touch * (1.0 - 1e-14) - 1e-15 * (abs(one.x) + abs(one.y)):
-                found = f"balls {a + 1} and {b + 1} overlapping by {touch - apart:.6g} m"
+                found = f"balls {a + 1} and {b + 1} that overlap by {touch - apart:.6g} m"
                 expected = f"centres at least 2 sqrt(r_a r_b) = {touch!r} m apart"
                 findings.add(f"balls[{b + 1}].x", found, expected)

@@ -14,7 +14,8 @@ from vibro_cli.analysis.swings import contact_angle, starting_swing, stays
 from vibro_cli.figures.structure import structure
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.systems.describe import body_line, described
+from vibro_cli.scenario import Scenario
+from vibro_cli.systems.describe import body_line, described, settings
 
 
 def understood(scenario: Any, system: System, warnings: tuple[str, ...]) -> dict[str, Any]:
@@ -110,6 +111,9 @@ def understood_lines(found: dict[str, Any]) -> Iterator[str]:
         f"length {trace['length']:.6g} m"
     )
     yield from map(_piece_line, trace["pieces"])
+    if "turning" in scenario["trace"]:
+        turning = settings(scenario["trace"]["turning"], Scenario, ("trace", "turning"))
+        yield f"  turns about a vertical axis: {turning}"
     for body in found["bodies"]:
         yield _moving_line(body)
         if body["swing"] is not None:
@@ -118,9 +122,9 @@ def understood_lines(found: dict[str, Any]) -> Iterator[str]:
         yield f"  pair {pair['ball_a']}-{pair['ball_b']}  k = {pair['k']:g}"
         yield from map(_contact_line, pair["contacts"])
     yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
-    yield f"  stop {_settings(scenario['stop'])}"
+    yield f"  stop {settings(scenario['stop'], Scenario, ('stop',))}"
     if not trace["closed"]:
-        yield f"  ends {_settings(scenario['ends'])}"
+        yield f"  ends {settings(scenario['ends'], Scenario, ('ends',))}"
     for warning in found["warnings"]:
         yield f"  warning: {warning}"
 
@@ -162,11 +166,6 @@ def _contact_line(contact: dict[str, float]) -> str:
         f"          arc {contact['arc']}  β = {contact['beta']:.9g} rad, "
         f"λ₁ = R/r₁ = {contact['lambda_1']:.6g}, λ₂ = r₂/r₁ = {contact['lambda_2']:.6g}"
     )
-
-
-def _settings(settings: dict[str, Any]) -> str:
-    """The settings of a section that are set, on one line."""
-    return ", ".join(f"{key} = {value}" for key, value in settings.items() if value is not None)
 
 
 def portrait(system: System, width: str, drawn: bool) -> tuple[dict[str, Any], dict[str, Figure]]:
