@@ -8,6 +8,8 @@ import pytest
 from tests.commands.conftest import Vibro
 from tests.two_balls import SCENARIO
 
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
 
 def test_trace_bodies_pairs_and_law_are_shown(vibro: Vibro, scenario: Path) -> None:
     outcome = vibro("check", scenario, "--set", "balls[2].body=disk")
@@ -159,3 +161,32 @@ def test_names_that_are_no_files_are_helped_with(vibro: Vibro, scenario: Path) -
         vibro("run", "three_arcs").err
     )
     assert "(a name of your own: vibro new TEMPLATE -o FILE)" in vibro("new", "mine").err
+
+
+@pytest.mark.parametrize(
+    ("name", "lines"),
+    [
+        ("turning_circle", [
+            "  turns about a vertical axis: through_arc = 1, rate = 3.6 rad/s",
+            "  ends left (wall = 0.9), right (wall = 0.9)",
+        ]),
+        ("table/elliptic_wall", [
+            "  wall shape = ellipse, side = inside, k = 0.95, x = 0 m, y = 0 m, "
+            "semi_axis_x = 1.5 m, semi_axis_y = 1 m",
+        ]),
+        ("springs/common_origin", ["  k = 0.9", "  stop time = 20 s"]),
+    ],
+)  # fmt: skip
+def test_settings_have_their_units(vibro: Vibro, name: str, lines: list[str]) -> None:
+    told = vibro("check", SCENARIOS / f"{name}.toml").text.splitlines()
+    assert set(lines) <= set(told)
+    assert not any("{" in line for line in told)
+
+
+def test_the_last_point_of_a_grid_is_tried(vibro: Vibro, grid: Path) -> None:
+    grid.write_text(
+        f'base = "{SCENARIOS / "one_circle.toml"}"\n[[axes]]\npath = "collision.k"\n'
+        "linspace = [0.5, 1.5, 5]\n"
+    )
+    found = "the last point is invalid: collision.k: found 1.5, expected a number from 0 to 1"
+    assert vibro("check", grid).text.splitlines()[-1] == f"  warning: {found}"

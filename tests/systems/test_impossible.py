@@ -26,7 +26,7 @@ CASES: dict[str, tuple[Document, str, str]] = {
     ),
     "into a side": (table([ball(1.0, 0.95)], box(3.0, 2.0), time=1.0), "balls[1].x", "into"),
     "overlapping": (
-        table([ball(0.0, 0.0), ball(0.1, 0.0)], time=1.0), "balls[2].x", "overlapping by 0.1",
+        table([ball(0.0, 0.0), ball(0.1, 0.0)], time=1.0), "balls[2].x", "that overlap by 0.1",
     ),
     "a bow": (table([particle(0.5, 0.1, 0.0, 0.0)], BOW, time=1.0), "wall.corners", "meet"),
     "out of order": (

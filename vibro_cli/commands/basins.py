@@ -41,7 +41,7 @@ def basins(
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
 ) -> Task:
-    """Map the outcomes of a grid; basin entropy and uncertainty exponent of their boundaries."""
+    """Map where the runs of a grid end. Basin entropy, uncertainty exponent."""
     target = Path(output) if output is not None else grid.with_name(f"{grid.name}-basins")
     return partial(_basins, grid, outcome, target, figures, as_json)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import textwrap
 from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
@@ -168,3 +169,29 @@ def unknown_key(loc: KeyPath, root: type[BaseModel] = Scenario) -> Fault:
     known = known_keys(table, root)
     expected = f"{listing(known)}{hint(table, key, root)}"
     return Fault(loc, f"the unknown key {shown(key)}", expected, on_key=True)
+
+
+def settings(root: Model, values: Mapping[str, Any], path: KeyPath = ()) -> str:
+    """Return settings of a scenario on one line with their units, those within one in parentheses.
+
+    Parameters
+    ----------
+    root
+        The model of the whole scenario.
+    values
+        Of the table at `path`.
+    """
+    texts = []
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            texts.append(f"{key} ({settings(root, value, (*path, key))})")
+        elif value is not None:
+            texts.append(f"{key} = {_with_unit(value, unit_at((*path, key), root))}")
+    return ", ".join(texts)
+
+
+def _with_unit(value: Any, unit: str) -> str:
+    if unit == "rad":
+        return f"{math.degrees(value):.6g}°"
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{text} {unit}".replace("^2", "²").replace("^3", "³").rstrip()

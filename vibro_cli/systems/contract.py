@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -261,9 +262,10 @@ class System(ABC):
 
     def understood_lines(self, found: dict[str, Any]) -> Iterator[str]:
         """Return that as lines of text."""
+        from vibro_cli.scenario.fields import settings
         from vibro_cli.systems.describe import lines_of
 
-        return lines_of(found, self.model)
+        return lines_of(found, partial(settings, self.model))
 
     has_orbits: ClassVar[bool] = False
     """Whether its tangent maps are known: periodic orbits are looked for, numbers are fitted."""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from pydantic import BaseModel
-
 from vibro_cli.mechanics.system import Body
-from vibro_cli.scenario.fields import unit_at
-from vibro_cli.scenario.problems import KeyPath
+
+Settings = Callable[[Mapping[str, Any], tuple[str | int, ...]], str]
 
 
 def understood(scenario: Any, system: Any, warnings: tuple[str, ...]) -> dict[str, Any]:
@@ -47,23 +44,23 @@ def body_line(body: dict[str, Any]) -> str:
     )
 
 
-def lines_of(found: dict[str, Any], model: type[BaseModel]) -> Iterator[str]:
-    """Return what was understood, as text."""
+def lines_of(found: dict[str, Any], settings: Settings) -> Iterator[str]:
+    """Return what was understood, as text; `settings` writes those of a table at a path."""
     scenario = found["scenario"]
     yield f"{found['name']}: valid"
     yield f"  system {scenario['system']}"
     if "wall" in scenario:
-        yield f"  wall {settings(scenario['wall'], model, ('wall',))}"
+        yield f"  wall {settings(scenario['wall'], ('wall',))}"
     for body, given in zip(found["bodies"], scenario["balls"], strict=True):
         start = {key: value for key, value in given.items() if key not in _OF_THE_BODY}
-        yield f"{body_line(body)}; {settings(start, model, ('balls', 0))}"
+        yield f"{body_line(body)}; {settings(start, ('balls', 0))}"
         if "swing" in body:
             yield _swing_line(body["swing"])
     yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
     if "k" in scenario["collision"]:
         k = scenario["collision"]["k"]
         yield f"  k = {', '.join(f'{one:g}' for one in (k if isinstance(k, list) else [k]))}"
-    yield f"  stop {settings(scenario['stop'], model, ('stop',))}"
+    yield f"  stop {settings(scenario['stop'], ('stop',))}"
     for warning in found["warnings"]:
         yield f"  warning: {warning}"
 
@@ -81,27 +78,3 @@ def _swing_line(swing: dict[str, float | None]) -> str:
 
 
 _OF_THE_BODY = ("body", "radius", "mass", "density", "inertia_ratio", "thickness")
-
-
-def settings(values: Mapping[str, Any], model: type[BaseModel], path: KeyPath = ()) -> str:
-    """Return settings of a scenario on one line with their units, those within one in parentheses.
-
-    Parameters
-    ----------
-    values
-        Of the table at `path` of a scenario of `model`.
-    """
-    texts = []
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            texts.append(f"{key} ({settings(value, model, (*path, key))})")
-        elif value is not None:
-            texts.append(f"{key} = {_with_unit(value, unit_at((*path, key), model))}")
-    return ", ".join(texts)
-
-
-def _with_unit(value: Any, unit: str) -> str:
-    if unit == "rad":
-        return f"{math.degrees(value):.6g}°"
-    shown = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return f"{shown} {unit}".replace("^2", "²").replace("^3", "³").rstrip()

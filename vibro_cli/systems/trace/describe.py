@@ -15,7 +15,8 @@ from vibro_cli.figures.structure import structure
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario import Scenario
-from vibro_cli.systems.describe import body_line, described, settings
+from vibro_cli.scenario.fields import settings
+from vibro_cli.systems.describe import body_line, described
 
 
 def understood(scenario: Any, system: System, warnings: tuple[str, ...]) -> dict[str, Any]:
@@ -112,7 +113,7 @@ def understood_lines(found: dict[str, Any]) -> Iterator[str]:
     )
     yield from map(_piece_line, trace["pieces"])
     if "turning" in scenario["trace"]:
-        turning = settings(scenario["trace"]["turning"], Scenario, ("trace", "turning"))
+        turning = settings(Scenario, scenario["trace"]["turning"], ("trace", "turning"))
         yield f"  turns about a vertical axis: {turning}"
     for body in found["bodies"]:
         yield _moving_line(body)
@@ -122,9 +123,9 @@ def understood_lines(found: dict[str, Any]) -> Iterator[str]:
         yield f"  pair {pair['ball_a']}-{pair['ball_b']}  k = {pair['k']:g}"
         yield from map(_contact_line, pair["contacts"])
     yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
-    yield f"  stop {settings(scenario['stop'], Scenario, ('stop',))}"
+    yield f"  stop {settings(Scenario, scenario['stop'], ('stop',))}"
     if not trace["closed"]:
-        yield f"  ends {settings(scenario['ends'], Scenario, ('ends',))}"
+        yield f"  ends {settings(Scenario, scenario['ends'], ('ends',))}"
     for warning in found["warnings"]:
         yield f"  warning: {warning}"
 
