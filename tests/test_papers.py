@@ -29,7 +29,7 @@ from vibro_cli.analysis.swings import (
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_any as assembled
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.commands.papers import A, B, C, D, commands
+from vibro_cli.commands.shared.papers import A, B, C, D, commands
 from vibro_cli.figures import output
 from vibro_cli.report import content as report_content
 from vibro_cli.report.series import time_between, turning_points

@@ -13,7 +13,7 @@ import pytest
 
 from tests.commands.processes import ROOT, VIBRO, call, environment, prepare
 from tests.two_balls import SCENARIO
-from vibro_cli.commands.boundary import EXIT_CODES
+from vibro_cli.commands.shared.error_handling import EXIT_CODES
 
 pytestmark = pytest.mark.long
 

@@ -8,7 +8,7 @@ import pytest
 from tests.commands import processes
 from tests.two_balls import SCENARIO
 from vibro_cli.api import simulate
-from vibro_cli.commands import progress
+from vibro_cli.commands.shared import terminal
 from vibro_cli.scenario import load_any, parse_scenario
 from vibro_cli.systems.watching import watched_by
 
@@ -76,10 +76,10 @@ def test_runs_of_every_system_tell_how_far_they_are(name: str) -> None:
 
 
 def test_the_time_left_is_that_to_the_nearer_stop(monkeypatch: pytest.MonkeyPatch) -> None:
-    line = progress.RunProgress("name", 100.0, 1000)
+    line = terminal.RunProgress("name", 100.0, 1000)
     line.tell(50.0, 200)  # a run that is continued
     assert line._line(75.0, 400, 2.0).endswith("400 impacts  100 impacts/s  2 s left")
     assert line._line(60.0, 920, 9.0).endswith("920 impacts  80 impacts/s  1 s left")
-    endless = progress.RunProgress("name", None, None)
+    endless = terminal.RunProgress("name", None, None)
     endless.tell(0.0, 0)
     assert endless._line(1.5, 3, 1.0) == "name: t = 1.5 s  3 impacts  3 impacts/s"

@@ -15,7 +15,7 @@ import pytest
 
 from tests.commands.conftest import ByHand, Outcome, Vibro
 from tests.two_balls import SCENARIO
-from vibro_cli.commands.boundary import Terminated
+from vibro_cli.commands.shared.error_handling import Terminated
 from vibro_cli.storage.tables import read_parquet
 from vibro_cli.systems import system_named
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tests.fake_run import FakeRun
-from vibro_cli.commands.words import END_CAUSES, summary_text
+from vibro_cli.commands.shared.terminal import END_CAUSES, summary_text
 
 
 def lines(**changes: Any) -> list[str]:

@@ -9,16 +9,17 @@ from typing import Annotated, Any
 import typer
 
 from vibro_cli import __version__
-from vibro_cli.commands.boundary import perform
-from vibro_cli.commands.examples import epilog
-from vibro_cli.commands.options import with_common_options
-from vibro_cli.commands.usage import usage_error
+from vibro_cli.commands.shared.error_handling import perform, usage_error
+from vibro_cli.commands.shared.examples import epilog
+from vibro_cli.commands.shared.options import with_common_options
 
 COMMANDS = (
     "run", "grid", "basins", "orbit", "fit", "portrait", "report", "check", "show", "verify",
     "schema", "new", "stress", "bench", "help",
 )  # fmt: skip
-"""Each is a function of a module of its own, both of this name (help: `help_command`)."""
+"""Each is a function of this name (help: `help_command`), in the module that `HOMES` names."""
+HOMES = {"verify": "check", "schema": "new"}
+"""Modules of commands that have none of their own name."""
 
 
 def application(commands: Sequence[str] = COMMANDS) -> typer.Typer:
@@ -36,7 +37,7 @@ def application(commands: Sequence[str] = COMMANDS) -> typer.Typer:
         callback=main,
     )
     for name in commands:
-        module = import_module(f"vibro_cli.commands.{name}")
+        module = import_module(f"vibro_cli.commands.{HOMES.get(name, name)}")
         command = getattr(module, "help_command" if name == "help" else name)
         app.command(name, epilog=epilog(name))(with_common_options(command))
     return app

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, CommandError, say
-from vibro_cli.commands.options import Quiet, Task
-from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.options import Quiet, Task
+from vibro_cli.commands.shared.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row

@@ -1,14 +1,16 @@
-"""`vibro check`: validate scenarios and grids, and show what was understood."""
+"""`vibro check`, `vibro verify`: are scenarios and grids valid, are results as they were made?"""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, MISUSED, CommandError, say
-from vibro_cli.commands.options import FailFast, Overrides, Quiet, Scenarios, Task
-from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, MISUSED, CommandError, say
+from vibro_cli.commands.shared.options import FailFast, Overrides, Quiet, Scenarios, Task
+from vibro_cli.commands.shared.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
@@ -35,7 +37,7 @@ def _check_all(
     quiet: bool,
 ) -> int:
     """Show what was understood of each scenario, or what is wrong with it, in their order."""
-    from vibro_cli.commands.loading import check_standard_input, load_scenario_or_grid
+    from vibro_cli.commands.shared.loading import check_standard_input, load_scenario_or_grid
 
     check_standard_input(sources)
     code = DONE
@@ -63,8 +65,6 @@ def _understood(
 ) -> tuple[dict[str, Any], Iterable[str]]:
     """What a scenario or a grid means, as plain values and as lines of text."""
     if not isinstance(read, tuple):
-        from vibro_cli.commands.checking_grids import lines_of_grid, understood_grid
-
         found = understood_grid(read)
         return found, lines_of_grid(found)
     from vibro_cli.systems import system_named
@@ -73,3 +73,122 @@ def _understood(
     kind = system_named(scenario.system)
     found = kind.understood(scenario, system)
     return found, kind.understood_lines(found)
+
+
+def understood_grid(grid: "Grid") -> dict[str, Any]:
+    """What a grid means, as plain values; of its points the first and the last are tried."""
+    from vibro_cli.grids.axes import unit_of
+    from vibro_cli.scenario.problems import path_text
+
+    axes = [
+        {
+            "paths": [path_text(path) for path in axis.paths],
+            "unit": unit_of(axis.kinds[0]),
+            "values": len(axis) or None,
+            **_ends(axis),
+        }
+        for axis in grid.design.axes
+    ]
+    return {
+        "name": grid.name,
+        "valid": True,
+        "grid": grid.resolved(),
+        "points": grid.design.points,
+        "axes": axes,
+        "first_point": _point(grid, 0),
+        "last_point": _point(grid, grid.design.points - 1),
+    }
+
+
+def _ends(axis: Any) -> dict[str, Any]:
+    """The first and the last value of an axis; the ends of an interval that a design draws from."""
+    if axis.interval is not None:
+        return {"from": axis.interval[0], "to": axis.interval[1]}
+    first, last = (axis.at(index)[0] for index in (0, -1))
+    return {"from": _plain(first), "to": _plain(last)}
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if hasattr(value, "item") else value
+
+
+def _point(grid: "Grid", index: int) -> str | None:
+    """Why a point is no valid scenario, None where it is one."""
+    import numpy as np
+
+    from vibro_cli.assemble import build_any
+    from vibro_cli.grids.points import document_at, reason_of
+    from vibro_cli.scenario import ScenarioError, any_scenario_of
+
+    values = {path: column[0] for path, column in grid.design.columns(np.array([index])).items()}
+    try:
+        build_any(any_scenario_of(document_at(grid.base, values)))
+    except ScenarioError as error:
+        return reason_of(error)
+    return None
+
+
+def lines_of_grid(found: dict[str, Any]) -> Iterator[str]:
+    """What was understood, as text."""
+    grid, points = found["grid"], found["points"]
+    yield f"{found['name']}: valid grid of {points:,} {'point' if points == 1 else 'points'}"
+    yield f"  mode {grid['mode']}"
+    for axis in found["axes"]:
+        values = "drawn" if axis["values"] is None else f"{axis['values']:,} values"
+        ends = " to ".join(_shown(axis[key]) for key in ("from", "to"))
+        yield f"  axis {', '.join(axis['paths'])}: {values}, {ends} {axis['unit']}".rstrip()
+    kept = grid["keep"]
+    columns = "all columns" if kept["columns"] is None else ", ".join(kept["columns"])
+    yield "  kept: " + (
+        f"summaries and every impact ({columns})" if kept["collisions"] else "summaries"
+    )
+    for which in ("first", "last"):
+        if found[f"{which}_point"] is not None:
+            yield f"  warning: the {which} point is invalid: {found[f'{which}_point']}"
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def verify(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR", help="Folders of results.", show_default=False),
+    ],
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what was found as JSON, a line for each folder.")
+    ] = False,
+) -> Task:
+    """Check folders of results against their checksums. Exit code 1: missing or damaged."""
+    return partial(_verify, folders, as_json)
+
+
+def _verify(folders: list[Path], as_json: bool) -> int:
+    from vibro_cli.commands.shared.terminal import count, size
+    from vibro_cli.grids.dataset import NoManifest
+    from vibro_cli.grids.dataset import verify as verdict_on
+
+    sound, ours = True, True
+    for folder in folders:
+        try:
+            verdict = verdict_on(folder)
+        except NoManifest as error:
+            ours = False
+            say(f"vibro: {error}" if folder.exists() else f"{folder}: no such folder", "error")
+            continue
+        sound = sound and verdict.sound
+        if as_json:
+            print(json_text({"folder": str(folder), "sound": verdict.sound, **asdict(verdict)}))
+        for finding in verdict.findings:
+            text = f"{folder / finding.file}: {finding.state}: {finding.detail}"
+            say(text, "error", file=finding.file, state=finding.state)
+        if verdict.missing_chunks:
+            chunks = count(verdict.missing_chunks, "chunk", "chunks")
+            say(f"{folder}: {chunks} not finished; vibro grid goes on with them", "error")
+        state = "as written" if verdict.sound else "not sound"
+        files = count(verdict.files, "file", "files")
+        say(f"{folder}: {state} ({verdict.kind}, {files}, {size(verdict.bytes)})")
+    if not ours:
+        return MISUSED
+    return DONE if sound else FAILED

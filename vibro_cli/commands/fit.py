@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, CommandError, reason, say
-from vibro_cli.commands.completing import scenario_keys
-from vibro_cli.commands.options import Task
-from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason, say
+from vibro_cli.commands.shared.options import Task, scenario_keys
+from vibro_cli.commands.shared.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit, Free
@@ -119,7 +118,7 @@ def _fit(wishes: _Wishes) -> int:
     """Read, fit, draw, write and print."""
     from vibro_cli.analysis.fit import NoFit, fit_impacts
     from vibro_cli.analysis.measured import NotMeasured, read_measured
-    from vibro_cli.commands.loading import load_any
+    from vibro_cli.commands.shared.loading import load_any
     from vibro_cli.storage.fits import check_fit_folder, write_fit
     from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.systems import system_named

@@ -5,12 +5,11 @@ from typing import Annotated, Any
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, CommandError
-from vibro_cli.commands.options import Task
-from vibro_cli.commands.reference import TOPICS, commands
-from vibro_cli.commands.streams import json_text
-from vibro_cli.commands.suggesting import suggestion
-from vibro_cli.commands.terminal import as_terminal_text, terminal_width
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, suggestion
+from vibro_cli.commands.shared.options import Task
+from vibro_cli.commands.shared.reference import TOPICS, commands
+from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import as_terminal_text, terminal_width
 
 
 def help_topics(incomplete: str) -> list[str]:

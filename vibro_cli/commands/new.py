@@ -1,17 +1,25 @@
-"""`vibro new`: a commented scenario or grid to start from, and its schema for editors."""
+"""`vibro new` and `vibro schema`: a commented scenario or grid to start from; what may stand in it.
+
+The schema is for editors; the tables of results are described likewise.
+"""
 
 import json
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, CommandError, say
-from vibro_cli.commands.completing import gallery_names
-from vibro_cli.commands.options import Task
-from vibro_cli.commands.streams import json_text, printable
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.options import Task, gallery_names
+from vibro_cli.commands.shared.streams import json_text, printable
+from vibro_cli.systems import NAMES
+
+if TYPE_CHECKING:
+    System: TypeAlias = str
+else:
+    System = Literal[NAMES]
 
 
 def new(
@@ -45,7 +53,7 @@ def new(
 
 def _print_names(as_json: bool) -> int:
     """Print each name with the title of its scenario or grid."""
-    from vibro_cli.commands.words import wrapped
+    from vibro_cli.commands.shared.terminal import wrapped
     from vibro_cli.scenario.gallery import grid_names, names, title
 
     listed = [*names(), *grid_names()]
@@ -113,3 +121,48 @@ def _write_with_schema(path: Path, content: str, kind: str) -> None:
     if not beside.exists() or f'"$id": "{schema["$id"]}"' in beside.read_text(encoding="utf-8"):
         write_file(beside, (json.dumps(schema, indent=2, ensure_ascii=False) + "\n").encode())
     write_file(path, f"#:schema ./{beside.name}\n{content}".encode())
+
+
+Subject = Literal["scenario", "grid", "tables"]
+
+
+def schema(
+    subject: Annotated[Subject, typer.Argument(help="What to describe.")] = "scenario",
+    system: Annotated[System, typer.Option(help="Of which system's scenarios or grids.")] = NAMES[
+        0
+    ],
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the tables for reading, not as JSON.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON, which is the default.")
+    ] = False,
+) -> Task:
+    """Describe scenarios or grids as JSON Schema, or the tables."""
+    if system != NAMES[0] and subject == "tables":
+        raise typer.BadParameter("--system is of scenarios and grids; expected one of these")
+    if markdown and as_json:
+        raise typer.BadParameter("expected one of --markdown and --json")
+    if markdown and subject != "tables":
+        raise typer.BadParameter("--markdown describes the tables; expected `schema tables`")
+    return partial(_print_schema, subject, system, markdown)
+
+
+def _print_schema(subject: Subject, system: str, markdown: bool) -> int:
+    if subject == "scenario":
+        from vibro_cli.scenario.json_schema import json_schema
+
+        print(json_text(json_schema(system), indent=2))
+        return DONE
+    if subject == "grid":
+        from vibro_cli.grids.json_schema import grid_schema
+
+        print(json_text(grid_schema(system), indent=2))
+        return DONE
+    from vibro_cli.storage.schema import as_json, as_markdown
+
+    if markdown:
+        print(as_markdown(), end="")
+    else:
+        print(json_text(as_json(), indent=2))
+    return DONE

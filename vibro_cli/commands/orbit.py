@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, CommandError, say
-from vibro_cli.commands.completing import scenario_keys
-from vibro_cli.commands.options import Task
-from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.options import Task, scenario_keys
+from vibro_cli.commands.shared.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.orbit_branch import Branch
@@ -102,7 +101,7 @@ def _find(wishes: _Wishes) -> int:
     """Find, follow, draw, write and print."""
     from vibro_cli.analysis.orbit_branch import family_of
     from vibro_cli.analysis.orbits import NoOrbit, find_orbit
-    from vibro_cli.commands.loading import load_any
+    from vibro_cli.commands.shared.loading import load_any
     from vibro_cli.simulation.tangents import NoTangents
     from vibro_cli.storage.orbits import check_orbit_folder, write_orbits
     from vibro_cli.storage.provenance import FolderRefused

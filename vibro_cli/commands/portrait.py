@@ -1,6 +1,9 @@
-"""`vibro portrait`: phase portrait and singular points, without solving collisions."""
+"""`vibro portrait`: phase portraits and singular points, without solving collisions.
 
-from collections.abc import Iterator, Sequence
+One portrait, or a family: one number varied, or a few values of anything compared.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -8,24 +11,238 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, CommandError, say
-from vibro_cli.commands.families import (
-    Source,
-    compared,
-    comparison_lines,
-    family_lines,
-    parsed_range,
-    parsed_values,
-    varied,
-    varied_systems,
-)
-from vibro_cli.commands.options import Overrides, Quiet, Task
-from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.options import Overrides, Quiet, Task
+from vibro_cli.commands.shared.streams import json_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from vibro_cli.analysis.portrait_type import Portrait
     from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.systems.contract import System
+
+MOST_COMPARED = 6
+Draw = Callable[[str, Any], dict[str, bytes]]
+"""From the stem of the files and a figure to their names and contents."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """The scenario of a family, to be read once more for each member."""
+
+    name: str
+    overrides: tuple[str, ...]
+    width: str
+    model: Any
+    """Of the scenarios of its system."""
+
+    def portrait(self, path: str, value: Any) -> "Portrait":
+        """The portrait with one more override; raises `ScenarioError` where it is not possible."""
+        from vibro_cli.analysis.landscape import Landscape
+        from vibro_cli.analysis.portrait_type import portrait_of
+        from vibro_cli.assemble import build_system
+        from vibro_cli.scenario import load_scenario
+
+        scenario = load_scenario(self.name, [*self.overrides, f"{path}={value}"])
+        return portrait_of(Landscape.of(build_system(scenario), ball_of(path)))
+
+    def system(self, path: str, value: Any) -> Any:
+        """The system with one more override; raises `ScenarioError` where it is not possible."""
+        from vibro_cli.assemble import build_any
+        from vibro_cli.scenario import load_any
+
+        return build_any(load_any(self.name, [*self.overrides, f"{path}={value}"]))
+
+
+def ball_of(path: str) -> int:
+    """The body whose portrait a parameter changes: that of `balls[i]`, else the first."""
+    number = path.partition("balls[")[2].partition("]")[0]
+    return int(number) if number.isdecimal() else 1
+
+
+def parsed_range(vary: str) -> tuple[str, str, str, int]:
+    """Path, first and last value as they are written, and number of members of `--vary`."""
+    path, _, values = vary.rpartition("=")
+    try:
+        first, last, number = (text.strip() for text in values.split(":"))
+        parsed = (path.strip(), first, last, int(number))
+    except ValueError:
+        parsed = ("", "", "", 0)
+    of_digits = all(text.lstrip("+-.")[:1].isdigit() for text in parsed[1:3])
+    if not parsed[0] or not of_digits or parsed[1] == parsed[2] or not 2 <= parsed[3] <= 1000:
+        raise typer.BadParameter(
+            f"--vary: found {vary!r}, expected PATH=FROM:TO:N with two different numbers (SI units "
+            "and radians, or with their units) and N from 2 to 1000"
+        )
+    return parsed
+
+
+def parsed_values(compare: str) -> tuple[str, list[str]]:
+    """Path and values of `--compare`."""
+    path, _, values = compare.rpartition("=")
+    found = [value.strip() for value in values.split(",")]
+    if (
+        not path.strip()
+        or not all(found)
+        or not 2 <= len(set(found)) == len(found) <= MOST_COMPARED
+    ):
+        raise typer.BadParameter(
+            f"--compare: found {compare!r}, expected PATH=A,B,… with 2 to {MOST_COMPARED} "
+            "different values"
+        )
+    return path.strip(), found
+
+
+def varied(source: Source, vary: str, draw: Draw | None) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The types of a family, where they change, and the figure of its portraits."""
+    record, shown = _varied(source, vary, source.portrait, lambda one: one.type)
+    if draw is None or not shown:
+        return record, {}
+    from vibro_cli.figures.family import family
+
+    return record, draw("family", family(shown, source.width))
+
+
+def varied_systems(
+    kind: "System", source: Source, vary: str, draw: Draw | None
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The same of a system that tells the type of a body's portrait (C, part 3: l ≶ b)."""
+    ball = ball_of(vary)
+    record, shown = _varied(
+        source, vary, source.system, lambda one: str(kind.family_type(one, ball))
+    )
+    if draw is None or not shown:
+        return record, {}
+    return record, draw("family", kind.family_figure(shown, ball, source.width))
+
+
+def _varied(
+    source: Source,
+    vary: str,
+    member: "Callable[[str, Any], Any]",
+    type_of_member: "Callable[[Any], str]",
+) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
+    """The types of a family and where they change; titles and members that are possible."""
+    from vibro_cli.analysis.family import IMPOSSIBLE, changes
+
+    path, *ends, number = parsed_range(vary)
+    (first, last), unit = _numbers(path, ends, source.model)
+    values = [first + (last - first) * step / (number - 1) for step in range(number)]
+    members, reasons = _members(path, values, member)
+    if not members:
+        raise CommandError(f"vibro: --vary: no member is possible: {reasons[values[0]]}")
+
+    def type_of(value: float) -> str:
+        if value in reasons:
+            return IMPOSSIBLE
+        one = members[value] if value in members else _member(path, value, member)
+        return IMPOSSIBLE if isinstance(one, str) else type_of_member(one)
+
+    found = changes(type_of, sorted(values))
+    record = {
+        "path": path,
+        "ball": ball_of(path),
+        "members": [
+            {"value": value, "type": type_of(value)}
+            | ({"reason": reasons[value]} if value in reasons else {})
+            for value in values
+        ],
+        "changes": [vars(change) for change in found],
+    }
+    shown = [(f"{path} = {value:.6g} {unit}".rstrip(), one) for value, one in members.items()]
+    return record, shown
+
+
+def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], str]:
+    """Numbers (SI) that are written with or without units at a path, and their SI unit."""
+    from pydantic_core import PydanticCustomError
+
+    from vibro_cli.grids.axes import NotAnAxis, kind_of, read_number, unit_of
+    from vibro_cli.scenario.overrides import OverrideError, given, parse_value
+    from vibro_cli.scenario.quantities import Quantity
+
+    try:
+        kind = kind_of(given(path, 0.0).path, model)
+        if not isinstance(kind, Quantity):
+            raise CommandError(f"vibro: --vary: found {path}, expected a number of the scenario")
+        return [read_number(kind, parse_value(text)) for text in texts], unit_of(kind)
+    except (NotAnAxis, OverrideError) as error:
+        fault = error.fault
+        raise CommandError(
+            f"vibro: --vary: found {fault.found}, expected {fault.expected}"
+        ) from error
+    except PydanticCustomError as error:
+        raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error
+
+
+def _members(
+    path: str, values: list[float], member: "Callable[[str, Any], Any]"
+) -> tuple[dict[float, Any], dict[float, str]]:
+    """The members at values, and of those that are not possible the reasons."""
+    found = {value: _member(path, value, member) for value in values}
+    reasons = {value: one for value, one in found.items() if isinstance(one, str)}
+    return {value: one for value, one in found.items() if value not in reasons}, reasons
+
+
+def _member(path: str, value: float, member: "Callable[[str, Any], Any]") -> Any:
+    """The member at a value, or in words why it is not possible."""
+    from vibro_cli.scenario import ScenarioError
+
+    try:
+        return member(path, repr(value))
+    except ScenarioError as error:
+        first = error.problems[0]
+        return f"{first.path}: found {first.found}, expected {first.expected}"
+
+
+def compared(
+    source: Source, compare: str, draw: Draw | None
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The singular points of a few members, and one figure of them all."""
+    from vibro_cli.analysis.portrait_type import as_record
+    from vibro_cli.scenario import ScenarioError
+
+    path, values = parsed_values(compare)
+    try:
+        members = {value: source.portrait(path, value) for value in values}
+    except ScenarioError as error:
+        raise CommandError(f"vibro: --compare: {error}") from error
+    traces = [one.landscape.trace for one in members.values()]
+    if any(trace != traces[0] for trace in traces):
+        raise CommandError(f"vibro: --compare: {path} changes the trace; expected one")
+    record = {
+        "path": path,
+        "ball": ball_of(path),
+        "members": [{"value": value, **as_record(one)} for value, one in members.items()],
+    }
+    if draw is None:
+        return record, {}
+    from vibro_cli.figures.comparison import comparison
+
+    return record, draw("comparison", comparison(list(members.items()), source.width))
+
+
+def family_lines(family: dict[str, Any]) -> Iterator[str]:
+    """The types of a family as text."""
+    yield f"{family['path']}, portrait of ball {family['ball']}:"
+    for member in family["members"]:
+        reason = f" ({member['reason']})" if "reason" in member else ""
+        yield f"  {member['value']:<12.6g} {member['type']}{reason}"
+    for change in family["changes"]:
+        yield f"  changes at {change['high']!r}: {change['before']} -> {change['after']}"
+
+
+def comparison_lines(comparison: dict[str, Any]) -> Iterator[str]:
+    """A few members side by side as text: κ, the values of the points, w = √(g/κρ) at each."""
+    yield f"{comparison['path']}, portrait of ball {comparison['ball']}:"
+    for member in comparison["members"]:
+        yield f"  {member['value']}: kappa = {member['kappa']:.6g}; {member['type']}"
+        for point in member["points"]:
+            rate = point["natural_rate"]
+            own = "" if rate is None else f", w = {rate:.6g} 1/s"
+            yield f"    {point['name']}: E/(m g) = {point['height']:.6g} m{own}"
+
 
 _FORMS = ("png", "pdf")
 
@@ -93,7 +310,7 @@ def portrait(
 
 def _portray(wishes: _Wishes) -> int:
     """Analyse, draw, write and print."""
-    from vibro_cli.commands.loading import load_any
+    from vibro_cli.commands.shared.loading import load_any
     from vibro_cli.storage.portraits import check_portrait_folder, write_portraits
     from vibro_cli.storage.provenance import FolderRefused
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from vibro_cli import __version__
-from vibro_cli.commands.boundary import DONE, CommandError, say
-from vibro_cli.commands.filming import FilmWishes, check_film, write_film
-from vibro_cli.commands.options import Task
-from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.filming import FilmWishes, check_film, write_film
+from vibro_cli.commands.shared.options import Task
+from vibro_cli.commands.shared.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.figures.kinds import Drawn

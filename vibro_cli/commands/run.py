@@ -6,8 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, FAILED, MISUSED, CommandError, attempt, say
-from vibro_cli.commands.options import (
+from vibro_cli.commands.shared.error_handling import (
+    DONE,
+    FAILED,
+    MISUSED,
+    CommandError,
+    attempt,
+    say,
+)
+from vibro_cli.commands.shared.options import (
     CollisionStream,
     Engine,
     FailFast,
@@ -16,14 +23,14 @@ from vibro_cli.commands.options import (
     Strict,
     Task,
 )
-from vibro_cli.commands.solving import Wishes, solve
-from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.shared.solving import Wishes, solve
+from vibro_cli.commands.shared.streams import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from vibro_cli.assemble import AnySystem
-    from vibro_cli.commands.loading import Refused
+    from vibro_cli.commands.shared.loading import Refused
     from vibro_cli.scenario.base import AnyScenario
 
 OutputFolder = Annotated[
@@ -110,7 +117,7 @@ def run(
 
 def _run_all(wishes: Wishes) -> int:
     """Check everything that can be checked, then run one scenario after the other."""
-    from vibro_cli.commands.loading import check_names, load_each, together
+    from vibro_cli.commands.shared.loading import check_names, load_each, together
 
     loaded, refused = load_each(wishes.sources, wishes.overrides)
     for scenario, _ in loaded:
@@ -134,8 +141,7 @@ def _run_all(wishes: Wishes) -> int:
 
 def _continue(wishes: Wishes) -> int:
     """Go on with an earlier run."""
-    from vibro_cli.commands.continuing import read_earlier
-    from vibro_cli.commands.loading import load_any
+    from vibro_cli.commands.shared.loading import load_any, read_earlier
 
     assert wishes.earlier is not None
     source, found = read_earlier(wishes.earlier, wishes.overrides)

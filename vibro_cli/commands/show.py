@@ -9,11 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, FAILED, CommandError, reason, say
-from vibro_cli.commands.completing import table_files
-from vibro_cli.commands.options import TableFormat, Task
-from vibro_cli.commands.streams import json_text, printable
-from vibro_cli.commands.suggesting import suggestion
+from vibro_cli.commands.shared.error_handling import (
+    DONE,
+    FAILED,
+    CommandError,
+    reason,
+    say,
+    suggestion,
+)
+from vibro_cli.commands.shared.options import TableFormat, Task, table_files
+from vibro_cli.commands.shared.streams import json_text, printable
 
 if TYPE_CHECKING:
     import pyarrow

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, FAILED, CommandError, say
-from vibro_cli.commands.options import Quiet, Task
-from vibro_cli.commands.streams import json_text
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, say
+from vibro_cli.commands.shared.options import Quiet, Task
+from vibro_cli.commands.shared.streams import json_text
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""Scenarios from the command line: all of them are read, and all their problems told at once."""
+"""Scenarios from the command line: all of them are read, and all their problems told at once.
+
+With `--continue` it is the scenario of a run of ours, with a later stop.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -6,9 +9,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from vibro_cli.commands.boundary import CommandError, reason
-from vibro_cli.commands.completing import scenario_files
-from vibro_cli.commands.suggesting import closest
+from vibro_cli.commands.shared.error_handling import CommandError, closest, reason
+from vibro_cli.commands.shared.options import scenario_files
 
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from vibro_cli.mechanics.system import System
     from vibro_cli.scenario import Scenario
     from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.storage.runs import EarlierRun
 
 Loaded = TypeVar("Loaded")
 
@@ -142,3 +145,33 @@ def check_names(scenarios: Sequence["AnyScenario"]) -> None:
                 f"vibro: {times} scenarios are called {name!r}; expected different names "
                 "(each has a folder of that name)"
             )
+
+
+CHANGEABLE = ("stop", "output")
+
+
+def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, EarlierRun | None]":
+    """The scenario that goes on, and what a folder keeps of its run.
+
+    That is None where a run was killed on its way there: it is solved from its start.
+
+    Raises `CommandError` when it holds no run that can be continued, and for overrides that would
+    make it another run.
+    """
+    from vibro_cli.storage.runs import NotContinuable, read_earlier_run, scenario_of_killed_run
+
+    for text in overrides:
+        section = text.partition("=")[0].strip().partition(".")[0]
+        if section not in CHANGEABLE:
+            raise CommandError(
+                f"--set {text}: found a value of {section!r}, expected one of stop or output "
+                "(with --continue the rest of the scenario stays as it was)"
+            )
+    killed = scenario_of_killed_run(folder)
+    if killed is not None:
+        return killed, None
+    try:
+        found = read_earlier_run(folder)
+        return found.scenario, found
+    except NotContinuable as error:
+        raise CommandError(f"vibro: {error}") from error

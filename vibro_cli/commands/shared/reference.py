@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
-from vibro_cli.commands.boundary import EXIT_CODES
+from vibro_cli.commands.shared.error_handling import EXIT_CODES
 from vibro_cli.systems import NAMES as SYSTEMS
 
 COMMON = ("quiet", "verbose", "log_format")
@@ -236,7 +236,7 @@ def environment() -> str:
 
 
 def _papers() -> str:
-    from vibro_cli.commands.papers import papers
+    from vibro_cli.commands.shared.papers import papers
 
     return papers()
 

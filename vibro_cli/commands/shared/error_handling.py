@@ -1,21 +1,33 @@
 """The one place where errors, signals and closed pipes become words and exit codes.
 
 What the exit codes mean is said once, in `EXIT_CODES`: `--help`, `vibro help exit-codes` and
-the table in docs/ come from it.
+the table in docs/ come from it. Wrong usage is told like everything that is wrong: found, expected,
+suggestion.
 """
 
 import contextlib
+import difflib
 import errno
+import re
 import signal
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import FrameType
 from typing import Any
 
-from vibro_cli.commands.options import Task
-from vibro_cli.commands.streams import choose_words, drain_standard_output, prepare_streams, silence
-from vibro_cli.commands.streams import say as say  # a command takes all it ends with from here
+import typer
+
+from vibro_cli.commands.shared.options import Task
+from vibro_cli.commands.shared.streams import (
+    choose_words,
+    drain_standard_output,
+    prepare_streams,
+    silence,
+)
+from vibro_cli.commands.shared.streams import (
+    say as say,  # a command takes all it ends with from here
+)
 
 DONE, FAILED, MISUSED, NOT_STRICT = 0, 1, 2, 3
 HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143
@@ -165,3 +177,58 @@ def _report_fault(fault: Exception) -> tuple[str, str]:
     except OSError:
         path = "nowhere: the temporary folder cannot be written"
     return f"vibro: fault of the program, please report it: {text} (traceback: {path})", "error"
+
+
+def closest(word: str, known: Iterable[str]) -> str | None:
+    """The known word that is most like a mistyped one, None without one that is."""
+    return next(iter(difflib.get_close_matches(word[:100], list(known), n=1)), None)
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """` (did you mean 'x'?)` for the known word that is most like it, or an empty text."""
+    close = closest(word, known)
+    return "" if close is None else f" (did you mean {close!r}?)"
+
+
+_EXPECTED = {
+    "bool_parsing": "true or false (1 or 0)",
+    "int_parsing": "a whole number",
+    "float_parsing": "a number",
+}
+
+
+def usage_error(error: typer.TyperException) -> CommandError:
+    """What is wrong with a command line, on one line."""
+    context = getattr(error, "ctx", None)
+    help_command = f"{context.command_path if context else 'vibro'} --help"
+    return CommandError(f"vibro: {' '.join(_words(error).split())} (see {help_command})")
+
+
+def _words(error: typer.TyperException) -> str:
+    cause = error.__cause__
+    if cause is not None and hasattr(cause, "errors"):
+        return _refused_value(error, cause.errors()[0])
+    possible = getattr(error, "possibilities", None)
+    if possible:
+        given = str(getattr(error, "option_name", ""))
+        return f"No such option: {given}{suggestion(given, possible)}"
+    return error.format_message().removeprefix("Invalid value: ")
+
+
+def _refused_value(error: Any, details: dict[str, Any]) -> str:
+    """A value that an option or argument does not take (`details` are pydantic's)."""
+    found, message = str(details["input"]), str(details["msg"]).removeprefix("Value error, ")
+    expected = _EXPECTED.get(details["type"])
+    choices = re.fullmatch(r".* is not one of (.*?)\.?", message, re.DOTALL)
+    if choices:
+        words = re.findall(r"'([^']*)'", choices[1])
+        expected = f"one of {', '.join(words)}{suggestion(found, words)}"
+    return f"{_name(error.param)}: found {found!r}, expected {expected or message}"
+
+
+def _name(parameter: Any) -> str:
+    """An option by its name, and by that of the variable that may have given it."""
+    if parameter.param_type_name == "argument":
+        return str(parameter.metavar or parameter.name.upper())
+    variable = f" (or {parameter.envvar})" if isinstance(parameter.envvar, str) else ""
+    return f"{parameter.opts[0]}{variable}"

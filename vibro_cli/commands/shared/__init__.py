@@ -1,0 +1,1 @@
+"""What several commands share: options, streams, reading scenarios, solving them, words."""

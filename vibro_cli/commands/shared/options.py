@@ -1,0 +1,240 @@
+"""Arguments and options that several commands share, and what the shell offers for them.
+
+What TAB offers (scenario files, keys after --set, the gallery) may not print or fail: what cannot
+be found out is not offered.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from vibro_cli.commands.shared.streams import choose_words
+
+_SUFFIXES = (".toml", ".json", ".yaml", ".yml")
+
+
+def scenario_files(incomplete: str) -> list[str]:
+    """Folders and scenario files that begin so."""
+    return _paths(incomplete, _SUFFIXES)
+
+
+def table_files(incomplete: str) -> list[str]:
+    """Folders and parquet files that begin so."""
+    return _paths(incomplete, (".parquet",))
+
+
+def _paths(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
+    head, slash, tail = incomplete.rpartition("/")
+    folder = Path(head + slash or ".").expanduser()
+    found = []
+    try:
+        for entry in sorted(folder.iterdir()):
+            hidden = entry.name.startswith(".") and not tail.startswith(".")
+            if hidden or not entry.name.startswith(tail):
+                continue
+            if entry.is_dir():
+                found.append(f"{head}{slash}{entry.name}/")
+            elif entry.suffix.lower() in suffixes:
+                found.append(f"{head}{slash}{entry.name}")
+    except OSError:
+        return []
+    return found
+
+
+def gallery_names(incomplete: str) -> list[str]:
+    """Scenarios and grids of the gallery that begin so."""
+    from vibro_cli.scenario.gallery import grid_names, names
+
+    return [name for name in [*names(), *grid_names()] if name.startswith(incomplete)]
+
+
+def scenario_keys(incomplete: str) -> list[str]:
+    """Key paths of scenarios that begin so, `balls[1].angle=`; after `=` the words there are."""
+    from vibro_cli.scenario.json_schema import json_schema
+
+    path, equals, word = incomplete.partition("=")
+    keys = dict(scenario_paths(json_schema()))
+    if equals:
+        words = keys.get(_first_entry(path), [])
+        return [f"{path}={choice}" for choice in words if choice.startswith(word)]
+    return [f"{_same_entry(key, path)}=" for key in keys if _same_entry(key, path).startswith(path)]
+
+
+def _first_entry(path: str) -> str:
+    """A key path with every number in brackets made 1: one entry of a list stands for all."""
+    import re
+
+    return re.sub(r"\[\d+\]", "[1]", path)
+
+
+def _same_entry(key: str, typed: str) -> str:
+    """A key path with the numbers in brackets that were typed."""
+    import re
+
+    numbers = iter(re.findall(r"\[(\d+)\]", typed))
+    return re.sub(r"\[1\]", lambda found: f"[{next(numbers, '1')}]", key)
+
+
+def scenario_paths(schema: dict[str, Any]) -> Iterator[tuple[str, list[str]]]:
+    """Every key path of a scenario, `[1]` for any entry of a list, with the words it may be."""
+    yield from _below(schema, schema, "", 0)
+
+
+def _below(
+    node: dict[str, Any], schema: dict[str, Any], path: str, depth: int
+) -> Iterator[tuple[str, list[str]]]:
+    if depth > 12:
+        return
+    if "$ref" in node:
+        node = schema["$defs"][node["$ref"].rpartition("/")[2]]
+    branches = [*node.get("anyOf", ()), *node.get("oneOf", ())]
+    words = [str(word) for part in (node, *branches) for word in _words(part)]
+    if path and not node.get("properties") and "items" not in node:
+        yield path, words
+    for branch in branches:
+        for key, more in _below(branch, schema, path, depth + 1):
+            if key != path:
+                yield key, more
+    for name, child in node.get("properties", {}).items():
+        yield from _below(child, schema, f"{path}.{name}" if path else name, depth + 1)
+    items = node.get("items")
+    if isinstance(items, dict):
+        yield from _below(items, schema, f"{path}[1]", depth + 1)
+
+
+def _words(node: dict[str, Any]) -> list[Any]:
+    return [*node.get("enum", ()), *([node["const"]] if "const" in node else [])]
+
+
+Task = Callable[[], int]
+"""What a command does once its arguments are read; it returns the exit code."""
+
+TableFormat = Literal["csv", "jsonl", "arrow", "parquet"]
+
+Scenarios = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="SCENARIO",
+        help="Scenario files (TOML, JSON or YAML), or - for standard input.",
+        show_default=False,
+        autocompletion=scenario_files,
+    ),
+]
+Overrides = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable.",
+        show_default=False,
+        autocompletion=scenario_keys,
+    ),
+]
+Engine = Annotated[
+    Literal["compiled", "python"],
+    typer.Option(
+        "--engine",
+        envvar="VIBRO_ENGINE",
+        help="Kernels: compiled, or interpreted by Python; the results are the same to the bit.",
+    ),
+]
+CollisionStream = Annotated[
+    TableFormat | None,
+    typer.Option(
+        "--format",
+        help="Stream the collision table to standard output in this form; no folder is written "
+        "unless -o names one.",
+    ),
+]
+Strict = Annotated[
+    bool,
+    typer.Option(
+        "--strict",
+        envvar="VIBRO_STRICT",
+        help="Exit with 3 when a run was inadmissible or invalid.",
+    ),
+]
+FailFast = Annotated[
+    bool,
+    typer.Option(
+        "--fail-fast", help="Stop at the first scenario that is invalid or fails; else go on."
+    ),
+]
+
+
+def _choose_least(level: str) -> Callable[[bool], bool]:
+    """A callback of a flag that chooses the least level of words that is said."""
+
+    def choose(given: bool) -> bool:
+        if given:
+            choose_words(least=level)
+        return given
+
+    return choose
+
+
+Quiet = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", help="Print errors only.", callback=_choose_least("error")),
+]
+Verbose = Annotated[
+    bool,
+    typer.Option(
+        "--verbose",
+        "-v",
+        help="Say what was not computed, and why.",
+        callback=_choose_least("detail"),
+    ),
+]
+
+
+def choose_log_format(form: str) -> str:
+    """Take up the form of words on standard error."""
+    choose_words(as_json=form == "json")
+    return form
+
+
+LogFormat = Annotated[
+    Literal["text", "json"],
+    typer.Option(
+        "--log-format",
+        envvar="VIBRO_LOG_FORMAT",
+        help="Words and errors on standard error as text, or as a JSON object on each line.",
+        callback=choose_log_format,
+        is_eager=True,
+    ),
+]
+
+
+def with_common_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """A command that also takes the options every command has: words and their form."""
+    own = inspect.signature(command)
+
+    @functools.wraps(command)
+    def performed(**given: Any) -> Any:
+        if given.get("output") == "":  # such as -o "$FOLDER" where no such variable is set
+            raise typer.BadParameter("--output: found an empty text, expected a name")
+        return command(**{name: given[name] for name in own.parameters})
+
+    parameters = list(own.parameters.values())
+    for name, kind, default in _COMMON:
+        if name not in own.parameters:
+            parameters.append(
+                inspect.Parameter(
+                    name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind
+                )
+            )
+    performed.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    performed.__annotations__ = {one.name: one.annotation for one in parameters}
+    return performed
+
+
+_COMMON: tuple[tuple[str, Any, Any], ...] = (
+    ("quiet", Quiet, False),
+    ("verbose", Verbose, False),
+    ("log_format", LogFormat, "text"),
+)

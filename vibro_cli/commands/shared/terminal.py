@@ -1,0 +1,409 @@
+"""What people see at a terminal: numbers and causes in words, progress, pages of the reference."""
+
+import re
+import shlex
+import shutil
+import sys
+import textwrap
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from vibro_cli.commands.shared.streams import is_said, printable
+
+COLUMNS = 80
+"""Width of what is said, which the narrowest usual terminal has."""
+
+_COPIED = ("files", "next")
+_INADMISSIBLE = (
+    "--set collision.inadmissible=normal-impulse goes on, with Newton's law for such impacts"
+)
+
+END_CAUSES = {
+    "time": "the time asked for was reached",
+    "collisions": "the number of impacts asked for was reached",
+    "no_more_collisions": "no further impact is possible",
+    "inadmissible": "after the impact law two bodies would go through one another",
+    "end_of_trace": "a body came to an end of the trace",
+    "lift_off": "a body left the trace",
+    "rest": "all bodies are at rest",
+    "bounces": "the number of impacts on the wall asked for was reached",
+    "wall_contact": "a ball comes to roll along the wall, which is not solved",
+    "accumulation": "impacts follow one another without end in finite time, which is not solved",
+}
+
+
+def quantity(value: float | None, unit: str = "", digits: int = 6) -> str:
+    """A number with its unit to some digits, or "none"."""
+    if value is None:
+        return "none"
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
+def count(number: int, one: str, several: str) -> str:
+    """A number of things: `1 impact`, `3 impacts`, `24,000 impacts`."""
+    return f"{number:,} {one if number == 1 else several}"
+
+
+def size(number: float) -> str:
+    """A number of bytes: `3.2 MB`."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if number < 1000.0:
+            return f"{number:.3g} {unit}"
+        number /= 1000.0
+    return f"{number:.3g} TB"
+
+
+def duration(seconds: float) -> str:
+    """A time in the units people use: `45 s`, `2 min 10 s`, `3 h 5 min`."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{seconds:.2g} s" if seconds < 10 else f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+def lines_of(title: str, items: Mapping[str, str]) -> str:
+    """A title and what there is to say below it, each item by its label, in lines of 80 columns.
+
+    What is to be copied, the name of a folder and the next command, is never broken.
+    """
+    lines = wrapped(title, "", " " * 4)
+    for label, text in items.items():
+        first = f"  {label:10} "
+        lines += [first + text] if label in _COPIED else wrapped(text, first, " " * len(first))
+    return "\n".join(lines)
+
+
+def wrapped(text: str, first: str, others: str) -> list[str]:
+    """A text in lines of 80 columns, what the first and the others begin with included."""
+    return textwrap.wrap(
+        text,
+        COLUMNS,
+        initial_indent=first,
+        subsequent_indent=others,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def report_command(folder: Path) -> str:
+    """The command that comes after one that has filled a folder, to be typed as it stands."""
+    return f"vibro report {shlex.quote(printable(str(folder)))}"
+
+
+def summary_text(
+    name: str, record: Mapping[str, Any], folder: Path | None, one_sided: bool = False
+) -> str:
+    """The summary of a run in a few lines; `record` has the columns of the summary table."""
+    items = {}
+    if record["status"] == "ok":
+        items = {
+            "impacts": _impacts(record),
+            "energy": _energy(record),
+            "accuracy": _accuracy(record),
+        }
+        if "min_normal_force" in record:
+            items["validity"] = _validity(record, one_sided)
+        if "lyapunov_1" in record:
+            items["exponents"] = _exponents(record)
+    if folder is not None:
+        items |= {"files": printable(str(folder)), "next": report_command(folder)}
+    if record["end_cause"] == "inadmissible":
+        items["hint"] = _INADMISSIBLE
+    return lines_of(f"{name}: {_ending(record)}", items)
+
+
+def _ending(record: Mapping[str, Any]) -> str:
+    if record["status"] != "ok":
+        return f"{record['status']}: {record['reason']}"
+    cause = END_CAUSES.get(record["end_cause"], record["end_cause"])
+    return f"ended at t = {quantity(record['end_time'], 's')}: {cause}"
+
+
+def _impacts(record: Mapping[str, Any]) -> str:
+    impacts = f"{record['collisions']:,}"
+    if record["collisions"]:
+        first, last = record["first_collision_time"], record["last_collision_time"]
+        until = f" to {quantity(last, 's')}" if last != first else ""
+        impacts += f", {'from' if until else 'at'} t = {quantity(first, 's')}{until}"
+    if "bounces" in record:
+        return f"{impacts}; {count(record['bounces'], 'impact', 'impacts')} on the wall"
+    contacts = count(record["contacts"], "lasting contact", "lasting contacts")
+    quiet = record.get("quiet_from")
+    ending = "" if quiet is None else f"; none possible after t = {quantity(quiet, 's')}"
+    if "crossings" in record:
+        contacts = f"{count(record['crossings'], 'crossing', 'crossings')}, {contacts}"
+    return f"{impacts}; {contacts}{ending}"
+
+
+def _energy(record: Mapping[str, Any]) -> str:
+    start, end = record["energy_start"], record["energy_end"]
+    text = f"{quantity(start, 'J')} at the start, {quantity(end, 'J')} at the end"
+    if record["energy_drift"] is not None:
+        text += f"; relative drift {quantity(record['energy_drift'], digits=2)}"
+    return text
+
+
+def _accuracy(record: Mapping[str, Any]) -> str:
+    if record["max_gap"] is None:
+        return "no impact to measure a gap at"
+    return f"largest gap left at an impact {quantity(record['max_gap'], 'm', digits=2)}"
+
+
+def _exponents(record: Mapping[str, Any]) -> str:
+    rates = [value for name, value in record.items() if name.startswith("lyapunov_")]
+    if rates[0] is None:
+        contact = "; lasting contact across two pieces has no tangent map"
+        return f"unknown{contact if record['contacts'] else ''}"
+    lost = rates.count(None)
+    text = f"the greatest {quantity(rates[0], '1/s', digits=4)}"
+    if lost:
+        return f"{text}; {count(lost, 'direction', 'directions')} lost in lasting contact"
+    return f"{text}, the sum {quantity(sum(rates), '1/s', digits=2)}"
+
+
+def _validity(record: Mapping[str, Any], one_sided: bool) -> str:
+    force, friction = record["min_normal_force"], record["max_friction_demand"]
+    if force < 0:
+        pulled = "warning: the trace has to hold the bodies back, with a normal force down to "
+        lost = "" if one_sided else "; a one-sided trace would lose them"
+        return f"{pulled}{quantity(force, 'N')}{lost}"
+    least = f"normal force at least {quantity(force, 'N')}"
+    if friction is not None:
+        needed = quantity(friction, digits=4)
+        return f"{least}; rolling needs a coefficient of friction of {needed}"
+    # With a force everywhere some friction suffices: there is none to tell of where nothing rolls.
+    return least if force > 0 else f"{least}; rolling is not possible everywhere"
+
+
+_WIDEST = 100
+# Of a table the last column is broken into lines, and gets at least this width.
+_LEAST_TEXT = 28
+_BETWEEN = 2
+_CELL = re.compile(r"(?<!\\)\|")
+
+
+def terminal_width() -> int:
+    """The width to write in: that of the terminal, within reason, or the usual one."""
+    if not sys.stdout.isatty():
+        return COLUMNS
+    return min(max(shutil.get_terminal_size().columns, COLUMNS // 2), _WIDEST)
+
+
+def as_terminal_text(markdown: str, width: int) -> str:
+    """Markdown of the kind the reference has, tables, paragraphs, lists and code, as plain text."""
+    lines: list[str] = []
+    within_code = False
+    for kind, group in groupby(markdown.splitlines(), key=_kind):
+        block = list(group)
+        if kind == "fence":
+            within_code = not within_code
+        elif within_code or kind == "code":
+            lines += block
+        elif kind == "table":
+            lines += _table([_cells(row) for row in block], width)
+        elif kind == "text":
+            lines += [line for part in _paragraphs(block) for line in _filled(part, width)]
+        else:
+            lines += block
+    return "\n".join(lines) + "\n"
+
+
+def _kind(line: str) -> str:
+    """What a line belongs to."""
+    if line.startswith("```"):
+        return "fence"
+    if line.startswith("|"):
+        return "table"
+    if line.startswith("    "):
+        return "code"
+    return "text" if line.strip() else "empty"
+
+
+def _paragraphs(block: Sequence[str]) -> Iterator[str]:
+    """The paragraphs and entries of lists of some lines."""
+    text = ""
+    for line in block:
+        if line.startswith("- ") and text:
+            yield text
+            text = ""
+        text = f"{text} {line.strip()}".strip()
+    yield text
+
+
+def _filled(text: str, width: int) -> list[str]:
+    """A paragraph, or an entry of a list, in lines."""
+    return _broken(_plain(text), width, "  " if text.startswith("- ") else "")
+
+
+def _broken(text: str, width: int, others: str = "") -> list[str]:
+    return textwrap.wrap(
+        text, width, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
+    )
+
+
+def _plain(text: str) -> str:
+    """A text without the marks of Markdown."""
+    return re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text).replace("`", "").replace("\\|", "|")
+
+
+def _cells(row: str) -> list[str]:
+    return [_plain(cell.strip()) for cell in _CELL.split(row)[1:-1]]
+
+
+def _table(rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
+    """A table, head first, then the line below it: in columns where there is room for them."""
+    head, body = rows[0], rows[2:]
+    used = [n for n, name in enumerate(head) if any(row[n] for row in body)]
+    *short, last = used
+    widths = [max(len(row[n]) for row in [head, *body]) for n in short]
+    # A few long cells of the first column stand on a line of their own.
+    widths[0] = min(widths[0], width // 3)
+    offset = sum(widths) + _BETWEEN * len(widths)
+    if width - offset < _LEAST_TEXT:
+        yield from _entries(body, short, last, width)
+        return
+    for row in [head, *body]:
+        cells = [row[n] for n in short]
+        start = "".join(c.ljust(w + _BETWEEN) for c, w in zip(cells, widths, strict=True))
+        text = _broken(row[last], width - offset) or [""]
+        if len(cells[0]) > widths[0]:
+            yield cells[0]
+            start = " " * (widths[0] + _BETWEEN) + "".join(
+                c.ljust(w + _BETWEEN) for c, w in zip(cells[1:], widths[1:], strict=True)
+            )
+        yield (start + text[0]).rstrip()
+        yield from (" " * offset + line for line in text[1:])
+
+
+def _entries(
+    body: Sequence[Sequence[str]], short: Sequence[int], last: int, width: int
+) -> Iterator[str]:
+    """A table without room for its columns: each row a line, and its text below that.
+
+    A command stands on a line of its own, whole, so that it can be copied.
+    """
+    for row in body:
+        cells = [row[n] for n in short if row[n]]
+        commands = [cell for cell in cells if cell.startswith("vibro ")]
+        words = "  ".join(cell for cell in cells if cell not in commands)
+        yield from _broken(words, width, "    ")
+        yield from (f"    {command}" for command in commands)
+        yield from (f"    {line}" for line in _broken(row[last], width - 4))
+
+
+_EVERY = 0.5
+
+
+class _Line:
+    """A line that is renewed now and then while something goes on, and removed at its end."""
+
+    def __init__(self) -> None:
+        self._begin = time.monotonic()
+        self._told = self._begin
+        self._shown = sys.stderr.isatty() and is_said("info", as_text=True)
+        self._drawn = False
+
+    def end(self) -> None:
+        """Remove the line, if there was time for one."""
+        if self._drawn:
+            self._write("")
+
+    def _due(self) -> float | None:
+        """The time since the beginning (s) if the line is to be renewed, else None."""
+        now = time.monotonic()
+        if not self._shown or now - self._told <= _EVERY:
+            return None
+        self._told = now
+        return now - self._begin
+
+    def _write(self, text: str) -> None:
+        self._drawn = True
+        try:
+            print(f"\r\033[K{text[:COLUMNS]}", end="", file=sys.stderr, flush=True)
+        except OSError:  # the terminal is gone; nobody can be told
+            return
+
+
+class Progress(_Line):
+    """Points of a grid that are done, impacts per second and time left.
+
+    Parameters
+    ----------
+    points
+        Points there are to solve.
+    """
+
+    def __init__(self, points: int) -> None:
+        super().__init__()
+        self._points = points
+        self._done = 0
+        self._impacts = 0
+        self._lock = threading.Lock()
+
+    def add(self, points: int, impacts: int) -> None:
+        """Count in what was solved, in any thread; now and then the line is renewed."""
+        with self._lock:
+            self._done += points
+            self._impacts += impacts
+            elapsed = self._due()
+            if elapsed is not None:
+                self._write(self._line(elapsed))
+
+    def _line(self, elapsed: float) -> str:
+        left = elapsed * (self._points - self._done) / self._done
+        share = self._done / self._points
+        return (
+            f"{share:6.1%}  {self._done:,} of {self._points:,} points  "
+            f"{self._impacts / elapsed:,.0f} impacts/s  {duration(left)} left"
+        )
+
+
+class RunProgress(_Line):
+    """Simulated time of a run, its impacts, their rate and the time left.
+
+    Parameters
+    ----------
+    name
+        The scenario's name.
+    stop_time, stop_impacts
+        Where the run stops, s and a number; None without such a stop.
+    """
+
+    def __init__(self, name: str, stop_time: float | None, stop_impacts: int | None) -> None:
+        super().__init__()
+        self._name = printable(name)[:20]
+        self._stops = stop_time, stop_impacts
+        self._first: tuple[float, int] | None = None
+
+    def tell(self, simulated: float, impacts: int) -> None:
+        """Take down how far the run is; now and then the line is renewed."""
+        if self._first is None:  # not 0 where a run is continued
+            self._first = simulated, impacts
+        elapsed = self._due()
+        if elapsed is not None:
+            self._write(self._line(simulated, impacts, elapsed))
+
+    def _line(self, simulated: float, impacts: int, elapsed: float) -> str:
+        assert self._first is not None
+        rate = (impacts - self._first[1]) / elapsed
+        share = self._share(simulated, impacts)
+        left = f"  {duration(elapsed * (1.0 - share) / share)} left" if share > 0.0 else ""
+        return (
+            f"{self._name}: t = {simulated:.6g} s  {impacts:,} impacts  {rate:,.0f} impacts/s{left}"
+        )
+
+    def _share(self, simulated: float, impacts: int) -> float:
+        """The part of the way to the nearer stop that is done; 0 where that is not known."""
+        assert self._first is not None
+        shares = [
+            (now - first) / (stop - first)
+            for now, first, stop in zip((simulated, impacts), self._first, self._stops, strict=True)
+            if stop is not None and stop > first
+        ]
+        return max(shares, default=0.0)
