@@ -13,12 +13,15 @@ from matplotlib.patches import Circle
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.chart import contact_times
+from vibro_cli.figures.energy_portrait import energy_portrait
 from vibro_cli.figures.kinds import KINDS, PORTRAIT, draw_all
 from vibro_cli.figures.output import render
 from vibro_cli.figures.over_impacts import impact_map
-from vibro_cli.figures.plan import configurations
+from vibro_cli.figures.plan import WALL, configurations
+from vibro_cli.figures.portrait import phase_portrait
 from vibro_cli.figures.scene import scene
 from vibro_cli.figures.timeline import energy_course, energy_residuals, timeline
+from vibro_cli.figures.trajectory import trajectory
 from vibro_cli.scenario import load_scenario
 
 pytestmark = pytest.mark.long
@@ -153,7 +156,6 @@ def test_kinds_with_nothing_to_show_are_left_out() -> None:
         "scene",
         "portrait_1",
         "energy_portrait_1",
-        "plan",
         "energy",
         "space_time",
         "accuracy",
@@ -193,3 +195,51 @@ def test_a_trace_that_turns_has_its_axis_on_the_scene() -> None:
     assert heights.count([0, 1]) == 1  # from edge to edge; the others are of the arc's centre
     assert any("rad/s" in text.get_text() for text in texts(figure))
     assert_texts_are_apart(figure)
+
+
+OTHER = {
+    "millimetres": (
+        "one_circle",
+        ["trace.arcs[1].radius=2 mm", "balls[1].radius=0.2 mm", "balls[2].radius=0.2 mm"],
+    ),
+    "kilometres": (
+        "one_circle",
+        ["trace.arcs[1].radius=3 km", "balls[1].radius=100 m", "balls[2].radius=100 m"],
+    ),
+    "one impact": ("one_circle", ["collision.k=0"]),
+    "few impacts": ("five_balls", ["stop.collisions=4", "collision.k=0.5"]),
+    "small motion": ("lone_particle", ["balls[1].angle=-0.2"]),
+    "turning fast": ("turning_circle", ["trace.turning.rate=5", "stop.time=9"]),
+}
+"""Scenes that are not the gallery's."""
+
+
+@pytest.mark.parametrize("name", OTHER)
+def test_no_text_overlaps_another_at_other_sizes(name: str) -> None:
+    scenario, overrides = OTHER[name]
+    for drawn in draw_all(run_of(scenario, "stop.collisions=9", *overrides), None, "single"):
+        assert_texts_are_apart(drawn.figure)
+
+
+def test_a_body_held_by_a_wall_is_drawn_at_rest() -> None:
+    overrides = ["balls[1].position=3", "ends.left={wall = 0.5}", "stop={time = 5}"]
+    run = run_of("falling_balls", *overrides, "balls[2].position=90", "balls[1].speed=0")
+    (branches,) = trajectory(run, 1).branches
+    assert branches.rate[-1].tolist() == [0.0] * branches.rate.shape[1]
+    assert float(np.max(branches.rate)) < 6.0  # from 3 m up a slope of 30°
+
+
+def test_a_motion_on_a_small_part_of_a_line_is_shown_close() -> None:
+    run = run_of("falling_balls", "stop.collisions=9")
+    close, whole, *_ = phase_portrait(run, 1).axes
+    assert close.get_xlim()[1] < 2.0
+    assert whole.get_xlim() == (0.0, 100.0)
+    assert energy_portrait(run, 1).axes[0].get_xlim()[1] < 2.0
+
+
+def test_walls_are_drawn_in_scene_and_plan() -> None:
+    for overrides, number in (((), 2), (("ends={left = 'stop', right = 'stop'}",), 0)):
+        run = run_of("turning_valley", "stop.collisions=1", *overrides)
+        (axes,) = scene(run).axes
+        walls = [line for line in axes.lines if line.get_linewidth() == WALL["linewidth"]]
+        assert len(walls) == number

@@ -65,7 +65,7 @@ def test_portraits_without_a_run_have_their_texts_apart(path: Path, width: str) 
 def test_portraits_of_springs_name_what_they_show() -> None:
     two = run_of(FOLDER / "springs/two_disks.toml")
     names = shown_texts(springs_portrait(two, 1))
-    assert {"start", "before", "after impact", "separatrix", "level", "centre", "saddle"} <= names
+    assert {"start", "before", "after impact", "figure eight", "level", "centre", "saddle"} <= names
     assert "lasting contact" not in names
     three = run_of(FOLDER / "springs/stressed_at_rest.toml")
     names = shown_texts(springs_portrait(three, 2))

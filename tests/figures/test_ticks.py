@@ -12,6 +12,7 @@ from vibro_cli.figures.ticks import (
     decimals,
     number_ticks,
     vertical_ticks,
+    with_power,
     without_overlaps,
 )
 
@@ -76,3 +77,24 @@ def test_of_two_labels_in_conflict_the_one_nearer_to_its_edge_goes() -> None:
     kept = without_overlaps(rows, [(0.0, 1.0), (0.0, 1.0)])
     assert [ticks.labels for ticks in kept] == [("0", ""), ("−π/4", "0")]
     assert [ticks.places for ticks in kept] == [first.places, second.places]
+
+
+def test_long_numbers_of_a_horizontal_axis_get_a_power_of_ten() -> None:
+    small, large = number_ticks(-0.004, 0.002, 60.0), number_ticks(0.0, 4e6, 60.0)
+    assert (small.power, large.power) == (-3, 6)
+    assert "−4" in small.labels
+    assert "4" in large.labels
+    assert with_power("m", small) == "$10^{-3}$ m"
+    assert with_power("m", number_ticks(0.0, 4.0, 60.0)) == "m"
+
+
+def test_impacts_are_counted_in_whole_numbers() -> None:
+    for last in range(8, 60):
+        places = number_ticks(0.5, last + 0.5, 60.0, whole=True).places
+        assert len(places) > 1
+        assert all(place == round(place) for place in places)
+
+
+def test_no_tick_is_at_a_sixteenth_of_pi() -> None:
+    ticks = angle_ticks(-1.4, -0.9, 120.0)
+    assert not any("π" in label for label in ticks.labels)

@@ -20,7 +20,7 @@ from vibro_cli.figures import strokes, style
 from vibro_cli.figures.background import level_energies, saddle_energies, saddles_of
 from vibro_cli.figures.numbering import place_numbers
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 
 _ABOVE = 1.35
 """Level curves go up to this multiple of the highest saddle or end of the trace."""
@@ -134,9 +134,8 @@ def _ticks(axes: Axes, length: float, size: tuple[float, float]) -> None:
     across, along = number_ticks(0.0, length, size[0]), vertical_ticks(*axes.get_ylim(), size[1])
     axes.set_xticks(across.places, across.labels)
     axes.set_yticks(along.places, along.labels)
-    axes.set_xlabel("$s$ [m]")
-    scaled = rf"$10^{{{along.power}}}$ m/s" if along.power else "m/s"
-    axes.set_ylabel(f"$v$ [{scaled}]", labelpad=1.0)
+    axes.set_xlabel(f"$s$ [{with_power('m', across)}]")
+    axes.set_ylabel(f"$v$ [{with_power('m/s', along)}]", labelpad=1.0)
 
 
 def name_points(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float, float]) -> None:

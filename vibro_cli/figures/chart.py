@@ -20,6 +20,7 @@ from vibro_cli.figures.ticks import (
     number_ticks,
     vertical_angle_ticks,
     vertical_ticks,
+    with_power,
 )
 
 LEFT = 13.0
@@ -95,7 +96,7 @@ def time_axis(axes: Axes, end: float, width: float, labelled: bool, start: float
     ticks = number_ticks(start, end, width)
     _number(axes, ticks, (start, end), width, labelled)
     if labelled:
-        axes.set_xlabel("$t$ [s]")
+        axes.set_xlabel(f"$t$ [{with_power('s', ticks)}]")
 
 
 def _number(
@@ -117,7 +118,7 @@ def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
         places = tuple(float(n) for n in range(1, int(high + 0.5)))
         axes.set_xticks(places, [f"{place:.0f}" if labelled else "" for place in places])
     else:
-        _number(axes, number_ticks(low, high, width), (low, high), width, labelled)
+        _number(axes, number_ticks(low, high, width, whole=True), (low, high), width, labelled)
     if labelled:
         axes.set_xlabel("impact $n$")
 
@@ -134,7 +135,7 @@ def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, 
     ticked = vertical_angle_ticks if unit == "rad" else vertical_ticks
     ticks = ticked(low - room, high + room, height)
     axes.set_yticks(ticks.places, ticks.labels)
-    scaled = rf"$10^{{{ticks.power}}}$ {unit}" if ticks.power else unit
+    scaled = with_power(unit, ticks)
     axes.set_ylabel(f"{symbol} [{scaled}]" if scaled else symbol, labelpad=1.0)
 
 
@@ -232,5 +233,8 @@ def body_entries(run: HasBodies, most: int = _MOST_NAMED) -> list[tuple[str, dic
     """Return the legend's entries of the bodies; of more than `most` only the first."""
     number = len(run.system.bodies)
     shown = range(1, min(number, most) + 1)
-    entries = [(f"body {ball}" if number <= 3 else str(ball), body_look(ball)) for ball in shown]
+    entries = [
+        (f"body {ball}" if number <= 3 or ball == 1 else str(ball), body_look(ball))
+        for ball in shown
+    ]
     return entries if number <= most else [*entries, ("…", {"linestyle": "none"})]

@@ -21,7 +21,7 @@ from vibro_cli.figures.legend import line_of_entries
 from vibro_cli.figures.panels import BOTTOM, LEFT, RIGHT, Panel, Window, lay_out
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 
 MOST = 6
 """Bodies that can be told apart."""
@@ -135,6 +135,5 @@ def _draw_along(
     across, along = number_ticks(0.0, trace.length, size[0]), vertical_ticks(-top, top, size[1])
     axes.set_xticks(across.places, across.labels)
     axes.set_yticks(along.places, along.labels)
-    axes.set_xlabel("$s$ [m]")
-    scaled = rf"$10^{{{along.power}}}$ m/s" if along.power else "m/s"
-    axes.set_ylabel(f"$v$ [{scaled}]", labelpad=1.0)
+    axes.set_xlabel(f"$s$ [{with_power('m', across)}]")
+    axes.set_ylabel(f"$v$ [{with_power('m/s', along)}]", labelpad=1.0)

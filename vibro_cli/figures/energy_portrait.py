@@ -24,14 +24,19 @@ from vibro_cli.figures.legend import draw_legend, last_time
 from vibro_cli.figures.panels import Panel, Window
 from vibro_cli.figures.portrait import draw_motion, few, legend_rows
 from vibro_cli.figures.portrait_over_energies import draw_energies, limit_energies, panels_over
+from vibro_cli.figures.scope import seen
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.ticks import vertical_ticks
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.figures.trajectory import Branches, Jumps, Trajectory, trajectory
 from vibro_cli.mechanics.trace import LINE as STRAIGHT
 from vibro_cli.mechanics.trace import Piece, Trace
 
 _MARGIN = 1.06
 _DENSE = 241
+_SMALL = 0.2
+"""A motion within this share of the trace is shown close, ..."""
+_BESIDE = 0.4
+"""... with this share of its extent on both sides."""
 _HIGH_UP = 0.7
 """Share of the highest energy below which the axis of energies begins with 0."""
 POTENTIAL: dict[str, Any] = {"color": style.GREEN, "linewidth": 1.0}
@@ -54,8 +59,9 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     energies += below
     behind, eights = _behind(portrait)
     window = _window(landscape.trace, path, behind)
+    behind = seen(behind, [window])
     entries = [("potential energy", POTENTIAL)]
-    if eights:
+    if any(np.any((one.s > window.low) & (one.s < window.high)) for one in eights):
         entries.insert(0, ("figure eight", EIGHT))
     with style.journal():
         rows = legend_rows(path, behind, width, entries)
@@ -136,6 +142,7 @@ def _potential(landscape: Landscape) -> tuple[Array, Array]:
 
 def _potential_at(landscape: Landscape, s: Array) -> Array:
     """Return the potential energy (J) at arc lengths (m)."""
+    s = np.clip(s, 0.0, landscape.trace.length)
     found = np.full(s.shape, np.nan)
     for piece in landscape.trace.pieces:
         here = (s >= piece.start_s) & (s <= piece.start_s + piece.length)
@@ -179,23 +186,31 @@ def _draw_eights(upper: Panel, eights: tuple[SpeedCurve, ...]) -> None:
 
 
 def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
-    """Return the whole trace, as high as the motion and the separatrices."""
+    """Return the whole trace, as high as the motion and the separatrices.
+
+    Of a motion on a small part of it, that part, with room on both sides.
+    """
     (branches,) = path.branches
     jumps = path.jumps
     rates = [branches.rate.ravel(), jumps.before, jumps.after[jumps.made]]
     reached = float(max(np.max(np.abs(rate), initial=0.0) for rate in rates))
     through = max((float(np.max(curve.rate)) for curve in behind.separatrices), default=0.0)
+    low, high, extent = 0.0, trace.length, float(np.ptp(branches.position))
+    if 0.0 < extent < _SMALL * trace.length:
+        low = max(low, float(np.min(branches.position)) - _BESIDE * extent)
+        high = min(high, float(np.max(branches.position)) + _BESIDE * extent)
+        through = 0.0
     first, last = trace.pieces[0], trace.pieces[-1]
     line = Piece(
         0, STRAIGHT, 0.0, np.inf, 0.0, 0.0, trace.length, 0.0, first.start, last.end,
         (np.nan, np.nan), 0.0, trace.length,
     )  # fmt: skip
-    return Window(line, 0.0, trace.length, _MARGIN * (max(reached, through) or 1.0))
+    return Window(line, low, high, _MARGIN * (max(reached, through) or 1.0))
 
 
 def _label(upper: Panel, lower: Panel, ball: int) -> None:
     ticks = vertical_ticks(-upper.window.top, upper.window.top, upper.height)
     upper.axes.set_yticks(ticks.places, ticks.labels)
-    scaled = rf"$10^{{{ticks.power}}}$ m/s" if ticks.power else "m/s"
-    upper.axes.set_ylabel(rf"$v_{{{ball}}}$ [{scaled}]", labelpad=1.0)
-    lower.axes.set_xlabel(rf"$s_{{{ball}}}$ [m]")
+    upper.axes.set_ylabel(rf"$v_{{{ball}}}$ [{with_power('m/s', ticks)}]", labelpad=1.0)
+    unit = with_power("m", number_ticks(*lower.axes.get_xlim(), lower.width))
+    lower.axes.set_xlabel(rf"$s_{{{ball}}}$ [{unit}]")

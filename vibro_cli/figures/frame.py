@@ -12,6 +12,7 @@ from vibro_cli.figures.ticks import (
     angle_ticks,
     number_ticks,
     vertical_ticks,
+    with_power,
     without_overlaps,
 )
 from vibro_cli.mechanics.trace import HUMP, VALLEY
@@ -37,7 +38,7 @@ def _horizontal(row: Sequence[Panel], ball: int | str) -> None:
     for one, ticks in zip(row, without_overlaps(places, spans), strict=True):
         one.axes.set_xticks(ticks.places, ticks.labels)
         symbol, unit = (_SYMBOL[one.piece.shape], "rad") if not one.piece.is_line else ("s", "m")
-        one.axes.set_xlabel(rf"${symbol}_{{{ball}}}$ [{unit}]")
+        one.axes.set_xlabel(rf"${symbol}_{{{ball}}}$ [{with_power(unit, ticks)}]")
 
 
 def _horizontal_ticks(one: Panel) -> Ticks:
@@ -53,7 +54,7 @@ def _vertical(row: Sequence[Panel], ball: int | str) -> None:
         one.axes.set_yticks(ticks.places, shown)
         if one.labelled:
             unit = "m/s" if one.piece.is_line else "rad/s"
-            scaled = rf"$10^{{{ticks.power}}}$ {unit}" if ticks.power else unit
+            scaled = with_power(unit, ticks)
             one.axes.set_ylabel(f"{_rate_symbol(row, one, ball)} [{scaled}]", labelpad=1.0)
 
 

@@ -32,6 +32,8 @@ _THICK = 2.5
 _LABEL = 6.5
 """Room for the label of the vertical axis and the ticks (mm)."""
 _WIDE_RANGE = 50.0
+_ROUNDING = 1e-9
+"""Numbers that differ by less than this share of them have one colour."""
 _LINE = 6.0
 """Least distance of two numbers of the bar (mm)."""
 
@@ -106,9 +108,11 @@ def quantity_map(
 def _norm(values: Array, least_log: float) -> Normalize:
     finite = values[np.isfinite(values)]
     low, high = float(np.min(finite)), float(np.max(finite))
+    if high - low <= _ROUNDING * max(abs(low), abs(high)):
+        return Normalize(low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0))
     if low > 0.0 and high > least_log * low:
         return LogNorm(low, high)
-    return Normalize(low, high if high > low else low + 1.0)
+    return Normalize(low, high)
 
 
 def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Figure, Axes]:

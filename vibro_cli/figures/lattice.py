@@ -19,6 +19,7 @@ from vibro_cli.figures.ticks import (
     number_ticks,
     vertical_angle_ticks,
     vertical_ticks,
+    with_power,
 )
 
 Column = NDArray[Any]
@@ -91,11 +92,6 @@ class Coordinate:
     """Where each point lies; shape (points,)."""
     words: tuple[str, ...]
     """The words at places 0, 1, …; none for numbers."""
-
-    @property
-    def label(self) -> str:
-        """The label of the figure's axis."""
-        return f"{words_of(self.path)} [{self.unit}]" if self.unit else words_of(self.path)
 
     @property
     def different(self) -> Array:
@@ -248,8 +244,8 @@ def set_axis(axes: Axes, one: Coordinate, length: float, vertical: bool) -> Tick
     edges = one.edges()
     low, high = float(edges[0]), float(edges[-1])
     ticks = one.ticks(low, high, length, vertical)
-    scaled = rf" [$10^{{{ticks.power}}}$ {one.unit}]" if ticks.power else None
-    text = f"{words_of(one.path)}{scaled}" if scaled else one.label
+    unit = with_power(one.unit, ticks)
+    text = f"{words_of(one.path)} [{unit}]" if unit else words_of(one.path)
     if vertical:
         axes.set_ylim(low, high)
         axes.set_yticks(ticks.places, ticks.labels)

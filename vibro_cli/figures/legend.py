@@ -30,6 +30,9 @@ _BAR = (16.0, 1.6)
 """Width and height of the bar of colours (mm)."""
 _BAR_WORDS = "$t$ [s]: 0"
 
+_SHARES = (0.9, 0.8, 0.7, 0.6)
+"""Of the width, that rows of a legend are tried in."""
+
 Entry = tuple[str, dict[str, Any]]
 """What is written, and the looks of its line or mark."""
 
@@ -75,9 +78,21 @@ def last_time(path: Trajectory) -> float:
 
 
 def rows_of(entries: Sequence[Entry], width: float, bar: float = 0.0) -> list[list[Entry]]:
-    """Return entries in as many rows as a width (mm) asks for, `bar` mm of the first taken."""
+    """Return entries in as many rows as a width (mm) asks for, `bar` mm of the first taken.
+
+    The rows are as even as can be.
+    """
+    rows = _filled(entries, width - bar, width)
+    for share in _SHARES:
+        narrower = _filled(entries, min(share * width, width - bar), share * width)
+        rows = narrower if len(narrower) == len(rows) else rows
+    return rows
+
+
+def _filled(entries: Sequence[Entry], first: float, width: float) -> list[list[Entry]]:
+    """Return entries in rows, the first and all others of a width (mm), filled in order."""
     rows: list[list[Entry]] = [[]]
-    room = width - bar
+    room = first
     for entry in entries:
         needed = _HANDLE + text_width(entry[0])
         if rows[-1] and needed > room:

@@ -24,7 +24,7 @@ from vibro_cli.figures.chart import (
 )
 from vibro_cli.figures.dots import MOST_MARKS, draw_marks, told_apart
 from vibro_cli.figures.source import Array, Recorded, Table, kept
-from vibro_cli.figures.ticks import angle_ticks, number_ticks
+from vibro_cli.figures.ticks import angle_ticks, number_ticks, with_power
 from vibro_cli.figures.timeline import energy_residuals
 from vibro_cli.mechanics.trace import VALLEY, Piece
 
@@ -44,9 +44,9 @@ def impact_map(run: Recorded, width: str = "single") -> Figure | None:
     """Return approach speed against place of every impact, coloured by its number.
 
     The place is the arc length of the left body's contact point or, where all impacts are on one
-    arc, its angle there. None without an impact.
+    arc, its angle there. None with fewer than two impacts.
     """
-    if not len(run.collisions["n"]):
+    if len(run.collisions["n"]) < 2:
         return None
     arc = _only_arc(run)
     place = np.asarray(run.collisions["s_a" if arc is None else "angle_a"], dtype=np.float64)
@@ -106,12 +106,12 @@ def _place_axis(axes: Axes, place: Array, across: float, run: Recorded, arc: Pie
     ticks = number_ticks(low, high, across) if arc is None else angle_ticks(low, high, across)
     axes.set_xticks(ticks.places, ticks.labels)
     if arc is None:
-        axes.set_xlabel("$s$ of the left body [m]")
+        axes.set_xlabel(f"$s$ of the left body [{with_power('m', ticks)}]")
         for piece in run.system.trace.pieces[1:]:
             axes.axvline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
     else:
         symbol = r"\varphi" if arc.shape == VALLEY else r"\psi"
-        axes.set_xlabel(f"${symbol}$ of the left body [rad]")
+        axes.set_xlabel(f"${symbol}$ of the left body [{with_power('rad', ticks)}]")
 
 
 def _dot(number: int) -> float:

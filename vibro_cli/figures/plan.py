@@ -15,6 +15,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, legend
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Trace
 
 _COLUMNS = {"single": 2, "double": 4}
@@ -28,7 +29,12 @@ _TALLEST = 40.0
 _SHORTEST = 9.0
 _MARGIN = 0.03
 _FAINT = 0.35
+_CLOSE = 5.0
+"""Room around bodies that are shown close, in radii of the greatest."""
+_PART = 0.4
+"""Bodies within this share of the trace are shown close."""
 _SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7, "linestyle": "solid"}
+WALL: dict[str, Any] = {"color": style.BLACK, "linewidth": 2.0, "solid_capstyle": "butt"}
 _SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 
 
@@ -58,20 +64,25 @@ def trace_points(trace: Trace, count: int = 121) -> Array:
 def plan(run: Recorded, width: str = "single") -> Figure | None:
     """Return the trace with the bodies at the start, at the first impacts and at the last one.
 
+    Of a trace on which the bodies keep to a small part, that part. None without an impact.
     Raises ValueError for a width that is neither `single` nor `double`.
     """
     if width not in WIDTHS:
         raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    if not len(run.collisions["n"]):
+        return None
     shown = configurations(run, _COLUMNS[width] * _ROWS)
     surface = trace_points(run.system.trace)
     radii = [body.radius for body in run.system.bodies]
     low, high = surface.min(axis=0), surface.max(axis=0)
     room = max(_MARGIN * float(np.max(high - low)), 1.1 * max(radii))
     low, high = low - room, np.maximum(high + room, high + 2.1 * max(radii) * np.array([0.0, 1.0]))
+    low, high = visited(np.concatenate([one.centres for one in shown]), max(radii), low, high)
     with style.journal():
         figure, panels, scale = _sheet(width, len(shown), low, high)
         for axes, one in zip(panels, shown, strict=True):
             axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_SURFACE)
+            draw_ends(axes, run.system, 2.5 / scale)
             for index, radius in enumerate(radii):
                 _draw_body(axes, one, index, radius, 0.45 / scale)
             axes.set_title(one.title, pad=1.5, **_SAY)
@@ -81,6 +92,30 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
             entries = [(f"body {n}", _dot(n)) for n in range(1, min(number, 5) + 1)]
             legend(figure, entries)
     return figure
+
+
+def draw_ends(axes: Axes, system: System, high: float) -> None:
+    """Draw the walls at the ends of a trace, of a height (m)."""
+    first, last = system.trace.pieces[0], system.trace.pieces[-1]
+    ends = (first, first.angle_start, system.left_end), (last, last.angle_end, system.right_end)
+    for piece, position, wall in ends:
+        if wall is not None:
+            foot, slope = np.array(piece.contact_point(position)), piece.slope(position)
+            top = foot + high * np.array([-np.sin(slope), np.cos(slope)])
+            axes.plot(*np.transpose([foot, top]), zorder=2.1, **WALL)
+
+
+def visited(centres: Array, radius: float, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the corners (m) of what is shown of a trace between two corners.
+
+    That is all of it, unless bodies with these centres and a greatest radius would be too small to
+    be seen there and keep to a part of it.
+    """
+    first = np.nanmin(centres, axis=0) - _CLOSE * radius
+    last = np.nanmax(centres, axis=0) + _CLOSE * radius
+    if radius == 0.0 or np.max(last - first) > _PART * np.max(high - low):
+        return low, high
+    return np.maximum(first, low), np.minimum(last, high)
 
 
 def configurations(run: Recorded, most: int) -> list[Configuration]:

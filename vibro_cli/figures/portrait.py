@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,8 +20,8 @@ from vibro_cli.figures.legend import (
     legend_of,
     rows_of,
 )
-from vibro_cli.figures.panels import RIGHT, Panel, Window, lay_out
-from vibro_cli.figures.scope import windows
+from vibro_cli.figures.panels import RIGHT, Panel, lay_out
+from vibro_cli.figures.scope import seen, windows
 from vibro_cli.figures.source import Recorded
 from vibro_cli.figures.style import WIDTHS
 from vibro_cli.figures.trajectory import MOST_NUMBERS, Trajectory, trajectory
@@ -44,28 +43,12 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str =
     behind = _behind(run, ball, path)
     shown = windows(run.system.trace.pieces, path, behind, focus)
     with style.journal():
-        rows = legend_rows(path, _seen(behind, shown), width)
+        rows = legend_rows(path, seen(behind, shown), width)
         figure, panels = lay_out(shown, width, legend=LINE * (len(rows) - 1))
         draw_motion(panels, path, behind)
         label(panels, ball)
         draw_legend(figure, rows, None if few(path) else path)
     return figure
-
-
-def _seen(behind: Background, shown: Sequence[Window]) -> Background:
-    """Return the background without separatrices of full circles that lie off every panel."""
-    return replace(
-        behind,
-        arc_separatrices=tuple(
-            curve
-            for curve in behind.arc_separatrices
-            for one in shown
-            if one.piece.index == curve.piece
-            and np.any(
-                (curve.position > one.low) & (curve.position < one.high) & (curve.rate < one.top)
-            )
-        ),
-    )
 
 
 def legend_rows(

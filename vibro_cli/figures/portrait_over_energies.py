@@ -13,7 +13,7 @@ from vibro_cli.figures.chart import LEFT, stacked
 from vibro_cli.figures.legend import LINE
 from vibro_cli.figures.panels import Panel, Window
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.figures.trajectory import Trajectory
 
 _HIGH = (58.0, 36.0)
@@ -44,7 +44,7 @@ def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
     lower.axes.set_ylim(lowest, top)
     ticks = vertical_ticks(lowest, top, lower.height)
     lower.axes.set_yticks(ticks.places, ticks.labels)
-    scaled = rf"$10^{{{ticks.power}}}$ J" if ticks.power else "J"
+    scaled = with_power("J", ticks)
     lower.axes.set_ylabel(f"$E$ [{scaled}]", labelpad=1.0)
 
 

@@ -13,11 +13,12 @@ from matplotlib.patches import Circle
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.numbering import Named, write_names
-from vibro_cli.figures.plan import trace_points
+from vibro_cli.figures.plan import draw_ends, trace_points, visited
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.mechanics.potential import Turning
+from vibro_cli.mechanics.system import PARTICLE
 from vibro_cli.mechanics.trace import Piece
 
 _LEFT = 11.0
@@ -30,6 +31,12 @@ _WORDS = 7.0
 """Room for numbers around what is drawn (mm)."""
 _AWAY = 3.2
 """Distance of the number of a piece from the trace (mm)."""
+_KEEN = 3
+"""How much rather names cover something else than a line."""
+_WALL = 5.0
+"""Height of a wall at an end of the trace (mm)."""
+_TINY = 0.003
+"""Bodies smaller than this share of the trace are shown close."""
 _LEAST = 0.5
 """Least radius of a body that is drawn (mm)."""
 _SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
@@ -80,18 +87,28 @@ def scene(run: Recorded, width: str = "single") -> Figure:
         _set_axes(axes, 0.5 * (low + high), np.array([inner, tall]), scale)
         axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_SURFACE)
         within = low, high
+        numbers = [_number_place(run, piece, scale) for piece in run.system.trace.pieces]
         named = [
             name
-            for piece in run.system.trace.pieces
-            for name in _draw_piece(axes, piece, scale, within)
+            for piece, place in zip(run.system.trace.pieces, numbers, strict=True)
+            for name in _draw_piece(axes, run, piece, place, within)
         ]
-        axes.plot(*surface[-1], zorder=2.2, linestyle="none", **_JUNCTION)
+        axes.plot(*surface[-1], zorder=2.2, linestyle="none", clip_on=True, **_JUNCTION)
+        draw_ends(axes, run.system, _WALL / scale)
         if run.system.turning is not None:
             _draw_axis(axes, run.system.turning)
         named = [*_draw_bodies(axes, run, scale, within), *named]
-        numbers = [_number_place(piece, scale) for piece in run.system.trace.pieces]
-        write_names(axes, named, _obstacles(run, surface, scale), (inner, tall), numbers)
+        covered = np.concatenate([_obstacles(run, surface, scale), *_points_of(axes)])
+        write_names(axes, named, covered, (inner, tall), numbers)
     return figure
+
+
+def _points_of(axes: Axes) -> list[Array]:
+    """Return points of all lines that are drawn, 60 of each straight one, to be kept clear of."""
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    lines = [np.asarray(line.get_xydata()) for line in axes.lines]
+    points = [one[:1] + share * (one[-1:] - one[:1]) if len(one) == 2 else one for one in lines]
+    return points * _KEEN
 
 
 def _obstacles(run: Recorded, surface: Array, scale: float) -> Array:
@@ -123,9 +140,20 @@ def _extent(run: Recorded, surface: Array) -> tuple[Array, Array]:
     turning = run.system.turning
     reach = surface if turning is None else np.append(surface, [[turning.x, surface[0, 1]]], axis=0)
     low, high = reach.min(axis=0), reach.max(axis=0)
-    room = 2.1 * max(body.radius for body in run.system.bodies)
-    room = max(room, 0.04 * float(np.max(np.ptp(surface, axis=0))))
+    largest = max(body.radius for body in run.system.bodies)
+    room = max(2.1 * largest, 0.04 * float(np.max(np.ptp(surface, axis=0))))
+    if turning is None and largest < _TINY * float(np.max(high - low)):
+        return visited(_centres(run), largest, low - room, high + room)
     return low - room, high + room
+
+
+def _centres(run: Recorded) -> Array:
+    """Return the centres of the bodies at the start (m), shape (bodies, 2)."""
+    pieces = run.system.trace.pieces
+    states = zip(run.system.bodies, run.system.initial, strict=True)
+    return np.array(
+        [pieces[one.piece].body_center(one.position, body.radius) for body, one in states]
+    )
 
 
 def _set_axes(axes: Axes, middle: Array, size: Array, scale: float) -> None:
@@ -138,36 +166,46 @@ def _set_axes(axes: Axes, middle: Array, size: Array, scale: float) -> None:
     along = vertical_ticks(float(low[1]), float(high[1]), float(size[1]))
     axes.set_xticks(across.places, across.labels)
     axes.set_yticks(along.places, along.labels)
-    axes.set_xlabel("$x$ [m]")
-    scaled = rf"$10^{{{along.power}}}$ m" if along.power else "m"
-    axes.set_ylabel(f"$y$ [{scaled}]", labelpad=1.0)
+    axes.set_xlabel(f"$x$ [{with_power('m', across)}]")
+    axes.set_ylabel(f"$y$ [{with_power('m', along)}]", labelpad=1.0)
 
 
-def _number_place(piece: Piece, scale: float) -> tuple[float, float]:
-    """Return where the number of a piece stands (m): below the trace at its middle."""
-    middle = 0.5 * (piece.angle_start + piece.angle_end)
+def _number_place(run: Recorded, piece: Piece, scale: float) -> tuple[float, float]:
+    """Return where the number of a piece stands (m): below the trace at its middle.
+
+    Beside the middle where the axis about which the trace turns goes through there.
+    """
+    turning, middle = run.system.turning, 0.5 * (piece.angle_start + piece.angle_end)
+    if turning is not None and abs(piece.contact_point(middle)[0] - turning.x) < 2.0 / scale:
+        middle += 0.12 * (piece.angle_end - piece.angle_start)
     slope = piece.slope(middle)
     below = np.array([np.sin(slope), -np.cos(slope)]) * _AWAY / scale
     return pair(np.array(piece.contact_point(middle)) + below)
 
 
-def _draw_piece(axes: Axes, piece: Piece, scale: float, within: Extent) -> list[Named]:
+def _draw_piece(
+    axes: Axes, run: Recorded, piece: Piece, place: tuple[float, float], within: Extent
+) -> list[Named]:
     """Mark where a piece begins, write its number below it; return centre and radius to be named.
 
-    The centre of an arc and its radius at the middle are left out where they are off the figure.
+    The centre of an arc and its radius are left out where they are off the figure.
     """
     begins = piece.contact_point(piece.angle_start)
     axes.plot(*begins, zorder=2.2, linestyle="none", **_JUNCTION)
-    place = _number_place(piece, scale)
     halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
     look = _SAY | {"color": style.FRAME_GREY, "fontstyle": "italic"}
     words = str(piece.index + 1)
-    axes.text(*place, words, path_effects=halo, zorder=3.0, **look)
+    if np.all(np.array(place) > within[0]) and np.all(np.array(place) < within[1]):
+        axes.text(*place, words, path_effects=halo, zorder=3.0, **look)
     centre = np.array(piece.center)
     if piece.is_line or np.any(centre < within[0]) or np.any(centre > within[1]):
         return []
-    # Not at the middle: there the number is, and the upright from which angles count.
-    aside = piece.angle_start + 0.2 * (piece.angle_end - piece.angle_start)
+    # Far from the number at the middle, the upright from which angles count, and the bodies.
+    taken = [one.position for one in run.system.initial if one.piece == piece.index]
+    taken += [0.0, 0.5 * (piece.angle_start + piece.angle_end)]
+    shares = np.linspace(0.1, 0.9, 17) * (piece.angle_end - piece.angle_start)
+    free = np.min(np.abs(piece.angle_start + shares[:, None] - taken), axis=1)
+    aside = piece.angle_start + float(shares[np.argmax(np.round(free, 9))])
     rim = np.array(piece.contact_point(aside))
     axes.plot(*np.transpose([centre, rim]), zorder=1.4, **_RADIUS)
     axes.plot(*centre, zorder=2.2, linestyle="none", **_POINT)
@@ -202,7 +240,26 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
             along = np.sign(state.speed) * np.array([np.cos(slope), np.sin(slope)])
             tip = centre + along * (radius + 4.0 / scale)
             axes.annotate("", pair(tip), pair(centre), arrowprops=_ARROW, zorder=2.6)
+            axes.plot(*np.transpose([centre, tip]), linewidth=0.0, zorder=1.0)  # keeps names away
+            if body.kind != PARTICLE:
+                _draw_spin(axes, centre, radius + 1.1 / scale, slope, state.speed, lettered)
+                top = centre + (radius + 1.1 / scale) * np.array([-np.sin(slope), np.cos(slope)])
+                named += [Named(rf"$\omega_{{{number}}}$", pair(top))] if lettered else []
     return named
+
+
+def _draw_spin(
+    axes: Axes, centre: Array, radius: float, slope: float, speed: float, lettered: bool
+) -> None:
+    """Draw an arc over a body with an arrow in the sense in which it turns."""
+    if not lettered:
+        return
+    turned = np.radians(np.linspace(40.0, -40.0, 40)) * np.sign(speed)  # right is clockwise
+    angles = slope + 0.5 * np.pi + turned
+    arc = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    axes.plot(*arc[:-3].T, color=style.BLACK, linewidth=0.6, zorder=1.6)
+    look = _ARROW | {"linewidth": 0.6, "mutation_scale": 6.0}
+    axes.annotate("", pair(arc[-1]), pair(arc[-6]), arrowprops=look, zorder=2.6)
 
 
 def _draw_position(

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vibro_cli.analysis.levels import LevelCurve
 from vibro_cli.figures.background import Background
 from vibro_cli.figures.panels import Window
 from vibro_cli.figures.source import Array
@@ -44,20 +45,52 @@ def windows(
         if focus == "run":
             return (close,)
         if focus == "auto":
-            return (close, replace(whole[visited[0].index], overview=True))
+            overview = replace(whole[visited[0].index], overview=True)
+            return (close, replace(overview, top=max(overview.top, _full_circle(close, behind))))
     if focus == "run":
         return tuple(window for window in whole if window.piece in visited)
     return tuple(whole)
 
 
+def seen(behind: Background, shown: Sequence[Window]) -> Background:
+    """Return what of a background is within some windows."""
+
+    def within(curve: LevelCurve) -> bool:
+        return any(
+            one.piece.index == curve.piece
+            and np.any(
+                (curve.position > one.low) & (curve.position < one.high) & (curve.rate < one.top)
+            )
+            for one in shown
+        )
+
+    return Background(
+        separatrices=tuple(filter(within, behind.separatrices)),
+        arc_separatrices=tuple(filter(within, behind.arc_separatrices)),
+        levels=tuple(filter(within, behind.levels)),
+        points=tuple(
+            point
+            for point in behind.points
+            for one in shown
+            if one.piece.index == point.piece and one.low <= point.position <= one.high
+        ),
+    )
+
+
 def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:
     """Return whether a motion on one arc is too small to be read on the whole arc."""
     extent = float(np.ptp(path.branches[piece.index].position))
-    if piece.is_line or extent == 0.0:
+    if extent == 0.0:
         return False
     reached, separatrix = _reached(path, [piece.index]), _separatrix(behind, [piece.index])
     across = extent / (piece.angle_end - piece.angle_start)
     return across * min(1.0, reached / separatrix if separatrix else 1.0) < _SMALL
+
+
+def _full_circle(close: Window, behind: Background) -> float:
+    """Return how high the separatrix of the full circle of an arc makes the whole arc."""
+    curves = [one.rate for one in behind.arc_separatrices if one.piece == close.piece.index]
+    return _MARGIN * _highest(curves)
 
 
 def _around(piece: Piece, path: Trajectory) -> Window:

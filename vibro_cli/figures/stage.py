@@ -18,7 +18,7 @@ from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.motion import Frames, trail
 from vibro_cli.figures.plan import trace_points
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 
 SIZE = (6.4, 3.6)
 """Width and height (inches)."""
@@ -84,9 +84,8 @@ class Stage:
         along = vertical_ticks(*axes.get_ylim(), box.height * SIZE[1] * _INCH / _LARGER)
         axes.set_xticks(across.places, across.labels)
         axes.set_yticks(along.places, along.labels)
-        axes.set_xlabel("$s$ [m]")
-        scaled = rf"$10^{{{along.power}}}$ m/s" if along.power else "m/s"
-        axes.set_ylabel(f"$v$ [{scaled}]", labelpad=1.0)
+        axes.set_xlabel(f"$s$ [{with_power('m', across)}]")
+        axes.set_ylabel(f"$v$ [{with_power('m/s', along)}]", labelpad=1.0)
         for piece in self.run.system.trace.pieces[1:]:
             axes.axvline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.5, zorder=0.8)
 

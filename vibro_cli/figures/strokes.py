@@ -71,7 +71,7 @@ START: dict[str, Any] = {
 }
 NUMBER: dict[str, Any] = {"fontsize": style.SMALL, "ha": "center", "va": "center_baseline"}
 LEADER: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.35, "linestyle": "solid"}
-WINDOW: dict[str, Any] = {"fill": False, "edgecolor": style.BLACK, "linewidth": 0.5}
+WINDOW: dict[str, Any] = {"facecolor": "#ececec", "edgecolor": style.FRAME_GREY, "linewidth": 0.35}
 POINT: dict[str, Any] = {
     "color": style.SEPARATRIX_GREY,
     "markersize": 3.2,
@@ -200,8 +200,8 @@ def draw_jumps(one: Panel, jumps: Jumps, marked: bool) -> None:
         collection.set_rasterized(True)
     one.axes.add_collection(collection, autolim=False)
     if marked:
-        one.axes.plot(position[made], jumps.before[made], zorder=2.4, **BEFORE)
-        one.axes.plot(position[made], jumps.after[made], zorder=2.4, **AFTER)
+        for ends, look in ((jumps.before, BEFORE), (jumps.after, AFTER)):
+            one.axes.plot(position[made], ends[made], zorder=2.4, clip_on=False, **look)
     refused = here & ~jumps.made
     one.axes.plot(position[refused], jumps.before[refused], zorder=2.5, **NOT_MADE)
 
@@ -213,14 +213,16 @@ def many_jumps(number: int) -> dict[str, Any]:
 
 
 def draw_start(one: Panel, position: float, rate: float) -> None:
-    """Mark where the body starts."""
-    one.axes.plot(position + one.shift, rate, zorder=2.6, clip_on=False, **START)
+    """Mark where the body starts, smaller on the overview."""
+    size = START["markersize"] * (0.5 if one.window.overview else 1.0)
+    look = START | {"markersize": size}
+    one.axes.plot(position + one.shift, rate, zorder=2.6, clip_on=False, **look)
 
 
 def draw_window(one: Panel, close: Window) -> None:
-    """Draw the frame of a closer view on the overview of its piece."""
+    """Draw the frame of a closer view behind the curves of the overview of its piece."""
     low, high = close.low + one.shift, close.high + one.shift
-    frame = Rectangle((low, -close.top), high - low, 2.0 * close.top, zorder=2.7, **WINDOW)
+    frame = Rectangle((low, -close.top), high - low, 2.0 * close.top, zorder=0.8, **WINDOW)
     one.axes.add_patch(frame)
 
 

@@ -22,14 +22,14 @@ _EDGE = 1.2
 """Room without numbers at either end of a vertical axis (mm): the other axis has its own there."""
 _LONGEST = 5
 """Characters of the longest label of a vertical axis; longer numbers get a power of ten."""
+_PLAIN = (0.01, 1e5)
+"""Horizontal axes that reach no further, or further, get a power of ten."""
 
 _PARTS_OF_PI = (
     Fraction(1),
     Fraction(1, 2),
     Fraction(1, 4),
     Fraction(1, 8),
-    Fraction(1, 16),
-    Fraction(1, 32),
 )
 _ENOUGH = 4
 
@@ -84,11 +84,16 @@ def vertical_angle_ticks(low: float, high: float, height: float) -> Ticks:
     return chosen if len(chosen.places) > 1 else vertical_ticks(low, high, height)
 
 
-def number_ticks(low: float, high: float, width: float) -> Ticks:
-    """Return ticks at round numbers for a horizontal axis from `low` to `high`, `width` mm wide."""
+def number_ticks(low: float, high: float, width: float, whole: bool = False) -> Ticks:
+    """Return ticks at round numbers for a horizontal axis from `low` to `high`, `width` mm wide.
+
+    Only whole numbers with `whole`.
+    """
+    largest = max(abs(low), abs(high))
+    power = 0 if _PLAIN[0] <= largest < _PLAIN[1] or not largest else _power(largest)
     chosen = Ticks((), ())
     for bins in range(1, max(6, round(width / _INTERVAL) + 1)):
-        ticks = _round_numbers(low, high, bins)
+        ticks = _round_numbers(low, high, bins, whole, power)
         step = ticks.places[1] - ticks.places[0] if len(ticks.places) > 1 else high - low
         if chosen.places and not _fits(ticks.labels, step * width / (high - low)):
             break
@@ -102,14 +107,27 @@ def vertical_ticks(low: float, high: float, height: float) -> Ticks:
     ticks = _round_numbers(low + edge, high - edge, max(2, int(height / _LINE)))
     if max(map(len, ticks.labels)) <= _LONGEST:
         return ticks
-    power = 3 * math.floor(math.log10(max(map(abs, ticks.places))) / 3.0)
+    power = _power(max(map(abs, ticks.places)))
     return Ticks(ticks.places, decimals([place / 10.0**power for place in ticks.places]), power)
 
 
-def _round_numbers(low: float, high: float, bins: int) -> Ticks:
-    values = MaxNLocator(nbins=bins, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+def _power(largest: float) -> int:
+    """Return the power of ten, a multiple of three, in which numbers up to one are written."""
+    return 3 * math.floor(math.log10(largest) / 3.0)
+
+
+def with_power(unit: str, ticks: Ticks) -> str:
+    """Return the unit of an axis with the power of ten of its labels: `10⁻³ m`."""
+    return rf"$10^{{{ticks.power}}}$ {unit}".rstrip() if ticks.power else unit
+
+
+def _round_numbers(
+    low: float, high: float, bins: int, whole: bool = False, power: int = 0
+) -> Ticks:
+    locator = MaxNLocator(nbins=bins, steps=[1, 2, 2.5, 5, 10], integer=whole)
+    values = locator.tick_values(low, high)
     places = tuple(float(value) for value in values if low <= value <= high)
-    return Ticks(places, decimals(places))
+    return Ticks(places, decimals([place / 10.0**power for place in places]), power)
 
 
 def decimals(values: Sequence[float]) -> tuple[str, ...]:
@@ -163,6 +181,7 @@ def without_overlaps(
         Ticks(
             ticks.places,
             tuple("" if (n, k) in dropped else text for k, text in enumerate(ticks.labels)),
+            ticks.power,
         )
         for n, (_, _, ticks) in enumerate(rows)
     ]

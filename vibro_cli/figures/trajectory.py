@@ -152,7 +152,10 @@ def _free(run: Recorded, ball: int, flights: Table, rows: Integers) -> Flags:
         start = landscape.energy(piece, flights["angle_start"][mine], flights["rate_start"][mine])
         end = landscape.energy(piece, flights["angle_end"][mine], flights["rate_end"][mine])
         kept[here] = np.abs(end - start) <= _SAME_ENERGY * np.maximum(start, end) + least
-    free: Flags = kept & ~np.asarray(flights["contact"], dtype=np.bool_)[rows]
+    states = {name: flights[name][rows] for name in ("rate_start", "rate_end")}
+    held = (states["rate_start"] == 0.0) & (states["rate_end"] == 0.0)
+    held &= flights["angle_start"][rows] == flights["angle_end"][rows]  # at rest, as at a wall
+    free: Flags = kept & ~held & ~np.asarray(flights["contact"], dtype=np.bool_)[rows]
     return free
 
 

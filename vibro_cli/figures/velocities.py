@@ -130,6 +130,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     rows = range(min(_IMPACTS[width], len(run.collisions["n"])))
     if not rows:
         return None
+    width = "single" if len(rows) == 1 else width
     pairs = [striking(run, row) for row in rows]
     with style.journal():
         lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, WIDTHS[width])
@@ -141,7 +142,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
                 axes = panels[2 * row + when]
                 _draw(axes, surface, pair, when, scale)
                 _say(axes, run, row, pair, when)
-            _draw_scale(panels[2 * row + 1], scale)
+            draw_scale(panels[2 * row + 1], scale)
         draw_legend(figure, lines)
     return figure
 
@@ -309,8 +310,11 @@ def panel_size(axes: Axes) -> tuple[float, float]:
     return box.width * figure.get_figwidth() / MM, box.height * figure.get_figheight() / MM
 
 
-def _draw_scale(axes: Axes, scale: float) -> None:
-    """Draw an arrow of a round speed above the right end of a panel."""
+def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
+    """Draw an arrow of a round speed above the right end of a panel, in a line from below.
+
+    `scale` is the length on the plan (m) of 1 m/s.
+    """
     wide, high = panel_size(axes)
     low, end = axes.get_xlim()
     each = scale * wide / (end - low)  # mm for 1 m/s
@@ -318,7 +322,7 @@ def _draw_scale(axes: Axes, scale: float) -> None:
     speed = next(f * power for f in (5.0, 2.0, 1.0) if f * power * each <= _SCALE)
     text = f"{speed:g} m/s"
     right = wide - 1.4 * len(text) - 0.5
-    level = 1.0 + (1.9 + 3.3 * 2) / high
+    level = 1.0 + (1.9 + 3.3 * line) / high
     ends = np.array([(right - speed * each - 0.8) / wide, (right - 0.8) / wide])
     look: dict[str, Any] = {"transform": axes.transAxes, "clip_on": False, "color": style.BLACK}
     axes.plot(ends, [level, level], linewidth=CENTRE["linewidth"], **look)
@@ -417,4 +421,8 @@ def _write(axes: Axes, left: float, line: int, text: str) -> None:
 
 def _number(value: float) -> str:
     """Return a number with three digits, the minus a minus."""
-    return f"{value:.3g}".replace("-", "−")
+    digits, _, power = f"{value:.3g}".replace("-", "−").partition("e")
+    if not power:
+        return digits
+    exponent = int(power.replace("−", "-"))
+    return rf"${digits} \times 10^{{{exponent}}}$".replace("−", "-")

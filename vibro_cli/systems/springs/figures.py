@@ -36,7 +36,7 @@ from vibro_cli.figures.over_impacts import speed_map
 from vibro_cli.figures.over_time import HIGH, IMPACT, EnergyLines, energy_chart, energy_lines
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.figures.timeline import MOST_FLIGHTS, MOST_PERIODS
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
@@ -65,9 +65,9 @@ def _courses(run: Run) -> tuple[float, EnergyLines]:
 
 
 def springs_impact_map(run: Run, width: str = "single") -> Figure | None:
-    """Return approach speed against place of every impact, None without one."""
+    """Return approach speed against place of every impact, None with fewer than two."""
     table = run.collisions
-    if not len(table["n"]):
+    if len(table["n"]) < 2:
         return None
 
     def places(axes: Axes, place: Array, across: float) -> None:
@@ -76,7 +76,7 @@ def springs_impact_map(run: Run, width: str = "single") -> Figure | None:
         axes.set_xlim(low, high)
         ticks = number_ticks(low, high, across)
         axes.set_xticks(ticks.places, ticks.labels)
-        axes.set_xlabel("$x$ of the left body [m]")
+        axes.set_xlabel(f"$x$ of the left body [{with_power('m', ticks)}]")
 
     return speed_map(table, np.asarray(table["x_a"], dtype=np.float64), width, places)
 
@@ -296,9 +296,8 @@ def _set_axes(
     axes.set_xticks(across.places, across.labels if labelled else [""] * len(across.labels))
     axes.set_yticks(along.places, along.labels)
     if labelled:
-        axes.set_xlabel("$x$ [m]")
-    scaled = rf"$10^{{{along.power}}}$ m" if along.power else "m"
-    axes.set_ylabel(f"$y$ [{scaled}]", labelpad=1.0)
+        axes.set_xlabel(f"$x$ [{with_power('m', across)}]")
+    axes.set_ylabel(f"$y$ [{with_power('m', along)}]", labelpad=1.0)
 
 
 def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: float) -> None:

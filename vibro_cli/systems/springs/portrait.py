@@ -9,17 +9,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from matplotlib import patheffects
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import LevelCurve
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint
 from vibro_cli.figures import strokes, style
-from vibro_cli.figures.background import Background, level_energies, saddle_energies
+from vibro_cli.figures.along import EIGHT
+from vibro_cli.figures.background import (
+    Background,
+    both_halves,
+    level_energies,
+    saddle_energies,
+)
 from vibro_cli.figures.chart import LEFT
 from vibro_cli.figures.legend import (
     Entry,
@@ -33,7 +40,7 @@ from vibro_cli.figures.portrait import draw_motion, few, legend_rows
 from vibro_cli.figures.portrait_over_energies import draw_energies, limit_energies, panels_over
 from vibro_cli.figures.source import Array, Integers
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.figures.trajectory import (
     MOST_BRANCHES,
     MOST_NUMBERS,
@@ -232,9 +239,11 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     behind = springs_background(run.system, ball - 1, float(np.max(energies)))
     window = _around(path, behind)
     with style.journal():
-        rows = legend_rows(path, behind, width, [("spring's energy", SPRING)])
+        others = [*_eight_entry(behind), ("spring's energy", SPRING)]
+        rows = legend_rows(path, _without_eight(behind), width, others)
         figure, upper, lower = panels_over(width, window, len(rows))
-        draw_motion([upper], path, behind)
+        draw_motion([upper], path, _without_eight(behind))
+        _draw_eight(upper, behind)
         _draw_spring_energy(lower, run.system, ball - 1, window)
         draw_energies(lower, path, energies, None if few(path) else last_time(path))
         limit_energies(lower, 1.15 * float(np.max(energies)))
@@ -251,11 +260,12 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
     spring = system.springs[ball - 1]
     behind = _at_rest(system, ball - 1)
     window = _whole(behind)
-    energy: Entry = ("spring's energy", SPRING)
+    entries = [*behind_entries(_without_eight(behind)), *_eight_entry(behind)]
     with style.journal():
-        rows = rows_of([*behind_entries(behind), energy], WIDTHS[width])
+        rows = rows_of([*entries, ("spring's energy", SPRING)], WIDTHS[width])
         figure, upper, lower = panels_over(width, window, len(rows))
-        strokes.draw_background(upper, behind)
+        strokes.draw_background(upper, _without_eight(behind))
+        _draw_eight(upper, behind)
         _draw_spring_energy(lower, system, ball - 1, window)
         names = point_names(system, ball - 1)
         for name, point in zip(names, behind.points, strict=True):
@@ -265,7 +275,7 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
                 path_effects=[patheffects.withStroke(linewidth=1.4, foreground="white")],
             )  # fmt: skip
             if point.kind == SADDLE:
-                lower.axes.axhline(point.energy, zorder=1.2, **strokes.SEPARATRIX)
+                lower.axes.axhline(point.energy, zorder=1.2, **(EIGHT | {"linewidth": 0.6}))
             marker = strokes.MARKER[point.kind]
             lower.axes.plot(point.position, point.energy, marker=marker, **strokes.POINT)
         limit_energies(lower, max(spring.energy(window.low), spring.energy(window.high)))
@@ -303,7 +313,8 @@ def springs_family(
             panel.axes.set_ylim(-window.top, window.top)
             ticks = number_ticks(low, end, across)
             panel.axes.set_xticks(ticks.places, ticks.labels)
-            strokes.draw_background(panel, one)
+            strokes.draw_background(panel, _without_eight(one))
+            _draw_eight(panel, one)
             _label(panel, panel, ball)
             kind = TYPES[len(singular_points(system.springs[ball - 1]))]
             over = (bottom + _MEMBER + 1.0) / high
@@ -336,6 +347,20 @@ def springs_background(system: SpringsSystem, body: int, highest: float) -> Back
         separatrices=_curves(hills, through), arc_separatrices=(),
         levels=_curves(hills, levels), points=points,
     )  # fmt: skip
+
+
+def _without_eight(behind: Background) -> Background:
+    return replace(behind, separatrices=())
+
+
+def _eight_entry(behind: Background) -> list[Entry]:
+    return [("figure eight", EIGHT)] if behind.separatrices else []
+
+
+def _draw_eight(panel: Panel, behind: Background) -> None:
+    """Draw the separatrix, which of a spring is a figure eight."""
+    lines = [line for curve in behind.separatrices for line in both_halves(curve)]
+    panel.axes.add_collection(LineCollection(lines, zorder=1.25, **EIGHT), autolim=False)
 
 
 def _curves(hills: SpringsLandscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
@@ -384,9 +409,9 @@ def _window(low: float, high: float, top: float) -> Window:
 def _label(upper: Panel, lower: Panel, ball: int) -> None:
     ticks = vertical_ticks(-upper.window.top, upper.window.top, upper.height)
     upper.axes.set_yticks(ticks.places, ticks.labels)
-    scaled = rf"$10^{{{ticks.power}}}$ m/s" if ticks.power else "m/s"
-    upper.axes.set_ylabel(rf"$\dot{{x}}_{{{ball}}}$ [{scaled}]", labelpad=1.0)
-    lower.axes.set_xlabel(rf"$x_{{{ball}}}$ [m], from the foot of its spring")
+    upper.axes.set_ylabel(rf"$\dot{{x}}_{{{ball}}}$ [{with_power('m/s', ticks)}]", labelpad=1.0)
+    unit = with_power("m", number_ticks(*lower.axes.get_xlim(), lower.width))
+    lower.axes.set_xlabel(rf"$x_{{{ball}}}$ [{unit}], from the foot of its spring")
 
 
 def _draw_spring_energy(lower: Panel, system: SpringsSystem, body: int, window: Window) -> None:

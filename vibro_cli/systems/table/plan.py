@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import LEFT, body_look
 from vibro_cli.figures.numbering import leader, place_numbers
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
 
@@ -78,9 +78,8 @@ def _panel(width: str, low: Floats, high: Floats, size: Floats) -> tuple[Figure,
     along = vertical_ticks(float(low[1]), float(high[1]), float(size[1]))
     axes.set_xticks(across.places, across.labels)
     axes.set_yticks(along.places, along.labels)
-    axes.set_xlabel("$x$ [m]")
-    scaled = rf"$10^{{{along.power}}}$ m" if along.power else "m"
-    axes.set_ylabel(f"$y$ [{scaled}]", labelpad=1.0)
+    axes.set_xlabel(f"$x$ [{with_power('m', across)}]")
+    axes.set_ylabel(f"$y$ [{with_power('m', along)}]", labelpad=1.0)
     return figure, axes
 
 
@@ -236,7 +235,11 @@ def _at(table: dict[str, NDArray[np.float64]], row: int, ball: str, end: str) ->
 
 def _title(run: Run, paths: list[Floats]) -> str:
     count = len(run.collisions["n"])
-    words = f"{count} {'impact' if count == 1 else 'impacts'}, {len(run.bounces['n'])} on the wall"
+    words = f"{count} {'impact' if count == 1 else 'impacts'}"
+    if run.system.wall is not None:
+        words += f", {len(run.bounces['n'])} on the wall"
+    if max(count, len(run.bounces["n"])) > MOST_ARROWS:
+        words += f"; circles: the first {MOST_ARROWS}"
     if any(len(path) > MOST_LINES for path in paths):
         return f"{words}; the first {MOST_LINES} flights of a ball"
     return words

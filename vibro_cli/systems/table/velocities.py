@@ -18,7 +18,15 @@ from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
 from vibro_cli.figures.numbering import Named, write_names
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import WIDTHS
-from vibro_cli.figures.velocities import CENTRE, NORMAL, ROLLING, arrow, panel_size, sheet
+from vibro_cli.figures.velocities import (
+    CENTRE,
+    NORMAL,
+    ROLLING,
+    arrow,
+    draw_scale,
+    panel_size,
+    sheet,
+)
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall
 
@@ -80,6 +88,18 @@ class Met:
     normal: Array
     balls: tuple[Arriving, ...]
 
+    @property
+    def largest(self) -> float:
+        """The radius of the greatest ball (m), or what stands for it where all are points."""
+        radius = max(ball.radius for ball in self.balls)
+        return radius or 0.02 * float(np.max(np.abs(self.touch)))
+
+    @property
+    def fastest(self) -> float:
+        """The greatest speed (m/s), 1 where all are at rest."""
+        speeds = [float(np.hypot(*velocity)) for ball in self.balls for velocity in ball.velocity]
+        return max(speeds) or 1.0
+
 
 def table_velocities(run: Run, width: str = "single") -> Figure | None:
     """Return velocities, paths and angles before and after the first impacts; None without any.
@@ -99,6 +119,7 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
                 axes = panels[2 * number + when]
                 _draw(axes, run, one, when)
                 _say(axes, one, when)
+            draw_scale(panels[2 * number + 1], _LONGEST * one.largest / one.fastest, 3)
         draw_legend(figure, lines)
     return figure
 
@@ -151,7 +172,7 @@ def _ball(run: Run, table: Any, row: int, number: int, end: str) -> Arriving:
 
 def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
     """Draw one panel: balls, wall, normal and tangent, paths and arrows."""
-    largest = max(ball.radius for ball in one.balls) or 0.02 * float(np.max(np.abs(one.touch)))
+    largest = one.largest
     wide, high = panel_size(axes)
     reach = _AROUND * largest
     centre = one.touch if len(one.balls) > 1 else one.touch - 1.2 * largest * one.normal
@@ -163,8 +184,7 @@ def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
     far = 2.0 * reach
     axes.plot(*_line(one.touch, one.normal, far), **_AXIS)
     axes.plot(*_line(one.touch, across, 1.35 * largest), zorder=2.0, **_TANGENT)
-    speeds = [float(np.hypot(*velocity)) for ball in one.balls for velocity in ball.velocity]
-    fastest = max(speeds) or 1.0
+    fastest = one.fastest
     drawn = [np.linspace(one.touch - far * one.normal, one.touch + far * one.normal, 80)]
     names = [Named("$T$", (float(one.touch[0]), float(one.touch[1])))]
     spinning = np.nanmax([*(omega for ball in one.balls for omega in ball.omega), 1e-300])
