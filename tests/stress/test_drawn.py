@@ -159,8 +159,15 @@ def test_so_many_scenes_as_asked_for() -> None:
     assert [line_of(one) for one in findings if one.mark != 0.0] == []
 
 
-@pytest.mark.parametrize("name", ["laws_of_two_pairs_at_once", "contracting_to_rest_across"])
-def test_sequences_across_the_line_of_centres_have_mirror_images(name: str) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [
+        "laws_of_two_pairs_at_once",
+        "contracting_to_rest_across",
+        "row_struck_again_and_again_at_a_wall",
+    ],
+)
+def test_sequences_at_one_instant_have_mirror_images(name: str) -> None:
     document = tomllib.loads((HARD / f"{name}.toml").read_text(encoding="utf-8"))
 
     def solved(system: System) -> Run:

@@ -83,6 +83,8 @@ def joins(world: World, j: int, touching: bool) -> bool:
         return False
     if pair.contact_t == clock.t and pair.contact_t_low == clock.t_low:
         return True  # whatever the rounding of its places says
+    if pair.touching != 0 and pair.begin_t == clock.t and pair.begin_t_low == clock.t_low:
+        return True  # launched in contact at this instant
     a_s, a_c, _ = state_at(world, pair.a, clock.t, clock.t_low)
     b_s, b_c, _ = state_at(world, pair.b, clock.t, clock.t_low)
     gap, size = surface_gap(world, j, a_s, a_c, b_s, b_c)
