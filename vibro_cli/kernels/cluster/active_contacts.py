@@ -222,9 +222,5 @@ def _decide(world: World, first: int, count: int, step: int) -> None:
         pair.closing = RELEASED if just_zero else PARTING
     if held != pair.held:
         hold(world, j, held, 0.0)
-    if held == 1 and pair.closing != 0:
+    if held == 1:
         pair.closing = 0
-        pull = pair.solution * _ease(world, j)
-        if pair.restitution < 1.0 and pull > 0.0:
-            u = abs(parting_speed(world, j))
-            pair.delay = 2.0 * u / (pull * (1.0 - pair.restitution))
