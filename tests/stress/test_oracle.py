@@ -73,6 +73,14 @@ def test_impacts_of_a_heavy_body_a_light_one_and_a_wall(ratio: int, count: int) 
     assert told.end_cause == "end_of_trace"
 
 
+def test_the_instant_at_which_it_stops_is_told_too() -> None:
+    document = scene(LEVEL, [on_line(2.0, 1.0, 1.0), on_line(4.0, 1.0)], 1.0, time=1.0)
+    for number in range(1, 21):
+        until = mp.mpf(number) / 300
+        _, told = told_of(document, until, (until,))
+        assert len(told.samples) == 1
+
+
 @pytest.mark.parametrize("k", [0.0, 0.05, 0.5])
 def test_a_ball_hits_a_row_at_rest(k: float) -> None:
     """Pair after pair in exact fractions; below 7 - 4 sqrt(3) all go on together."""

@@ -147,11 +147,12 @@ class Oracle:
         self._guess = min(step * GROWTH, mp.mpf(1))
         rest = whole((until - self.t) / step)
         u, happening = self._first(self._watches(groups), min(1 << BITS, rest))
-        while waiting and waiting[0] <= self.t + real(u) * step:
+        end = until if u == rest else self.t + real(u) * step
+        while waiting and waiting[0] <= end:
             share = whole((waiting.pop(0) - self.t) / step)
             self.told.samples.append(self._sample(_states(groups, share)))
         self.now.states = _states(groups, u)
-        self.t = until if u == rest else self.t + real(u) * step
+        self.t = end
         if happening:
             self._happen(happening)
 
