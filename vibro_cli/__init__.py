@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from vibro_cli.analysis.basins import NoBasins as NoBasins
     from vibro_cli.analysis.fit import Fit as Fit
     from vibro_cli.analysis.fit import NoFit as NoFit
-    from vibro_cli.analysis.measured import NotMeasured as NotMeasured
+    from vibro_cli.analysis.fit import NotMeasured as NotMeasured
     from vibro_cli.analysis.orbits import NoOrbit as NoOrbit
     from vibro_cli.analysis.orbits import Orbit as Orbit
     from vibro_cli.api import NotRecalled as NotRecalled
@@ -56,8 +56,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "vibro_cli.analysis.basins": ("NoBasins",),
-    "vibro_cli.analysis.fit": ("Fit", "NoFit"),
-    "vibro_cli.analysis.measured": ("NotMeasured",),
+    "vibro_cli.analysis.fit": ("Fit", "NoFit", "NotMeasured"),
     "vibro_cli.analysis.orbits": ("NoOrbit", "Orbit"),
     "vibro_cli.api": ("NotRecalled",),
     "vibro_cli.errors": ("VibroError",),

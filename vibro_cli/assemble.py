@@ -1,7 +1,7 @@
 """From scenarios to the systems that are solved: the only place that knows both.
 
 All that is mechanically wrong with a scenario is gathered and told at once. The numbers of a
-scenario of a trace may be arrays (see ``numerics.alike``): then so are those of the system.
+scenario of a trace may be arrays (see ``numerics.elementwise``): then so are those of the system.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vibro_cli.mechanics.system import (
     mass_from_density,
 )
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
 from vibro_cli.scenario.base import AnyScenario, BodyTable, ScenarioTable
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
@@ -44,10 +44,10 @@ def speed_of(ball: Ball, body: Body, piece: Piece) -> float:
         return ball.speed
     if ball.omega is not None:
         return initial_conditions.speed_of_omega(body, ball.omega)
-    if ball.rate is None or not alike.occurs(ball.rate != 0.0):
+    if ball.rate is None or not elementwise.occurs(ball.rate != 0.0):
         return 0.0
     speed = initial_conditions.speed_of_rate(piece, body, ball.rate)
-    return alike.choose(ball.rate != 0.0, speed, 0.0)  # type: ignore[no-any-return]
+    return elementwise.choose(ball.rate != 0.0, speed, 0.0)  # type: ignore[no-any-return]
 
 
 def system_of(
@@ -137,7 +137,7 @@ def bodies_of(balls: Sequence[BodyTable], findings: Findings) -> tuple[Body, ...
 
 
 def body_of(ball: BodyTable) -> Body:
-    """Return a body; its numbers may be arrays (see ``numerics.alike``)."""
+    """Return a body; its numbers may be arrays (see ``numerics.elementwise``)."""
     if ball.inertia_ratio is not None or ball.body is None:
         kind, ratio = CUSTOM, 0.0 if ball.inertia_ratio is None else ball.inertia_ratio
     else:

@@ -477,8 +477,7 @@ def fit(
     ScenarioError, ValueError
         If the scenario is mechanically impossible or of another system; for a text that is no path.
     """
-    from vibro_cli.analysis.fit import Free, fit_impacts
-    from vibro_cli.analysis.measured import measured_of, read_measured
+    from vibro_cli.analysis.fit import Free, fit_impacts, measured_of, read_measured
 
     _system_of_trace(scenario)
     bounds: Any = free.items() if isinstance(free, Mapping) else [(path, ()) for path in free]

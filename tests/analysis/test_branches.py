@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.analysis.traces import GRAVITY, circle, hump, landscape, line, three_arcs
-from vibro_cli.analysis.branches import free_branches
 from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.levels import free_branches
 from vibro_cli.mechanics.trace import Piece
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from tests.analysis.traces import (
     three_arcs,
     valley,
 )
-from vibro_cli.analysis.trigger import FIGURE_EIGHT, HETEROCLINIC, OPEN, triggers
+from vibro_cli.analysis.singular import FIGURE_EIGHT, HETEROCLINIC, OPEN, triggers
 
 WEIGHT = BALL.mass * GRAVITY
 

@@ -10,18 +10,21 @@ import mpmath
 import numpy as np
 import pytest
 
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.dual import Dual
 
 FUNCTIONS: tuple[tuple[Callable[[Any], Any], Callable[[Any], Any]], ...] = (
     (lambda x: 3.0 - x * x / (1.0 + x), lambda x: 3 - x * x / (1 + x)),
     (lambda x: (2.0 / x - 1.0) * abs(-x), lambda x: (2 / x - 1) * x),
-    (lambda x: alike.sine(x) * alike.cosine(x), lambda x: mpmath.sin(x) * mpmath.cos(x)),
-    (lambda x: alike.arcsine(x) - x, lambda x: mpmath.asin(x) - x),
-    (lambda x: alike.square_root(2.0 * x), lambda x: mpmath.sqrt(2 * x)),
-    (lambda x: alike.power(x, 3), lambda x: x**3),
-    (lambda x: alike.exact_sum((x, 1.0, x)), lambda x: 2 * x + 1),
-    (lambda x: alike.greatest(x, 0.1) + np.float64(2.0) * x, lambda x: 3 * x),
+    (
+        lambda x: elementwise.sine(x) * elementwise.cosine(x),
+        lambda x: mpmath.sin(x) * mpmath.cos(x),
+    ),
+    (lambda x: elementwise.arcsine(x) - x, lambda x: mpmath.asin(x) - x),
+    (lambda x: elementwise.square_root(2.0 * x), lambda x: mpmath.sqrt(2 * x)),
+    (lambda x: elementwise.power(x, 3), lambda x: x**3),
+    (lambda x: elementwise.exact_sum((x, 1.0, x)), lambda x: 2 * x + 1),
+    (lambda x: elementwise.greatest(x, 0.1) + np.float64(2.0) * x, lambda x: 3 * x),
 )
 
 
@@ -41,6 +44,6 @@ def test_no_derivative_is_lost() -> None:
     with pytest.raises(TypeError):
         math.tan(x)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="derivative"):
-        alike.each(math.tan, x)
+        elementwise.each(math.tan, x)
     assert x != 0.0
     assert Dual(0.0, np.zeros(1)) == 0.0

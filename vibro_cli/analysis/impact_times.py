@@ -34,7 +34,7 @@ from vibro_cli.kernels.world import CAUSE_NAMES, COLLISION, CROSSING, END_NAMES,
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.system import InitialState, System, body_record
 from vibro_cli.mechanics.trace import Piece, sine_cosine
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.dual import Dual, Floats, change_of, value_of
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.problems import KeyPath, path_text
@@ -222,7 +222,7 @@ class _Walk:
             moved = x0 + age * v0 + 0.5 * age * age * force - arrival["speed"] * begun
             return Dual(place, moved), Dual(arrival["speed"], v0 + age * force - pull * begun)
         rho = piece.path_radius(old.radius)
-        w = alike.square_root(self._system.gravity / (old.kappa * rho))
+        w = old.natural_rate(self._system.gravity, rho)
         rate0 = start.speed / rho
         rate, pull = arrival["speed"] / value_of(rho), pull / value_of(rho)
         v0, faster = change_of(rate0, size), change_of(w, size) / value_of(w)
@@ -317,7 +317,7 @@ class _Walk:
             sine, cosine = sine_cosine(piece.slope(place))
             tangents.append((cosine, sine))
         x, y = centres[1][0] - centres[0][0], centres[1][1] - centres[0][1]
-        distance = alike.square_root(x * x + y * y)
+        distance = elementwise.square_root(x * x + y * y)
         normals = [(x * along + y * up) / distance for along, up in tangents]
         return distance - (self._radius(bodies[0]) + self._radius(bodies[1])), normals
 

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from vibro_cli.mechanics.potential import Pull, Turning, inside
 from vibro_cli.mechanics.system import Body, System
 from vibro_cli.mechanics.trace import Piece, Trace
+from vibro_cli.numerics.elementwise import EPSILON
 
 Array = NDArray[np.float64]
 
-_EPSILON = float(np.finfo(np.float64).eps)
-_ROUNDING = 64.0 * _EPSILON
+_ROUNDING = 64.0 * EPSILON
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Landscape:
         """Return w = √(g/κρ) (rad/s): of small oscillations in a valley; 0 on a line."""
         if piece.is_line:
             return 0.0
-        return math.sqrt(self.gravity / (self.body.kappa * self.path_scale(piece)))
+        return self.body.natural_rate(self.gravity, self.path_scale(piece))
 
     def potential(self, piece: Piece, position: ArrayLike) -> Array:
         """Return the potential energy (J) at positions on one piece, of any shape.
@@ -150,7 +150,7 @@ def level_positions(piece: Piece) -> list[float]:
 
 def same_angle(one: float, other: float) -> bool:
     """Return whether two angles (rad) differ by no more than their rounding."""
-    return abs(one - other) <= 4.0 * _EPSILON * max(1.0, abs(one), abs(other))
+    return abs(one - other) <= 4.0 * EPSILON * max(1.0, abs(one), abs(other))
 
 
 def half_turn(slope: float) -> int | None:

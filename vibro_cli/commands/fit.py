@@ -116,8 +116,7 @@ def parsed_free(texts: Sequence[str]) -> "list[Free]":
 
 def _fit(wishes: _Wishes) -> int:
     """Read, fit, draw, write and print."""
-    from vibro_cli.analysis.fit import NoFit, fit_impacts
-    from vibro_cli.analysis.measured import NotMeasured, read_measured
+    from vibro_cli.analysis.fit import NoFit, NotMeasured, fit_impacts, read_measured
     from vibro_cli.commands.shared.loading import load_any
     from vibro_cli.storage.fits import check_fit_folder, write_fit
     from vibro_cli.storage.provenance import FolderRefused

@@ -124,7 +124,7 @@ def _varied(
     type_of_member: "Callable[[Any], str]",
 ) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
     """The types of a family and where they change; titles and members that are possible."""
-    from vibro_cli.analysis.family import IMPOSSIBLE, changes
+    from vibro_cli.analysis.portrait_type import IMPOSSIBLE, changes
 
     path, *ends, number = parsed_range(vary)
     (first, last), unit = _numbers(path, ends, source.model)

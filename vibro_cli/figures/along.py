@@ -14,8 +14,7 @@ from matplotlib.collections import LineCollection
 
 from vibro_cli.analysis.levels import SpeedCurve, speed_curves, through_saddles
 from vibro_cli.analysis.portrait_type import Portrait
-from vibro_cli.analysis.singular import CENTRE, SADDLE
-from vibro_cli.analysis.trigger import FIGURE_EIGHT
+from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE
 from vibro_cli.figures import strokes, style
 from vibro_cli.figures.background import level_energies, saddle_energies, saddles_of
 from vibro_cli.figures.numbering import place_numbers

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import level_curves
 from vibro_cli.analysis.portrait_type import Portrait, condition
-from vibro_cli.analysis.singular import SADDLE
-from vibro_cli.analysis.trigger import FIGURE_EIGHT
+from vibro_cli.analysis.singular import FIGURE_EIGHT, SADDLE
 from vibro_cli.figures import strokes, style
 from vibro_cli.figures.along import EIGHT, REST, curves_of, draw_along, highest_energy, name_points
 from vibro_cli.figures.background import Background, background, both_halves

@@ -153,7 +153,7 @@ def _pace(run: Recorded, ball: int, piece: Piece) -> float:
     """Return the points a second that the energy of a body wants, in contact on a piece."""
     body = run.system.bodies[ball - 1]
     radius = run.system.trace.length if piece.is_line else piece.path_radius(body.radius)
-    return _PER_PERIOD * math.sqrt(run.system.gravity / (body.kappa * radius)) / (2.0 * math.pi)
+    return _PER_PERIOD * body.natural_rate(run.system.gravity, radius) / (2.0 * math.pi)
 
 
 def energy_residuals(run: Recorded) -> tuple[Array, Array]:

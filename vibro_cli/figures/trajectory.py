@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.analysis.branches import free_branches
 from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.levels import free_branches
 from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept
 from vibro_cli.mechanics.trace import Piece
 

@@ -33,7 +33,7 @@ from vibro_cli.mechanics.reachability import (
 )
 from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import Piece, Trace
-from vibro_cli.numerics.alike import taken
+from vibro_cli.numerics.elementwise import taken
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import KeyPath

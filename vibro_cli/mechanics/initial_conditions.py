@@ -8,9 +8,9 @@ from typing import Any
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import Piece, Trace
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
+from vibro_cli.numerics.elementwise import EPSILON
 
-_EPSILON = 2.0**-52
 GAP_ROUNDING = 16.0
 """At the start |gap| ≤ 16 eps of the positions is contact."""
 
@@ -22,7 +22,7 @@ def settle(piece: Piece, position: float) -> float | None:
     piece) is rounding and means the end.
     """
     low, high = piece.angle_start, piece.angle_end
-    hair = 8.0 * _EPSILON * max(abs(low), abs(high))
+    hair = 8.0 * EPSILON * max(abs(low), abs(high))
     if not low - hair <= position <= high + hair:
         return None
     return min(max(position, low), high)
@@ -84,7 +84,7 @@ def gap(
     scale = max(*map(abs, center_a), *map(abs, center_b), contact)
     if piece_a is not piece_b:
         distance = math.hypot(center_b[0] - center_a[0], center_b[1] - center_a[1])
-        return distance - contact, GAP_ROUNDING * _EPSILON * scale
+        return distance - contact, GAP_ROUNDING * EPSILON * scale
     along = state_b.position - state_a.position
     farthest = max(abs(state_a.position), abs(state_b.position))
     product = 4.0 * body_a.radius * body_b.radius
@@ -95,7 +95,7 @@ def gap(
         square = 4.0 * rho_a * rho_b * math.sin(0.5 * along) ** 2
         farthest *= max(rho_a, rho_b)
     distance = math.sqrt((body_a.radius - body_b.radius) ** 2 + square)
-    rounding = GAP_ROUNDING * _EPSILON * max(scale, farthest)
+    rounding = GAP_ROUNDING * EPSILON * max(scale, farthest)
     return (square - product) / (distance + contact), rounding
 
 
@@ -192,10 +192,10 @@ def wall_position(piece: Piece, radius: float, right: bool) -> float | None:
         offset = radius
     else:
         rho = piece.path_radius(radius)
-        if not alike.occurs(radius < rho):
+        if not elementwise.occurs(radius < rho):
             return None
-        offset = alike.choose(radius < rho, alike.arcsine(radius / rho), math.inf)
-    if not alike.occurs(offset <= piece.angle_end - piece.angle_start):
+        offset = elementwise.choose(radius < rho, elementwise.arcsine(radius / rho), math.inf)
+    if not elementwise.occurs(offset <= piece.angle_end - piece.angle_start):
         return None
     return piece.angle_end - offset if right else piece.angle_start + offset
 
@@ -217,5 +217,5 @@ def _height_at_wall(piece: Piece, radius: float) -> float:
     if piece.is_line:
         return radius
     rho = piece.path_radius(radius)
-    along = alike.square_root(alike.greatest((rho - radius) * (rho + radius), 0.0))
+    along = elementwise.square_root(elementwise.greatest((rho - radius) * (rho + radius), 0.0))
     return piece.sign * (piece.radius - along)

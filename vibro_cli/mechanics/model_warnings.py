@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from vibro_cli.mechanics.system import Body, System
-
-_EPSILON = 2.0**-52
+from vibro_cli.numerics.elementwise import EPSILON
 
 
 def mechanics_warnings(system: System, stop_time: float | None = None) -> tuple[str, ...]:
@@ -58,6 +57,6 @@ def _longest_phase(system: System) -> float:
         for piece in system.trace.pieces:
             if not piece.is_line:
                 rho = piece.path_radius(body.radius)
-                w = math.sqrt(system.gravity / (body.kappa * rho))
+                w = body.natural_rate(system.gravity, rho)
                 fastest = max(fastest, math.hypot(state.speed / rho, 2.0 * w))
-    return 1.0 / (_EPSILON * fastest) if fastest > 0.0 else math.inf
+    return 1.0 / (EPSILON * fastest) if fastest > 0.0 else math.inf

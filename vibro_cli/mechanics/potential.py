@@ -18,7 +18,7 @@ from functools import lru_cache
 from typing import Any
 
 from vibro_cli.mechanics.trace import Piece, Trace
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
 
 _DIGITS = 50
 _CERTAIN_DIGITS = 40
@@ -40,53 +40,53 @@ def heights(trace: Trace, radius: float) -> tuple[Heights, ...]:
     with localcontext() as context:
         context.prec = _DIGITS
         extremes = _extremes(trace, _decimal(radius))
-        lowest = alike.least_of([low for _, _, low in extremes])
+        lowest = elementwise.least_of([low for _, _, low in extremes])
         rises = [(bottom - lowest, top - lowest) for bottom, top, _ in extremes]
         # Between two doubles the last digits, which depend on the trace's left end, do not decide.
         context.prec = _CERTAIN_DIGITS
         return tuple(Heights(_double(bottom), _double(top)) for bottom, top in rises)
 
 
-def _decimal(value: alike.Some) -> Any:
+def _decimal(value: elementwise.Some) -> Any:
     """A double, or each of many, as a decimal."""
-    return alike.each(Decimal, value, kind=object)
+    return elementwise.each(Decimal, value, kind=object)
 
 
 def _double(value: Any) -> Any:
     """The double nearest to a decimal, or to each of many."""
     if isinstance(value, Decimal):
         return float(+value)
-    return alike.each(lambda one: float(+one), value)
+    return elementwise.each(lambda one: float(+one), value)
 
 
 def contains_turn(piece: Piece, angle: float) -> bool:
     """Tell whether an arc contains ``angle`` (rad) plus some whole turns."""
-    turns = alike.ceiling((piece.angle_start - angle) / math.tau)
+    turns = elementwise.ceiling((piece.angle_start - angle) / math.tau)
     return angle + turns * math.tau <= piece.angle_end  # type: ignore[no-any-return]
 
 
 def _extremes(trace: Trace, radius: Any) -> list[tuple[Any, Any, Any]]:
     """Bottom and top of the path of the centre, and the lowest place on the piece, for each."""
     found = []
-    cosine = alike.each(_cosine, trace.pieces[0].start_slope, kind=object)
+    cosine = elementwise.each(_cosine, trace.pieces[0].start_slope, kind=object)
     # The body's centre is above the contact point by r cos(alpha), at every slope.
     contact: Any = Decimal(0)
     for piece in trace.pieces:
         start = contact + radius * cosine
         if piece.is_line:
-            sine = alike.each(_sine, piece.start_slope, kind=object)
+            sine = elementwise.each(_sine, piece.start_slope, kind=object)
             contact = contact + _decimal(piece.length) * sine
             end = contact + radius * cosine
-            found.append((start, end, alike.least(start, end)))
+            found.append((start, end, elementwise.least(start, end)))
             continue
         sign = Decimal(piece.sign)
         centre = contact + sign * _decimal(piece.radius) * cosine
-        cosine = alike.each(_cosine, piece.end_slope, kind=object)
+        cosine = elementwise.each(_cosine, piece.end_slope, kind=object)
         contact = centre - sign * _decimal(piece.radius) * cosine
         path_radius = _decimal(piece.radius) - sign * radius
-        low = alike.least(start, contact + radius * cosine)
+        low = elementwise.least(start, contact + radius * cosine)
         turn = contains_turn(piece, 0.0 if piece.sign > 0.0 else math.pi)
-        low = alike.choose(turn, centre - path_radius, low)
+        low = elementwise.choose(turn, centre - path_radius, low)
         found.append((centre - path_radius, centre + path_radius, low))
     return found
 

@@ -29,7 +29,8 @@ from typing import Any
 
 from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
+from vibro_cli.numerics.elementwise import EPSILON
 
 _SEARCH_LIMIT = 5000
 _RESOLUTION = 1e-9
@@ -75,7 +76,7 @@ class Path:
     @property
     def size(self) -> float:
         """Size of the coordinates on the path (m)."""
-        farthest: float = alike.greatest(-self.low, self.high)
+        farthest: float = elementwise.greatest(-self.low, self.high)
         return abs(self.origin[0]) + abs(self.origin[1]) + self.rate * farthest
 
     def point(self, position: float) -> tuple[float, float]:
@@ -84,8 +85,8 @@ class Path:
         if self.is_line:
             return x + position * self.along[0], y + position * self.along[1]
         return (
-            x + self.rate * alike.about("sin", math.sin, position),
-            y - self.sign * self.rate * alike.about("cos", math.cos, position),
+            x + self.rate * elementwise.about("sin", math.sin, position),
+            y - self.sign * self.rate * elementwise.about("cos", math.cos, position),
         )
 
     def distance(self, x: float, y: float, low: float, high: float) -> float:
@@ -96,22 +97,22 @@ class Path:
         if self.is_line:
             along = x * self.along[0] + y * self.along[1]
             across = y * self.along[0] - x * self.along[1]
-            inside = alike.least(alike.greatest(along, low), high)
-            found = alike.distance(along - inside, across)
+            inside = elementwise.least(elementwise.greatest(along, low), high)
+            found = elementwise.distance(along - inside, across)
             return found
-        aside = alike.direction(x, -self.sign * y) - 0.5 * (low + high)
-        turns = alike.about("rint", round, aside / math.tau)
+        aside = elementwise.direction(x, -self.sign * y) - 0.5 * (low + high)
+        turns = elementwise.about("rint", round, aside / math.tau)
         beyond = abs(aside - turns * math.tau) - 0.5 * (high - low)
-        radius = alike.distance(x, y)
-        half_sine = alike.about("sin", math.sin, 0.5 * alike.greatest(beyond, 0.0))
-        chord = 2.0 * alike.square_root(radius * self.rate) * half_sine
-        found = alike.distance(radius - self.rate, chord)
+        radius = elementwise.distance(x, y)
+        half_sine = elementwise.about("sin", math.sin, 0.5 * elementwise.greatest(beyond, 0.0))
+        chord = 2.0 * elementwise.square_root(radius * self.rate) * half_sine
+        found = elementwise.distance(radius - self.rate, chord)
         return found
 
 
 def _rounding(path: Path, other: Path, needed: float) -> float:
     """More than what distances (m) of two paths can be wrong by."""
-    return 64.0 * _EPSILON * (path.size + other.size + needed)
+    return 64.0 * EPSILON * (path.size + other.size + needed)
 
 
 def search(path: Path, other: Path, window: Window, needed: float) -> Answer:
@@ -152,7 +153,7 @@ def near(paths: Sequence[Path], others: Sequence[Path], needed: float) -> list[t
     length of its middle.
     """
     sizes = sum(max((path.size for path in row), default=0.0) for row in (paths, others))
-    reach = needed + 256.0 * _EPSILON * (sizes + needed)
+    reach = needed + 256.0 * EPSILON * (sizes + needed)
     edges = []
     for side, row in enumerate((paths, others)):
         for index, path in enumerate(row):
@@ -185,7 +186,7 @@ def surely_clear(path: Path, other: Path, window: Window, needed: Any, count: in
     which = np.arange(count)
     low, high = (np.array(np.broadcast_to(end, count)) for end in (path.low, path.high))
     for _ in range(_LEVELS):
-        ahead, beside, between, reach_of = alike.taken((path, other, window, needed), which)
+        ahead, beside, between, reach_of = elementwise.taken((path, other, window, needed), which)
         stretch = between.stretch(low, high)
         middle = 0.5 * (low + high)
         x, y = ahead.point(middle)
@@ -208,7 +209,7 @@ def surely_clear(path: Path, other: Path, window: Window, needed: Any, count: in
 def _slopes(piece: Piece, low: float, high: float) -> Interval:
     """Return the least and the greatest slope between two positions on a piece."""
     first, last = piece.slope(low), piece.slope(high)
-    return alike.least(first, last), alike.greatest(first, last)
+    return elementwise.least(first, last), elementwise.greatest(first, last)
 
 
 def _junction_slopes(trace: Trace, first: int, last: int) -> Interval:
@@ -219,7 +220,7 @@ def _junction_slopes(trace: Trace, first: int, last: int) -> Interval:
     count = len(trace.pieces)
     turn = _turn(trace)
     ends = [trace.pieces[n % count].end_slope + turn * (n // count) for n in range(first, last)]
-    return alike.least_of(ends), alike.greatest_of(ends)
+    return elementwise.least_of(ends), elementwise.greatest_of(ends)
 
 
 def _turn(trace: Trace) -> float:
@@ -231,7 +232,7 @@ def _after(piece: Piece, slopes: Interval) -> Any:
     low, high = slopes
     within = low + math.pi if piece.sign > 0.0 else math.pi - high
     within = math.inf if piece.is_line else within
-    return alike.choose(high - low >= math.pi, piece.angle_start, within)
+    return elementwise.choose(high - low >= math.pi, piece.angle_start, within)
 
 
 def _before(piece: Piece, slopes: Interval) -> Any:
@@ -239,11 +240,11 @@ def _before(piece: Piece, slopes: Interval) -> Any:
     low, high = slopes
     within = high - math.pi if piece.sign > 0.0 else -low - math.pi
     within = -math.inf if piece.is_line else within
-    return alike.choose(high - low >= math.pi, piece.angle_end, within)
+    return elementwise.choose(high - low >= math.pi, piece.angle_end, within)
 
 
 def _hull(one: Interval, two: Interval, shift: float) -> Interval:
-    return alike.least(one[0] + shift, two[0]), alike.greatest(one[1] + shift, two[1])
+    return elementwise.least(one[0] + shift, two[0]), elementwise.greatest(one[1] + shift, two[1])
 
 
 @dataclass(frozen=True)
@@ -279,10 +280,10 @@ class Window:
         slopes = _slopes(self.here, low, high)
         if self.to_right is not None:
             hull = _hull(slopes, self.to_right, self.shift_right)
-            first = alike.greatest(first, _after(self.there, hull))
+            first = elementwise.greatest(first, _after(self.there, hull))
         if self.to_left is not None:
             hull = _hull(slopes, self.to_left, self.shift_left)
-            last = alike.least(last, _before(self.there, hull))
+            last = elementwise.least(last, _before(self.there, hull))
         return first, last
 
 
@@ -291,7 +292,6 @@ def whole(piece: Piece) -> Window:
     return Window(piece, piece, None, 0.0, None, 0.0)
 
 
-_EPSILON = 2.0**-52
 # Answers that are kept: the scenarios of a grid ask for the same ones again and again.
 _REMEMBERED = 4096
 
@@ -306,7 +306,7 @@ def overlapping_pieces(trace: Trace) -> tuple[int, ...]:
 
     A full turn is right only for a single piece that is closed.
     """
-    limit = math.tau * (1.0 - 4.0 * _EPSILON)
+    limit = math.tau * (1.0 - 4.0 * EPSILON)
     if trace.closed and len(trace.pieces) == 1:
         limit = math.tau * (1.0 + 1e-12)
     return tuple(
@@ -365,14 +365,14 @@ def contact_angle(piece: Piece, radius_a: float, radius_b: float) -> float:
     overlap.
     """
     if piece.is_line:
-        return 2.0 * alike.square_root(radius_a * radius_b)
+        return 2.0 * elementwise.square_root(radius_a * radius_b)
     rho_a, rho_b = piece.path_radius(radius_a), piece.path_radius(radius_b)
     fit = (rho_a > 0.0) & (rho_b > 0.0)
-    if not alike.occurs(fit):
+    if not elementwise.occurs(fit):
         return math.inf
-    half_sine = alike.square_root(radius_a * radius_b / (rho_a * rho_b))
+    half_sine = elementwise.square_root(radius_a * radius_b / (rho_a * rho_b))
     reached = fit & (half_sine <= 1.0)
-    angle: float = alike.choose(reached, 2.0 * alike.arcsine(half_sine), math.inf)
+    angle: float = elementwise.choose(reached, 2.0 * elementwise.arcsine(half_sine), math.inf)
     return angle
 
 
@@ -419,8 +419,10 @@ def pocket_radius(curvature: float, radius_a: float, radius_b: float) -> float:
     """
     a, b = 1.0 / radius_a, 1.0 / radius_b
     under_root = a * b - curvature * (a + b)
-    root = alike.square_root(alike.greatest(under_root, 0.0))
-    radius: float = alike.choose(under_root < 0.0, math.inf, 1.0 / (a + b - curvature + 2.0 * root))
+    root = elementwise.square_root(elementwise.greatest(under_root, 0.0))
+    radius: float = elementwise.choose(
+        under_root < 0.0, math.inf, 1.0 / (a + b - curvature + 2.0 * root)
+    )
     return radius
 
 
@@ -431,7 +433,9 @@ def fits_between(trace: Trace, outer: tuple[float, float], between: tuple[float,
     exact; on a chain the tightest valley decides, and bodies that fit one by one count as
     fitting together.
     """
-    curvature = alike.greatest_of([0.0, *(1.0 / p.radius for p in trace.pieces if p.sign > 0.0)])
+    curvature = elementwise.greatest_of(
+        [0.0, *(1.0 / p.radius for p in trace.pieces if p.sign > 0.0)]
+    )
     largest = pocket_radius(curvature, *outer)
     one_by_one = reduce(and_, [radius <= largest * (1.0 + 1e-12) for radius in between])
     if len(trace.pieces) > 1:
@@ -440,9 +444,9 @@ def fits_between(trace: Trace, outer: tuple[float, float], between: tuple[float,
     row = (outer[0], *between, outer[1])
     room = contact_angle(piece, *outer)
     taken = [contact_angle(piece, a, b) for a, b in pairwise(row)]
-    together = alike.exact_sum(taken) <= room * (1.0 + 16.0 * _EPSILON)
+    together = elementwise.exact_sum(taken) <= room * (1.0 + 16.0 * EPSILON)
     finite = reduce(and_, [angle < math.inf for angle in (room, *taken)])
-    return alike.choose(finite, together, one_by_one)
+    return elementwise.choose(finite, together, one_by_one)
 
 
 Between = tuple[tuple[int, int], tuple[int, ...]]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from vibro_cli.kernels.structs import BodyData
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.trace import Trace
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
 
 BALL = "ball"
 DISK = "disk"
@@ -39,16 +39,16 @@ def mass_from_density(
     Raises ValueError for another kind, or when the thickness is missing.
     """
     if kind in (BALL, PARTICLE):
-        return 4.0 / 3.0 * math.pi * alike.power(radius, 3) * density
+        return 4.0 / 3.0 * math.pi * elementwise.power(radius, 3) * density
     if kind not in NEEDS_THICKNESS:
         raise ValueError(f"the mass of a body of kind {kind!r} does not follow from its density")
     if thickness is None:
         raise ValueError(f"a {kind} with a density needs a thickness")
     if kind == DISK:
-        return math.pi * alike.power(radius, 2) * thickness * density
+        return math.pi * elementwise.power(radius, 2) * thickness * density
     if kind == HOLLOW_BALL:
-        return 4.0 * math.pi * alike.power(radius, 2) * thickness * density
-    return 2.0 * math.pi * radius * alike.power(thickness, 2) * density
+        return 4.0 * math.pi * elementwise.power(radius, 2) * thickness * density
+    return 2.0 * math.pi * radius * elementwise.power(thickness, 2) * density
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,14 @@ class Body:
     def rolling_inertia(self) -> float:
         """J_P = κ m r² (kg m²), about the point of contact with the trace."""
         return self.kappa * self.mass * self.radius**2
+
+    def natural_rate(self, gravity: float, rho: float) -> float:
+        """Return w = √(g/κρ) (rad/s), the rate of small oscillations at the bottom of a valley.
+
+        ``gravity`` is in m/s²; ``rho`` is the radius (m) of the path of the body's centre. Numbers
+        may be arrays or carry derivatives (see ``numerics.elementwise``).
+        """
+        return elementwise.square_root(gravity / (self.kappa * rho))
 
 
 @dataclass(frozen=True)

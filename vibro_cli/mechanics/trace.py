@@ -1,6 +1,6 @@
 """The trace: a plane curve of valleys, humps and lines with a common tangent at every junction.
 
-Its numbers may be arrays (see ``numerics.alike``): then it is many traces of the same shapes.
+Its numbers may be arrays (see ``numerics.elementwise``): then it is many traces of the same shapes.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
 
 VALLEY = "valley"
 HUMP = "hump"
@@ -26,12 +26,12 @@ def sine_cosine(angle: float) -> Point:
     `angle` in rad. A sine within half a unit in the last place of its argument belongs to the
     double nearest to a multiple of π and is 0; likewise the cosine at odd multiples of π/2.
     """
-    rounding = 0.5 * alike.each(math.ulp, angle)
-    sine = alike.sine(angle)
-    cosine = alike.cosine(angle)
+    rounding = 0.5 * elementwise.each(math.ulp, angle)
+    sine = elementwise.sine(angle)
+    cosine = elementwise.cosine(angle)
     return (
-        alike.choose(abs(sine) <= rounding, 0.0, sine),
-        alike.choose(abs(cosine) <= rounding, 0.0, cosine),
+        elementwise.choose(abs(sine) <= rounding, 0.0, sine),
+        elementwise.choose(abs(cosine) <= rounding, 0.0, cosine),
     )
 
 
@@ -107,8 +107,8 @@ class Piece:
         if self.is_line:
             sine, cosine = sine_cosine(self.start_slope)
             return (
-                alike.exact_sum((self.start[0], position * cosine, -body_radius * sine)),
-                alike.exact_sum((self.start[1], position * sine, body_radius * cosine)),
+                elementwise.exact_sum((self.start[0], position * cosine, -body_radius * sine)),
+                elementwise.exact_sum((self.start[1], position * sine, body_radius * cosine)),
             )
         sine, cosine = sine_cosine(position)
         rho = self.path_radius(body_radius)
@@ -130,11 +130,14 @@ class _Pen:
 
     def place(self, x_terms: Sequence[float] = (), y_terms: Sequence[float] = ()) -> Point:
         """Return the end of the chain, moved by the given terms and rounded once."""
-        return (alike.exact_sum([*self._x, *x_terms]), alike.exact_sum([*self._y, *y_terms]))
+        return (
+            elementwise.exact_sum([*self._x, *x_terms]),
+            elementwise.exact_sum([*self._y, *y_terms]),
+        )
 
     def arc_length(self) -> float:
         """Return the length of the chain drawn so far."""
-        return alike.exact_sum(self._s)
+        return elementwise.exact_sum(self._s)
 
     def move(self, x_terms: Sequence[float], y_terms: Sequence[float], length: float) -> None:
         """Draw on by a displacement given as sums."""
@@ -202,14 +205,14 @@ def _draw(pen: _Pen, index: int, described: ArcShape) -> Piece:
     if described.shape not in _SIGN:
         raise ValueError(f"piece {index + 1}: unknown shape {described.shape!r}")
     if described.shape == LINE:
-        if described.length is None or not alike.holds(described.length > 0.0):
+        if described.length is None or not elementwise.holds(described.length > 0.0):
             raise ValueError(f"piece {index + 1}: a line needs a length greater than 0")
         return _draw_line(pen, index, described.length)
-    if described.radius is None or not alike.holds(described.radius > 0.0):
+    if described.radius is None or not elementwise.holds(described.radius > 0.0):
         raise ValueError(f"piece {index + 1}: a {described.shape} needs a radius greater than 0")
     if described.end_slope is None:
         raise ValueError(f"piece {index + 1}: a {described.shape} needs an end slope")
-    if not alike.holds(_SIGN[described.shape] * (described.end_slope - pen.slope) > 0.0):
+    if not elementwise.holds(_SIGN[described.shape] * (described.end_slope - pen.slope) > 0.0):
         turn = "rise" if described.shape == VALLEY else "fall"
         raise ValueError(f"piece {index + 1}: the slope of a {described.shape} must {turn}")
     return _draw_arc(pen, index, described.shape, described.radius, described.end_slope)

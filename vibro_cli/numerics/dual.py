@@ -1,7 +1,7 @@
 """Numbers that carry their derivatives to some parameters: forward differentiation, exact.
 
-What is written for numbers and arrays alike (``numerics.alike``) takes them too. A function whose
-derivative is not known here is refused, so that none is lost.
+What is written for numbers and arrays alike (``numerics.elementwise``) takes them too. A function
+whose derivative is not known here is refused, so that none is lost.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
 from vibro_cli.simulation.prepare import turns_of
 
 Floats = NDArray[np.float64]
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 def centres(piece: Piece, positions: Floats, body_radius: float) -> tuple[Floats, Floats]:
     """Centres (m) of a body at positions on a piece, to rounding (one: ``Piece.body_center``)."""
     if piece.is_line:
-        sine, cosine = alike.sine(piece.start_slope), alike.cosine(piece.start_slope)
+        sine, cosine = elementwise.sine(piece.start_slope), elementwise.cosine(piece.start_slope)
         return (
             piece.start[0] + positions * cosine - body_radius * sine,
             piece.start[1] + positions * sine + body_radius * cosine,
@@ -39,7 +39,7 @@ class Places:
     Parameters
     ----------
     system
-        Its numbers may be arrays (see ``numerics.alike``), of several systems.
+        Its numbers may be arrays (see ``numerics.elementwise``), of several systems.
     of_rows
         Then the system of each row of a table of runs, from 0; the arrays have a last axis for the
         rows, and pieces are to be given for each.

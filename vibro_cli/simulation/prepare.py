@@ -24,7 +24,7 @@ from vibro_cli.mechanics.potential import Heights, contains_turn, heights
 from vibro_cli.mechanics.reachability import contact_angle, reach
 from vibro_cli.mechanics.system import Body, System, body_record
 from vibro_cli.mechanics.trace import Piece, sine_cosine
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
 from vibro_cli.simulation.turning_tracks import set_turning
 
 NO_WALL = -1.0
@@ -34,7 +34,7 @@ def turns_of(piece: Piece) -> int:
     """Whole turns between the papers' angle of an arc and the angle whose half is computed with."""
     if piece.is_line:
         return 0
-    turns: int = alike.nearest((piece.angle_start + piece.angle_end) / (2.0 * math.tau))
+    turns: int = elementwise.nearest((piece.angle_start + piece.angle_end) / (2.0 * math.tau))
     return turns
 
 
@@ -43,7 +43,7 @@ def half_angle(piece: Piece, position: float) -> tuple[float, float]:
     if piece.is_line:
         return position, 1.0
     sine, cosine = sine_cosine(0.5 * position)
-    flip = alike.choose(turns_of(piece) % 2 == 1, -1.0, 1.0)
+    flip = elementwise.choose(turns_of(piece) % 2 == 1, -1.0, 1.0)
     if piece.sign > 0.0:
         return flip * sine, flip * cosine
     return flip * cosine, -flip * sine
@@ -67,7 +67,8 @@ def make_world(
     """Return the records of a run, its bodies at their initial states, its logs without rows.
 
     Without ``far_apart`` it is not asked where bodies can never meet; they are searched there, too.
-    The numbers of the system may be arrays, and those of the records are then (``numerics.alike``).
+    The numbers of the system may be arrays, and those of the records are then
+    (``numerics.elementwise``).
     """
     nowhere = [[False] * len(system.trace.pieces) for _ in system.trace.pieces]
     levels = [heights(system.trace, body.radius) for body in system.bodies]
@@ -169,14 +170,18 @@ def _track_data(system: System, piece: Piece, number: int, levels: Heights) -> T
         return track
     rho = piece.path_radius(body.radius)
     track.path_radius = rho
-    track.frequency = alike.square_root(system.gravity / (body.kappa * rho))
+    track.frequency = body.natural_rate(system.gravity, rho)
     track.speed_factor = 2.0 * track.frequency * rho
     track.twice_radius = 2.0 * rho
     squares = (track.left_s * track.left_s, track.right_s * track.right_s)
     # f = phi in a valley, psi + pi on a hump: S^2 is 0 at f = 0, 1 at f = pi.
     bottom, top = (0.0, math.pi) if piece.sign > 0.0 else (math.pi, 0.0)
-    track.lowest_s2 = alike.choose(contains_turn(piece, bottom), 0.0, alike.least(*squares))
-    track.highest_s2 = alike.choose(contains_turn(piece, top), 1.0, alike.greatest(*squares))
+    track.lowest_s2 = elementwise.choose(
+        contains_turn(piece, bottom), 0.0, elementwise.least(*squares)
+    )
+    track.highest_s2 = elementwise.choose(
+        contains_turn(piece, top), 1.0, elementwise.greatest(*squares)
+    )
     return track
 
 
@@ -202,7 +207,7 @@ def _at_wall(piece: Piece, radius: float, right: bool, outermost: bool) -> float
     place = wall_position(piece, radius, right)
     if place is not None:
         on_piece = place >= piece.angle_start if right else place <= piece.angle_end
-        touch: float = alike.choose(on_piece, place, end)
+        touch: float = elementwise.choose(on_piece, place, end)
         return touch
     if outermost:
         raise ValueError(f"piece {piece.index + 1} is too short for a body to touch its wall")
@@ -229,17 +234,17 @@ def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
     total = body_a.radius + body_b.radius
     product = body_a.radius * body_b.radius
     if piece.is_line:
-        contact.sine = 2.0 * alike.square_root(product)
+        contact.sine = 2.0 * elementwise.square_root(product)
         contact.normal_a = contact.normal_b = contact.sine / total
         return contact
-    if not alike.holds(contact_angle(piece, body_a.radius, body_b.radius) < math.inf):
+    if not elementwise.holds(contact_angle(piece, body_a.radius, body_b.radius) < math.inf):
         # Two bodies that never stand in this valley side by side: always in contact there.
         contact.sine = 1.0
         return contact
     rho_a, rho_b = piece.path_radius(body_a.radius), piece.path_radius(body_b.radius)
-    contact.sine = alike.square_root(product / (rho_a * rho_b))
-    contact.cosine = alike.square_root((1.0 - contact.sine) * (1.0 + contact.sine))
-    contact.far_gap = math.pi - 2.0 * alike.arcsine(contact.sine)
+    contact.sine = elementwise.square_root(product / (rho_a * rho_b))
+    contact.cosine = elementwise.square_root((1.0 - contact.sine) * (1.0 + contact.sine))
+    contact.far_gap = math.pi - 2.0 * elementwise.arcsine(contact.sine)
     sine_beta = 2.0 * contact.sine * contact.cosine
     contact.normal_a = rho_b * sine_beta / total
     contact.normal_b = rho_a * sine_beta / total
@@ -254,12 +259,12 @@ def initial_flight(system: System, number: int) -> Flight:
     flight = Flight()
     flight.piece = state.piece
     flight.anchor = -1
-    flight.brief = alike.square_root(2.0 * NOWHERE * body.radius / system.gravity)
+    flight.brief = elementwise.square_root(2.0 * NOWHERE * body.radius / system.gravity)
     flight.s, flight.c = half_angle(piece, state.position)
     if piece.is_line:
         flight.p = state.speed
     else:
         rho = piece.path_radius(body.radius)
-        frequency = alike.square_root(system.gravity / (body.kappa * rho))
+        frequency = body.natural_rate(system.gravity, rho)
         flight.p = state.speed / (2.0 * frequency * rho)
     return flight

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.mechanics.system import System
+from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.simulation.tangents import follow_system, time_scale
@@ -26,7 +27,6 @@ from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
 
-EPSILON = 2.0**-52
 MARK = 64.0  # of eps times the amplification
 INSTANTS = 16
 CHANGE = 2.0**-30  # of an input, relative

@@ -14,11 +14,11 @@ from vibro_cli.kernels.numerics.elliptic import (
     set_theta_constants,
     theta_functions,
 )
+from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.numerics.jacobi import Jacobi
 from vibro_cli.stress.finding import Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
 
-EPSILON = 2.0**-52
 LARGEST = math.log10(0.5)  # exponent of 1 - m
 PLAINLY = "relative error of cn, dn / (eps max(1, u))"
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.simulation.run import Run
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
@@ -144,7 +145,6 @@ def _overlap(twin: Twin, run: Run, row: int) -> float:
     return max(float(touch - mp.hypot(bx - ax, by - ay)), 0.0) / math.ulp(largest)
 
 
-EPSILON = 2.0**-52
 TURNS = 1.0e6
 PERIODS = 1.0e9
 RATIOS = (1.0, 1.0e2, 1.0e4)

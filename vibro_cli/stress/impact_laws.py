@@ -15,6 +15,7 @@ import numpy as np
 
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import Body
+from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.simulation.run import Run
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
@@ -341,7 +342,6 @@ def _root(mp: Any, coefficients: list[Any], step: Any) -> Any:
     return u
 
 
-EPSILON = 2.0**-52
 # Accumulations of many bodies take tens of thousands of impacts; more than this is no end.
 MOST_IMPACTS = 200_000
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
@@ -78,7 +79,6 @@ def columns(run: Run) -> dict[str, list[float]]:
     return {name: [float(solved(run, name, row)) for row in range(count)] for name in QUANTITIES}
 
 
-EPSILON = 2.0**-52
 FIRST = 10
 LONGEST = 30.0  # s
 # Where a unit in the last place of a start moves the end by more than this part of a flight, the

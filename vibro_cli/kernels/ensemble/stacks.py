@@ -1,8 +1,8 @@
 """Many systems that differ in numbers only, one after another on the same records.
 
-The numbers of a system may be arrays (see ``numerics.alike``); so are those of its records, which
-are made by the same functions as those of a single one. Here they become rows of records, from
-which a batch takes what the system of its next run needs.
+The numbers of a system may be arrays (see ``numerics.elementwise``); so are those of its records,
+which are made by the same functions as those of a single one. Here they become rows of records,
+from which a batch takes what the system of its next run needs.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.numerics import alike
+from vibro_cli.numerics import elementwise
 
 NUMBERS = np.concatenate(
     [
@@ -20,18 +20,18 @@ NUMBERS = np.concatenate(
     ]
 )
 ONE: list[Callable[[Any], Any]] = [
-    alike.sine,
-    alike.cosine,
-    alike.arcsine,
-    lambda x: alike.square_root(abs(x)),
-    lambda x: alike.power(x, 3),
-    alike.nearest,
-    alike.ceiling,
-    lambda x: alike.exact_sum([x, 0.1, -x, 1e-17]),
-    lambda x: alike.choose(x > 0.3, x, 2.0),
-    lambda x: alike.least(x, 0.5),
-    lambda x: alike.greatest_of([x, 0.5, 0.7]),
-    lambda x: alike.least_of([0.5, x]),
+    elementwise.sine,
+    elementwise.cosine,
+    elementwise.arcsine,
+    lambda x: elementwise.square_root(abs(x)),
+    lambda x: elementwise.power(x, 3),
+    elementwise.nearest,
+    elementwise.ceiling,
+    lambda x: elementwise.exact_sum([x, 0.1, -x, 1e-17]),
+    lambda x: elementwise.choose(x > 0.3, x, 2.0),
+    lambda x: elementwise.least(x, 0.5),
+    lambda x: elementwise.greatest_of([x, 0.5, 0.7]),
+    lambda x: elementwise.least_of([0.5, x]),
 ]
 
 
@@ -57,5 +57,5 @@ def test_many_traces_are_as_single_ones() -> None:
     many = chain(start, radius, end, length)
     for n in range(count):
         one = chain(*(float(column[n]) for column in (start, radius, end, length)))
-        for piece, other in zip(one.pieces, alike.taken(many, n).pieces, strict=True):
+        for piece, other in zip(one.pieces, elementwise.taken(many, n).pieces, strict=True):
             assert re.sub(r"np\.float64\(([^)]*)\)", r"\1", repr(other)) == repr(piece)
