@@ -135,7 +135,9 @@ def _report(wishes: _Wishes) -> int:
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     subject = _subject(wishes)
     _check_maps(subject, wishes.maps)
-    gc.freeze()  # figures are collected again and again: all that is there by now stays
+    # Figures are collected again and again, and what is there by now stays.
+    gc.freeze()
+    gc.set_threshold(50_000, 4, 2)
     content = _page(subject, Path.cwd() if printed else target.parent, wishes.maps)
     if printed:
         sys.stdout.buffer.write(content)

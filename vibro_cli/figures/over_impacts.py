@@ -170,12 +170,14 @@ def _errors(run: Recorded) -> tuple[Array, Array, int]:
 
     Of very many flights those that can be told apart.
     """
-    time, change = energy_residuals(run)
-    error, flights = np.abs(change), len(time)
-    if flights > MOST_MARKS:
-        apart = told_apart(time, error)
-        time, error = time[apart], error[apart]
-    return time, error, flights
+    times, errors, flights = [], [], 0
+    for time, change in energy_residuals(run):
+        error = np.abs(change)
+        apart = told_apart(time, error) if len(time) > MOST_MARKS else slice(None)
+        times.append(time[apart])
+        errors.append(error[apart])
+        flights += len(time)
+    return np.concatenate(times), np.concatenate(errors), flights
 
 
 def _residuals(

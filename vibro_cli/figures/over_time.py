@@ -158,7 +158,8 @@ def _sums(courses: Sequence[tuple[Array, Array]], count: int) -> Iterator[tuple[
     edges = [*np.linspace(0.0, end, count + 1)[:-1].tolist(), np.nextafter(end, np.inf)]
     for span in pairwise(edges):
         parts = [time[slice(*np.searchsorted(time, span))] for time, _ in courses]
-        times = np.unique(np.concatenate(parts))
+        times = np.sort(np.concatenate(parts), kind="stable")  # merges what is in order
+        times = times[np.append(True, times[1:] != times[:-1])]
         sides = np.stack([np.nextafter(times, side) for side in (-np.inf, np.inf)], axis=1).ravel()
         yield sides, np.sum([np.interp(sides, time, energy) for time, energy in courses], axis=0)
 
@@ -177,7 +178,7 @@ def seen(parts: Iterable[tuple[Array, Array]], strips: int = _STRIPS) -> tuple[A
             for first, beyond in pairwise([0, *edges.tolist(), len(time)]):
                 if first < beyond:
                     within = values[first:beyond]
-                    extremes = first + int(np.argmin(within)), first + int(np.argmax(within))
+                    extremes = first + int(within.argmin()), first + int(within.argmax())
                     kept += sorted({first, *extremes, beyond - 1})
             time, values = time[kept], values[kept]
         shown.append((time, values))

@@ -29,12 +29,20 @@ class LongTable(Protocol):
     def first(self, rows: int) -> Table:
         """Return the first rows."""
 
+    def at(self, name: str, rows: Integers) -> NDArray[Any]:
+        """Return the values of a column in some rows."""
+
 
 def first_of(table: Table, rows: int) -> Table:
     """Return the first rows of a table."""
     if isinstance(table, LongTable):
         return table.first(rows)
     return {name: column[:rows] for name, column in table.items()}
+
+
+def values_at(table: Table, name: str, rows: Integers) -> NDArray[Any]:
+    """Return the values of a column in some rows."""
+    return table.at(name, rows) if isinstance(table, LongTable) else np.asarray(table[name])[rows]
 
 
 class Recorded(Protocol):

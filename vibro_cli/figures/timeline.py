@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,30 +157,30 @@ def _pace(run: Recorded, ball: int, piece: Piece) -> float:
     return _PER_PERIOD * body.natural_rate(run.system.gravity, radius) / (2.0 * math.pi)
 
 
-def energy_residuals(run: Recorded) -> tuple[Array, Array]:
-    """Return the ends (s) of all free flights, body by body, and the change of energy along each.
+def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
+    """Yield the ends (s) of free flights and the change of energy along each, piece by piece.
 
     Relative to the energy of all bodies at the start; from the states alone, so that it is a
     measure of the error of the motion.
     """
-    flights = run.flights()
-    ends, changes = [], []
-    whole = 0.0
-    free = ~np.asarray(flights["contact"], dtype=np.bool_)
+    flights, pieces = run.flights(), run.system.trace.pieces
+    hills = [Landscape.of(run.system, ball) for ball in range(1, len(run.system.bodies) + 1)]
+
+    def energy(body: int, piece: Piece, rows: Integers, end: str) -> Array:
+        return hills[body].energy(piece, *(flights[f"{x}_{end}"][rows] for x in ("angle", "rate")))
+
+    # Flights stand body by body in order of time.
+    firsts = np.searchsorted(flights["ball"], np.arange(1, len(hills) + 1))[:, None]
+    whole = sum(
+        float(energy(body, pieces[int(flights["arc"][row[0]]) - 1], row, "start")[0])
+        for body, row in enumerate(firsts)
+    )
     # the last flight of an accumulation stands for all the impacts that are left
-    free &= np.asarray(flights["cause_end"], dtype=object) != "contact_closed"
-    for ball in range(1, len(run.system.bodies) + 1):
-        hills = Landscape.of(run.system, ball)
-        mine = np.asarray(flights["ball"]) == ball
-        first = int(np.flatnonzero(mine)[0])
-        start = run.system.trace.pieces[int(flights["arc"][first]) - 1]
-        whole += float(
-            hills.energy(start, flights["angle_start"][first], flights["rate_start"][first])
-        )
-        for piece in run.system.trace.pieces:
-            rows = np.flatnonzero(mine & free & (np.asarray(flights["arc"]) == piece.index + 1))
-            before = hills.energy(piece, flights["angle_start"][rows], flights["rate_start"][rows])
-            after = hills.energy(piece, flights["angle_end"][rows], flights["rate_end"][rows])
-            ends.append(flights["t_end"][rows])
-            changes.append(after - before)
-    return np.concatenate(ends), np.concatenate(changes) / (whole or 1.0)
+    free = np.asarray(flights["cause_end"], dtype=object) != "contact_closed"
+    free &= ~np.asarray(flights["contact"], dtype=np.bool_)
+    for body in range(len(hills)):
+        mine = free & (np.asarray(flights["ball"]) == body + 1)
+        for piece in pieces:
+            rows = np.flatnonzero(mine & (np.asarray(flights["arc"]) == piece.index + 1))
+            change = energy(body, piece, rows, "end") - energy(body, piece, rows, "start")
+            yield flights["t_end"][rows], change / (whole or 1.0)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.levels import free_branches
-from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept
+from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept, values_at
 from vibro_cli.mechanics.trace import Piece
 
 Flags = NDArray[np.bool_]
@@ -114,9 +115,7 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
         float(flights["rate_start"][mine[0]]),
     )
     end = float(np.max(flights["t_end"][mine]))
-    jumps = jumps_of(run, ball)
-    firsts = jumps.some(slice(0, MOST_NUMBERS))
-    return Trajectory(branches, jumps.some(slice(None, None, every)), firsts, start, end, every)
+    return Trajectory(branches, *jumps_of(run, ball, every), start, end, every)
 
 
 def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
@@ -247,41 +246,37 @@ def _chosen(points: Array, count: int) -> Array:
     return np.column_stack([np.interp(place, known, column) for column in points.T])
 
 
-def jumps_of(run: Recorded, ball: int) -> Jumps:
-    """Return the jumps of a body (from 1) at its impacts, in the order of time."""
-    parts = [_jumps_as(run, ball, side) for side in ("a", "b")]
-    number = np.concatenate([part.number for part in parts])
-    order = np.argsort(number, kind="stable")
-
-    def merged(name: str) -> NDArray[np.generic]:
-        values: NDArray[np.generic] = np.concatenate([getattr(part, name) for part in parts])
-        return values[order]
-
-    return Jumps(**{name: merged(name) for name in Jumps.__dataclass_fields__})  # type: ignore[arg-type]
-
-
-def _jumps_as(run: Recorded, ball: int, side: str) -> Jumps:
-    """Return the jumps of a body where it is body a, or body b, of the pair."""
+def jumps_of(run: Recorded, ball: int, every: int = 1) -> tuple[Jumps, Jumps]:
+    """Return one in so many jumps of a body (from 1) at its impacts, and the first ones."""
     table = run.collisions
-    rows = np.flatnonzero(np.asarray(table[f"ball_{side}"]) == ball)
-    piece = np.asarray(table[f"arc_{side}"], dtype=np.int64)[rows] - 1
-    position = np.array(table[f"angle_{side}"][rows], dtype=np.float64)
-    before = np.array(table[f"rate_{side}_pre"][rows], dtype=np.float64)
-    after = np.array(table[f"rate_{side}_post"][rows], dtype=np.float64)
+    left = np.asarray(table["ball_a"]) == ball
+    rows = np.flatnonzero(left | (np.asarray(table["ball_b"]) == ball))
+    some, firsts = rows[::every], rows[:MOST_NUMBERS]
+    rows = np.concatenate([some, firsts])
+    jumps = _jumps_at(run, rows, left[rows])
+    return jumps.some(slice(0, len(some))), jumps.some(slice(len(some), None))
+
+
+def _jumps_at(run: Recorded, rows: Integers, left: Flags) -> Jumps:
+    """Return the jumps of a body at impacts, rows of their table, at which it may be the left."""
+    column = partial(values_at, run.collisions, rows=rows)
+
+    def own(name: str, after: str = "") -> Array:
+        return np.where(left, *(column(f"{name}_{side}{after}") for side in "ab"))
+
+    piece = own("arc").astype(np.int64) - 1
+    position, before, after = own("angle"), own("rate", "_pre"), own("rate", "_post")
     for line in (line for line in run.system.trace.pieces if line.is_line):
         on_line = piece == line.index  # the table has no angles there
-        position[on_line] = table[f"s_{side}"][rows][on_line] - line.start_s
-        before[on_line] = table[f"speed_{side}_pre"][rows][on_line]
-        after[on_line] = table[f"speed_{side}_post"][rows][on_line]
-    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
-        table["substituted"], dtype=np.bool_
-    )
+        position[on_line] = own("s")[on_line] - line.start_s
+        before[on_line] = own("speed", "_pre")[on_line]
+        after[on_line] = own("speed", "_post")[on_line]
     return Jumps(
-        number=np.asarray(table["n"], dtype=np.int64)[rows],
+        number=column("n").astype(np.int64),
         piece=piece,
         position=position,
         before=before,
         after=after,
-        time=np.array(table["t"][rows], dtype=np.float64),
-        made=made[rows],
+        time=column("t").astype(np.float64),
+        made=column("admissible").astype(np.bool_) | column("substituted").astype(np.bool_),
     )

@@ -22,7 +22,7 @@ from vibro_cli.simulation.summary import with_logs
 from vibro_cli.simulation.turning import overrides_of
 from vibro_cli.systems import contract
 from vibro_cli.systems.instants import within_run
-from vibro_cli.systems.stream import Stretch, begun
+from vibro_cli.systems.stream import Stretch, ahead, begun
 from vibro_cli.systems.wanted import Limits
 
 MOST_FLIGHTS = 200_000
@@ -123,7 +123,7 @@ class LongMotion:
     def _stretches(self) -> Iterator[Stretch]:
         driver = begun(self._kind, self.system, self._limits)
         self._solved = self._kind.stretches(driver, self._limits.time)
-        yield from self._solved.until(lambda: driver.rows["log"] >= self._most)
+        return ahead(self._solved.until(lambda: driver.rows["log"] >= self._most))
 
     def _paths(self, stretch: Stretch) -> Paths:
         logs = stretch.logs

@@ -23,7 +23,9 @@ from vibro_cli.systems.contract import Motion, System
 from vibro_cli.systems.run import Run
 
 # Columns of a table that are in memory at once.
-_MOST_COLUMNS = 16
+_MOST_COLUMNS = 8
+# Rows of all columns of a table that are kept once some of its first rows are asked for.
+_FIRST = 1000
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
@@ -166,10 +168,15 @@ class StoredColumns(Mapping[str, NDArray[Any]]):
     def first(self, rows: int) -> Columns:
         """Return the first rows."""
         if not self._first:
-            self._first = read_first(self._path)
+            self._first = read_first(self._path, _FIRST)
         found = {name: values[:rows] for name, values in self._first.items()}
         complete = rows <= len(found["n"]) or len(found["n"]) == len(self["n"])
         return found if complete else {name: values[:rows] for name, values in self.items()}
+
+    def at(self, name: str, rows: NDArray[np.int64]) -> NDArray[Any]:
+        """Return the values of a column in some rows; no more of it is kept."""
+        values = self._columns.get(name)
+        return (read_column(self._path, name) if values is None else values)[rows]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self._names:

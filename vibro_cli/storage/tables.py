@@ -239,13 +239,16 @@ def read_column(path: Path, name: str) -> "np.ndarray[Any, np.dtype[Any]]":
         return np.concatenate([as_array(rows[name]) for rows in groups or [file.read([name])]])
 
 
-def read_first(path: Path) -> "dict[str, np.ndarray[Any, np.dtype[Any]]]":
-    """All columns of the first group of rows of a parquet file, else as `read_column`."""
+def read_first(path: Path, rows: int) -> "dict[str, np.ndarray[Any, np.dtype[Any]]]":
+    """All columns of the first rows of a parquet file, no more than its first group has.
+
+    Else as `read_column`.
+    """
     with pq.ParquetFile(path, page_checksum_verification=True) as file:
         words = words_in(file.schema_arrow)
     with pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=words) as file:
         group = file.read_row_group(0) if file.num_row_groups else file.read()
-        return {name: as_array(group[name]) for name in group.column_names}
+        return {name: as_array(group[name].slice(0, rows)).copy() for name in group.column_names}
 
 
 def as_array(column: pa.ChunkedArray) -> "np.ndarray[Any, np.dtype[Any]]":

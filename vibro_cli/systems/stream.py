@@ -217,6 +217,15 @@ def stream(
     )
 
 
+def ahead(stretches: Iterator[Stretch]) -> Iterator[Stretch]:
+    """Yield stretches, while the next one is solved in a thread of its own."""
+    with ThreadPoolExecutor(1) as solver:
+        coming = solver.submit(next, stretches, None)
+        while (stretch := coming.result()) is not None:
+            coming = solver.submit(next, stretches, None)
+            yield stretch
+
+
 def _tell(tables: Tables, stretches: Iterator[Stretch]) -> Stretch:
     """Tell of stretches one by one; return the last one."""
     for stretch in stretches:
