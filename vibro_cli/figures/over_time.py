@@ -159,7 +159,7 @@ def _sums(courses: Sequence[tuple[Array, Array]], count: int) -> Iterator[tuple[
     for span in pairwise(edges):
         parts = [time[slice(*np.searchsorted(time, span))] for time, _ in courses]
         times = np.sort(np.concatenate(parts), kind="stable")  # merges what is in order
-        times = times[np.append(True, times[1:] != times[:-1])]
+        times = times[np.diff(times, prepend=-np.inf) > 0.0]
         sides = np.stack([np.nextafter(times, side) for side in (-np.inf, np.inf)], axis=1).ravel()
         yield sides, np.sum([np.interp(sides, time, energy) for time, energy in courses], axis=0)
 
