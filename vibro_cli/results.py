@@ -30,7 +30,7 @@ from vibro_cli.storage.stored import StoredRun, as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
 from vibro_cli.storage.stored_grid import StoredGrid
 from vibro_cli.storage.stored_grid import open_grid as open_stored_grid
-from vibro_cli.storage.tables import read_parquet, to_arrow
+from vibro_cli.storage.tables import read_parquet, to_arrow, units_of_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -218,6 +218,40 @@ class Run:
     def kinds(self) -> tuple[str, ...]:
         """The kinds of figures there are."""
         return tuple(self.solved.kind.figures)
+
+    def section(
+        self,
+        columns: Sequence[str],
+        pair: tuple[int, int] | None = None,
+        transient: int = 0,
+        width: str = "double",
+    ) -> Drawing:
+        """Draw the Poincaré section of the impacts: one column over another.
+
+        Parameters
+        ----------
+        columns
+            Two columns of numbers of the impacts, along and up.
+        pair
+            Only impacts of these bodies, from 1, the left one first.
+        transient
+            How many are left out at the beginning.
+        width
+            ``"single"`` or ``"double"``.
+
+        Raises ``ValueError`` for another column or width, and where there is no such impact.
+        """
+        from vibro_cli.figures.bifurcation import Section, poincare, quantities_of
+
+        table, section = self.collisions, Section(pair, transient)
+        quantities = quantities_of(columns, units_of_numbers(table.to_arrow().schema))
+        if len(quantities) != 2:
+            raise ValueError(f"found {len(quantities)} columns of impacts, expected two")
+        wanted = {name: table[name] for name in (*columns, *section.columns)}
+        drawn = poincare(wanted, (quantities[0], quantities[1]), section, width)
+        if drawn is None:
+            raise ValueError(f"{self.name} has no such impact")
+        return Drawing("section", drawn)
 
     def figure(self, kind: str = "portrait", body: int = 1, width: str = "double") -> Drawing:
         """Draw one figure of the run.
@@ -647,6 +681,37 @@ class Grid:
         if drawn is None:
             raise ValueError(f"{self.name} has nothing to show as {kind}")
         return Drawing(kind, drawn)
+
+    def section(
+        self,
+        columns: Sequence[str] = (),
+        pair: tuple[int, int] | None = None,
+        transient: int | None = None,
+        width: str = "double",
+    ) -> Drawing:
+        """Draw the bifurcation diagram: impacts of every run over the axis with most values.
+
+        Parameters
+        ----------
+        columns
+            One or two columns of numbers of the impacts; place and speed by default.
+        pair
+            Only impacts of these bodies, from 1, the left one first.
+        transient
+            How many of each run are left out at its beginning; by default all but the last 20 of
+            runs with more.
+        width
+            ``"single"`` or ``"double"``.
+
+        Raises ``ValueError`` for another column or width, and where no such impact was kept.
+        """
+        from vibro_cli.figures.bifurcation import Section, bifurcation, quantities_of
+
+        quantities = quantities_of(columns, self.stored.impact_units())
+        drawn = bifurcation(self.stored, width, quantities, Section(pair, transient))
+        if drawn is None:
+            raise ValueError(f"{self.name} kept no such impact, or no axis of numbers changes")
+        return Drawing("section", drawn)
 
     def basins(self, outcome: Sequence[str] = ()) -> Mapped:
         """Tell which outcome each point leads to, and how finely the outcomes are mixed.

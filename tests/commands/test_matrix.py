@@ -26,6 +26,7 @@ PRINTING = {
     "run": ["run", "small.toml", "--format", "jsonl"],
     "run --json": ["run", "small.toml", "--json", "--no-figures"],
     "grid": ["grid", "grid.toml", "--dry-run", "--json", *INTERPRETED],
+    "section": ["section", "done", "--column", "s_a", "--column", "t"],
     "basins": ["basins", "starts", "--json", "--no-figures"],
     "orbit": ["orbit", FALLING, "--json", "--impacts", "1"],
     "fit": ["fit", "small.toml", "done/collisions.parquet", "--free", "gravity", "--json"],
@@ -47,6 +48,7 @@ WRITING = {
         "run", "--continue", "done", "--set", "stop.collisions=5", "--no-figures", "-o", "locked/on"
     ],
     "grid": ["grid", "grid.toml", "-o", "locked/grid", *INTERPRETED],
+    "section": ["section", "done", "--column", "s_a", "--column", "t", "-o", "locked/s.png"],
     "basins": ["basins", "starts", "-o", "locked/basins"],
     "orbit": ["orbit", FALLING, "--impacts", "1", "-o", "locked/orbit"],
     "fit": [

@@ -14,8 +14,8 @@ from vibro_cli.commands.shared.examples import epilog
 from vibro_cli.commands.shared.options import with_common_options
 
 COMMANDS = (
-    "run", "grid", "basins", "orbit", "fit", "portrait", "report", "check", "show", "verify",
-    "schema", "new", "stress", "bench", "help",
+    "run", "grid", "section", "basins", "orbit", "fit", "portrait", "report", "check", "show",
+    "verify", "schema", "new", "stress", "bench", "help",
 )  # fmt: skip
 """Each is a function of this name (help: `help_command`), in the module that `HOMES` names."""
 HOMES = {"verify": "check", "schema": "new"}

@@ -1,57 +1,181 @@
-"""The bifurcation diagram of a grid: where and how fast the last impacts of each run are."""
+"""Impacts of a run or grid in a plane: bifurcation diagrams and Poincaré sections.
+
+Each impact is a point of the section that the contact of two bodies makes in the space of states.
+Of a grid one or two columns of the impacts stand over an axis, of a run one over another.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import stacked, value_axis
 from vibro_cli.figures.dots import draw_dots
 from vibro_cli.figures.grid_curves import place_column
-from vibro_cli.figures.lattice import Swept, lattice, set_axis
+from vibro_cli.figures.lattice import Coordinate, Swept, lattice, set_axis
+from vibro_cli.figures.source import Array
+from vibro_cli.scenario.problems import suggestion
 
 LAST = 20
-"""Impacts of each run that are shown."""
+"""Impacts of each run that are shown where no transient is named."""
 _SPEED = ("speed_a_pre", r"$v_a$ before", "m/s")
 _HIGH = {"single": 40.0, "double": 52.0}
+_MARGIN = 0.02
+_SQUARE = {"single": 62.0, "double": 90.0}
+
+Impacts = Mapping[str, NDArray[Any]]
+"""Columns of impacts by name, run after run, each in order of time."""
+Quantity = tuple[str, str, str]
+"""A column, its symbol or words, and its unit."""
 
 
-def bifurcation(grid: Swept, width: str = "single") -> Figure | None:
-    """Return place and speed of the last impacts of each run over the axis with most values.
+def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quantity]:
+    """Return columns of impacts by name, given the units of all there are.
 
-    None where no run kept more impacts than the last ones, or no axis of numbers changes.
+    Raises ValueError for a name that is no column, and for more than two.
     """
+    if len(names) > 2:
+        raise ValueError(f"found {len(names)} columns, expected at most two")
+    for name in names:
+        if name not in units:
+            hint = suggestion(name, list(units))
+            raise ValueError(f"found the column {name!r}{hint}, expected one of {', '.join(units)}")
+    return [(name, _words(name), units[name]) for name in names]
+
+
+def _words(name: str) -> str:
+    before = re.sub(r"_pre$", "_before", name)
+    return re.sub(r"_post$", "_after", before).replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Section:
+    """Which impacts are shown."""
+
+    pair: tuple[int, int] | None = None
+    """Of these bodies (from 1, the left one first), of all where there is none."""
+    transient: int | None = None
+    """How many of a run are left out at its beginning; else all but the last 20 of longer runs."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the impacts that it asks for."""
+        return () if self.pair is None else ("ball_a", "ball_b")
+
+    def chosen(self, impacts: Impacts, run: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which impacts are shown, given the number of the run that each belongs to."""
+        shown = np.ones(len(run), dtype=np.bool_)
+        if self.pair is not None:
+            shown = (impacts["ball_a"] == self.pair[0]) & (impacts["ball_b"] == self.pair[1])
+        size = int(run.max(initial=-1)) + 1
+        count = np.bincount(run[shown], minlength=size)
+        before = np.cumsum(shown) - np.concatenate([[0], np.cumsum(count)])[run]
+        if self.transient is not None:
+            shown &= before > self.transient
+        else:
+            shown &= (count[run] > LAST) & (before > count[run] - LAST)
+        return shown
+
+
+def bifurcation(
+    grid: Swept,
+    width: str = "single",
+    quantities: Sequence[Quantity] = (),
+    section: Section | None = None,
+) -> Figure | None:
+    """Return columns of the impacts of each run over the axis with most values.
+
+    Parameters
+    ----------
+    grid, width
+        The grid; "single" or "double".
+    quantities
+        At most two; place and speed of the left body if none is named.
+    section
+        Which impacts; the last 20 of each run that has more, if none is named.
+
+    None where no such impact was kept, or no axis of numbers changes.
+    """
+    section = section or Section()
     kept = grid.impact_columns()
-    place = place_column(grid)
-    panels = [one for one in (place, _SPEED) if one is not None and one[0] in kept]
+    own = [one for one in (place_column(grid), _SPEED) if one is not None and one[0] in kept]
+    panels = list(quantities) or own
     shown = lattice(grid, 1, numbers_first=True)
     if not panels or shown is None or "n" not in kept:
         return None
     scenarios = grid.summary["scenario"][shown.rows]
-    impacts = grid.impacts(["scenario", "n", *(name for name, _, _ in panels)], scenarios)
+    wanted = ["scenario", "n", *section.columns, *(name for name, _, _ in panels)]
+    impacts = grid.impacts(list(dict.fromkeys(wanted)), scenarios)
     order = np.argsort(scenarios)
     row = order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
-    number = np.asarray(impacts["n"], dtype=np.float64)
-    most = np.zeros(len(scenarios))
-    np.maximum.at(most, row, number)
-    if not np.any(most > LAST):
+    sorting = np.lexsort((impacts["n"], row))
+    impacts, row = {name: column[sorting] for name, column in impacts.items()}, row[sorting]
+    chosen = section.chosen(impacts, row)
+    if not np.any(chosen):
         return None
-    last = number > most[row] - LAST
     across = shown.coordinates[0]
     with style.journal():
         figure, drawn, wide = stacked(width, [_HIGH[width]] * len(panels), 2.0)
-        for axes, (name, symbol, unit), inner in zip(drawn, panels, wide, strict=True):
-            values = np.asarray(impacts[name], dtype=np.float64)[last]
-            finite = values[np.isfinite(values)]
-            low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0, 1)
-            value_axis(axes, low, high, _HIGH[width], symbol, unit)
-            set_axis(axes, across, inner, vertical=False)
-            black, size = ListedColormap([style.BLACK]), float(np.clip(6000 / len(values), 0.15, 4))
-            ones = np.ones(len(values))
-            draw_dots(axes, across.place[row][last], values, ones, black, Normalize(0, 1), size)
+        for axes, panel, inner in zip(drawn, panels, wide, strict=True):
+            values = np.asarray(impacts[panel[0]], dtype=np.float64)[chosen]
+            _draw_over(axes, across, across.place[row][chosen], values, panel, (inner, width))
             if axes is not drawn[-1]:
                 axes.set_xlabel("")
                 axes.set_xticklabels([])
     return figure
+
+
+def poincare(
+    impacts: Impacts, quantities: tuple[Quantity, Quantity], section: Section, width: str
+) -> Figure | None:
+    """Return one column of the impacts of a run over another, None where none is shown.
+
+    Parameters
+    ----------
+    impacts
+        Those of the run, with the two columns and those that the section asks for.
+    quantities
+        Along and up.
+    section, width
+        Which impacts; "single" or "double".
+    """
+    names = [name for name, _, _ in quantities]
+    chosen = section.chosen(impacts, np.zeros(len(impacts[names[0]]), dtype=np.int64))
+    x, y = (np.asarray(impacts[name], dtype=np.float64)[chosen] for name in names)
+    if not np.any(np.isfinite(x) & np.isfinite(y)):
+        return None
+    along = Coordinate(quantities[0][1], quantities[0][2], x, ())
+    with style.journal():
+        figure, (axes,), (inner,) = stacked(width, [_SQUARE[width]], 2.0)
+        _draw_over(axes, along, x, y, quantities[1], (inner, width))
+        low, high = axes.get_xlim()
+        axes.set_xlim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
+    return figure
+
+
+def _draw_over(
+    axes: Axes,
+    across: Coordinate,
+    places: Array,
+    values: Array,
+    quantity: Quantity,
+    room: tuple[float, str],
+) -> None:
+    """Draw values as dots over places; `room` is the width of the panel (mm) and its name."""
+    _, symbol, unit = quantity
+    finite = values[np.isfinite(values)]
+    low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
+    inner, width = room
+    value_axis(axes, low, high, _HIGH[width], symbol, unit)
+    set_axis(axes, across, inner, vertical=False)
+    black, size = ListedColormap([style.BLACK]), float(np.clip(6000 / len(values), 0.15, 4))
+    draw_dots(axes, places, values, np.ones(len(values)), black, Normalize(0, 1), size)

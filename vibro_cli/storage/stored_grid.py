@@ -78,6 +78,15 @@ class StoredGrid:
         part = next(iter(_parts(self.folder / "collisions")), None)
         return () if part is None else tuple(parquet.read_schema(part).names)
 
+    def impact_units(self) -> dict[str, str]:
+        """Return the units of the columns of numbers of the impacts, by name."""
+        import pyarrow.parquet as parquet
+
+        from vibro_cli.storage.tables import units_of_numbers
+
+        part = next(iter(_parts(self.folder / "collisions")), None)
+        return {} if part is None else units_of_numbers(parquet.read_schema(part))
+
     def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
         """Return some columns of the impacts of some scenarios, in their order."""
         import pyarrow.compute as compute

@@ -221,6 +221,15 @@ def read_parquet(source: Path | BinaryIO) -> pa.Table:
         return file.read()
 
 
+def units_of_numbers(schema: pa.Schema) -> dict[str, str]:
+    """The units of the columns of numbers of a table, by name; an empty text for plain numbers."""
+    return {
+        field.name: (field.metadata or {}).get(b"unit", b"").decode()
+        for field in schema
+        if pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
+    }
+
+
 def column_names(path: Path) -> list[str]:
     """The names of the columns of a parquet file; raises as `read_parquet`."""
     with pq.ParquetFile(path) as file:

@@ -42,6 +42,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "vibro grid three_arcs_grid.toml",
         "vibro grid three_arcs_grid.toml --shard 1/2 -o outputs/sharded",
     ),
+    "section": (
+        "vibro section outputs/three_arcs --column s_a --column speed_a_pre",
+        "vibro section outputs/three_arcs_grid --column angle_a --transient 1",
+    ),
     "basins": ("vibro basins outputs/three_arcs_grid",),
     "verify": ("vibro verify outputs/three_arcs outputs/three_arcs_grid",),
     "schema": (

@@ -1,0 +1,65 @@
+"""Which impacts a section shows, and its figures of runs and grids."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vibro_cli import example, simulate, sweep
+from vibro_cli.commands.app import run_command_line
+from vibro_cli.figures.bifurcation import LAST, Section
+
+
+@pytest.mark.parametrize("transient", [None, 0, 3, 25])
+@pytest.mark.parametrize("pair", [None, (1, 2), (2, 3)])
+def test_the_impacts_chosen_are_those_counted_one_by_one(
+    pair: tuple[int, int] | None, transient: int | None
+) -> None:
+    rng = np.random.default_rng(5)
+    lengths = [0, 1, 19, 20, 21, 22, 60, 45]
+    run = np.repeat(np.arange(len(lengths)), lengths)
+    ball = rng.integers(1, 3, len(run))
+    chosen = Section(pair, transient).chosen({"ball_a": ball, "ball_b": ball + 1}, run)
+    for number, length in enumerate(lengths):
+        mine = [n for n in range(len(run)) if run[n] == number]
+        mine = [n for n in mine if pair is None or ball[n] == pair[0]]
+        last = mine[-LAST:] if len(mine) > LAST else []
+        mine = last if transient is None else mine[transient:]
+        assert np.flatnonzero(chosen & (run == number)).tolist() == mine, (length, number)
+
+
+def test_a_grid_shows_the_impacts_after_the_transient() -> None:
+    axes = {"collision.k": np.linspace(0.8, 0.9, 3)}
+    grid = sweep(example("one_circle"), axes, collisions=True)
+    figure = grid.section(["angle_a"], transient=40).figure
+    (axes_drawn,) = figure.axes
+    points = np.vstack([np.asarray(c.get_offsets()) for c in axes_drawn.collections])
+    table = grid.collisions
+    wanted = np.asarray(table["angle_a"])[np.asarray(table["n"]) > 40]
+    assert sorted(points[:, 1]) == pytest.approx(sorted(wanted), abs=0.0)
+    assert len(wanted) > 20
+    with pytest.raises(ValueError, match="kept no such impact"):
+        grid.section(["angle_a"], transient=100000)
+    with pytest.raises(ValueError, match="found the column 'angle'"):
+        grid.section(["angle"])
+
+
+def test_a_run_shows_one_column_over_another(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = simulate(example("five_balls"))
+    figure = run.section(["s_a", "speed_a_pre"], pair=(2, 3), transient=5).figure
+    points = np.vstack([np.asarray(c.get_offsets()) for c in figure.axes[0].collections])
+    mine = np.asarray(run.collisions["ball_a"]) == 2
+    wanted = np.asarray(run.collisions["s_a"])[mine][5:]
+    assert points[:, 0].tolist() == wanted.tolist()
+    folder = run.save(tmp_path / "run")
+    arguments = ["section", str(folder), "--column", "s_a", "--column", "speed_a_pre"]
+    assert run_command_line([*arguments, "--pair", "2-3"]) == 0
+    assert (tmp_path / "run-section.png").read_bytes()[:4] == b"\x89PNG"
+    assert run_command_line([*arguments[:4]]) == 2
+    assert "expected two" in capsys.readouterr().err
+    assert run_command_line([*arguments, "--pair", "23"]) == 2
+    assert run_command_line([*arguments, "-o", "x.jpg"]) == 2

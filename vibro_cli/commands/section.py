@@ -1,0 +1,92 @@
+"""`vibro section`: impacts in a plane, a Poincaré section of a run or a bifurcation diagram."""
+
+import re
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from vibro_cli.commands.boundary import DONE, CommandError, say
+from vibro_cli.commands.options import Task
+
+FORMS = (".png", ".pdf", ".svg")
+
+
+def section(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="Folder of a run, or of a grid that kept its impacts."),
+    ],
+    columns: Annotated[
+        list[str],
+        typer.Option(
+            "--column",
+            metavar="COLUMN",
+            help="Of the impacts. Of a run two: along, then up. Of a grid one or two, each in a "
+            "panel over the axis with the most values [default: place and speed].",
+            show_default=False,
+        ),
+    ] = [],  # noqa: B006 (typer copies it)
+    pair: Annotated[
+        str | None,
+        typer.Option(metavar="A-B", help="Impacts of these bodies only, such as 1-2."),
+    ] = None,
+    transient: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Impacts left out at the beginning of each run [default: none of a run; of a "
+            "grid all but the last 20, and runs with fewer].",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Picture: .png, .pdf or .svg [default: DIR-section.png].",
+        ),
+    ] = None,
+    width: Annotated[
+        Literal["single", "double"],
+        typer.Option(help="One column of a journal (85 mm) or two (170 mm)."),
+    ] = "double",
+) -> Task:
+    """Draw impacts: Poincaré section of a run, bifurcations of a grid."""
+    found = None if pair is None else re.fullmatch(r"([1-9][0-9]*)-([1-9][0-9]*)", pair)
+    if pair is not None and found is None:
+        raise typer.BadParameter(f"--pair: found {pair!r}, expected two bodies, such as 1-2")
+    bodies = None if found is None else (int(found[1]), int(found[2]))
+    target = folder.with_name(f"{folder.name}-section.png") if output is None else output
+    if target.suffix.lower() not in FORMS:
+        raise typer.BadParameter(f"-o: found {target}, expected a file {', '.join(FORMS)}")
+    return partial(_section, folder, columns, bodies, transient, target, width)
+
+
+def _section(
+    folder: Path,
+    columns: Sequence[str],
+    pair: tuple[int, int] | None,
+    transient: int | None,
+    target: Path,
+    width: str,
+) -> int:
+    """Open, draw and write."""
+    from vibro_cli.results import open_grid, open_run
+    from vibro_cli.storage.runs import NotContinuable
+    from vibro_cli.storage.stored_grid import NotAGrid, is_grid
+
+    try:
+        if is_grid(folder):
+            drawn = open_grid(folder).section(columns, pair, transient, width)
+        else:
+            drawn = open_run(folder).section(columns, pair, transient or 0, width)
+    except (NotAGrid, NotContinuable, ValueError) as error:
+        raise CommandError(f"vibro: {folder}: {error}") from error
+    drawn.save(target)
+    say(f"section in {target}")
+    return DONE
