@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from vibro_cli.commands.boundary import DONE, CommandError, say
-from vibro_cli.commands.options import Task
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.options import Task
 
 FORMS = (".png", ".pdf", ".svg")
 
