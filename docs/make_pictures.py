@@ -15,7 +15,6 @@ import tempfile
 from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
-
 from vibro_cli.commands.papers import commands
 
 ROOT = Path(__file__).parents[1]

@@ -30,7 +30,6 @@ FOLDERS = (
     HERE.parent / "scenarios" / "table",
     HERE.parent / "scenarios" / "springs",
     HERE / "hard_cases",
-    HERE / "simulation" / "hard_cases",
     HERE / "systems" / "hard_cases",
     HERE / "scenes",
 )

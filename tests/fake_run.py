@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema
 from vibro_cli.systems import system_named
 from vibro_cli.systems.contract import System
+from vibro_cli.systems.trace import tables as of_trace
 
 _ROWS = 3
 

@@ -2,8 +2,8 @@
 
 All examples are drawn without a random seed (``derandomize``), so that a run of the tests repeats.
 The long form draws many more of each and runs them compiled (about an hour on one core):
-``VIBRO_EXAMPLES=5000 python -m pytest tests/simulation/test_properties.py``, and the same with
-``tests/simulation/test_drawn_properties.py``.
+``VIBRO_EXAMPLES=5000 python -m pytest tests/systems/trace/test_properties.py``, and the same with
+``tests/systems/trace/test_drawn_properties.py``.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "vibro_cli"
 
 # From top to bottom: each line may import from itself and from the lines below it. systems,
-# simulation, mechanics and numerics know nothing of scenario/, and scenario/ nothing of them; only
-# assemble.py knows both.
+# mechanics and numerics know nothing of scenario/, and scenario/ nothing of them; only assemble.py
+# knows both.
 LAYERS = (
     "commands",
     "results",
@@ -30,7 +30,6 @@ LAYERS = (
     "api",
     "assemble",
     "scenario",
-    "simulation",
     "systems",
     "mechanics",
     "numerics",
@@ -39,15 +38,14 @@ LAYERS = (
     "errors",
 )
 STRANGERS = {
-    "scenario": {"systems", "simulation", "mechanics", "numerics"},
+    "scenario": {"systems", "mechanics", "numerics"},
     "systems": {"scenario"},
-    "simulation": {"scenario"},
     "mechanics": {"scenario"},
     "kernels": {"scenario"},
     "numerics": {"scenario"},
     "compile": {"scenario"},
 }
-SOLVER = ("systems", "simulation", "mechanics", "kernels", "numerics")
+SOLVER = ("systems", "mechanics", "kernels", "numerics")
 NOT_IN_THE_SOLVER = {"pydantic", "pyarrow", "matplotlib", "typer", "ruamel"}
 HALVES = {"numba": "CyRK", "pydantic_core": "pydantic", "PIL": "pillow"}  # come with
 LIGHT = ("__init__.py", "__main__.py")

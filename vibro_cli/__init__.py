@@ -46,13 +46,13 @@ if TYPE_CHECKING:
     from vibro_cli.results import verify as verify
     from vibro_cli.scenario import Scenario as Scenario
     from vibro_cli.scenario import ScenarioError as ScenarioError
-    from vibro_cli.simulation.tangents import NoTangents as NoTangents
     from vibro_cli.storage.frame import Table as Table
     from vibro_cli.storage.provenance import FolderRefused as FolderRefused
     from vibro_cli.storage.runs import NotContinuable as NotContinuable
     from vibro_cli.storage.stored_grid import NotAGrid as NotAGrid
-    from vibro_cli.systems.continuing import CannotContinue as CannotContinue
+    from vibro_cli.systems.driver import CannotContinue as CannotContinue
     from vibro_cli.systems.driver import TooQuiet as TooQuiet
+    from vibro_cli.systems.trace.tangents import NoTangents as NoTangents
 
 _HOME = {
     "vibro_cli.analysis.basins": ("NoBasins",),
@@ -68,13 +68,12 @@ _HOME = {
         "verify",
     ),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
-    "vibro_cli.simulation.tangents": ("NoTangents",),
+    "vibro_cli.systems.trace.tangents": ("NoTangents",),
     "vibro_cli.storage.frame": ("Table",),
     "vibro_cli.storage.provenance": ("FolderRefused",),
     "vibro_cli.storage.runs": ("NotContinuable",),
     "vibro_cli.storage.stored_grid": ("NotAGrid",),
-    "vibro_cli.systems.continuing": ("CannotContinue",),
-    "vibro_cli.systems.driver": ("TooQuiet",),
+    "vibro_cli.systems.driver": ("CannotContinue", "TooQuiet"),
 }
 _MODULES = {name: module for module, names in _HOME.items() for name in names}
 

@@ -11,9 +11,8 @@ from vibro_cli.assemble import build_any
 from vibro_cli.errors import VibroError
 from vibro_cli.scenario import load_scenario
 from vibro_cli.systems import run, system_named
-from vibro_cli.systems.continuing import CannotContinue, check_continuable
 from vibro_cli.systems.contract import Motion, Sink
-from vibro_cli.systems.driver import TooQuiet
+from vibro_cli.systems.driver import CannotContinue, TooQuiet, check_continuable
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.stream import Streamed, stream
 

@@ -20,8 +20,8 @@ from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures.orbit_branch import branch_figure
 from vibro_cli.mechanics.system import System
-from vibro_cli.simulation.run import simulate_system
 from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
+from vibro_cli.systems.trace.run import simulate_system
 
 pytestmark = pytest.mark.long
 

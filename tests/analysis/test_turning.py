@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.analysis.traces import system, valley
-from tests.simulation.turning_scenes import on_lines, on_three_arcs
-from tests.simulation.turning_scenes import system as built
+from tests.systems.trace.turning_scenes import on_lines, on_three_arcs
+from tests.systems.trace.turning_scenes import system as built
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.levels import level_curves, reaches
 from vibro_cli.analysis.portrait_type import changes, portrait_of

@@ -34,8 +34,8 @@ from vibro_cli.benchmark.scenes import (
     errors_of_times,
     reference_times,
 )
-from vibro_cli.simulation.run import simulate_system
 from vibro_cli.storage.files import write_file
+from vibro_cli.systems.trace.run import simulate_system
 
 pytestmark = pytest.mark.long
 

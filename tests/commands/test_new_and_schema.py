@@ -11,8 +11,8 @@ import pytest
 from tests.commands.conftest import Vibro
 from tests.two_balls import SCENARIO
 from vibro_cli.grids.document import load_grid
-from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema
+from vibro_cli.systems.trace import tables as of_trace
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
 

@@ -10,7 +10,7 @@ from tests.two_balls import SCENARIO
 from vibro_cli.api import simulate
 from vibro_cli.commands.shared import terminal
 from vibro_cli.scenario import load_any, parse_scenario
-from vibro_cli.systems.watching import watched_by
+from vibro_cli.systems.wanted import watched_by
 
 pytestmark = pytest.mark.long
 

@@ -11,8 +11,8 @@ import pytest
 from tests.commands.conftest import Vibro
 from tests.fake_run import columns_of
 from vibro_cli.commands import show
-from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, to_arrow
+from vibro_cli.systems.trace import tables as of_trace
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.structs import BodyData, Flight, PairTrack, PieceData, TrackData
 from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.simulation.prepare import make_world
+from vibro_cli.systems.trace.world import make_world
 
 GRAVITY = 9.81
 

@@ -17,10 +17,10 @@ from vibro_cli.kernels.contact.gap import (
 )
 from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.simulation.prepare import half_angle
 from vibro_cli.stress.oracles.reference_solver import Place, Twin
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.systems.trace.world import half_angle
 
 EPSILON = 2.0**-52
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=100)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema
+from vibro_cli.systems.trace import tables as of_trace
 
 PAGE = Path(__file__).parents[2] / "docs/reference-tables.md"
 COLLISIONS = """

@@ -15,7 +15,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.fake_run import columns_of
-from vibro_cli.simulation import tables as of_trace
 from vibro_cli.storage import schema
 from vibro_cli.storage.tables import (
     Origin,
@@ -26,6 +25,7 @@ from vibro_cli.storage.tables import (
     stream,
     to_arrow,
 )
+from vibro_cli.systems.trace import tables as of_trace
 
 ROOT = Path(__file__).parents[2]
 ORIGIN = Origin({"name": "by-hand", "gravity": 9.81}, "0.1.0")
@@ -98,7 +98,7 @@ def test_writing_does_not_import_pandas() -> None:
     code = """
 import sys
 from tests.fake_run import columns_of
-from vibro_cli.simulation import tables as of_trace
+from vibro_cli.systems.trace import tables as of_trace
 from vibro_cli.storage import schema, tables
 table = of_trace.events()
 tables.parquet_bytes(tables.to_arrow(table, columns_of(table), tables.Origin({}, "")))

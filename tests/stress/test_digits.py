@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from vibro_cli.simulation.run import Run
 from vibro_cli.stress import digits
 from vibro_cli.stress.finding import Document
 from vibro_cli.stress.scenes import VALLEY, ball, scene
+from vibro_cli.systems.trace.run import Run
 
 HARD = Path(__file__).parents[1] / "hard_cases"
 # Each within seconds for the oracle.

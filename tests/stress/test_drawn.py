@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from vibro_cli.mechanics.system import System
-from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.stress import physics
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Plan
 from vibro_cli.stress.physics import check_drawn, distance_from_image, judge, mirrored_system
 from vibro_cli.stress.scenes import VALLEY, GivenUp, Watched, ball, scene, solve, system_of
 from vibro_cli.stress.suite import line_of
+from vibro_cli.systems.trace.run import Run, simulate_system
 
 HARD = Path(__file__).parents[1] / "hard_cases"
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.simulation.tangents import follow_system
 from vibro_cli.stress import digits
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Plan
 from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
+from vibro_cli.systems.trace.tangents import follow_system
 
 TOUCHING: Document = {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}
 

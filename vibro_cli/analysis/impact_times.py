@@ -38,11 +38,10 @@ from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.dual import Dual, Floats, change_of, value_of
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.problems import KeyPath, path_text
-from vibro_cli.simulation.drive import LOOP
-from vibro_cli.simulation.prepare import make_world
-from vibro_cli.simulation.stretches import TraceStretches
-from vibro_cli.simulation.summary import with_logs
 from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.trace.event_loop import LOOP, TraceStretches
+from vibro_cli.systems.trace.summary import with_logs
+from vibro_cli.systems.trace.world import make_world
 
 
 class NoDerivative(VibroError, ValueError):

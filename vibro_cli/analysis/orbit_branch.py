@@ -36,7 +36,7 @@ from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.source import parsed_path
-from vibro_cli.simulation.tangents import time_scale
+from vibro_cli.systems.trace.tangents import time_scale
 
 Floats = NDArray[np.float64]
 

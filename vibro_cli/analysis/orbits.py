@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
 from vibro_cli.mechanics.system import InitialState, System
-from vibro_cli.simulation.run import Run, simulate_system
-from vibro_cli.simulation.tangents import follow_system, time_scale
+from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.tangents import follow_system, time_scale
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from typing import Any
 from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
 from vibro_cli.benchmark.methods.with_vibro import DriverRunner
 from vibro_cli.benchmark.scenes import BY_NAME, Scene
-from vibro_cli.simulation.run import Run, Wanted, simulate_system
+from vibro_cli.systems.trace.run import Run, Wanted, simulate_system
 
 WITH, WITHOUT = "skipped", "not skipped"
 APART = "searches of pairs out of reach"

@@ -43,13 +43,13 @@ from vibro_cli.grids.threads import (
 )
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import any_scenario_of, scenario_of
-from vibro_cli.simulation.batch import Batch
-from vibro_cli.simulation.entry import empty_results
 from vibro_cli.storage.provenance import json_bytes
 from vibro_cli.storage.schema import Table
 from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.trace.ensemble import Batch
+from vibro_cli.systems.trace.event_loop import empty_results
 
 GRID_PART = "kept"
 KERNEL, GRID = "kernel alone", "grid on the disk"

@@ -31,9 +31,9 @@ from vibro_cli.benchmark.methods.with_vibro import DriverRunner, points_of
 from vibro_cli.benchmark.precision import installed_peers
 from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Document, Scene, ball
 from vibro_cli.grids.threads import available_cores
-from vibro_cli.simulation.batch import Batch
-from vibro_cli.simulation.entry import empty_results
 from vibro_cli.storage.provenance import json_bytes
+from vibro_cli.systems.trace.ensemble import Batch
+from vibro_cli.systems.trace.event_loop import empty_results
 
 Work = TypeVar("Work")
 

@@ -131,10 +131,10 @@ def reference_times(scene: Scene) -> list[str]:
 
 def computed_reference(scene: Scene) -> dict[str, Any]:
     """Return the content of a scene's file, computed anew; needs mpmath."""
-    from vibro_cli.simulation.run import simulate_system
     from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
     from vibro_cli.stress.oracles.scene import scene_of_system
     from vibro_cli.stress.oracles.taylor import mp
+    from vibro_cli.systems.trace.run import simulate_system
 
     run = simulate_system(scene.system, None, scene.compared, "python")
     impacts = Twin(scene_of_system(scene.system)).follow(happenings_of(run))

@@ -102,10 +102,10 @@ def _find(wishes: _Wishes) -> int:
     from vibro_cli.analysis.orbit_branch import family_of
     from vibro_cli.analysis.orbits import NoOrbit, find_orbit
     from vibro_cli.commands.shared.loading import load_any
-    from vibro_cli.simulation.tangents import NoTangents
     from vibro_cli.storage.orbits import check_orbit_folder, write_orbits
     from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.systems import system_named
+    from vibro_cli.systems.trace.tangents import NoTangents
 
     scenario, system = load_any(wishes.source, wishes.overrides)
     if not system_named(scenario.system).has_orbits:

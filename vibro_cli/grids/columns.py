@@ -20,11 +20,11 @@ from vibro_cli.kernels.world import ImpactRow, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.problems import KeyPath, path_text
-from vibro_cli.simulation.entry import zeros
-from vibro_cli.simulation.impacts import ImpactTable, runs_of, sidedness
 from vibro_cli.storage.parts import PartFile
 from vibro_cli.storage.schema import Column, Table, summary, table_named
 from vibro_cli.storage.tables import Origin, Words, arrow_schema
+from vibro_cli.systems.trace.event_loop import zeros
+from vibro_cli.systems.trace.impacts import ImpactTable, runs_of, sidedness
 
 SUMMARY = "grid-summary"
 # Columns of impacts that readers of a few scenarios or moments look at first.

@@ -35,18 +35,18 @@ from vibro_cli.kernels.world import LOG_FULL, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.scenario.problems import KeyPath
-from vibro_cli.simulation.batch import Batch, make_points
-from vibro_cli.simulation.entry import empty_results
-from vibro_cli.simulation.geometry import Places
-from vibro_cli.simulation.run import Wanted, simulate_system
-from vibro_cli.simulation.stacks import own_records, stack_of
-from vibro_cli.simulation.summary import summary_columns
-from vibro_cli.simulation.tangents import exponent_columns, time_scale
 from vibro_cli.storage.schema import Table, summary
 from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems import system_named
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.tables import impacts_of_runs
+from vibro_cli.systems.trace.ensemble import Batch, make_points
+from vibro_cli.systems.trace.event_loop import empty_results
+from vibro_cli.systems.trace.geometry import Places
+from vibro_cli.systems.trace.run import Wanted, simulate_system
+from vibro_cli.systems.trace.summary import summary_columns
+from vibro_cli.systems.trace.tangents import exponent_columns, time_scale
+from vibro_cli.systems.trace.world import own_records, stack_of
 
 Columns = dict[str, Any]
 

@@ -18,14 +18,14 @@ import numpy as np
 from vibro_cli.mechanics.system import System
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario import ScenarioError
-from vibro_cli.simulation.run import Run, simulate_system
-from vibro_cli.simulation.tangents import follow_system, time_scale
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.oracle import Oracle, Told
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
+from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.tangents import follow_system, time_scale
 
 MARK = 64.0  # of eps times the amplification
 INSTANTS = 16

@@ -13,7 +13,6 @@ import numpy as np
 
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario import ScenarioError
-from vibro_cli.simulation.run import Run
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.flights import Family, States, for_judge
 from vibro_cli.stress.impacts import solved
@@ -32,6 +31,7 @@ from vibro_cli.stress.scenes import (
     solve,
     system_of,
 )
+from vibro_cli.systems.trace.run import Run
 
 # Powers of two: sizes and gravity over 12 orders of magnitude, exactly representable.
 SCALES = (-20, -13, -7, 7, 13, 20)

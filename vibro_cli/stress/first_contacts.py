@@ -17,8 +17,6 @@ from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.structs import NEVER
 from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import System
-from vibro_cli.simulation.drive import compiled_world
-from vibro_cli.simulation.prepare import make_world
 from vibro_cli.stress import kernels
 from vibro_cli.stress.finding import Document, Finding, Plan
 from vibro_cli.stress.flights import (
@@ -51,6 +49,8 @@ from vibro_cli.stress.oracles.interval_oracle import (
     UNDECIDED,
     judge_all,
 )  # fmt: skip
+from vibro_cli.systems.trace.event_loop import compiled_world
+from vibro_cli.systems.trace.world import make_world
 
 TOLERANCES = (1.0e-9, 1.0e-12)
 

@@ -16,7 +16,6 @@ import numpy as np
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import Body
 from vibro_cli.numerics.elementwise import EPSILON
-from vibro_cli.simulation.run import Run
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.stress.oracles.scene import KAPPA
@@ -33,6 +32,7 @@ from vibro_cli.stress.scenes import (
     system_of,
 )
 from vibro_cli.stress.symmetry import mirrored
+from vibro_cli.systems.trace.run import Run
 
 LAWS = ("hedrih", "translational", "normal-impulse")
 COEFFICIENTS = (0.0, 1.0e-300, 0.05, 0.5, 0.8, 0.95, 0.999, 1.0 - 2.0**-53)

@@ -18,7 +18,6 @@ import numpy as np
 
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.numerics.elementwise import EPSILON
-from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.stress.oracles.reference_solver import (
@@ -41,6 +40,7 @@ from vibro_cli.stress.scenes import (
     solve,
     system_of,
 )
+from vibro_cli.systems.trace.run import Run, simulate_system
 
 # Name in the collision table: name in the reference files, and how the twin has it.
 SPEEDS: dict[str, tuple[str, Callable[[Impact], Any]]] = {

@@ -17,11 +17,11 @@ import numpy as np
 
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.simulation.run import Run, simulate_system
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.sensitivity import neighbouring
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
+from vibro_cli.systems.trace.run import Run, simulate_system
 
 # m, at sizes of a few metres: what rounding of places may do.
 OVERLAP = 1.0e-12

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.systems.continuing import checkpoint_of, earlier_part
 from vibro_cli.systems.contract import Rows, System, Trajectory
-from vibro_cli.systems.instants import within_run
-from vibro_cli.systems.record import record_array, rows_of
+from vibro_cli.systems.driver import checkpoint_of, earlier_part
+from vibro_cli.systems.rows import record_array, rows_of
 from vibro_cli.systems.stream import Stretch, begun, record_of
-from vibro_cli.systems.wanted import NOTHING_MORE, Limits, Wanted
+from vibro_cli.systems.wanted import NOTHING_MORE, Limits, Wanted, within_run
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,9 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from vibro_cli.systems.continuing import checkpoint_of
 from vibro_cli.systems.contract import Rows, Sink, System, Tables
-from vibro_cli.systems.driver import Driver, EventLoop
-from vibro_cli.systems.record import record_array
+from vibro_cli.systems.driver import Driver, EventLoop, checkpoint_of
+from vibro_cli.systems.rows import record_array
 from vibro_cli.systems.wanted import NOTHING_MORE, Limits, Wanted
 
 RUNNING = 0

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
-from vibro_cli.systems.record import record_array
-from vibro_cli.systems.rows import Totals
+from vibro_cli.systems.rows import Totals, record_array
 from vibro_cli.systems.stream import RUNNING, Stretch
 from vibro_cli.systems.wanted import Limits, Sampling, Wanted
 

@@ -12,11 +12,10 @@ from vibro_cli.benchmark.scenes import Scene
 from vibro_cli.kernels.ensemble.points import Points
 from vibro_cli.kernels.structs import NEVER
 from vibro_cli.mechanics.system import System
-from vibro_cli.simulation.batch import Batch, make_points
-from vibro_cli.simulation.drive import LOOP
-from vibro_cli.simulation.entry import empty_results
-from vibro_cli.simulation.prepare import half_angle, make_world
 from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.trace.ensemble import Batch, make_points
+from vibro_cli.systems.trace.event_loop import LOOP, empty_results
+from vibro_cli.systems.trace.world import half_angle, make_world
 
 COMPILED = "vibro"
 KEPT = "vibro, all rows kept"

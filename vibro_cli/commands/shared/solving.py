@@ -156,7 +156,7 @@ def _told(
 def followed(wishes: Wishes, scenario: "AnyScenario") -> "Iterator[None]":
     """Tell how far a run in the block is, and say why it cannot go on."""
     from vibro_cli.api import CannotContinue, TooQuiet
-    from vibro_cli.systems.watching import watched_by
+    from vibro_cli.systems.wanted import watched_by
 
     progress = RunProgress(scenario.name, scenario.stop.time, scenario.stop.collisions)
     try:

@@ -1,8 +1,8 @@
 """The kernel of batches: many runs of one system one after another.
 
 The runs differ in where the bodies start, in their masses, in the coefficients of restitution and
-in the stop. Each is the run that ``simulation.run`` would make, to the bit: the same kernels work
-on the same records.
+in the stop. Each is the run that ``systems.trace.run`` would make, to the bit: the same kernels
+work on the same records.
 """
 
 from __future__ import annotations

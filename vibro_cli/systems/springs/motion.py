@@ -12,7 +12,7 @@ from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.springs.replay import Found, Sample, sample_states
 from vibro_cli.kernels.springs.world import SpringBody, StateRow
 from vibro_cli.systems.driver import compiled_world
-from vibro_cli.systems.record import record_array
+from vibro_cli.systems.rows import record_array
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
 from vibro_cli.systems.springs.tables import MOTION
 

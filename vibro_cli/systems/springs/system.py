@@ -28,8 +28,8 @@ from vibro_cli.kernels.springs.world import (
     World,
 )
 from vibro_cli.mechanics.system import body_record
-from vibro_cli.systems.bodies import ImpactSystem, touching_distance
 from vibro_cli.systems.driver import EventLoop
+from vibro_cli.systems.rows import ImpactSystem, touching_distance
 
 
 @dataclass(frozen=True)

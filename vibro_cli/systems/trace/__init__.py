@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import TraceSolver
     from vibro_cli.scenario.base import ScenarioTable
-    from vibro_cli.simulation.long_motion import LongMotion
-    from vibro_cli.simulation.paths import Paths
-    from vibro_cli.simulation.stream import Tables
-    from vibro_cli.simulation.stretches import TraceStretches
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
     from vibro_cli.systems.stream import Stretch
+    from vibro_cli.systems.trace.event_loop import TraceStretches
+    from vibro_cli.systems.trace.flights import Paths
+    from vibro_cli.systems.trace.long_motion import LongMotion
+    from vibro_cli.systems.trace.stream import Tables
     from vibro_cli.systems.wanted import Limits, Wanted
 
 
@@ -57,7 +57,7 @@ class Trace(System):
 
     @property
     def loop(self) -> EventLoop:
-        from vibro_cli.simulation.drive import LOOP
+        from vibro_cli.systems.trace.event_loop import LOOP
 
         return LOOP
 
@@ -65,22 +65,22 @@ class Trace(System):
         return bool(scenario.trace.surface == "one-sided")
 
     def world(self, system: Any, limits: Limits) -> Any:
-        from vibro_cli.simulation.prepare import make_world
+        from vibro_cli.systems.trace.world import make_world
 
         return make_world(system, limits.time, limits.collisions)
 
     def overrides(self, system: Any) -> Overrides | None:
-        from vibro_cli.simulation.turning import overrides_of
+        from vibro_cli.systems.trace.world import overrides_of
 
         return overrides_of(system)
 
     def stretches(self, driver: Driver, stop_time: float | None) -> TraceStretches:
-        from vibro_cli.simulation.stretches import TraceStretches
+        from vibro_cli.systems.trace.event_loop import TraceStretches
 
         return TraceStretches(self.loop, driver, stop_time)
 
     def skipped(self, clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
-        from vibro_cli.simulation.summary import skipped
+        from vibro_cli.systems.trace.summary import skipped
 
         return skipped(clock, wanted, end)
 
@@ -90,17 +90,17 @@ class Trace(System):
         return TraceSolver(grid, engine)
 
     def tables(self) -> tuple[Table, ...]:
-        from vibro_cli.simulation.tables import tables
+        from vibro_cli.systems.trace.tables import tables
 
         return tables()
 
     def summary(self, bodies: int, grown: bool = False) -> Table:
-        from vibro_cli.simulation.tables import summary
+        from vibro_cli.systems.trace.tables import summary
 
         return summary(bodies, grown)
 
     def table(self, name: str, column_names: Sequence[str]) -> Table | None:
-        from vibro_cli.simulation.tables import table_named
+        from vibro_cli.systems.trace.tables import table_named
 
         return table_named(name, column_names)
 
@@ -109,19 +109,19 @@ class Trace(System):
         return replace(super().wanted(scenario), lyapunov=grown)
 
     def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
-        from vibro_cli.simulation.stream import Tables
+        from vibro_cli.systems.trace.stream import Tables
 
         return Tables(system, wanted, names, sink)
 
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Paths:
-        from vibro_cli.simulation.stream import trajectory_of
+        from vibro_cli.systems.trace.stream import trajectory_of
 
         return trajectory_of(system, stretch)
 
     def long_motion(
         self, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool
     ) -> LongMotion | None:
-        from vibro_cli.simulation import long_motion
+        from vibro_cli.systems.trace import long_motion
 
         flights = rows["log"]
         if flights <= long_motion.MOST_FLIGHTS:

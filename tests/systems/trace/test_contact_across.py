@@ -1,0 +1,110 @@
+"""Lasting contact across a junction, against one quadrature of its single degree of freedom.
+
+With q the place of the left body along its path, the right body's place follows from the distance
+of the centres; ``M(q) q'^2/2 + V(q) = E`` then gives the time between two places as an integral.
+The solver integrates forces instead, so that the two have nothing in common but the geometry.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from mpmath import mpf
+
+from vibro_cli.api import simulate
+from vibro_cli.scenario import load_scenario
+from vibro_cli.systems.trace.run import Run
+
+SCENARIO = Path(__file__).parents[3] / "scenarios" / "three_arcs.toml"
+DIGITS = 50
+
+
+class Constrained:
+    """Two equal balls in contact, the left one on the hump, the right one in the next valley."""
+
+    def __init__(self, run: Run) -> None:
+        system = run.system
+        hump, valley = system.trace.pieces[1:]
+        self.gravity = mpf(system.gravity)
+        self.masses = [mpf(body.mass) for body in system.bodies]
+        self.kappa = mpf(7) / 5
+        radius = mpf(system.bodies[0].radius)
+        self.reach = 2 * radius
+        self.rho = [mpf(hump.radius) + radius, mpf(valley.radius) - radius]
+        slope = mpf(hump.end_slope)
+        # The junction is the origin; both centres of curvature lie on its normal.
+        normal = (-mpmath.sin(slope), mpmath.cos(slope))
+        self.top = [-mpf(hump.radius) * n for n in normal]
+        self.bottom = [mpf(valley.radius) * n for n in normal]
+        self.junction = -slope  # psi there; phi is its negative
+
+    def left(self, psi: mpf) -> tuple[mpf, mpf]:
+        rho = self.rho[0]
+        return self.top[0] + rho * mpmath.sin(psi), self.top[1] + rho * mpmath.cos(psi)
+
+    def right(self, phi: mpf) -> tuple[mpf, mpf]:
+        rho = self.rho[1]
+        return self.bottom[0] + rho * mpmath.sin(phi), self.bottom[1] - rho * mpmath.cos(phi)
+
+    def distance(self, psi: mpf, phi: mpf) -> mpf:
+        (ax, ay), (bx, by) = self.left(psi), self.right(phi)
+        return mpmath.hypot(bx - ax, by - ay)
+
+    def phi_of(self, psi: mpf) -> mpf:
+        """Place of the right ball that touches the left one at ``psi``, by Newton's method."""
+        guess = -self.junction + (self.reach - self.rho[0] * (self.junction - psi)) / self.rho[1]
+        return mpmath.findroot(lambda phi: self.distance(psi, phi) - self.reach, guess)
+
+    def mass(self, psi: mpf, phi: mpf) -> mpf:
+        """M of the coordinate psi: each ball's kappa m (dx/dpsi)^2."""
+        (ax, ay), (bx, by) = self.left(psi), self.right(phi)
+        normal = ((bx - ax) / self.reach, (by - ay) / self.reach)
+        along_a = normal[0] * mpmath.cos(psi) - normal[1] * mpmath.sin(psi)
+        along_b = normal[0] * mpmath.cos(phi) + normal[1] * mpmath.sin(phi)
+        ratio = along_a / along_b
+        return self.kappa * self.rho[0] ** 2 * (self.masses[0] + self.masses[1] * ratio**2)
+
+    def potential(self, psi: mpf, phi: mpf) -> mpf:
+        heights = self.left(psi)[1] * self.masses[0] + self.right(phi)[1] * self.masses[1]
+        return self.gravity * heights
+
+    def duration(self, start: mpf, end: mpf, rate: mpf) -> mpf:
+        """Time from psi = start, where its rate is given, to psi = end (no turning point)."""
+        phi = self.phi_of(start)
+        energy = self.mass(start, phi) * rate**2 / 2 + self.potential(start, phi)
+
+        def inverse_rate(psi: mpf) -> mpf:
+            there = self.phi_of(psi)
+            kinetic = energy - self.potential(psi, there)
+            return mpmath.sqrt(self.mass(psi, there) / (2 * kinetic))
+
+        return abs(mpmath.quad(inverse_rate, mpmath.linspace(start, end, 3)))
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_time_over_the_junction_is_that_of_the_quadrature(engine: str) -> None:
+    run = simulate(load_scenario(SCENARIO, ["stop.time=60"]), engine)
+    assert run.end_cause == "time"
+    assert run.summary_record()["end_time"] == 60.0
+    events = run.events
+    closed = float(events["t"][list(events["event"]).index("contact_closed")])
+    crossing = (events["event"] == "crossing") & (events["t"] > closed)
+    rows = np.flatnonzero(crossing & (np.ma.filled(events["arc_to"], 0) == 2))
+    # The left ball climbs onto the hump, alone, and comes back to the junction.
+    first = int(rows[0])
+    assert int(events["ball"][first]) == 1
+    start = float(events["t"][first])
+    with mpmath.workdps(DIGITS):
+        scene = Constrained(run)
+        state = run.sample([start])
+        rate = mpf(float(state["speed"][0])) / scene.rho[0]
+        for after in (0.01, 0.04, 0.08):
+            later = run.sample([start + after])
+            assert list(later["arc"]) == [2, 3]
+            psi = mpf(float(later["angle"][0]))
+            expected = scene.duration(scene.junction, psi, rate)
+            # The angle is a double, so the time is known to its rounding over the rate.
+            assert abs(expected - mpf(after)) <= 1e-12

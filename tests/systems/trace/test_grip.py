@@ -1,0 +1,205 @@
+"""Lift-off and slip, alone and in lasting contact, against forces from the sampled motion."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli.api import simulate
+from vibro_cli.scenario import scenario_of
+from vibro_cli.systems.trace.run import Run
+
+STEP = 1e-5  # of the differences that give accelerations
+
+
+def scene(case: str, surface: str) -> Run:
+    balls, arcs, slope, time, friction = SCENES[case]
+    document: dict[str, Any] = {
+        "gravity": 9.81,
+        "trace": {"start_slope": slope, "surface": surface, "arcs": arcs},
+        "balls": balls,
+        "stop": {"time": time},
+        "output": {"friction": friction},
+    }
+    if len(balls) > 1:
+        document["collision"] = {"law": "normal-impulse", "k": 0.0}
+    return simulate(scenario_of(document), "python")
+
+
+HUMP: list[dict[str, Any]] = [{"shape": "hump", "radius": 1.0, "end_slope": "-85 deg"}]
+ARCS: list[dict[str, Any]] = [
+    {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
+    {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
+    {"shape": "valley", "radius": 1.0, "end_slope": "120 deg"},
+]
+PUSHED: list[dict[str, Any]] = [
+    {"body": "particle", "radius": 0.1, "mass": 3.0, "arc": 1, "angle": 0.4, "rate": 0.3},
+    {
+        "body": "hoop",
+        "radius": 0.1,
+        "mass": 1.0,
+        "arc": 1,
+        "touching": "previous",
+        "rate": 0.3,
+    },
+]
+# A hoop pushed over the end of a hump into a valley, so that the junction is between them.
+INTO_VALLEY: list[dict[str, Any]] = [
+    {"body": "particle", "radius": 0.1, "mass": 3.0, "arc": 2, "angle": 0.4, "rate": 2.2},
+    {
+        "body": "hoop",
+        "radius": 0.1,
+        "mass": 1.0,
+        "arc": 2,
+        "touching": "previous",
+        "rate": 2.2,
+    },
+]
+SCENES: dict[str, tuple[list[dict[str, Any]], list[dict[str, Any]], str, float, float]] = {
+    "alone": ([{"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.1}], HUMP, "85 deg", 3.0, 0.6),
+    "pushed over a hump": (PUSHED, HUMP, "85 deg", 3.0, 0.6),
+    "pushed into a valley": (INTO_VALLEY, ARCS, "-120 deg", 1.0, 0.25),
+}
+
+
+def forces(run: Run, t: float) -> list[tuple[float, float]]:
+    """Normal force and friction (N) of every body, from Newton's law and differences of speeds."""
+    system = run.system
+    now, before, after = (run.sample([t + shift]) for shift in (0.0, -STEP, STEP))
+    count = len(system.bodies)
+    centres = [np.array([now["x"][i], now["y"][i]]) for i in range(count)]
+    push = np.zeros(count + 1)  # contact force to the left of each body
+    rows = []
+    for i, body in enumerate(system.bodies):
+        piece = system.trace.pieces[int(now["arc"][i]) - 1]
+        alpha = piece.sign * now["angle"][i] if piece.sign else piece.start_slope
+        tangent = np.array([math.cos(alpha), math.sin(alpha)])
+        normal = np.array([-math.sin(alpha), math.cos(alpha)])
+        acceleration = (after["speed"][i] - before["speed"][i]) / (2.0 * STEP)
+        weight = body.mass * system.gravity
+        along = -weight * math.sin(alpha) - body.kappa * body.mass * acceleration
+        bend = piece.sign * now["speed"][i] ** 2 / piece.path_radius(body.radius)
+        force = weight * math.cos(alpha) + body.mass * bend
+        for side in (-1, 1):
+            if not 0 <= i + side < count:
+                continue
+            line = side * (centres[i + side] - centres[i])
+            gap = np.linalg.norm(line) - body.radius - system.bodies[i + side].radius
+            line = line / np.linalg.norm(line)
+            if side < 0:
+                along += push[i] * (line @ tangent)
+                force -= push[i] * (line @ normal)
+            elif gap < 1e-9:
+                push[i + 1] = along / (line @ tangent)
+                force += push[i + 1] * (line @ normal)
+        rows.append((force, (body.kappa - 1.0) * body.mass * abs(acceleration)))
+    return rows
+
+
+def excess(run: Run, t: float, ball: int, name: str) -> float:
+    normal, friction = forces(run, t)[ball]
+    if name == "slip" and friction > 0.0:
+        return friction - float(run.wanted.friction or 0.0) * normal
+    return -normal if name == "lift_off" else -1.0
+
+
+@pytest.mark.parametrize("name", ["lift_off", "slip"])
+@pytest.mark.parametrize("case", SCENES)
+def test_events_are_where_the_forces_of_the_motion_change(case: str, name: str) -> None:
+    run = scene(case, "two-sided")
+    end = run.summary_record()["end_time"]
+    breaks = {0.0, end, *run.events["t"].tolist(), *run.collisions["t"].tolist()}
+    found = 0
+    for ball in range(len(run.system.bodies)):
+        chosen = (run.events["event"] == name) & (run.events["ball"] == ball + 1)
+        instants = run.events["t"][chosen].tolist()
+        for t in instants:
+            if t < 1e-3:
+                continue
+            found += 1
+            before, after = (excess(run, t + shift, ball, name) for shift in (-1e-4, 1e-4))
+            assert before < 0.0 < after, (t, before, after)
+        # And nowhere else does it become positive.
+        grid = [
+            t for t in np.linspace(1e-3, end - 1e-3, 150) if all(abs(t - b) > 2e-4 for b in breaks)
+        ]
+        values = [excess(run, t, ball, name) > 0.0 for t in grid]
+        for left, right, was, now in zip(grid, grid[1:], values, values[1:], strict=False):
+            if now and not was:
+                assert any(left < t < right for t in instants), (left, right)
+    assert found
+
+
+@pytest.mark.parametrize("case", SCENES)
+def test_a_one_sided_trace_ends_the_run_there(case: str) -> None:
+    free, held = scene(case, "two-sided"), scene(case, "one-sided")
+    lifted = np.flatnonzero(free.events["event"] == "lift_off")[0]
+    assert held.end_cause == "lift_off"
+    assert held.events["event"][-1] == "lift_off"
+    assert held.events["ball"][-1] == free.events["ball"][lifted]
+    first = float(free.events["t"][lifted])
+    assert held.summary_record()["end_time"] == pytest.approx(first, abs=1e-12)
+
+
+# On a line a small heavy hoop holds up a large light particle, which would slide faster.
+TILT = math.asin((0.3 - 0.05) / (0.3 + 0.05))
+SHARE = 3.0 / (1.0 + 2.0 * 3.0)  # of the particle's pull down the line that the hoop takes
+STEEPEST = math.atan(1.0 / (SHARE * math.tan(TILT)))
+
+
+def pair_on_a_line(slope: float, surface: str, friction: float | None = None) -> Run:
+    document: dict[str, Any] = {
+        "gravity": 9.81,
+        "trace": {
+            "start_slope": -slope,
+            "surface": surface,
+            "arcs": [{"shape": "line", "length": 4.0}],
+        },
+        "balls": [
+            {"body": "particle", "radius": 0.3, "mass": 1.0, "arc": 1, "position": 1.0},
+            {"body": "hoop", "radius": 0.05, "mass": 3.0, "arc": 1, "touching": "previous"},
+        ],
+        "stop": {"time": 0.5},
+        "collision": {"law": "normal-impulse", "k": 0.0},
+    }
+    if friction is not None:
+        document["output"] = {"friction": friction}
+    return simulate(scenario_of(document), "python")
+
+
+@pytest.mark.parametrize("surface", ["one-sided", "two-sided"])
+@pytest.mark.parametrize("off", [-0.3, -1e-3, -1e-9, 1e-9, 1e-3, 0.3])
+def test_a_pair_in_contact_on_a_line_lifts_off_where_the_push_outweighs_it(
+    off: float, surface: str
+) -> None:
+    slope = STEEPEST + off
+    run = pair_on_a_line(slope, surface)
+    lifted = run.events["event"] == "lift_off"
+    if off < 0.0:
+        assert run.end_cause == "time"
+        assert not lifted.any()
+    else:
+        assert run.events["ball"][lifted].tolist() == [1]
+        assert run.events["t"][lifted].tolist() == [0.0]
+        assert run.end_cause == ("lift_off" if surface == "one-sided" else "time")
+    if run.end_cause == "time":
+        weight = 1.0 * 9.81
+        force = weight * (math.cos(slope) - SHARE * math.sin(slope) * math.tan(TILT))
+        found = run.summary_record()["min_normal_force"]
+        assert found == pytest.approx(force, rel=1e-13, abs=1e-14 * weight)
+
+
+@pytest.mark.parametrize("slope", [0.2, 0.6, 0.9, 1.1])
+def test_a_pair_in_contact_on_a_line_slips_beyond_its_friction(slope: float) -> None:
+    push = SHARE * 9.81 * math.sin(slope)  # along the line
+    friction = 3.0 * 9.81 * math.sin(slope) + push
+    friction *= (2.0 - 1.0) / 2.0  # of a hoop: the share (kappa - 1)/kappa of what pulls it
+    demand = friction / (3.0 * 9.81 * math.cos(slope) + push * math.tan(TILT))
+    run = pair_on_a_line(slope, "one-sided")
+    assert run.summary_record()["max_friction_demand"] == pytest.approx(demand, rel=1e-13)
+    for share, slips in ((1.0 + 1e-9, []), (1.0 - 1e-9, [2])):
+        run = pair_on_a_line(slope, "one-sided", share * demand)
+        assert run.events["ball"][run.events["event"] == "slip"].tolist() == slips

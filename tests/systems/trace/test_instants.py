@@ -1,0 +1,195 @@
+"""Impacts at one instant: their limit, walls as bodies of infinite mass, what follows it."""
+
+from __future__ import annotations
+
+import itertools
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+from vibro_cli.api import simulate
+from vibro_cli.assemble import build_system
+from vibro_cli.kernels.contact.contact_kinematics import set_normals
+from vibro_cli.kernels.impact.impulse_chain import apply_impulses
+from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE
+from vibro_cli.kernels.impact.plastic_limit import press_speeds
+from vibro_cli.kernels.impact.simultaneous_impacts import MOST_ROUNDS
+from vibro_cli.kernels.world import World
+from vibro_cli.mechanics.system import System
+from vibro_cli.scenario import load_scenario, scenario_of
+from vibro_cli.stress.impact_laws import _Pendulum, _to_contact
+from vibro_cli.stress.physics import distance_from_image
+from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.world import make_world
+
+CASES = Path(__file__).parents[2] / "hard_cases"
+RADIUS = 0.1
+
+
+def row_at_a_wall(masses: list[float], left: bool) -> World:
+    """Bodies of one radius that touch, and of which one touches a wall of a level line."""
+    length = 3.0
+    begin = RADIUS if left else length - RADIUS * (2 * len(masses) - 1)
+    balls = [
+        {"radius": RADIUS, "mass": mass, "arc": 1, "position": begin + 2.0 * RADIUS * number}
+        for number, mass in enumerate(masses)
+    ]
+    document: dict[str, Any] = {
+        "gravity": 9.81,
+        "trace": {"start_slope": 0.0, "arcs": [{"shape": "line", "length": length}]},
+        "balls": balls,
+        "ends": {"left": {"wall": 0.5}, "right": {"wall": 0.5}},
+        "collision": {"k": 0.5, "law": "normal-impulse"},
+        "stop": {"time": 1.0},
+    }
+    return make_world(build_system(scenario_of(document)), 1.0, None)
+
+
+def nearest_motion(
+    masses: list[float], speeds: list[float], left: bool
+) -> tuple[list[float], float]:
+    """Motion without closing contacts nearest to one given, by every set of contacts in turn."""
+    count = len(masses)
+    rows = np.zeros((count, count))
+    for pair in range(count - 1):
+        rows[pair, pair : pair + 2] = -1.0, 1.0
+    rows[-1, 0 if left else -1] = 1.0 if left else -1.0
+    inverse = np.diag(1.0 / np.array(masses))
+    best, least = speeds, np.inf
+    for size in range(count + 1):
+        for chosen in itertools.combinations(range(count), size):
+            some = rows[list(chosen)]
+            impulses = np.zeros(0)
+            if size:
+                impulses = np.linalg.solve(some @ inverse @ some.T, -some @ np.array(speeds))
+            after = np.array(speeds) + inverse @ some.T @ impulses
+            if (rows @ after < -1e-9).any():
+                continue
+            distance = float(np.sum(masses * (after - speeds) ** 2))
+            if distance < least:
+                best, least = after.tolist(), distance
+    return best, least
+
+
+@pytest.mark.parametrize("left", [True, False])
+@pytest.mark.parametrize("seed", range(40))
+def test_limit_is_the_nearest_motion_that_does_not_close(seed: int, left: bool) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 6))
+    masses = (10.0 ** rng.uniform(-1.0, 1.0, count)).tolist()
+    speeds = rng.uniform(-1.0, 1.0, count).tolist()
+    world = row_at_a_wall(masses, left)
+    for j in range(count - 1):
+        set_normals(world, j)
+    for flight, speed in zip(world.flights, speeds, strict=True):
+        flight.speed = speed
+    press_speeds(world, 0, count - 1, NORMAL_IMPULSE)
+    apply_impulses(world, 0, count - 1, NORMAL_IMPULSE)
+    expected, _ = nearest_motion(masses, speeds, left)
+    found = [flight.speed for flight in world.flights]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
+
+
+def test_sequence_that_contracts_slowly_is_taken_to_its_limit() -> None:
+    run = simulate(load_scenario(CASES / "heavy_ball_contracts_slowly.toml"), "python")
+    table = run.collisions
+    at_one_instant = max(np.count_nonzero(table["t"] == t) for t in set(table["t"].tolist()))
+    # Each round is an impact of the pair and one with the wall.
+    assert 0.4 * MOST_ROUNDS < at_one_instant <= MOST_ROUNDS
+    begin = float(max(set(table["t"].tolist()), key=table["t"].tolist().count))
+    # Both stand at the wall then, whatever is left of a row of 3e5 impacts.
+    assert np.abs(run.sample([begin])["speed"]).max() <= 1e-14
+
+
+def test_light_balls_between_a_wall_and_a_heavy_one_bounce_as_often_as_they_have_to() -> None:
+    # Elastic impacts at one instant are finitely many: pi 10^d of them for masses 1 and 100^d.
+    document = tomllib.loads((CASES / "heavy_ball_contracts_slowly.toml").read_text())
+    document["trace"] = {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 3.0}]}
+    document["ends"] = {"left": {"wall": 1.0}, "right": {"wall": 1.0}}
+    document["collision"] = {"k": 1.0}
+    document["balls"] = [
+        {"radius": RADIUS, "mass": 1.0, "arc": 1, "position": RADIUS},
+        {"radius": RADIUS, "mass": 1e4, "arc": 1, "position": 1.0, "speed": -1.0},
+    ]
+    run = simulate(scenario_of({**document, "stop": {"time": 2.5}}), "python")
+    walls = int(np.count_nonzero(run.events["event"] == "wall"))
+    assert len(run.collisions["t"]) + walls == 314
+    assert run.summary_record()["energy_drift"] < 1e-10
+
+
+@pytest.mark.usefixtures("no_hang")
+def test_translational_closes_where_its_impacts_end() -> None:
+    path = CASES / "translational_closes_by_its_momentum.toml"
+    document = tomllib.loads(path.read_text())
+    run = simulate(load_scenario(path), "python")
+    row = list(run.events["event"]).index("contact_closed")
+    with mpmath.workdps(50):
+        end, rate, angle = continued(document)
+    closed = float(run.events["t"][row])
+    assert abs(closed - float(end)) <= 1e-10 * closed
+    motion = run.sample([float(end)])
+    rho = document["trace"]["arcs"][0]["radius"] - document["balls"][0]["radius"]
+    assert abs(float(motion["speed"][0]) - float(rate) * rho) <= 1e-10
+    assert abs(float(motion["angle"][0]) - float(angle)) <= 1e-10
+
+
+def continued(document: dict[str, Any]) -> tuple[Any, Any, Any]:
+    """When the impacts of two balls of one radius in a valley end, and their motion then.
+
+    The law keeps ``sum m v``; between impacts each ball is a pendulum of its own frequency.
+    """
+    mp = mpmath.mp
+    kappas = {"ball": mp.mpf(7) / 5, "particle": mp.mpf(1)}
+    one, two = document["balls"]
+    k = mp.mpf(document["collision"]["k"])
+    rho = mp.mpf(document["trace"]["arcs"][0]["radius"]) - mp.mpf(one["radius"])
+    beta = 2 * mp.asin(mp.mpf(one["radius"]) / rho)
+    bodies = [
+        _Pendulum(
+            mp,
+            mp.mpf(ball["angle"]),
+            mp.mpf(ball["speed"]) / rho,
+            mp.mpf(document["gravity"]) / (kappas[ball["body"]] * rho),
+        )
+        for ball in (one, two)
+    ]
+    share = mp.mpf(two["mass"]) / (mp.mpf(one["mass"]) + mp.mpf(two["mass"]))
+    t, flight = mp.mpf(0), mp.mpf(0.1)
+    while flight > mp.mpf(10) ** -14:
+        flight = _to_contact(mp, bodies, beta, flight)
+        t += flight
+        relative = bodies[0].rate - bodies[1].rate
+        bodies[0].rate -= (1 + k) * share * relative
+        bodies[1].rate += (1 + k) * (1 - share) * relative
+        bodies[1].angle = bodies[0].angle + beta
+    rate = (1 - share) * bodies[0].rate + share * bodies[1].rate
+    return t + flight * k / (1 - k), rate, bodies[0].angle
+
+
+@pytest.mark.usefixtures("no_hang")
+@pytest.mark.parametrize("name", ["row_at_a_wall_is_hit", "held_pair_is_hit"])
+def test_mirror_image_of_a_row_that_is_hit(name: str) -> None:
+    scenario = load_scenario(CASES / f"{name}.toml")
+    system = build_system(scenario)
+    stop = scenario.stop.time
+
+    def solve(one: System) -> Run:
+        return simulate_system(one, stop, None, "python")
+
+    assert distance_from_image(solve(system), solve) == (0.0, 0.0)
+
+
+@pytest.mark.usefixtures("no_hang")
+def test_light_body_that_goes_nowhere_comes_to_rest() -> None:
+    # Between a wall and a heavy body it went to and fro for ever, in 1e-9 s and 5e-16 m.
+    path = Path(__file__).parent / "turning_light_body_shuttles_at_a_wall.toml"
+    run = simulate(load_scenario(path, ["stop.time=0.46"]), "python")
+    assert run.end_cause == "time"
+    assert run.summary_record()["end_time"] == 0.46
+    # It gives way at once to where the heavy body brings it, and each impact takes energy.
+    energy = run.sample(np.linspace(0.0, 0.46, 1001))["energy"].reshape(1001, -1).sum(axis=1)
+    assert (np.diff(energy) <= 1e-12 * energy[0]).all()

@@ -1,0 +1,144 @@
+"""A run told of stretch by stretch has the tables of one that is held in memory, to the bit."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli.api import load_scenario, recalled, simulate, simulate_streamed
+from vibro_cli.scenario import load_any
+from vibro_cli.systems import driver, stream, system_named
+
+GALLERY = Path(__file__).parents[3] / "scenarios"
+HARD = Path(__file__).parents[2] / "hard_cases"
+ASKED = ["output.turning_points=true", "output.friction=0.3", "output.step=0.01"]
+SCENES = {
+    "three_arcs": [],
+    "closed_three_balls": [],
+    "five_balls": [],
+    "line_between_valleys": [],
+    "lone_particle": [],
+    "turning_three_arcs": ["stop.collisions=12"],
+    "unequal_hedrih": [],
+}
+SYSTEM_SCENES = {
+    "table/billiards": ["stop.time=60", "collision.k=1", "wall.k=1"],
+    "table/elliptic_wall": ["stop.bounces=60", "stop.time=1e6"],
+    "springs/two_disks": [],
+    "springs/stressed_at_rest": ["stop.time=8"],
+}
+HARD_SCENES = ("five_balls_half", "contact_opens_in_valley", "released_at_a_junction")
+
+
+def in_stretches(scenario: Any, rows: int, monkeypatch: pytest.MonkeyPatch, **more: Any) -> Any:
+    """A run in stretches of so many rows: its tables by name, and what is left of it."""
+    monkeypatch.setattr(stream, "LEAST_ROWS", rows)
+    monkeypatch.setattr(driver, "INTERPRETED_ROWS", rows)
+    parts: dict[str, list[Any]] = {}
+    run = simulate_streamed(
+        scenario, lambda name, columns: parts.setdefault(name, []).append(columns), "python", **more
+    )
+    joined: Any = np.ma.concatenate
+    tables = {
+        name: {column: joined([one[column] for one in each]) for column in each[0]}
+        for name, each in parts.items()
+    }
+    for declared in system_named(scenario.system).tables():
+        if declared.file in tables:
+            tables[declared.file] = declared.in_words(tables[declared.file])
+    return tables, run, max(len(each) for each in parts.values())
+
+
+def assert_same(table: Any, other: Any) -> None:
+    assert set(table) == set(other)
+    for name, values in table.items():
+        one, two = np.ma.asarray(values), np.ma.asarray(other[name])
+        assert np.array_equal(np.ma.getmaskarray(one), np.ma.getmaskarray(two)), name
+        numbers = two.dtype != object
+        assert np.array_equal(one.filled(), two.filled(), equal_nan=numbers), name
+
+
+def assert_told_as_held(
+    scenario: Any, rows: int, least: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tables, run, count = in_stretches(scenario, rows, monkeypatch)
+    held = simulate(scenario, "python")
+    assert count >= least
+    names = {table.file for table in system_named(scenario.system).tables()} - {"summary"}
+    if not held.wanted.lyapunov:
+        names -= {"exponents"}
+    assert set(tables) == names
+    for name in names:
+        assert_same(tables[name], getattr(held, name))
+    assert run.summary_record() == held.summary_record()
+    assert run.checkpoint() == held.checkpoint()
+    assert run.skipped == held.skipped
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_of_the_gallery(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario(GALLERY / f"{name}.toml", [*ASKED, *SCENES[name]])
+    assert_told_as_held(scenario, 8, 2, monkeypatch)
+
+
+@pytest.mark.parametrize("name", HARD_SCENES)
+def test_scenes_with_lasting_contact(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    stop = ["stop.time=4", "stop.collisions=60"]
+    scenario = load_scenario(HARD / f"{name}.toml", [*ASKED, *stop])
+    assert_told_as_held(scenario, 8, 3, monkeypatch)
+
+
+@pytest.mark.parametrize("name", SYSTEM_SCENES)
+def test_tables_and_springs(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_any(GALLERY / f"{name}.toml", ["output.step=0.01", *SYSTEM_SCENES[name]])
+    assert_told_as_held(scenario, 8, 2, monkeypatch)
+
+
+@pytest.mark.parametrize("name", SYSTEM_SCENES)
+def test_tables_and_springs_that_are_interrupted(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was told is the beginning of the whole, and solved again it is the same, to the bit."""
+    more = ["output.step=0.01", *SYSTEM_SCENES[name]]
+    scenario = load_any(GALLERY / f"{name}.toml", more)
+    tables, run, _ = in_stretches(scenario, 8, monkeypatch, interrupted=lambda: True)
+    assert run.end_cause == "interrupted"
+    end = run.summary_record()["end_time"]
+    assert 0.0 < end < simulate(scenario).end_time
+    again = recalled(scenario, json.loads(json.dumps(run.checkpoint())))
+    for table in tables:
+        assert_same(tables[table], getattr(again, table))
+    assert again.summary_record() == run.summary_record()
+    assert again.checkpoint() == run.checkpoint()
+    whole = simulate(scenario).collisions
+    for column, values in tables["collisions"].items():
+        assert np.array_equal(
+            values, whole[column][: len(values)], equal_nan=values.dtype != object
+        )
+
+
+def test_an_interrupted_run_is_the_beginning_of_the_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scenario = load_scenario(GALLERY / "three_arcs.toml")
+    asked = iter([False, False, True])
+    tables, run, _ = in_stretches(scenario, 8, monkeypatch, interrupted=lambda: next(asked))
+    whole = simulate(scenario, "python")
+    assert run.end_cause == "interrupted"
+    record = run.summary_record()
+    count = record["collisions"]
+    assert 0 < count < whole.summary_record()["collisions"]
+    begun = {name: values[:count] for name, values in whole.collisions.items()}
+    assert_same(tables["collisions"], begun)
+    before = whole.events["t"] < record["end_time"]
+    assert_same(
+        {name: values[: before.sum()] for name, values in tables["events"].items()},
+        {name: values[before] for name, values in whole.events.items()},
+    )
+    again = recalled(scenario, run.checkpoint())
+    assert_same(again.collisions, begun)
+    assert again.summary_record() == record

@@ -1,0 +1,68 @@
+"""The shorter way of two bodies from impact to impact: the rows of the event loop, to the bit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli.assemble import build_system
+from vibro_cli.kernels.world import LOGS
+from vibro_cli.mechanics.system import System
+from vibro_cli.scenario import scenario_of
+from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.trace.event_loop import LOOP
+from vibro_cli.systems.trace.world import make_world
+
+VALLEY = [{"shape": "valley", "radius": 1.0, "end_slope": "80 deg"}]
+CHAIN = [
+    {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
+    {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
+    {"shape": "valley", "radius": 1.0, "end_slope": "80 deg"},
+]
+
+
+def _system(arcs: list[dict[str, Any]], angles: tuple[float, float], **collision: Any) -> System:
+    ball = {"radius": 0.1, "density": 7800.0, "arc": 1}
+    second = {"radius": 0.13 if collision["law"] == "hedrih" else 0.1, "density": 2700.0}
+    return build_system(
+        scenario_of(
+            {
+                "gravity": 9.81,
+                "trace": {"start_slope": "-80 deg", "arcs": arcs},
+                "balls": [ball | {"angle": angles[0]}, ball | second | {"angle": angles[1]}],
+                "collision": collision,
+                "ends": {"left": {"wall": 0.9}, "right": {"wall": 0.9}},
+                "stop": {"collisions": 300},
+            }
+        )
+    )
+
+
+def _run(system: System, engine: str) -> Driver:
+    driver = Driver(LOOP, make_world(system, None, 300), engine)
+    driver.run()
+    return driver
+
+
+@pytest.mark.parametrize("law", ["hedrih", "translational", "normal-impulse"])
+@pytest.mark.parametrize("k", [1.0, 0.99])
+@pytest.mark.parametrize(
+    ("arcs", "angles"),
+    [(VALLEY, (-0.72, 0.54)), (VALLEY, (-1.25, 0.2)), (VALLEY, (-0.6, 0.6)), (CHAIN, (-1.2, 0.1))],
+    ids=["swings", "walls", "even", "chain"],
+)
+def test_rows_of_the_event_loop(
+    arcs: list[dict[str, Any]], angles: tuple[float, float], k: float, law: str
+) -> None:
+    system = _system(arcs, angles, law=law, k=k)
+    ours, theirs = _run(system, "compiled"), _run(system, "python")
+    for name in LOGS:
+        a, b = ours.logs[name].table(), theirs.logs[name].table()
+        for field in a.dtype.names:
+            np.testing.assert_array_equal(a[field], b[field], f"{name}.{field}")
+    assert ours.clock_value("energy_correction") == theirs.clock_value("energy_correction")
+    assert ours.clock_value("collisions") == theirs.clock_value("collisions") > 10
+    for name in LOOP.work_done:
+        assert ours.clock_value(name) == theirs.clock_value(name)

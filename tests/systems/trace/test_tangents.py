@@ -1,0 +1,360 @@
+"""Tangent maps against differences of neighbouring motions in 50 digits, and what they conserve."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from vibro_cli.api import simulate, simulate_streamed
+from vibro_cli.kernels.flow.flight import root_of_state
+from vibro_cli.kernels.numerics.elliptic import ThetaConstants, set_theta_constants
+from vibro_cli.kernels.tangent.flight_jacobian import swing_jacobian
+from vibro_cli.mechanics.system import System
+from vibro_cli.scenario import ScenarioError, scenario_of
+from vibro_cli.storage.runs import write_run
+from vibro_cli.stress.oracles.reference_solver import Happening, Twin, happenings_of
+from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.sensitivity import differences
+from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
+from vibro_cli.systems import driver
+from vibro_cli.systems.trace.run import Wanted, simulate_system
+from vibro_cli.systems.trace.tangents import NoTangents, follow_system, time_scale
+
+pytestmark = pytest.mark.long
+
+MARK = 1.0e-10
+WALLED = {
+    "start_slope": "-100 deg",
+    "arcs": [
+        {"shape": "valley", "radius": 0.8, "end_slope": "10 deg"},
+        {"shape": "line", "length": 0.7},
+        {"shape": "hump", "radius": 0.9, "end_slope": "-5 deg"},
+        {"shape": "valley", "radius": 1.0, "end_slope": "80 deg"},
+    ],
+}
+WALLS = {"left": {"wall": 0.95}, "right": {"wall": 1.0}}
+
+
+def _with(document: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return document | more
+
+
+def _unequal(law: str, k: float) -> dict[str, Any]:
+    """Two unequal bodies that cross junctions, hit walls, and meet on two pieces."""
+    balls = [
+        ball(-0.9, radius=0.12, mass=0.7, speed=4.2),
+        ball(0.3, arc=4, radius=0.07, mass=1.9, body="hoop", speed=-1.5),
+    ]
+    document = _with(scene(WALLED, balls, k, law, collisions=2), ends=WALLS)
+    document["collision"]["inadmissible"] = "normal-impulse"
+    return document
+
+
+def _three(k: float) -> dict[str, Any]:
+    balls = [ball(-0.8, speed=0.4), ball(0.1, mass=2.0, radius=0.08), ball(0.9, body="disk")]
+    return scene(VALLEY, balls, k, "normal-impulse", collisions=3)
+
+
+SCENES = {
+    "circle": scene(CIRCLE, [ball(-0.7), ball(0.4, mass=3.0, speed=1.0)], 0.9, collisions=3),
+    "rotation": scene(CIRCLE, [ball(0.0, speed=8.0), ball(2.0, speed=-1.0)], 1.0, collisions=3),
+    "valley of three": _three(0.8),
+    "arcs": scene(
+        THREE_ARCS, [ball(-1.3), ball(0.9, arc=3, mass=0.4, radius=0.07)], 1.0, collisions=2
+    ),
+    "hedrih": _unequal("hedrih", 0.9),
+    "normal-impulse": _unequal("normal-impulse", 0.7),
+    "translational": _unequal("translational", 1.0),
+}
+
+
+def _judge(document: dict[str, Any]) -> tuple[float, float]:
+    """Largest errors, relative to the largest elements, of the map and of the impacts' times."""
+    system, count = system_of(document), document["stop"]["collisions"]
+    told = happenings_of(simulate_system(system, None, count))
+    found = follow_system(system, None, count)
+    matrix, times = differences(scene_of_system(system), told, found.end_time)
+    return (
+        float(np.max(np.abs(found.matrix - matrix)) / np.max(np.abs(matrix))),
+        float(np.max(np.abs(found.times - times)) / np.max(np.abs(times))),
+    )
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_map_is_that_of_neighbouring_motions_in_50_digits(name: str) -> None:
+    errors = _judge(SCENES[name])
+    assert max(errors) < MARK, errors
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_both_engines_give_the_same_bits(name: str) -> None:
+    system, count = system_of(SCENES[name]), SCENES[name]["stop"]["collisions"]
+    one, other = (follow_system(system, None, count, engine) for engine in driver.ENGINES)
+    for field in ("matrix", "amplification", "smooth", "times", "sums"):
+        np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
+
+
+def _exact_flow(s: Any, c: Any, p: Any, u: Any) -> tuple[Any, Any, Any]:
+    """State of a pendulum from mpmath's elliptic functions, by the addition theorems."""
+    mp = mpmath.mp
+    m = s * s + p * p
+    if m <= 1:
+        sn, cn, dn = (mp.ellipfun(name, u, m=m) for name in ("sn", "cn", "dn"))
+    else:
+        root = mp.sqrt(m)
+        sn = mp.ellipfun("sn", root * u, m=1 / m) / root
+        cn, dn = (mp.ellipfun(name, root * u, m=1 / m) for name in ("dn", "cn"))
+    common = cn * cn + (sn * c) ** 2
+    return (
+        (s * cn * dn + p * c * sn) / common,
+        (c * dn - s * p * sn * cn) / common,
+        (p * cn - s * c * sn * dn) / common,
+    )
+
+
+def _exact_jacobian(s: float, c: float, p: float, u: float) -> list[Any]:
+    """Derivative of angle and rate by central differences in 60 digits."""
+    mp = mpmath.mp
+    big = [mp.mpf(one) for one in (s, c, p, u)]
+    h = mp.mpf(10) ** -20 * min(1, abs(big[1]) + abs(big[2]))
+    base = _exact_flow(*big)
+    half = mp.atan2(big[0], big[1])
+    columns = []
+    for rate in (0, 1):
+        ends = []
+        for change in (h, -h):
+            angle = half + change / 2 * (1 - rate)
+            state = _exact_flow(mp.sin(angle), mp.cos(angle), big[2] + change / 2 * rate, big[3])
+            turned = mp.atan2(
+                state[0] * base[1] - state[1] * base[0], state[1] * base[1] + state[0] * base[0]
+            )
+            ends.append((2 * turned, 2 * state[2]))
+        columns.append([(a - b) / (2 * h) for a, b in zip(*ends, strict=True)])
+    return [columns[0][0], columns[1][0], columns[0][1], columns[1][1]]
+
+
+@pytest.mark.parametrize(
+    ("angle", "rate", "u"),
+    [
+        *(
+            (0.3, 0.2, 5.0),
+            (2.5, -0.4, 9.0),
+            (1.0e-7, 2.0e-7, 3.0),
+            (-1.0, 0.0, 60.0),
+        ),  # librations
+        *((1.0, 1.3, 4.0), (-2.9, -2.0, 3.0), (0.1, 1.0, 3.0), (3.0, 0.0708, 2.0)),  # over the top
+        *((3.1, 0.02, 9.0), (math.pi - 1.0e-9, 0.0, 30.0), (3.1415926, 1.0e-8, 25.0)),  # crest
+    ],
+)
+def test_a_flight_is_differentiated_to_rounding(angle: float, rate: float, u: float) -> None:
+    with mpmath.workdps(60):
+        c = math.cos(0.5 * angle)
+        s = math.copysign(math.sqrt((1.0 - c) * (1.0 + c)), angle)
+        if abs(s) < 0.5:
+            s = math.sin(0.5 * angle)
+            c = math.sqrt((1.0 - s) * (1.0 + s))
+        theta = ThetaConstants()
+        set_theta_constants(theta, s * s + rate * rate, root_of_state(c, rate))
+        found = swing_jacobian(theta, s, c, rate, u)
+        expected = _exact_jacobian(s, c, rate, u)
+        size = float(max(abs(one) for one in expected))
+        error = max(abs(float(a - b)) for a, b in zip(found, expected, strict=True))
+    # A unit in the last place of a state moves the argument of a long flight.
+    assert error < 40.0 * 2.0**-52 * size * (1.0 + u)
+
+
+@pytest.mark.parametrize("k", [1.0, 0.999, 0.9])
+def test_volumes_shrink_by_the_square_of_the_restitution_at_each_impact(k: float) -> None:
+    system = system_of(_with(SCENES["normal-impulse"], collision={"law": "normal-impulse", "k": k}))
+    assert system.left_end is not None
+    walls = replace(system, left_end=replace(system.left_end, restitution=1.0))
+    found = follow_system(walls, 30.0, 40)
+    impacts = len(found.smooth)
+    assert impacts > 8
+    assert np.sum(found.sums) == pytest.approx(2.0 * impacts * math.log(k), abs=1e-11)
+    if k == 1.0:
+        # Symplectic: in pairs that cancel, up to what the frame still remembers of its start.
+        long = follow_system(walls, None, 3000)
+        exponents, _ = long.growth.exponents(per_impact=True)
+        assert exponents[0] > 0.05
+        np.testing.assert_allclose(exponents[:2], -exponents[:1:-1], atol=0.002)
+
+
+def test_a_run_in_several_stretches_is_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = system_of(SCENES["arcs"])
+    whole = follow_system(system, None, 60)
+    monkeypatch.setattr(driver, "COMPILED_ROWS", 32)
+    monkeypatch.setattr("vibro_cli.systems.stream.LEAST_ROWS", 16)
+    parts = follow_system(system, None, 60)
+    for field in ("matrix", "amplification", "smooth", "times", "sums"):
+        np.testing.assert_array_equal(getattr(whole, field), getattr(parts, field))
+
+
+def _by_neighbours(system: System, end: float, change: float) -> Any:
+    """The map by differences of the solver's own runs, in doubles."""
+
+    def state(component: int, by: float) -> list[float]:
+        number, part = divmod(component, 2)
+        initial = list(system.initial)
+        one = initial[number]
+        piece = system.trace.pieces[one.piece]
+        per_way = 1.0 if piece.is_line else 1.0 / piece.path_radius(system.bodies[number].radius)
+        if part == 0:
+            initial[number] = replace(one, position=one.position + by * per_way)
+        else:
+            initial[number] = replace(one, speed=one.speed + by)
+        run = simulate_system(replace(system, initial=tuple(initial)), end, None)
+        sample, found = run.sample([end]), []
+        for body in range(len(system.bodies)):
+            on = system.trace.pieces[int(sample["arc"][body]) - 1]
+            place = float(sample["angle"][body]) * (
+                1.0 if on.is_line else on.path_radius(system.bodies[body].radius)
+            )
+            found += [place, float(sample["speed"][body])]
+        return found
+
+    size = 2 * len(system.bodies)
+    columns = [
+        (np.array(state(n, change)) - np.array(state(n, -change))) / (2.0 * change)
+        for n in range(size)
+    ]
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3])
+def test_lasting_contact_takes_two_directions(k: float) -> None:
+    balls = [ball(-0.5, mass=2.0), ball(0.3, radius=0.06, body="hoop")]
+    system = system_of(scene(VALLEY, balls, k, "normal-impulse", time=2.0))
+    run = simulate_system(system, 2.0, None)
+    assert "contact_closed" in run.events["event"]
+    found = follow_system(system, 2.0, None)
+    values = np.linalg.svd(found.matrix, compute_uv=False)
+    assert values[1] > 0.1
+    assert values[2] < 1e-12
+    assert not found.smooth[-1]
+    assert np.all(np.isneginf(found.sums[2:]))
+    assert np.all(np.isneginf(found.growth.exponents()[0][2:]))
+    np.testing.assert_allclose(found.matrix, _by_neighbours(system, 2.0, 1e-6), atol=1e-8)
+
+
+def test_joint_impacts_are_marked() -> None:
+    balls = [ball(-0.6), ball(0.0), {"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.6}]
+    found = follow_system(system_of(scene(VALLEY, balls, 1.0, collisions=2)), None, 2)
+    assert not found.smooth.any()
+    assert np.isfinite(found.amplification).all()
+
+
+def _falling(rng: np.random.Generator) -> System:
+    """Two particles that fall onto a floor, the heavier one below: chaotic."""
+    places = (rng.uniform(0.2, 0.8), rng.uniform(1.2, 2.0))
+    balls = [
+        {
+            "body": "particle", "radius": 0.05, "mass": float(mass), "arc": 1,
+            "position": float(place), "speed": float(rng.normal(0.0, 0.5)),
+        }
+        for place, mass in zip(places, (rng.uniform(1.2, 5.0), 1.0), strict=True)
+    ]  # fmt: skip
+    slope = {"start_slope": 0.5, "arcs": [{"shape": "line", "length": 1.0e4}]}
+    document = scene(slope, balls, 1.0, "translational", collisions=25)
+    return system_of(_with(document, ends={"left": {"wall": 1.0}}))
+
+
+def _told(run: Any) -> list[Happening]:
+    """Events of a run as long as three digits are left: then neighbours have others."""
+    told: list[Happening] = []
+    impacts = 0
+    for happening in happenings_of(run):
+        if happening.kind == "impact":
+            if run.collisions["digits_left"][impacts] < 3.0:
+                break
+            impacts += 1
+        told.append(happening)
+    return told
+
+
+def _true_errors(system: System, run: Any) -> list[float]:
+    """Error of both states after each impact at one time, as a share of the start's size."""
+    tau = float(time_scale(system))
+    found, errors = run.collisions, []
+    size = math.sqrt(
+        sum(one.position**2 + (tau * one.speed) ** 2 for one in system.initial)
+        / (2 * len(system.initial))
+    )
+    pull = -system.gravity * math.sin(0.5)
+    twin = Twin(scene_of_system(system))
+    for row, impact in enumerate(twin.follow(_told(run))):
+        t = mpmath.mpf(float(found["t"][row])) + mpmath.mpf(float(found["t_low"][row]))
+        late, total = float(t - impact.t), 0.0
+        for body, place, speed in (
+            ("a", impact.a, impact.after_a),
+            ("b", impact.b, impact.after_b),
+        ):
+            way = float(mpmath.mpf(float(found[f"s_{body}"][row])) - place.place)
+            rate = float(mpmath.mpf(float(found[f"speed_{body}_post"][row])) - speed)
+            total += (way - float(speed) * late) ** 2 + (tau * (rate - pull * late)) ** 2
+        errors.append(math.sqrt(total / 4.0) / size)
+    return errors
+
+
+def test_digits_left_are_those_that_agree_with_50_digits() -> None:
+    rng = np.random.default_rng(11)
+    ratios, fewest, lucky = [], 16.0, 0
+    for _ in range(100):
+        system = _falling(rng)
+        run = simulate_system(system, None, 25, wanted=Wanted(lyapunov=True))
+        left = run.collisions["digits_left"]
+        errors = np.array(_true_errors(system, run))
+        ratios.append(errors * 10.0 ** left[: len(errors)])
+        # What rounding gives to the one direction that grows may be small by chance.
+        lucky += bool(np.min(ratios[-1]) < 1.0 / 30.0)
+        fewest = min(fewest, float(left.min()))
+    assert fewest < 1.0
+    rows = np.concatenate(ratios)
+    assert len(rows) > 1500
+    assert np.max(rows) < 4.0
+    assert 0.1 < np.median(rows) < 10.0
+    assert np.mean(rows > 1.0 / 30.0) > 0.9
+    assert lucky < 12
+
+
+def test_a_run_tells_of_exponents_in_all_its_tables(tmp_path: Path) -> None:
+    document = _with(SCENES["arcs"], stop={"collisions": 40}, analysis={"lyapunov": True})
+    scenario = scenario_of(document)
+    told: dict[str, list[Any]] = {}
+    streamed = simulate_streamed(
+        scenario, lambda name, columns: told.setdefault(name, []).append(columns)
+    )
+    run = simulate(scenario, "python")
+    assert run.exponents is not None
+    assert streamed.summary_record() == run.summary_record()
+    for name, columns in (("collisions", run.collisions), ("exponents", run.exponents)):
+        (rows,) = [one for one in told[name] if len(one["n"])]
+        assert rows.keys() == columns.keys()
+        for key in ("n", "amplification", "digits_left", "smooth", "lyapunov_1", "lyapunov_error"):
+            if key in columns:
+                np.testing.assert_array_equal(rows[key], columns[key])
+    record = run.summary_record()
+    assert record["lyapunov_1"] > 0.1
+    assert sum(record[f"lyapunov_{n}"] for n in range(1, 5)) == pytest.approx(0.0, abs=1e-9)
+    write_run(run, scenario, tmp_path / "run", {})
+    table = pq.read_table(tmp_path / "run" / "exponents.parquet")
+    assert table.column("lyapunov_1")[-1].as_py() == run.exponents["lyapunov_1"][-1]
+
+
+def test_exponents_of_a_trace_that_turns_are_refused_with_their_place() -> None:
+    trace = THREE_ARCS | {"turning": {"x": 1.0, "rate": 1.0}}
+    with pytest.raises(ScenarioError, match=r"analysis\.lyapunov.*trace that turns"):
+        scenario_of(_with(SCENES["arcs"], trace=trace, analysis={"lyapunov": True}))
+
+
+def test_a_trace_that_turns_is_refused() -> None:
+    turning = _with(SCENES["arcs"], trace=THREE_ARCS | {"turning": {"x": 1.0, "rate": 1.0}})
+    with pytest.raises(NoTangents, match="expected one at rest"):
+        follow_system(system_of(turning), None, 2)

@@ -1,0 +1,191 @@
+"""Runs on a trace that turns about a vertical axis."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.systems.trace.turning_scenes import (
+    on_circle,
+    on_lines,
+    on_three_arcs,
+    over_the_hump,
+    system,
+)
+from vibro_cli.api import simulate
+from vibro_cli.compile.kinds import symbol_of
+from vibro_cli.kernels.rotating import TURNING
+from vibro_cli.scenario import load_scenario, parse_scenario
+from vibro_cli.stress.impacts import QUANTITIES, SPEEDS, solved
+from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
+from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.systems.trace.run import Run, simulate_system
+
+SCENES = {"circle": on_circle(), "three arcs": on_three_arcs(), "lines": on_lines()}
+
+
+def run(scenario: dict[str, Any], engine: str = "python") -> Run:
+    return simulate(parse_scenario(json.dumps(scenario), "json"), engine)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_first_ten_impacts_are_those_of_fifty_digits(name: str, engine: str) -> None:
+    found = run(SCENES[name], engine)
+    impacts = Twin(scene_of_system(found.system)).follow(happenings_of(found))
+    assert len(impacts) == 10
+    for row, impact in enumerate(impacts):
+        for quantity, (_, value) in QUANTITIES.items():
+            exact, size = value(impact), 1.0
+            if quantity == "t":
+                size = float(exact)
+            elif quantity in SPEEDS:
+                size = float(max(abs(impact.a.speed), abs(impact.b.speed)))
+            off = float(abs(solved(found, quantity, row) - exact))
+            assert off <= 1e-12 * size, (row + 1, quantity)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_both_engines_give_the_same_bits(name: str) -> None:
+    one, other = run(SCENES[name], "python"), run(SCENES[name], "compiled")
+    for table in ("collisions", "events", "summary"):
+        columns, others = getattr(one, table), getattr(other, table)
+        for column, values in columns.items():
+            assert np.array_equal(values, others[column], equal_nan=values.dtype == float), column
+
+
+@pytest.mark.parametrize("scene", [on_circle, on_three_arcs])
+def test_rate_zero_is_the_trace_at_rest(scene: Any) -> None:
+    turning, resting = scene(rate=0.0), scene()
+    del resting["trace"]["turning"]
+    one, other = run(turning), run(resting)
+    for column, values in one.collisions.items():
+        assert np.array_equal(values, other.collisions[column], equal_nan=values.dtype == float)
+
+
+def test_slow_turning_is_nearly_rest() -> None:
+    resting = on_circle()
+    del resting["trace"]["turning"]
+    slow, rest = run(on_circle(rate=1e-5)), run(resting)
+    assert slow.collisions["t"] == pytest.approx(rest.collisions["t"], rel=1e-9)
+
+
+def test_bodies_in_wells_of_their_own_never_meet() -> None:
+    # Above the pitchfork, Omega^2 > g/rho, each ball stays on its side of the bottom.
+    found = run(on_circle(rate=4.0, stop={"collisions": 5}))
+    assert found.end_cause == "no_more_collisions"
+    assert len(found.collisions["t"]) == 0
+
+
+@pytest.mark.parametrize("scene", [on_circle, on_three_arcs])
+def test_elastic_impacts_keep_the_energy(scene: Any) -> None:
+    stop = {"collisions": 2000, "time": 3000.0}
+    found = run(scene(collision={"k": 1.0}, stop=stop), "compiled")
+    assert len(found.collisions["t"]) > 100
+    assert abs(found.summary_record()["energy_drift"]) < 1e-12
+
+
+@pytest.mark.parametrize("scene", [on_circle, over_the_hump])
+def test_lasting_contact_closes_and_keeps_the_energy(scene: Any) -> None:
+    law = {"law": "normal-impulse", "k": 0.4}
+    found = run(scene(collision=law, stop={"time": 14.0}))
+    record = found.summary_record()
+    assert record["contacts"] == 1
+    lost = record["energy_start"] - float(np.sum(found.collisions["energy_loss"]))
+    assert record["energy_end"] == pytest.approx(lost, rel=1e-11)
+    apart = found.sample([13.0, 14.0])
+    x, y = apart["x"].reshape(2, 2), apart["y"].reshape(2, 2)
+    assert np.hypot(np.diff(x), np.diff(y)) == pytest.approx(0.2, rel=1e-12)
+
+
+def test_motion_between_events_keeps_the_energy_and_obeys_the_equation() -> None:
+    found = run(on_lines())
+    end = float(found.summary_record()["end_time"])
+    h = 1e-4
+    times = np.linspace(0.05, end - 0.05, 40)
+    before, now, after = (found.sample(times + step) for step in (-h, 0.0, h))
+    turning, gravity = found.system.turning, found.system.gravity
+    assert turning is not None
+    smooth = (before["arc"] == after["arc"]) & (abs(after["energy"] - before["energy"]) < 1e-9)
+    kappa = np.array([body.kappa for body in found.system.bodies])[now["ball"] - 1]
+    # The tangent from the places, the acceleration from the speeds.
+    tx, ty = (after["x"] - before["x"]), (after["y"] - before["y"])
+    length = np.hypot(tx, ty)
+    moving = smooth & (length > 1e-6) & (now["speed"] * before["speed"] > 0.0)
+    side = np.sign(now["speed"])
+    pull = -gravity * side * ty / length
+    pull += turning.square * (now["x"] - turning.x) * side * tx / length
+    acceleration = (after["speed"] - before["speed"]) / (2.0 * h)
+    good = moving & (np.abs(acceleration) < 50.0)
+    assert np.sum(good) > 60
+    assert (kappa * acceleration)[good] == pytest.approx(pull[good], abs=2e-3)
+
+
+def test_turning_points_are_where_the_speed_vanishes() -> None:
+    found = run(on_circle(output={"turning_points": True}))
+    events = found.events
+    rows = events["event"] == "turning"
+    assert np.sum(rows) > 5
+    for t, number, angle in zip(events["t"], events["ball"], events["value"], strict=True):
+        state = found.sample([t])
+        assert abs(state["speed"][int(number) - 1]) < 1e-13
+        assert state["angle"][int(number) - 1] == pytest.approx(angle, abs=1e-14)
+
+
+def test_lift_off_is_where_the_normal_force_vanishes() -> None:
+    found = run(over_the_hump())
+    turning, gravity = found.system.turning, found.system.gravity
+    assert turning is not None
+    rows = np.flatnonzero(found.events["event"] == "lift_off")
+    assert len(rows) > 1
+    for row in rows:
+        number = int(found.events["ball"][row]) - 1
+        state = {
+            name: column[number] for name, column in found.sample([found.events["t"][row]]).items()
+        }
+        piece = found.system.trace.pieces[int(state["arc"]) - 1]
+        slope = piece.slope(state["angle"])
+        force = gravity * np.cos(slope) + turning.square * (state["x"] - turning.x) * np.sin(slope)
+        force += piece.sign * state["speed"] ** 2 / piece.path_radius(0.1)
+        value = found.events["value"][row] / found.system.bodies[number].mass
+        assert force == pytest.approx(value, abs=1e-10)
+        # At a junction or an impact the force jumps, elsewhere it falls through zero.
+        jumps = found.events["t"][np.isin(found.events["event"], ["crossing", "wall"])]
+        jumps = [*jumps, *found.collisions["t"]]
+        assert abs(value) < 1e-10 or (value < 0.0 and state["t"] in jumps)
+    assert found.summary_record()["min_normal_force"] < 0.0
+
+
+def test_a_run_continued_is_the_run_without_a_break() -> None:
+    scene = system(on_three_arcs())
+    whole = simulate_system(scene, None, 10, "python")
+    part = simulate_system(scene, None, 4, "python")
+    rest = simulate_system(
+        scene, None, 10, "python", checkpoint=part.checkpoint(), history=part.history()
+    )
+    for column, values in whole.collisions.items():
+        assert np.array_equal(values, rest.collisions[column], equal_nan=values.dtype == float)
+
+
+@pytest.mark.parametrize(
+    "replaced", [pytest.param(function, id=symbol_of(function)) for function in TURNING.replaced]
+)
+def test_a_kernel_is_replaced_by_one_that_is_called_alike(replaced: Callable[..., Any]) -> None:
+    here, there = (signature(function) for function in (replaced, TURNING.replaced[replaced]))
+    assert [one.annotation for one in here.parameters.values()] == [
+        one.annotation for one in there.parameters.values()
+    ]
+    assert here.return_annotation == there.return_annotation
+
+
+def test_contacts_on_a_turning_line_leave_no_gap() -> None:
+    path = Path(__file__).parents[2] / "hard_cases" / "contact_on_a_turning_line.toml"
+    run = simulate(load_scenario(path), "python")
+    on_line = run.collisions["arc_a"] == 2
+    assert on_line.any()
+    assert np.max(np.abs(run.collisions["gap"][on_line])) <= 1e-14

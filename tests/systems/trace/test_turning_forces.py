@@ -1,0 +1,273 @@
+"""Forces on a turning trace: lift-off, friction along the trace, lasting contact in closed form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.systems.trace.test_turning import run
+from tests.systems.trace.turning_scenes import (
+    CIRCLE,
+    ball,
+    data,
+    on_circle,
+    on_lines,
+    on_three_arcs,
+    over_the_hump,
+)
+from vibro_cli.compile.kernel import Overrides, kernel
+from vibro_cli.kernels.cluster.cluster_forces import (
+    limit_by_lift_off,
+    normal_force_now,
+    set_release,
+)
+from vibro_cli.kernels.cluster.clusters import launch_group, launch_group_on_line, set_group_flow
+from vibro_cli.kernels.cluster.collocation import launch_across
+from vibro_cli.kernels.cluster.rotating_clusters import normal_harmonics
+from vibro_cli.kernels.contact.contact_kinematics import set_normals, set_speed
+from vibro_cli.kernels.impact.impulse_chain import contact_forces
+from vibro_cli.kernels.numerics.trigonometric_polynomial import harmonic_value
+from vibro_cli.kernels.rotating import TURNING
+from vibro_cli.kernels.world import World
+from vibro_cli.systems.trace import world as records_of_trace
+from vibro_cli.systems.trace.run import Run
+
+pytestmark = pytest.mark.long
+
+PLASTIC = {"law": "normal-impulse", "k": 0.4}
+FREE = {
+    "circle": on_circle(),
+    "fast circle": on_circle(rate=3.6),
+    "lines": on_lines(),
+    "three arcs": on_three_arcs(),
+}
+
+
+def three_bodies(rate: float, x: float) -> dict[str, Any]:
+    """Three unequal bodies that come into contact in a valley turning beside its axis."""
+    balls = [
+        ball(1, "-60 deg"),
+        ball(1, "-10 deg") | {"radius": 0.06},
+        ball(1, "50 deg") | {"radius": 0.12, "density": 2000},
+    ]
+    return data(CIRCLE, balls, {"x": x, "rate": rate}, collision=PLASTIC, stop={"time": 25.0})
+
+
+def up_a_loop(x: float, rate: float) -> dict[str, Any]:
+    """Two balls that roll up together inside a loop whose upper part cannot hold them."""
+    arcs = [{"shape": "valley", "radius": 1.0, "end_slope": "170 deg"}]
+    follower = {"radius": 0.1, "density": 7800, "arc": 1, "touching": "previous", "rate": 5.5}
+    balls = [ball(1, 0.0, rate=5.5), follower]
+    found = data(arcs, balls, {"x": x, "rate": rate}, "-170 deg", collision=PLASTIC)
+    found["trace"]["surface"] = "one-sided"
+    return found
+
+
+def on_a_slope(slope: str, rate: float, x: float) -> dict[str, Any]:
+    """Three bodies of different inertia that come into contact on a line."""
+    kinds = [(0.1, 3.0, 0.4), (0.06, 1.0, 0.9), (0.08, 2.0, 1.0)]
+    balls = [
+        {"radius": r, "mass": m, "inertia_ratio": k, "arc": 1, "position": 2.5 + 0.3 * i}
+        for i, (r, m, k) in enumerate(kinds)
+    ]
+    arcs = [{"shape": "line", "length": 8.0}, {"shape": "valley", "radius": 1.0, "end_slope": 0.6}]
+    return data(arcs, balls, {"x": x, "rate": rate}, slope, collision=PLASTIC, stop={"time": 2.0})
+
+
+def sampled(found: Run) -> tuple[Any, Any, Any]:
+    """Body, normal force and friction (N) of free bodies, from the formulas of the model."""
+    system, turning = found.system, found.system.turning
+    assert turning is not None
+    motion = found.sample(np.linspace(0.0, float(found.summary_record()["end_time"]), 4000))
+    normals, frictions = [], []
+    for number, arc, angle, x, speed in zip(
+        *(motion[name] for name in ("ball", "arc", "angle", "x", "speed")), strict=True
+    ):
+        body, piece = system.bodies[number - 1], system.trace.pieces[arc - 1]
+        slope = piece.start_slope if piece.is_line else piece.slope(angle)
+        away = turning.square * (x - turning.x)
+        normal = system.gravity * np.cos(slope) + away * np.sin(slope)
+        if not piece.is_line:
+            normal += piece.sign * speed**2 / piece.path_radius(body.radius)
+        drive = away * np.cos(slope) - system.gravity * np.sin(slope)
+        normals.append(body.mass * normal)
+        frictions.append((1.0 - 1.0 / body.kappa) * body.mass * abs(drive))
+    return motion["ball"], np.array(normals), np.array(frictions)
+
+
+@pytest.mark.parametrize("name", ["circle", "fast circle", "lines"])
+def test_extremes_of_the_summary_are_those_of_the_motion(name: str) -> None:
+    found = run(FREE[name])
+    _, normal, friction = sampled(found)
+    record, demand = found.summary_record(), float(np.max(friction / normal))
+    assert demand <= record["max_friction_demand"] <= demand * (1.0 + 1e-4)
+    least = float(np.min(normal))
+    assert least * 0.93 <= record["min_normal_force"] <= least * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("name", FREE)
+@pytest.mark.parametrize("limit", [0.1, 0.15])
+def test_slips_are_where_friction_is_not_enough(name: str, limit: float) -> None:
+    found = run(FREE[name] | {"output": {"friction": limit}})
+    body, normal, friction = sampled(found)
+    count = 0
+    for number in (1, 2, 3):
+        beyond = (friction > limit * normal)[body == number]
+        count += int(np.sum(beyond[1:] & ~beyond[:-1])) + int(np.sum(beyond[:1]))
+    assert int(np.sum(found.events["event"] == "slip")) == count
+
+
+@pytest.mark.parametrize(("angle", "rate", "limit"), [(-1.2, 1.0, 0.12), (0.3, 6.0, 0.3)])
+def test_passages_are_where_and_when_quadrature_says(
+    angle: float, rate: float, limit: float
+) -> None:
+    """Turning points, slip and lift-off of a body alone: time is the integral of df/f'."""
+    mp = pytest.importorskip("mpmath").mp.clone()
+    mp.dps = 40
+    arcs = [{"shape": "valley", "radius": 1.0, "end_slope": "170 deg"}]
+    one, turning_at = [ball(1, angle, rate=rate)], {"x": 0.2, "rate": 1.7}
+    scene = data(arcs, one, turning_at, "-170 deg", stop={"time": 4.0})
+    scene["output"] = {"turning_points": True, "friction": limit}
+    del scene["collision"], scene["ends"]
+    found = run(scene)
+    system, turning = found.system, found.system.turning
+    assert turning is not None
+    body, piece = system.bodies[0], system.trace.pieces[0]
+    rho, kappa, g = mp.mpf(piece.path_radius(body.radius)), mp.mpf(body.kappa), system.gravity
+    square, away = mp.mpf(turning.square), mp.mpf(piece.center[0]) - turning.x
+
+    def drop(f: Any) -> Any:
+        """Twice the work done from f = 0 on, over the moment of inertia."""
+        x = away + rho * mp.sin(f)
+        return 2 * (g * rho * mp.cos(f) + square * x * x / 2) / (kappa * rho * rho)
+
+    energy = mp.mpf(rate) ** 2 - drop(mp.mpf(angle))
+
+    def squared(f: Any) -> Any:
+        return energy + drop(f)
+
+    def normal(f: Any) -> Any:
+        return g * mp.cos(f) + square * (away + rho * mp.sin(f)) * mp.sin(f) + rho * squared(f)
+
+    def spare(f: Any) -> Any:
+        pull = square * (away + rho * mp.sin(f)) * mp.cos(f) - g * mp.sin(f)
+        return limit * normal(f) - (1 - 1 / kappa) * abs(pull)
+
+    zeros = {"turning": squared, "slip": spare, "lift_off": normal}
+    events = found.events
+    first, t = mp.mpf(angle), mp.mpf(0)
+    names = set()
+    for name, at, s in zip(events["event"], events["t"], events["s"], strict=True):
+        if name not in zeros or at == 0.0:
+            continue
+        guess = piece.angle_start + (s - piece.start_s) / piece.radius
+        place = mp.findroot(zeros[name], (guess - 1e-9, guess + 1e-9))
+        assert abs(place - guess) < 1e-14
+        ways = [first, (first + place) / 2, place]
+        t += abs(mp.quad(lambda f: 1 / mp.sqrt(abs(squared(f))), ways))
+        assert abs(t - at) < 2e-14 * (1 + t)
+        first = place
+        names.add(str(name))
+    assert len(names) >= 2
+
+
+@pytest.mark.parametrize("scene", [on_three_arcs(), over_the_hump()])
+def test_a_one_sided_run_ends_at_the_first_lift_off(scene: dict[str, Any]) -> None:
+    events = run(scene).events
+    first = float(events["t"][events["event"] == "lift_off"][0])
+    alone = run(scene | {"trace": scene["trace"] | {"surface": "one-sided"}})
+    assert alone.end_cause == "lift_off"
+    assert alone.summary_record()["end_time"] == pytest.approx(first, rel=1e-13)
+    assert alone.events["event"][-1] == "lift_off"
+
+
+def test_a_one_sided_line_that_turns_loses_a_body() -> None:
+    # N/m = g cos a + Omega^2 (x_C - x0) sin a: left of the axis, uphill to the right.
+    scene = data(
+        [{"shape": "line", "length": 6.0}], [ball(1, None, position=1.5, speed=-1.0)],
+        {"x": 5.0, "rate": 1.6}, "40 deg", stop={"time": 20.0},
+    )  # fmt: skip
+    scene["trace"]["surface"] = "one-sided"
+    found = run(scene)
+    assert found.end_cause == "lift_off"
+    end = float(found.summary_record()["end_time"])
+    assert end > 0.1
+    state = found.sample([end])
+    slope = np.radians(40.0)
+    away = 1.6**2 * (state["x"][0] - 5.0)
+    assert abs(9.81 * np.cos(slope) + away * np.sin(slope)) < 1e-12
+
+
+@pytest.fixture
+def integrated(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Run a scene with its groups integrated in short segments, by collocation."""
+    closed = {launch_group_on_line, set_group_flow, set_release, limit_by_lift_off}
+    kept = {one: other for one, other in TURNING.replaced.items() if one not in closed}
+    variant = Overrides("integrated", {**kept, launch_group: launch_across})
+
+    def solved(scene: dict[str, Any]) -> Run:
+        monkeypatch.setattr(records_of_trace, "overrides_of", lambda _: variant)
+        return run(scene)
+
+    return solved
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        on_circle(collision=PLASTIC, stop={"time": 14.0}),
+        three_bodies(2.0, 0.3),
+        three_bodies(3.3, 0.3),
+        three_bodies(1.0, 5.0),
+        up_a_loop(0.7, 2.0),
+        up_a_loop(1.7, 2.0),
+        on_a_slope("-15 deg", 0.5, 4.0),
+        on_a_slope("-30 deg", 1.0, 1.0),
+    ],
+)
+def test_groups_in_closed_form_are_those_integrated(scene: dict[str, Any], integrated: Any) -> None:
+    closed, other = run(scene), integrated(scene)
+    one, two = closed.summary_record(), other.summary_record()
+    assert one["contacts"] >= 1
+    for name in ("end_cause", "collisions", "arc_1", "arc_2"):
+        assert one[name] == two[name]
+    for name in ("end_time", "energy_end", "s_1", "s_2", "speed_1", "speed_2"):
+        assert one[name] == pytest.approx(two[name], rel=1e-9, abs=1e-9), name
+    if one["end_cause"] != "lift_off":
+        for name in ("min_normal_force", "max_friction_demand"):
+            assert one[name] == pytest.approx(two[name], rel=1e-7), name
+    opened = [found.events["event"] == "contact_opened" for found in (closed, other)]
+    assert closed.events["t"][opened[0]] == pytest.approx(other.events["t"][opened[1]], abs=1e-9)
+
+
+COMPARED: list[float] = []
+
+
+@kernel
+def compared(world: World, first: int, count: int) -> None:
+    """Compare the polynomials that say when a body lifts off with the forces of an instant."""
+    for step in range(count):
+        set_speed(world, first + step)
+    for step in range(count - 1):
+        set_normals(world, first + step)
+    contact_forces(world, first, count - 1)
+    forces = [normal_force_now(world, first, count, step) for step in range(count)]
+    flight = world.flights[first]
+    for step, force in enumerate(forces):
+        h = normal_harmonics(world, first, count, step)
+        s, c = flight.flow_s, flight.flow_c
+        value = harmonic_value(h, 2.0 * s * c, (c - s) * (c + s))
+        assert value == pytest.approx(force, rel=1e-11)
+        COMPARED.append(value)
+
+
+def test_normal_forces_of_a_group_are_those_of_its_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
+    COMPARED.clear()
+    variant = Overrides("compared", {**TURNING.replaced, limit_by_lift_off: compared})
+    monkeypatch.setattr(records_of_trace, "overrides_of", lambda _: variant)
+    scene = up_a_loop(0.7, 2.0)
+    scene["balls"].append(scene["balls"][1] | {"density": 3000})
+    run(scene)
+    assert len(COMPARED) >= 3

@@ -1,1 +1,0 @@
-"""The event loop: flights, impacts, crossings; what a run gives."""

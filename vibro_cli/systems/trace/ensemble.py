@@ -1,0 +1,188 @@
+"""Many runs of one system one after another, compiled: what grids are solved with."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.lanes import LANES
+from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
+from vibro_cli.kernels.ensemble.impact_in_lanes import LaneGroup, LaneSlot, RunLanes
+from vibro_cli.kernels.ensemble.points import (
+    PointData,
+    Points,
+    RestitutionData,
+    Results,
+    StartData,
+)
+from vibro_cli.kernels.ensemble.stacks import PairNumbers, SettingNumbers, Stack, SystemNumber
+from vibro_cli.kernels.structs import BodyData, Flight, PairTrack, PieceData, TrackData
+from vibro_cli.kernels.tangent.world import TangentState
+from vibro_cli.kernels.world import World
+from vibro_cli.mechanics.system import System
+from vibro_cli.systems.trace.event_loop import (
+    LOOP,
+    compiled_world,
+    enter_followed,
+    enter_lanes,
+    enter_points,
+    zeros,
+)
+from vibro_cli.systems.trace.tangents import room_for
+from vibro_cli.systems.trace.world import make_world, overrides_of
+
+
+class Progress(NamedTuple):
+    """How far a batch has come: the next run, and the rows of impacts that are filled."""
+
+    point: int
+    rows: int
+
+
+class Batch:
+    """Runs of one system in one thread.
+
+    Parameters
+    ----------
+    system
+        Trace, bodies (but for their masses), laws and ends of every run; its initial states are
+        not used.
+    beside
+        Another batch of as many bodies, in the same thread, to share its logs.
+    in_lanes
+        Whether runs whose impacts are not kept may go in lanes (see ``kernels.ensemble.lanes``),
+        where
+        they can: that takes less time and gives the same bits.
+    """
+
+    def __init__(self, system: System, beside: Batch | None = None, in_lanes: bool = True) -> None:
+        self._overrides = overrides_of(system)
+        logs_of = None if beside is None else beside.world
+        self.world: World = compiled_world(make_world(system, None, None), logs_of)
+        """The records of the system; bodies, pairs, flights and clock are those of the last run."""
+        copies: Any = {name: np.array(getattr(self.world, name)) for name in LOOP.state}
+        self._fresh = self.world._replace(**copies)
+        self._scratch: Any = np.zeros(1, dtype=engine.dtype(Flight))
+        two = len(system.bodies) == 2 and not system.trace.closed
+        free = system.turning is None and system.surface == "two-sided"
+        self._group = lane_group() if in_lanes and two and free else None
+        self.impacts_in_lanes = 0
+        """Impacts that were made in lanes, of all runs so far."""
+
+    def _suits_lanes(self, group: LaneGroup, points: Points, done: Progress) -> bool:
+        """Set lanes up for the arc where the next point starts; tell whether they can be."""
+        starts: Any = points.starts
+        world: Any = self.world
+        runs, swings = np.asarray(group.runs), np.asarray(group.swings)
+        piece = int(starts["piece"][2 * done.point])
+        tracks = world.tracks[[piece, len(world.pieces) + piece]]
+        runs["piece"] = piece
+        for name in ("radius", "kappa"):
+            np.asarray(group.bodies)[name] = world.bodies[name]
+        swings["frequency"] = swings["own_frequency"] = tracks["frequency"]
+        valley = world.pieces[piece]["sign"] > 0.0 and (tracks["lowest_s2"] == 0.0).all()
+        return bool(valley and world.contacts[piece]["normal_a"] > 0.0)
+
+    def run_all(self, points: Points, results: Results, stack: Stack | None = None) -> Results:
+        """Run all points; return the results, with more room for impacts if they needed it.
+
+        Points of a ``stack`` have each its own system, of the same shapes, bodies and laws.
+        """
+        done = Progress(0, 0)
+        if stack is not None:
+            self.world.far[:] = 0  # type: ignore[index]
+        while True:
+            done = self.run(points, results, done, len(points.own), stack)
+            if done.point == len(points.own):
+                return results
+            more: Any = np.concatenate([results.impacts, results.impacts])
+            results = results._replace(impacts=more)
+
+    def run(
+        self,
+        points: Points,
+        results: Results,
+        done: Progress,
+        last: int,
+        stack: Stack | None = None,
+    ) -> Progress:
+        """Go on to before point ``last``, or until there is no room for the impacts of a point."""
+        suits = stack is None and len(results.impacts) == 0 and done.point < last
+        if self._group is not None and suits and self._suits_lanes(self._group, points, done):
+            self.impacts_in_lanes += enter_lanes(
+                self.world, self._fresh, self._scratch, points, results,
+                done.point, last, self._group,
+            )  # fmt: skip
+            return Progress(last, done.rows)
+        return Progress(
+            *enter_points(
+                self.world, self._fresh, self._scratch, points, results,
+                done.point, last, done.rows, self._overrides, stack,
+            )
+        )  # fmt: skip
+
+    def follow(
+        self, points: Points, results: Results, scales: Any, stack: Stack | None = None
+    ) -> Any:
+        """Run all points and follow their tangent maps; impacts are not kept.
+
+        Parameters
+        ----------
+        scales
+            [point] their scales of time (s), see ``systems.trace.tangents.time_scale``.
+
+        Returns
+        -------
+        [point, direction] logarithms of the growth of a frame's vectors.
+        """
+        size = 2 * len(self.world.bodies)
+        states = zeros(len(points.own) + 1, TangentState)
+        states["time_scale"][1:] = scales
+        tangents = room_for(size, len(self.world.impacts), False, states, from_start=False)
+        sums = np.zeros((len(points.own), size))
+        if stack is None:
+            stack = Stack(
+                zeros(0, SettingNumbers), zeros(0, BodyData), zeros(0, PieceData),
+                zeros(0, TrackData), zeros(0, PairTrack), zeros(0, PairNumbers),
+                zeros(0, SystemNumber),
+            )  # fmt: skip
+        else:
+            self.world.far[:] = 0  # type: ignore[index]
+        enter_followed(
+            self.world, self._fresh, self._scratch, points, results, stack, tangents, sums
+        )
+        return sums
+
+
+def lane_group() -> LaneGroup:
+    """Return a group of lanes without runs."""
+    return LaneGroup(
+        in_whole_lines(1, RunLanes),
+        in_whole_lines(2, BodyLanes),
+        in_whole_lines(2, SwingLanes),
+        zeros(LANES, LaneSlot),
+    )
+
+
+def in_whole_lines(count: int, cls: type) -> Any:
+    """Return records of lanes that begin where a line of the processor's cache does."""
+    kind = engine.dtype(cls)
+    room = np.zeros(count * kind.itemsize + 64, dtype=np.uint8)
+    offset = -room.ctypes.data % 64
+    return room[offset : offset + count * kind.itemsize].view(kind)
+
+
+def make_points(
+    stop_t: Any, stop_collisions: Any, piece: Any, s: Any, c: Any, p: Any, mass: Any, k: Any
+) -> Points:
+    """Return the points of a batch from arrays: [point], then [point, ball], then [point, pair]."""
+    own = zeros(len(stop_t), PointData)
+    own["stop_t"], own["stop_collisions"] = stop_t, stop_collisions
+    starts = zeros(piece.size, StartData)
+    for name, values in (("piece", piece), ("s", s), ("c", c), ("p", p), ("mass", mass)):
+        starts[name] = values.reshape(-1)
+    restitutions = zeros(k.size, RestitutionData)
+    restitutions["k"] = k.reshape(-1)
+    return Points(own, starts, restitutions)

@@ -1,0 +1,211 @@
+"""The event loop of a trace, as the driver of every system calls it, and its stretches.
+
+Here are the ways from the interpreter into the compiled kernels of a trace. What the bodies are on
+goes on from one stretch to the next: in front of the flights that have begun in a stretch stand
+those that were under way before, one for each body, so that a stretch can be understood by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.compile.kernel import Overrides, dtype
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.contact.two_librations import TwoBodies, TwoSwings, TwoTracks
+from vibro_cli.kernels.ensemble.followed import follow_points
+from vibro_cli.kernels.ensemble.impact_in_lanes import LaneGroup
+from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
+from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
+from vibro_cli.kernels.ensemble.points import Points, Results, run_points
+from vibro_cli.kernels.ensemble.stacks import Stack, run_stacked
+from vibro_cli.kernels.events.event_loop import advance, proceed, start
+from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome
+from vibro_cli.kernels.tangent.world import Tangents
+from vibro_cli.kernels.world import (
+    END_INTERRUPTED,
+    END_NAMES,
+    END_TIME,
+    LOG_FULL,
+    LOGS,
+    RECORDS,
+    ImpactRow,
+    World,
+)
+from vibro_cli.systems import driver
+from vibro_cli.systems.driver import Driver, EventLoop
+from vibro_cli.systems.rows import joined
+from vibro_cli.systems.stream import Stretch, Stretches
+
+
+def enter_advance(world: World, overrides: Overrides | None) -> int:
+    """Run on a compiled world (see ``kernels.events.event_loop.advance``)."""
+    settings: Any = world.settings[0]
+    open_ends = settings["closed"] == 0 and settings["one_sided"] == 0
+    if overrides is None and settings["bodies"] == 2 and open_ends:
+        lanes = TwoBodies(zeros(1, TwoSwings), zeros(1, TwoTracks))
+        return int(compiled(proceed_swinging)(world, lanes))
+    return int(compiled(proceed, overrides)(world, False))
+
+
+def enter_points(
+    world: World,
+    fresh: World,
+    scratch: Any,
+    points: Points,
+    results: Results,
+    first: int,
+    last: int,
+    filled: int,
+    overrides: Overrides | None,
+    stack: Stack | None = None,
+) -> tuple[int, int]:
+    """Run some points (see ``kernels.ensemble.points``), perhaps of a stack of systems."""
+    if stack is not None:
+        several = compiled(run_stacked, overrides)
+        point, rows = several(world, fresh, scratch, points, results, stack, first, last, filled)
+        return int(point), int(rows)
+    run = compiled(run_points, overrides)
+    point, rows = run(world, fresh, scratch, points, results, first, last, filled)
+    return int(point), int(rows)
+
+
+def enter_lanes(
+    world: World,
+    fresh: World,
+    scratch: Any,
+    points: Points,
+    results: Results,
+    first: int,
+    last: int,
+    group: LaneGroup,
+) -> int:
+    """Run some points in lanes (see ``kernels.ensemble.lanes``)."""
+    run = compiled(run_points_in_lanes)
+    return int(run(world, fresh, scratch, points, results, first, last, group))
+
+
+def enter_followed(
+    world: World,
+    fresh: World,
+    scratch: Any,
+    points: Points,
+    results: Results,
+    stack: Stack,
+    tangents: Tangents,
+    sums: Any,
+) -> None:
+    """Run some points with their tangent maps (see ``kernels.ensemble.followed``)."""
+    run = compiled(follow_points)
+    run(world, fresh, scratch, points, results, stack, tangents, sums)
+
+
+def empty_results(points: int, bodies: int, impact_rows: int) -> Results:
+    """Return room for the results of some points."""
+    return Results(
+        outcomes=zeros(points, Outcome),
+        finals=zeros(points * bodies, FinalState),
+        impacts=zeros(impact_rows, ImpactRow),
+    )
+
+
+def zeros(count: int, cls: type) -> Any:
+    """Return an array of structs that are zero."""
+    import numpy as np
+
+    return np.zeros(count, dtype=dtype(cls))
+
+
+LOOP = driver.EventLoop(
+    advance=advance,
+    records=RECORDS,
+    logs={
+        "impacts": "impact_rows",
+        "log": "flight_rows",
+        "touches": "contact_rows",
+        "segments": "segment_rows",
+    },
+    state=("clock", "flights", "pairs"),
+    end_names=END_NAMES,
+    end_time=END_TIME,
+    end_interrupted=END_INTERRUPTED,
+    log_full=LOG_FULL,
+    rows_of_event=4,
+    start=start,
+    enter=enter_advance,
+    counted={"log": "flights_before"},
+    work_done=("searches", "evaluations", "skipped_apart"),
+    quiet_log=("log", "flights between crossings"),
+)
+
+
+def compiled_world(world: World, logs_of: World | None = None) -> World:
+    """Return a world of a trace as arrays, see :func:`systems.driver.compiled_world`."""
+    arrays: World = driver.compiled_world(LOOP, world, logs_of)
+    return arrays
+
+
+class TraceStretches(Stretches):
+    """The stretches of a run in progress (see ``systems.stream.Stretches``)."""
+
+    def __init__(self, loop: EventLoop, driver: Driver, stop_time: float | None) -> None:
+        super().__init__(loop, driver, stop_time)
+        self._told = 0
+        self._nothing = {name: np.zeros(0, dtype=dtype(RECORDS[name])) for name in LOGS}
+        self._carried: dict[str, Any] = self._nothing
+
+    @property
+    def under_way(self) -> Any:
+        """The flight that each body is on: rows of the log."""
+        return self._carried["log"]
+
+    def _framed(self, logs: dict[str, Any]) -> Stretch:
+        known = len(self._carried["log"])
+        segments = logs["segments"].copy()
+        segments["flight"] += known - self._told
+        self._told += len(logs["log"])
+        logs["segments"] = joined([self._carried["segments"], segments])
+        logs["log"] = joined([self._carried["log"], logs["log"]])
+        self._carried = self._nothing | under_way(logs)
+        return self._stretch(logs)._replace(known=known)
+
+    def _ended(self) -> Stretch:
+        """Flights under way, which the end of the run still has to be told of."""
+        return self._stretch(self._carried)._replace(known=len(self._carried["log"]))
+
+    def _stretch(self, logs: Mapping[str, Any]) -> Stretch:
+        settled = earliest_unlogged(self._driver.world.pairs)
+        return super()._stretch(logs)._replace(settled=settled)
+
+
+def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the last flight of each body and their segments, for the logs to begin with."""
+    log, segments = logs["log"], logs["segments"]
+    rows = last_of_each(log).tolist()
+    kept = [
+        (body, segment)
+        for body, row in enumerate(rows)
+        for segment in np.flatnonzero(segments["flight"] == row).tolist()
+    ]
+    carried = segments[[segment for _, segment in kept]]
+    carried["flight"] = [body for body, _ in kept]
+    return {"log": log[rows], "segments": carried}
+
+
+def last_of_each(log: Any) -> Any:
+    """Return the last row of each body in the log of flights."""
+    last = np.empty(int(log["body"].max()) + 1, dtype=np.int64)
+    last[log["body"]] = np.arange(len(log))  # of equal ones the last
+    return last
+
+
+def earliest_unlogged(pairs: Any) -> float:
+    """Return when the first lasting contact began or ended that is not logged yet (s)."""
+    if isinstance(pairs, np.ndarray):
+        open_ones = pairs[pairs["held"] != pairs["logged"]]
+        times = (open_ones["change_t"] + open_ones["delay"]).tolist()
+    else:
+        times = [pair.change_t + pair.delay for pair in pairs if pair.held != pair.logged]
+    return min(times, default=np.inf)

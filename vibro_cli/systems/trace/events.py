@@ -1,0 +1,346 @@
+"""The table of events: everything but impacts that happens at an instant."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.compile.kernel import (
+    Overrides,
+    dtype,
+    interpreted,
+    interpreted_copies,
+    interpreted_rows,
+)
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.events.liftoff_slip import (
+    LIFT_OFF,
+    MOST_PLACES,
+    SLIP,
+    TURNING,
+    Course,
+    Passage,
+    Progress,
+    Search,
+    Span,
+    find_passages,
+)
+from vibro_cli.kernels.structs import NEVER, Flight
+from vibro_cli.kernels.world import (
+    CROSSING,
+    END_LIFT_OFF,
+    END_OF_TRACE,
+    WALL,
+    World,
+)
+from vibro_cli.systems.rows import chosen, joined, record_array
+from vibro_cli.systems.trace.flights import Paths
+
+NAMES = (
+    "crossing", "wall", "contact_closed", "contact_opened", "lift_off", "turning", "slip", "end",
+)  # fmt: skip
+# At one instant they stand in this order, likewise those of one sort body by body.
+_SORTS = (0, 0, 1, 1, 2, 3, 4, 5)
+# Names by the kinds of passages.
+_PASSED = np.array([NAMES.index(name) for name in ("turning", "lift_off", "slip")])
+ROW = np.dtype(
+    [
+        ("t", np.float64), ("name", np.int64), ("ball", np.int64), ("other", np.int64),
+        ("arc_from", np.int64), ("arc_to", np.int64), ("s", np.float64), ("speed", np.float64),
+        ("value", np.float64), ("sort", np.int64), ("place", np.int64),
+    ]
+)  # fmt: skip
+"""A row of the table; a ball or arc of 0 and a value of nan are null."""
+OPEN = np.dtype(
+    [(name, np.int64) for name in ("turnings", "lifts", "slips", "begun", "lift_end", "slip_end")]
+)
+"""Of each body: the passages found so far on the flight under way, whether its start is told of,
+and on which side of its limits the flight before it ended."""
+# Passages that are found at once.
+_ROOM = 1024
+
+Rows = Any
+
+
+class Events:
+    """The events of a run, stretch by stretch.
+
+    Parameters
+    ----------
+    bodies
+        How many there are.
+    turning_points, friction
+        What is wanted, see ``systems.wanted.Wanted``.
+    overrides
+        Of the run's kernels.
+    """
+
+    def __init__(
+        self,
+        bodies: int,
+        turning_points: bool,
+        friction: float | None,
+        overrides: Overrides | None,
+    ) -> None:
+        self._turning_points = turning_points
+        self._friction = friction
+        self._overrides = overrides
+        self._open = np.zeros(bodies, dtype=OPEN)
+        self._waiting = _rows(0)
+        self._placed = 0
+
+    def take(self, paths: Paths, world: World, touches: Any, known: int, settled: float) -> Rows:
+        """Return the rows of a stretch that no later one can come before, in order of time.
+
+        Parameters
+        ----------
+        paths, world
+            The flights of the stretch, and the records of the run with its logs.
+        touches
+            Its log of lasting contacts.
+        known
+            Rows of the log of flights that begin before the stretch: 0, or one for each body.
+        settled
+            No contact from before this time (s) is still to be logged.
+        """
+        rows = joined([self._waiting, self._rows(paths, world, touches, known, 0)])
+        # A flight that goes on is asked until now, a segment across pieces once it has ended.
+        until = paths.log["t"] + np.where(_is_segment(paths.log), 0.0, paths.duration)
+        ready = rows["t"] < min(float(until[paths.last].min()), settled)
+        self._waiting = chosen(rows, ~ready)
+        return _in_order(chosen(rows, ready))
+
+    def finish(
+        self, paths: Paths, world: World, touches: Any, known: int, cause: int, ball: int
+    ) -> Rows:
+        """Return the rows that are left at the end of the run, in order of time.
+
+        ``cause`` is why it ended, ``ball`` the body of the last event; else as :meth:`take`.
+        """
+        rows = joined([self._waiting, self._rows(paths, world, touches, known, 1)])
+        if cause in (END_OF_TRACE, END_LIFT_OFF) and ball >= 0:
+            last = _end(paths, cause, ball)
+            # The normal force that vanishes at the end of the run is this event and no other.
+            rows = joined([chosen(rows, ~_same(rows, last)), last])
+        return _in_order(rows)
+
+    def _rows(self, paths: Paths, world: World, touches: Any, known: int, ended: int) -> Rows:
+        passages = self._passages(paths, world, known, ended)
+        parts = (
+            _boundaries(paths, known),
+            _contacts(paths, touches),
+            _events_of(paths, passages, self._friction),
+        )
+        for rows in parts:
+            rows["place"] += self._placed
+            self._placed += len(rows)
+        return joined(parts)
+
+    def _passages(self, paths: Paths, world: World, known: int, ended: int) -> Any:
+        """Return the passages of all flights, as records of ``Passage`` by rows of paths."""
+        spans, found = self._find(paths, world, self._spans(paths, known, ended))
+        # Of several launches at one instant only the last one lasts.
+        counted = (paths.duration != 0.0) | (paths.last & (ended == 1))
+        counted &= (paths.log["grouped"] == 0) | (paths.duration > 0.0)
+        counted &= (spans["ended"] == 1) | ~_is_segment(paths.log)
+        begun = [self._begun_beyond(paths, spans, counted, kind) for kind in (LIFT_OFF, SLIP)]
+        self._keep_open(paths, spans, counted)
+        return joined([found, *begun])
+
+    def _find(self, paths: Paths, world: World, spans: Any) -> tuple[Any, Any]:
+        """Have the kernel find passages; return the spans as it has filled them in, and those."""
+        # In order of the log: bodies in contact stand together there.
+        order = np.empty_like(paths.number)
+        order[paths.number] = np.arange(len(order))
+        progress: Any = np.zeros(1, dtype=dtype(Progress))
+        progress["turning_points"] = self._turning_points
+        progress["friction"] = -1.0 if self._friction is None else self._friction
+        kinds = ((Passage, _ROOM), (Course, MOST_PLACES), (Flight, 2))
+        find: Any
+        rooms: Any
+        log: Any = world.log
+        if isinstance(log, np.ndarray):
+            find = compiled(find_passages, self._overrides)
+            rooms = [np.zeros(count, dtype=dtype(cls)) for cls, count in kinds]
+            search = Search(spans.take(order), progress, *rooms)
+        else:
+            find = interpreted(find_passages, self._overrides)
+            rooms = [interpreted_rows(cls, count) for cls, count in kinds]
+            copies = interpreted_copies(spans[order], Span), interpreted_copies(progress, Progress)
+            search = Search(*copies, *rooms)
+        found = []
+        filled = _ROOM
+        while filled == _ROOM:
+            filled = find(world, search)
+            found.append(record_array(search.passages[:filled], Passage))
+        passages = joined(found)
+        passages["span"] = order[passages["span"]]
+        rows: Any = search.spans
+        spans = rows if isinstance(rows, np.ndarray) else record_array(rows, Span)
+        return spans.take(paths.number), passages
+
+    def _spans(self, paths: Paths, known: int, ended: int) -> Any:
+        """The flights of a stretch, with what was found on those under way before."""
+        spans = np.zeros(len(paths.log), dtype=dtype(Span))
+        spans["row"], spans["duration"] = paths.number, paths.duration
+        spans["ended"] = np.where(paths.last, ended, 1)
+        before = np.flatnonzero(paths.number < known)
+        for name in ("turnings", "lifts", "slips"):
+            spans[name][before] = self._open[name][paths.body[before]]
+        spans["begun"][before] = self._open["begun"][paths.body[before]]
+        return spans
+
+    def _begun_beyond(self, paths: Paths, spans: Any, counted: Any, kind: int) -> Any:
+        """Return the starts of flights beyond a limit, where the flight before did not end so."""
+        name = "lift" if kind == LIFT_OFF else "slip"
+        beyond = (spans[f"{name}_start"] == 1) & (spans["begun"] == 0) & counted
+        begun = np.flatnonzero(beyond)
+        if len(begun):
+            # The flight before it that counts, or what is remembered of the one before the stretch.
+            places = np.where(counted, np.arange(len(counted)), -1)
+            last = np.append(-1, np.maximum.accumulate(places))[begun]
+            body = paths.body[begun]
+            ended = np.where(
+                (last >= 0) & (paths.body[last] == body),
+                spans[f"{name}_end"][last],
+                self._open[f"{name}_end"][body],
+            )
+            begun = begun[ended == 0]
+        found = _at(paths, begun, np.zeros(len(begun)))
+        found["kind"], found["normal"] = kind, spans["normal"][begun]
+        return found
+
+    def _keep_open(self, paths: Paths, spans: Any, counted: Any) -> None:
+        """Remember what the flights under way go on from."""
+        over = np.flatnonzero(counted & (spans["ended"] == 1))
+        # Of several rows of a body the last one stays.
+        for name in ("lift_end", "slip_end"):
+            self._open[name][paths.body[over]] = spans[name][over]
+        last = np.flatnonzero(paths.last)
+        for name in ("turnings", "lifts", "slips"):
+            self._open[name][paths.body[last]] = spans[name][last]
+        self._open["begun"][paths.body[last]] = counted[last]
+
+
+def _in_order(rows: Rows) -> Rows:
+    ball = np.where(rows["sort"] == 1, 0, rows["ball"])
+    order = np.argsort(rows["t"], kind="stable")
+    t = rows["t"][order]
+    if np.any(t[1:] == t[:-1]):
+        order = np.lexsort((rows["place"], ball, rows["sort"], rows["t"]))
+    return rows.take(order)
+
+
+def event_columns(rows: Rows) -> dict[str, Any]:
+    """Return the columns of ``events.parquet``, events by their numbers in `NAMES`."""
+    table: dict[str, Any] = {"t": rows["t"].copy(), "event": rows["name"].copy()}
+    for name in ("ball", "other", "arc_from", "arc_to"):
+        values = rows[name].copy()
+        table[name] = np.ma.MaskedArray(values, mask=values == 0)
+    return table | {name: rows[name].copy() for name in ("s", "speed", "value")}
+
+
+def _same(rows: Rows, one: Rows) -> Any:
+    """Flags of the rows that tell of the same event of the same body at the same time."""
+    return (rows["t"] == one["t"]) & (rows["name"] == one["name"]) & (rows["ball"] == one["ball"])
+
+
+def _rows(count: int) -> Rows:
+    rows = np.zeros(count, dtype=ROW)
+    rows["value"] = np.nan
+    return rows
+
+
+def _boundaries(paths: Paths, known: int) -> Rows:
+    """Crossings and walls, from the starts of flights that begin in this stretch."""
+    log, places = paths.log, paths.places
+    caused = (log["cause"] == CROSSING) | (log["cause"] == WALL)
+    caused &= paths.number >= known
+    # A group is launched anew as a whole: only the body that came to an end of its piece counts.
+    moved = np.append(False, paths.piece[1:] != paths.piece[:-1]) | (log["grouped"] == 0)
+    moved |= log["cause"] == WALL
+    at = np.flatnonzero(caused & moved)
+    body, piece, before = paths.body[at], paths.piece[at], paths.piece[at - 1]
+    rows = _rows(len(at))
+    wall = log["cause"][at] == WALL
+    rows["t"] = log["t"][at]
+    rows["name"] = np.where(wall, NAMES.index("wall"), NAMES.index("crossing"))
+    rows["ball"], rows["arc_from"], rows["arc_to"] = body + 1, before + 1, piece + 1
+    position = places.position(piece, log["s"][at], log["c"][at])
+    rows["s"] = places.arc_length(piece, position)
+    rows["speed"] = places.speed_factor(body, piece) * log["p"][at]
+    rows["value"] = np.where(wall, places.speed_factor(body, before) * log["before_p"][at], np.nan)
+    rows["sort"], rows["place"] = 0, np.arange(len(at))
+    return rows
+
+
+def _contacts(paths: Paths, touches: Any) -> Rows:
+    """Lasting contacts that close (``value``: duration of the accumulation, s) or open."""
+    places = paths.places
+    rows = _rows(len(touches))
+    opened = touches["opened"] == 1
+    rows["t"] = touches["t"] + touches["delay"]
+    rows["name"] = np.where(opened, NAMES.index("contact_opened"), NAMES.index("contact_closed"))
+    rows["ball"], rows["other"] = touches["a"] + 1, touches["b"] + 1
+    rows["arc_from"], rows["arc_to"] = touches["piece_a"] + 1, touches["piece_b"] + 1
+    position = places.position(touches["piece_b"], touches["b_s"], touches["b_c"])
+    rows["s"] = places.arc_length(touches["piece_b"], position)
+    rows["speed"] = touches["speed"]
+    rows["value"] = np.where(opened, np.nan, touches["delay"])
+    rows["sort"], rows["place"] = 1, np.arange(len(touches))
+    return rows
+
+
+def _events_of(paths: Paths, passages: Any, friction: float | None) -> Rows:
+    """Turning points, lift-off and slip: what happens during flights."""
+    at, places = passages["span"], paths.places
+    body, piece = paths.body[at], paths.piece[at]
+    position = places.position(piece, passages["s"], passages["c"])
+    turning, slip = passages["kind"] == TURNING, passages["kind"] == SLIP
+    rows = _rows(len(at))
+    rows["t"] = paths.log["t"][at] + passages["after"]
+    rows["name"] = _PASSED[passages["kind"]]
+    rows["ball"], rows["arc_from"], rows["arc_to"] = body + 1, piece + 1, piece + 1
+    rows["s"] = places.arc_length(piece, position)
+    speed = places.speed_factor(body, piece) * passages["p"]
+    rows["speed"] = np.where(turning, 0.0, speed)
+    rows["value"] = np.where(turning, position, passages["normal"])
+    if friction is not None:
+        rows["value"][slip] = friction
+    rows["sort"] = np.array(_SORTS)[rows["name"]]
+    order = np.lexsort((passages["after"], at))
+    rows["place"][order] = np.arange(len(at))
+    return rows
+
+
+def _is_segment(log: Any) -> Any:
+    """Flags of the flights that are short segments of a motion in contact across pieces."""
+    grouped = log["grouped"] == 1
+    if not grouped.any():
+        return grouped
+    moving = grouped & (log["at_rest"] == 0)
+    return moving & (log["segment"] > 0.0) & (log["segment"] < NEVER)
+
+
+def _at(paths: Paths, rows: Any, after: Any) -> Any:
+    """Records of ``Passage`` at times (s) of flights."""
+    found = np.zeros(len(rows), dtype=dtype(Passage))
+    found["span"], found["after"] = rows, after
+    if len(rows):
+        states = paths.states(rows, after)
+        for name in "scp":
+            found[name] = states[name]
+    return found
+
+
+def _end(paths: Paths, end_cause: int, ball: int) -> Rows:
+    """The event that ended the run: the end of the trace, or lift-off from a one-sided one."""
+    row = np.flatnonzero((paths.body == ball) & paths.last)[:1]
+    passage = _at(paths, row, paths.duration[row])
+    passage["kind"], passage["normal"] = LIFT_OFF, np.nan
+    rows = _events_of(paths, passage, None)
+    if end_cause == END_OF_TRACE:
+        rows["name"] = NAMES.index("end")
+    rows["sort"] = _SORTS[NAMES.index("end")]
+    return rows

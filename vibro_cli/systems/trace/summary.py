@@ -1,0 +1,202 @@
+"""The summary of runs, and the final state of every body."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
+from vibro_cli.kernels.structs import NEVER, Flight
+from vibro_cli.kernels.world import END_NAMES, LOGS, RECORDS, World
+from vibro_cli.systems.trace.event_loop import LOOP, compiled_world
+from vibro_cli.systems.trace.geometry import Floats, Places
+from vibro_cli.systems.wanted import Wanted
+
+
+def with_logs(
+    world: World, engine_name: str, logs: Mapping[str, Any], clock: Mapping[str, float]
+) -> World:
+    """Return the records of a run with some of its logs, for the kernels that tell of them.
+
+    Parameters
+    ----------
+    world
+        The records of the run, interpreted, or as arrays for the engine that wants them.
+    engine_name
+        ``"python"`` or ``"compiled"``: which records are returned.
+    logs, clock
+        The rows, and the fields of the clock when they were written.
+    """
+    records: Any = world.clock
+    if isinstance(records, np.ndarray):
+        for name, value in clock.items():
+            records[name] = value
+        for name, used in LOOP.logs.items():
+            records[used] = len(logs[name])
+        return world._replace(**logs)
+    for name, value in clock.items():
+        setattr(world.clock[0], name, value)
+    for name, used in LOOP.logs.items():
+        setattr(world.clock[0], used, len(logs[name]))
+    if engine_name == "compiled":
+        return compiled_world(world, world._replace(**logs))
+    rows = {name: engine.interpreted_copies(logs[name], RECORDS[name]) for name in LOGS}
+    return world._replace(**rows)
+
+
+class Tally:
+    """Outcome and final states of a run (see ``kernels.statistics.run_statistics``), stretch by
+    stretch.
+
+    Parameters
+    ----------
+    bodies
+        How many there are.
+    overrides
+        Of the kernels, for the system; both engines give the same bits.
+    """
+
+    def __init__(self, bodies: int, overrides: engine.Overrides | None) -> None:
+        self._overrides = overrides
+        self.outcomes: Any = np.zeros(1, dtype=engine.dtype(Outcome))
+        self.finals: Any = np.zeros(bodies, dtype=engine.dtype(FinalState))
+
+    def take(self, world: World, known: int, cause: int, end: tuple[float, float]) -> None:
+        """Count in the logs of a world (see :func:`with_logs`).
+
+        Parameters
+        ----------
+        world
+            With the rows of a stretch.
+        known
+            Rows of its log of flights that were told of before.
+        cause, end
+            ``RUNNING``, or why and when (two doubles, s) the run ended.
+        """
+        log: Any = world.log
+        if isinstance(log, np.ndarray):
+            tell: Any = compiled(tally, self._overrides)
+            scratch = np.zeros(1, dtype=engine.dtype(Flight))
+            tell(world, known, cause, *end, self.outcomes, 0, self.finals, scratch)
+            return
+        own = engine.interpreted_copies(self.outcomes, Outcome)
+        states = engine.interpreted_copies(self.finals, FinalState)
+        count = engine.interpreted(tally, self._overrides)
+        count(world, known, cause, *end, own, 0, states, [Flight()])
+        self.outcomes = engine.compiled_rows(own, Outcome)
+        self.finals = engine.compiled_rows(states, FinalState)
+
+
+def conserves_energy(
+    places: Places, restitution: Floats, outcomes: Any
+) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Tell whether the law of each run keeps the energy of rolling.
+
+    ``restitution`` has a row for each run, with the k of each pair.
+    """
+    system = places.system
+    ends = (system.left_end, system.right_end)
+    walls = [places.of_rows(end.restitution) for end in ends if end is not None]
+    lossy = sum((wall < 1.0 for wall in walls), start=np.False_)
+    equal = np.all(places.kappa == places.kappa[0], axis=0)
+    law_keeps = equal | (system.law != "translational")
+    keeps = law_keeps & np.all(restitution == 1.0, axis=1)
+    kept: np.ndarray[Any, np.dtype[np.bool_]] = np.where(outcomes["impacts"] > 0, keeps, True)
+    kept &= ~(lossy & (outcomes["walls"] > 0))
+    return kept
+
+
+def summary_columns(
+    places: Places, restitution: Floats, outcomes: Any, finals: Any
+) -> dict[str, Any]:
+    """Return the columns of ``summary.parquet`` for runs of one system.
+
+    Parameters
+    ----------
+    places
+        Geometry of the system; initial states and masses may differ from run to run.
+    restitution
+        k of each pair, a row for each run.
+    outcomes, finals
+        From ``kernels.statistics.run_statistics``: a row for each run, and one for each of its
+        bodies.
+    """
+    count = len(outcomes)
+    finals = finals.reshape(count, -1)
+    start, end = _total(finals["start_energy"]), _total(finals["end_energy"])
+    kept = conserves_energy(places, restitution, outcomes) & (start > 0.0)
+    demand = outcomes["most_demand"]
+    # A particle slides: it neither needs friction nor tells of any.
+    rolls = np.any(places.kappa > 1.0, axis=0)
+    some = outcomes["collisions"] > 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        drift = np.where(kept, (end - start) / start, np.nan)
+    names = np.empty(max(END_NAMES) + 1, dtype=object)
+    names[list(END_NAMES)] = list(END_NAMES.values())
+    columns: dict[str, Any] = {
+        "status": np.full(count, "ok", dtype=object),
+        "reason": np.full(count, None, dtype=object),
+        "end_cause": names[outcomes["end_cause"]],
+        "end_time": outcomes["end_t"].copy(),
+        "quiet_from": np.where(outcomes["quiet_t"] < NEVER, outcomes["quiet_t"], np.nan),
+        "collisions": outcomes["collisions"].copy(),
+        "crossings": outcomes["crossings"].copy(),
+        "contacts": outcomes["contacts"].copy(),
+        "first_collision_time": np.where(some, outcomes["first_t"], np.nan),
+        "last_collision_time": np.where(some, outcomes["last_t"], np.nan),
+        "energy_start": start,
+        "energy_end": end,
+        "energy_drift": drift,
+        "energy_correction": outcomes["correction"].copy(),
+        "max_gap": np.where(some, outcomes["max_gap"], np.nan),
+        "min_normal_force": np.where(
+            outcomes["least_force"] < NEVER, outcomes["least_force"], np.nan
+        ),
+        "max_friction_demand": np.where(np.isfinite(demand) & rolls, demand, np.nan),
+    }
+    columns.update(_final_states(places, finals))
+    return columns
+
+
+def skipped(clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
+    """Say what was not computed of a run with this clock and end (s), and why."""
+    notes = []
+    apart, searches = int(clock["skipped_apart"]), int(clock["searches"])
+    if apart:
+        notes.append(f"{apart} of {searches} searches for a contact: the bodies are proved apart")
+    if not searches:
+        notes.append("every search for a contact: none was needed")
+    if clock["quiet_t"] < NEVER:
+        notes.append(f"no search after t = {clock['quiet_t']:.6g} s: no impact is possible")
+    if not wanted.turning_points:
+        notes.append("turning points: not asked for (output.turning_points)")
+    if wanted.friction is None:
+        notes.append("slip events: no coefficient of friction given (output.friction)")
+    return (*notes, *wanted.left_out(end))
+
+
+def _total(energies: Floats) -> Floats:
+    """Sum over the bodies of each run, rounded once."""
+    if energies.shape[1] <= 2:
+        total: Floats = np.sum(energies, axis=1)
+        return total
+    return np.array([math.fsum(row) for row in energies.tolist()])
+
+
+def _final_states(places: Places, finals: Any) -> dict[str, Any]:
+    """``arc_i, angle_i, s_i, speed_i`` of every body at the end."""
+    columns: dict[str, Any] = {}
+    for body in range(finals.shape[1]):
+        state = finals[:, body]
+        piece, s, c, p = (state[name].copy() for name in ("piece", "s", "c", "p"))
+        number = body + 1
+        columns[f"arc_{number}"] = piece + 1
+        columns[f"angle_{number}"] = places.angle(piece, s, c)
+        columns[f"s_{number}"] = places.arc_length(piece, places.position(piece, s, c))
+        columns[f"speed_{number}"] = places.speed_factor(body, piece) * p
+    return columns

@@ -1,0 +1,436 @@
+"""From a system to the records of the kernels, and to the kernels that solve it.
+
+Those of a rotating trace hold its potential, crests and bounds on each piece. Systems that differ
+in numbers only are made into a stack (``kernels.ensemble.stacks``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from vibro_cli.compile.kernel import Overrides, dtype, interpreted_rows
+from vibro_cli.kernels.ensemble.stacks import PairNumbers, SettingNumbers, Stack, SystemNumber
+from vibro_cli.kernels.flow.begin_flight import NOWHERE
+from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.rotating import TURNING
+from vibro_cli.kernels.structs import (
+    NEVER,
+    BodyData,
+    BodyForces,
+    Clock,
+    Flight,
+    PairData,
+    PairTrack,
+    PieceData,
+    Settings,
+    TrackData,
+)
+from vibro_cli.kernels.world import ContactRow, FlightRow, ImpactRow, SegmentRow, World
+from vibro_cli.mechanics.initial_conditions import wall_position
+from vibro_cli.mechanics.potential import (
+    Heights,
+    Pull,
+    Turning,
+    contains_turn,
+    heights,
+    inside,
+    roots,
+)
+from vibro_cli.mechanics.reachability import contact_angle, reach
+from vibro_cli.mechanics.system import Body, System, body_record
+from vibro_cli.mechanics.trace import Piece, sine_cosine
+from vibro_cli.numerics import elementwise
+
+# Bounds are kept above the rounding of what they bound.
+CAUTION = 1.0 + 1.0e-12
+
+
+def set_turning(world: World, system: System, turning: Turning) -> None:
+    """Complete the records of a system on a trace that turns."""
+    settings = world.settings[0]
+    settings.axis_x = turning.x
+    settings.turning_square = turning.square
+    for number in range(settings.bodies):
+        tracks = world.tracks[number * settings.pieces : (number + 1) * settings.pieces]
+        lowest = math.inf
+        for piece, track in zip(system.trace.pieces, tracks, strict=True):
+            if piece.is_line:
+                low = _set_line(system, turning, number, piece, track)
+            else:
+                low = _set_arc(system, turning, number, piece, track)
+            lowest = min(lowest, low)
+        for track in tracks:
+            track.bottom -= lowest
+
+
+def _set_line(
+    system: System, turning: Turning, number: int, piece: Piece, track: TrackData
+) -> float:
+    """A line; returns the least potential height (m) on it, from the lowest place at rest."""
+    kappa = system.bodies[number].kappa
+    tangent = math.cos(piece.start_slope)
+    away = track.line_x - turning.x
+    track.line_growth = abs(turning.rate * tangent) / math.sqrt(kappa)
+    track.line_acceleration += turning.square / kappa * away * tangent
+    outwards = turning.square / system.gravity * math.sin(piece.start_slope)
+    track.line_press = tangent + outwards * away
+    track.line_press_growth = outwards * tangent
+    track.bottom -= 0.5 * turning.square / system.gravity * away * away
+    square = track.line_growth * track.line_growth
+    ends = (track.left_s, track.right_s)
+    track.gravity_rate = max(abs(track.line_acceleration + square * s) for s in ends)
+    # The potential is concave along a line: its least value is at an end.
+    factor = kappa / system.gravity
+    heights = [-factor * (track.line_acceleration + 0.5 * square * s) * s for s in ends]
+    return track.bottom + min(heights)
+
+
+def _set_arc(
+    system: System, turning: Turning, number: int, piece: Piece, track: TrackData
+) -> float:
+    """An arc; returns the least potential height (m) on it, from the lowest place at rest."""
+    pull = Pull.on_arc(piece, system.bodies[number].radius, turning, system.gravity)
+    track.tilt, track.spread = pull.tilt, pull.spread
+    away = piece.center[0] - turning.x
+    track.bottom -= 0.5 * turning.square / system.gravity * away * away
+    low = 2.0 * math.atan2(track.left_s, track.left_c)
+    high = 2.0 * math.atan2(track.right_s, track.right_c)
+    if high < low:
+        low -= 2.0 * math.tau
+    equilibria = pull.equilibria()
+    here = inside(equilibria, low, high)
+    values = [pull.potential(angle) for angle in [low, high, *here]]
+    track.lowest_potential = min(values)
+    track.highest_potential = max(pull.potential(angle) for angle in equilibria)
+    w2 = track.frequency * track.frequency
+    track.most_angular = CAUTION * w2 * pull.greatest(0, low, high)
+    track.most_stiffness = CAUTION * w2 * pull.greatest(1, low, high)
+    track.most_bending = CAUTION * w2 * pull.greatest(2, low, high)
+    track.steepest = CAUTION * w2 * pull.steepest_fall(low, high)
+    track.gravity_rate = track.path_radius * track.most_angular
+    crests = [angle for angle in here if pull.stiffness(angle) >= 0.0]
+    track.crests = len(crests)
+    halves = [(math.sin(0.5 * angle), math.cos(0.5 * angle)) for angle in crests]
+    if halves:
+        track.crest_s, track.crest_c = halves[0]
+    if len(halves) > 1:
+        track.other_crest_s, track.other_crest_c = halves[1]
+    places = inside(force_extremes(pull, system.bodies[number].kappa), low, high)
+    track.extreme_count = len(places)
+    for index, angle in enumerate(places):
+        track.extremes[2 * index] = math.sin(0.5 * angle)
+        track.extremes[2 * index + 1] = math.cos(0.5 * angle)
+    still = inside(roots(1.0, pull.tilt, 2.0 * pull.spread, 0), low, high)
+    track.least_still = min(_press(piece.sign, pull, angle) for angle in [low, high, *still])
+    share = 4.0 / system.bodies[number].kappa
+    track.least_press = min(
+        _press(piece.sign, pull, angle) - piece.sign * share * pull.potential(angle)
+        for angle in [low, high, *places]
+    )
+    return track.bottom + track.twice_radius * track.lowest_potential
+
+
+def _press(sign: float, pull: Pull, angle: float) -> float:
+    """``N/(m g)`` of a body at rest at an angle f (rad)."""
+    sine = math.sin(angle)
+    return sign * (math.cos(angle) + sine * (pull.tilt + pull.spread * sine))
+
+
+def force_extremes(pull: Pull, kappa: float) -> list[float]:
+    """Angles f (rad) at which the normal force of the trace is stationary, whatever the energy.
+
+    ``N/(m g) = sign (cos f + tilt sin f + spread sin^2 f + (4/kappa) P^2)``.
+    """
+    harmonic = 1.0 + 2.0 / kappa
+    return roots(harmonic, harmonic * pull.tilt, 2.0 * (1.0 + 1.0 / kappa) * pull.spread, 0)
+
+
+NO_WALL = -1.0
+
+
+def turns_of(piece: Piece) -> int:
+    """Whole turns between the papers' angle of an arc and the angle whose half is computed with."""
+    if piece.is_line:
+        return 0
+    turns: int = elementwise.nearest((piece.angle_start + piece.angle_end) / (2.0 * math.tau))
+    return turns
+
+
+def half_angle(piece: Piece, position: float) -> tuple[float, float]:
+    """Return ``(S, C)`` at an angle phi or psi of an arc; on a line ``(position, 1)``."""
+    if piece.is_line:
+        return position, 1.0
+    sine, cosine = sine_cosine(0.5 * position)
+    flip = elementwise.choose(turns_of(piece) % 2 == 1, -1.0, 1.0)
+    if piece.sign > 0.0:
+        return flip * sine, flip * cosine
+    return flip * cosine, -flip * sine
+
+
+def neighbours(system: System) -> list[tuple[int, int, int]]:
+    """Return the pairs of neighbours as (a, b, 1 across the seam)."""
+    count = len(system.bodies)
+    pairs = [(j, j + 1, 0) for j in range(count - 1)]
+    if system.trace.closed and count >= 2:
+        pairs.append((count - 1, 0, 1))
+    return pairs
+
+
+def make_world(
+    system: System,
+    stop_time: float | None,
+    stop_collisions: int | None,
+    far_apart: bool = True,
+) -> World:
+    """Return the records of a run, its bodies at their initial states, its logs without rows.
+
+    Without ``far_apart`` it is not asked where bodies can never meet; they are searched there, too.
+    The numbers of the system may be arrays, and those of the records are then
+    (``numerics.elementwise``).
+    """
+    nowhere = [[False] * len(system.trace.pieces) for _ in system.trace.pieces]
+    levels = [heights(system.trace, body.radius) for body in system.bodies]
+    pairs = neighbours(system)
+    contacts: list[PairTrack] = []
+    far: list[list[int]] = []
+    for a, b, _ in pairs:
+        body_a, body_b = system.bodies[a], system.bodies[b]
+        contacts += [_pair_track(piece, body_a, body_b) for piece in system.trace.pieces]
+        answers = reach(system.trace, body_a, body_b) if far_apart else nowhere
+        far += [[int(answer) for answer in row] for row in answers]
+    if not pairs:
+        far.append([0])
+        contacts.append(PairTrack())
+    world = World(
+        settings=[_settings(system, len(pairs), stop_time, stop_collisions)],
+        clock=[_clock()],
+        bodies=[body_record(body, system.gravity) for body in system.bodies],
+        pieces=[_piece_data(piece) for piece in system.trace.pieces],
+        tracks=[
+            _track_data(system, piece, number, levels[number][piece.index])
+            for number in range(len(system.bodies))
+            for piece in system.trace.pieces
+        ],
+        pairs=[_pair_data(system, *pair, number) for number, pair in enumerate(pairs)]
+        or [PairData()],
+        contacts=contacts,
+        far=far,
+        flights=[initial_flight(system, number) for number in range(len(system.bodies))],
+        forces=interpreted_rows(BodyForces, len(system.bodies) + 1),
+        impacts=[ImpactRow()],
+        log=[FlightRow()],
+        touches=[ContactRow()],
+        segments=[SegmentRow()],
+    )
+    if system.turning is not None:
+        set_turning(world, system, system.turning)
+    return world
+
+
+def _clock() -> Clock:
+    clock = Clock()
+    clock.quiet_t = NEVER
+    return clock
+
+
+def _settings(
+    system: System, pairs: int, stop_time: float | None, stop_collisions: int | None
+) -> Settings:
+    settings = Settings()
+    settings.gravity = system.gravity
+    settings.bodies = len(system.bodies)
+    settings.pieces = len(system.trace.pieces)
+    settings.pairs = pairs
+    settings.closed = int(system.trace.closed)
+    settings.one_sided = int(system.surface == "one-sided")
+    settings.law = LAW_NAMES.index(system.law)
+    settings.substitute = int(system.inadmissible == "normal-impulse")
+    left, right = system.left_end, system.right_end
+    settings.left_wall = left.restitution if left else NO_WALL
+    settings.right_wall = right.restitution if right else NO_WALL
+    settings.keep = 1
+    settings.stop_t = NEVER if stop_time is None else stop_time
+    settings.stop_collisions = 2**62 if stop_collisions is None else stop_collisions
+    return settings
+
+
+def _piece_data(piece: Piece) -> PieceData:
+    data = PieceData()
+    data.sign = piece.sign
+    data.length = piece.length
+    data.radius = 0.0 if piece.is_line else piece.radius
+    data.start_s = piece.start_s
+    data.angle_start, data.angle_end = piece.angle_start, piece.angle_end
+    data.turn = math.tau * turns_of(piece)
+    if piece.is_line:
+        data.x, data.y = piece.start
+        data.tangent_y, data.tangent_x = sine_cosine(piece.start_slope)
+    else:
+        data.x, data.y = piece.center
+    return data
+
+
+def _track_data(system: System, piece: Piece, number: int, levels: Heights) -> TrackData:
+    body = system.bodies[number]
+    track = TrackData()
+    track.gravity_rate = system.gravity / body.kappa
+    track.bottom = levels.bottom
+    track.top = levels.top
+    left, right = _ends(system, piece, number)
+    track.left_s, track.left_c = half_angle(piece, left)
+    track.right_s, track.right_c = half_angle(piece, right)
+    if piece.is_line:
+        track.speed_factor = 1.0
+        sine, _ = sine_cosine(piece.start_slope)
+        track.line_acceleration = -track.gravity_rate * sine
+        track.line_rise = sine
+        track.line_x, track.line_y = piece.body_center(0.0, body.radius)
+        return track
+    rho = piece.path_radius(body.radius)
+    track.path_radius = rho
+    track.frequency = body.natural_rate(system.gravity, rho)
+    track.speed_factor = 2.0 * track.frequency * rho
+    track.twice_radius = 2.0 * rho
+    squares = (track.left_s * track.left_s, track.right_s * track.right_s)
+    # f = phi in a valley, psi + pi on a hump: S^2 is 0 at f = 0, 1 at f = pi.
+    bottom, top = (0.0, math.pi) if piece.sign > 0.0 else (math.pi, 0.0)
+    track.lowest_s2 = elementwise.choose(
+        contains_turn(piece, bottom), 0.0, elementwise.least(*squares)
+    )
+    track.highest_s2 = elementwise.choose(
+        contains_turn(piece, top), 1.0, elementwise.greatest(*squares)
+    )
+    return track
+
+
+def _ends(system: System, piece: Piece, number: int) -> tuple[float, float]:
+    """The places at which a body leaves a piece: its ends, or where it touches a wall there."""
+    left, right = piece.angle_start, piece.angle_end
+    if system.trace.closed:
+        return left, right
+    radius = system.bodies[number].radius
+    if system.left_end and piece.index == 0:
+        left = _at_wall(piece, radius, False, number == 0)
+    if system.right_end and piece.index == len(system.trace.pieces) - 1:
+        right = _at_wall(piece, radius, True, number == len(system.bodies) - 1)
+    return left, right
+
+
+def _at_wall(piece: Piece, radius: float, right: bool, outermost: bool) -> float:
+    """Where a body touches a wall; the end of the piece for an inner one that does not fit there.
+
+    An inner body never comes to a wall: another one is in between.
+    """
+    end = piece.angle_end if right else piece.angle_start
+    place = wall_position(piece, radius, right)
+    if place is not None:
+        on_piece = place >= piece.angle_start if right else place <= piece.angle_end
+        touch: float = elementwise.choose(on_piece, place, end)
+        return touch
+    if outermost:
+        raise ValueError(f"piece {piece.index + 1} is too short for a body to touch its wall")
+    return end
+
+
+def _pair_data(system: System, a: int, b: int, seam: int, number: int) -> PairData:
+    pair = PairData()
+    pair.a = a
+    pair.b = b
+    pair.seam = seam
+    # Two bodies on a closed trace meet on either side with the same k.
+    pair.restitution = system.restitution[min(number, len(system.restitution) - 1)]
+    pair.law = LAW_NAMES.index(system.law)
+    pair.distance = system.bodies[a].radius + system.bodies[b].radius
+    pair.contact_t = NEVER
+    pair.release_t = NEVER
+    return pair
+
+
+def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
+    """Constants of the contact of a pair on one piece (A (6), B (48); C section 3 on a line)."""
+    contact = PairTrack()
+    total = body_a.radius + body_b.radius
+    product = body_a.radius * body_b.radius
+    if piece.is_line:
+        contact.sine = 2.0 * elementwise.square_root(product)
+        contact.normal_a = contact.normal_b = contact.sine / total
+        return contact
+    if not elementwise.holds(contact_angle(piece, body_a.radius, body_b.radius) < math.inf):
+        # Two bodies that never stand in this valley side by side: always in contact there.
+        contact.sine = 1.0
+        return contact
+    rho_a, rho_b = piece.path_radius(body_a.radius), piece.path_radius(body_b.radius)
+    contact.sine = elementwise.square_root(product / (rho_a * rho_b))
+    contact.cosine = elementwise.square_root((1.0 - contact.sine) * (1.0 + contact.sine))
+    contact.far_gap = math.pi - 2.0 * elementwise.arcsine(contact.sine)
+    sine_beta = 2.0 * contact.sine * contact.cosine
+    contact.normal_a = rho_b * sine_beta / total
+    contact.normal_b = rho_a * sine_beta / total
+    return contact
+
+
+def initial_flight(system: System, number: int) -> Flight:
+    """Return a body before its first flight: its piece, place and motion."""
+    state = system.initial[number]
+    body = system.bodies[number]
+    piece = system.trace.pieces[state.piece]
+    flight = Flight()
+    flight.piece = state.piece
+    flight.anchor = -1
+    flight.brief = elementwise.square_root(2.0 * NOWHERE * body.radius / system.gravity)
+    flight.s, flight.c = half_angle(piece, state.position)
+    if piece.is_line:
+        flight.p = state.speed
+    else:
+        rho = piece.path_radius(body.radius)
+        frequency = body.natural_rate(system.gravity, rho)
+        flight.p = state.speed / (2.0 * frequency * rho)
+    return flight
+
+
+def overrides_of(system: System) -> Overrides | None:
+    """Return the overrides of the kernels for a system; None for a trace at rest."""
+    return TURNING if system.turning else None
+
+
+def stack_of(system: System, count: int, of_runs: Any) -> Stack:
+    """Return the records of ``count`` systems, whose numbers are arrays.
+
+    ``of_runs`` tells the number of the system of each run.
+    """
+    import numpy as np
+
+    world = make_world(system, None, None, far_apart=False)
+    numbers = np.zeros(len(of_runs), dtype=dtype(SystemNumber))
+    numbers["number"] = of_runs
+    return Stack(
+        settings=_rows(world.settings, SettingNumbers, count),
+        bodies=_rows(world.bodies, BodyData, count),
+        pieces=_rows(world.pieces, PieceData, count),
+        tracks=_rows(world.tracks, TrackData, count),
+        contacts=_rows(world.contacts, PairTrack, count),
+        pairs=_rows(world.pairs, PairNumbers, count),
+        of_runs=numbers,  # type: ignore[arg-type]
+    )
+
+
+def own_records(world: World) -> World:
+    """Return a compiled world whose records are its own where those of a stack are installed."""
+    changed: Any = {
+        name: getattr(world, name).copy()
+        for name in ("settings", "bodies", "pieces", "tracks", "contacts", "pairs")
+    }
+    return world._replace(**changed)
+
+
+def _rows(records: Sequence[Any], cls: type, count: int) -> Any:
+    """Records with arrays of ``count`` numbers as rows of plain records, system by system."""
+    import numpy as np
+
+    rows = np.zeros((count, len(records)), dtype=dtype(cls))
+    for place, one in enumerate(records):
+        for name in rows.dtype.names or ():
+            rows[name][:, place] = getattr(one, name)
+    return rows.reshape(-1)
