@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from tests.highprecision import table as twin
 from tests.systems.table_cases import Document, ball, box, ellipse, particle, solve, table
+from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems.run import Run
 
 EPSILON = 2.0**-52
@@ -448,3 +449,12 @@ def test_what_is_left_of_a_speed_by_underflow_moves_no_ball() -> None:
     document = table(balls, wall, k=1e-300, time=10.0, collisions=200, bounces=300)
     document["collision"]["law"] = "normal-impulse"
     assert solve(document).summary_record()["max_gap"] <= 1e-14
+
+
+def test_a_scenario_with_a_polygon_is_read_again() -> None:
+    corners = [[0, 0], [3, 0], [3, 2]]
+    ball = {"radius": 0.1, "density": 7800, "x": 2.0, "y": 0.5}
+    wall = {"shape": "polygon", "corners": corners, "k": 0.9}
+    data = {"system": "table", "wall": wall, "balls": [ball], "stop": {"time": 1}}
+    scenario = any_scenario_of(data)
+    assert any_scenario_of(scenario.resolved()) == scenario

@@ -153,6 +153,13 @@ class TableScenario(ScenarioTable):
         """Return the data with the defaults that depend on other fields filled in."""
         return with_bodies(data, _default_motion)
 
+    def resolved(self) -> dict[str, Any]:
+        """Return the scenario as plain data; a polygon has no centre."""
+        data = super().resolved()
+        if self.wall is not None and self.wall.shape == "polygon":
+            del data["wall"]["x"], data["wall"]["y"]
+        return data
+
 
 def _default_motion(ball: Data) -> dict[str, float]:
     given = set(ball)
