@@ -41,12 +41,14 @@ _LINE = 6.0
 def ending_map(grid: Swept, width: str = "single") -> Figure | None:
     """Return how the runs end, a colour for each cause, over the two axes with the most values.
 
-    None for a grid with fewer than two axes that change.
+    None for a grid with fewer than two axes that change, or whose runs all end alike.
     """
     shown = lattice(grid, 2)
     if shown is None:
         return None
     endings = Endings.of(grid, shown.rows)
+    if len(np.unique(endings.code)) == 1:
+        return None
     return category_map(shown, width, endings)
 
 
