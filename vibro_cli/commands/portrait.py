@@ -101,7 +101,7 @@ def varied(source: Source, vary: str, draw: Draw | None) -> tuple[dict[str, Any]
         return record, {}
     from vibro_cli.figures.family import family
 
-    return record, draw("family", family(shown, source.width))
+    return record, draw("family", family(_titled(record["path"], shown), source.width))
 
 
 def varied_systems(
@@ -114,7 +114,15 @@ def varied_systems(
     )
     if draw is None or not shown:
         return record, {}
-    return record, draw("family", kind.family_figure(shown, ball, source.width))
+    titled = _titled(record["path"], shown)
+    return record, draw("family", kind.family_figure(titled, ball, source.width))
+
+
+def _titled(path: str, shown: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
+    """Members with the number at a path in words as their titles."""
+    from vibro_cli.figures.lattice import words_of
+
+    return [(f"{words_of(path)} = {value}", one) for value, one in shown]
 
 
 def _varied(
@@ -123,7 +131,7 @@ def _varied(
     member: "Callable[[str, Any], Any]",
     type_of_member: "Callable[[Any], str]",
 ) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
-    """The types of a family and where they change; titles and members that are possible."""
+    """The types of a family and where they change; values and members that are possible."""
     from vibro_cli.analysis.portrait_type import IMPOSSIBLE, changes
 
     path, *ends, number = parsed_range(vary)
@@ -150,7 +158,7 @@ def _varied(
         ],
         "changes": [vars(change) for change in found],
     }
-    shown = [(f"{path} = {value:.6g} {unit}".rstrip(), one) for value, one in members.items()]
+    shown = [(f"{value:.6g} {unit}".rstrip(), one) for value, one in members.items()]
     return record, shown
 
 

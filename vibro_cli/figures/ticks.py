@@ -19,7 +19,7 @@ _LINE = 7.0
 """Least distance of two tick labels one above the other (mm)."""
 
 _EDGE = 1.2
-"""Room without numbers at either end of a vertical axis (mm): the other axis has its own there."""
+"""Room without numbers at the lower end of a vertical axis (mm): another axis has its own there."""
 _LONGEST = 5
 """Characters of the longest label of a vertical axis; longer numbers get a power of ten."""
 _PLAIN = (0.01, 1e5)
@@ -75,7 +75,7 @@ def vertical_angle_ticks(low: float, high: float, height: float) -> Ticks:
         step = float(part) * math.pi
         if step / (high - low) * height < _LINE:
             break
-        first, last = math.ceil((low + edge) / step), math.floor((high - edge) / step)
+        first, last = math.ceil((low + edge) / step), math.floor(high / step + 1e-9)
         numbers = range(first, last + 1)
         labels = tuple(part_of_pi(part * number) for number in numbers)
         chosen = Ticks(tuple(number * step for number in numbers), labels)
@@ -104,7 +104,7 @@ def number_ticks(low: float, high: float, width: float, whole: bool = False) -> 
 def vertical_ticks(low: float, high: float, height: float) -> Ticks:
     """Return ticks at round numbers for a vertical axis from `low` to `high`, `height` mm high."""
     edge = _EDGE / height * (high - low)
-    ticks = _round_numbers(low + edge, high - edge, max(2, int(height / _LINE)))
+    ticks = _round_numbers(low + edge, high, max(2, int(height / _LINE)))
     if max(map(len, ticks.labels)) <= _LONGEST:
         return ticks
     power = _power(max(map(abs, ticks.places)))

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Polygon
 from numpy.typing import NDArray
 
-from vibro_cli.figures import style
+from vibro_cli.figures import strokes, style
 from vibro_cli.figures.chart import LEFT, body_look
 from vibro_cli.figures.numbering import leader, place_numbers
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
@@ -23,6 +23,8 @@ MOST_ARROWS = 40
 """Events up to which the velocities before and after each are drawn."""
 MOST_LINES = 20_000
 """Flights of a ball that are drawn at most; the figure says how many there are."""
+_MANY = 150
+"""Of a ball with more flights than this the lines are thin and faint."""
 _ARROW = 0.09
 """Length of the arrow of the fastest ball, as a share of the figure's width."""
 _RIGHT, _TOP, _BOTTOM = 2.5, 5.0, 8.5
@@ -119,10 +121,12 @@ def draw_wall(axes: Axes, wall: Wall) -> None:
 
 def _draw_path(axes: Axes, run: Run, ball: int, path: Floats) -> None:
     color, dashes = _colour(ball), body_look(ball + 1)["linestyle"]
-    lines = LineCollection(
-        [path], colors=color, linewidths=0.8 if len(path) < 500 else 0.3, zorder=2.0,
-        linestyles=[dashes], rasterized=len(path) > 2000,
-    )  # fmt: skip
+    look: dict[str, Any] = {"colors": color, "zorder": 2.0, "rasterized": len(path) > 2000}
+    if len(path) > _MANY:  # where flights lie dense is seen as denser
+        each = np.stack([path[:-1], path[1:]], axis=1)
+        lines = LineCollection(each, linewidths=0.3, alpha=strokes.fainter(len(path)), **look)
+    else:
+        lines = LineCollection([path], linewidths=0.8, linestyles=[dashes], **look)
     axes.add_collection(lines)
     radius = run.system.bodies[ball].radius
     axes.add_patch(Circle(tuple(path[0]), radius, facecolor=color, alpha=0.25, edgecolor=color))
