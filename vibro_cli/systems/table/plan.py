@@ -123,7 +123,7 @@ def _draw_path(axes: Axes, run: Run, ball: int, path: Floats) -> None:
     color, dashes = _colour(ball), body_look(ball + 1)["linestyle"]
     look: dict[str, Any] = {"colors": color, "zorder": 2.0, "rasterized": len(path) > 2000}
     if len(path) > _MANY:  # where flights lie dense is seen as denser
-        each = np.stack([path[:-1], path[1:]], axis=1)
+        each = list(np.stack([path[:-1], path[1:]], axis=1))
         lines = LineCollection(each, linewidths=0.3, alpha=strokes.fainter(len(path)), **look)
     else:
         lines = LineCollection([path], linewidths=0.8, linestyles=[dashes], **look)
