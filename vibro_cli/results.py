@@ -84,10 +84,23 @@ class Run:
 
     scenario: AnyScenario
     """What was solved."""
-    solved: api.Run
-    """The run as the solver made it."""
+    _solved: api.Run | None = field(repr=False)
+    """The run as the solver made it, with all its logs; None for one from a folder."""
     stored: StoredRun | None = field(default=None, repr=False)
     """As it was read from its folder, if it was."""
+
+    @property
+    def solved(self) -> api.Run:
+        """The run with all its logs; one from a folder is solved again for that."""
+        if self._solved is not None:
+            return self._solved
+        assert self.stored is not None
+        return self.stored.run
+
+    @property
+    def _shown(self) -> Any:
+        """The run as figures take it, of a long one from a folder without its logs."""
+        return self._solved or (self.stored and self.stored.whole) or self.stored
 
     @property
     def folder(self) -> Path | None:
@@ -116,7 +129,7 @@ class Run:
 
     @property
     def _table_names(self) -> Sequence[str]:
-        return [table.file for table in self.solved.kind.tables()]
+        return [table.file for table in self._shown.kind.tables()]
 
     @property
     def collisions(self) -> Table:
@@ -141,6 +154,9 @@ class Run:
     def sample(self, times: ArrayLike, side: str = "after", extrapolate: bool = False) -> Table:
         """Return the motion at any times, exactly: for each time a row for each body.
 
+        Of a long run from a folder no log is kept: each call goes through the run again, a second
+        for a million impacts, so that many times are best asked for at once.
+
         Parameters
         ----------
         times
@@ -158,7 +174,9 @@ class Run:
         """
         import numpy as np
 
-        columns = self.solved.sample(np.atleast_1d(times), side, extrapolate)
+        motion = self._solved if self.stored is None else self.stored.motion
+        assert motion is not None
+        columns = motion.sample(np.atleast_1d(times), side, extrapolate)
         described = table_named("motion", list(columns), self.scenario.system)
         return Table("motion", to_arrow(described, columns, runs.origin_of(self.scenario)))
 
@@ -207,9 +225,9 @@ class Run:
 
         target = Path("outputs") / self.name if folder is None else Path(folder)
         if isinstance(figures, bool):
-            figures = self.solved.kind.default_figures if figures else ()
-        width = self.solved.kind.figure_width(self.solved.system)
-        drawn = draw_all(self.solved, figures, width)
+            figures = self._shown.kind.default_figures if figures else ()
+        width = self._shown.kind.figure_width(self._shown.system)
+        drawn = draw_all(self._shown, figures, width)
         files = {f"{one.name}.{form}": render(one.figure, form) for one in drawn for form in _FORMS}
         runs.write_run(self.solved, self.scenario, target, files, force)
         return target
@@ -217,7 +235,7 @@ class Run:
     @property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of figures there are."""
-        return tuple(self.solved.kind.figures)
+        return tuple(self._shown.kind.figures)
 
     def section(
         self,
@@ -272,7 +290,7 @@ class Run:
         """
         from vibro_cli.figures.kinds import draw_one
 
-        drawn = draw_one(self.solved, kind, body, width)
+        drawn = draw_one(self._shown, kind, body, width)
         if drawn is None:
             raise ValueError(f"{self.name} has nothing to show as {kind}")
         return Drawing(f"{kind}_{body}" if kind == "portrait" else kind, drawn)
@@ -310,7 +328,7 @@ class Run:
         from vibro_cli.report.film_page import film_html
         from vibro_cli.storage.files import write_file
 
-        target, run, last = Path(file), self.solved, self.summary["end_time"]
+        target, run, last = Path(file), self._shown, self.summary["end_time"]
         form = target.suffix.lower().removeprefix(".")
         stop = min(last, start + _SECONDS * pace) if end is None else end
         if not run.kind.has_film:
@@ -606,7 +624,7 @@ def open_run(folder: str | Path) -> Run:
         If a file is missing or cannot be read.
     """
     stored = open_stored_run(Path(folder))
-    return Run(stored.scenario, stored.run, stored)
+    return Run(stored.scenario, None, stored)
 
 
 def verify(folder: str | Path) -> Verdict:

@@ -22,6 +22,7 @@ from vibro_cli.storage.tables import (
     parquet_bytes,
     read_column,
     read_parquet,
+    read_rows,
     stream,
     to_arrow,
 )
@@ -121,6 +122,25 @@ def test_columns_are_read_as_arrow_does(tmp_path: Path) -> None:
             for found in (as_array(data[name]), read_column(tmp_path / "table.parquet", name)):
                 assert found.dtype.kind == expected.dtype.kind
                 np.testing.assert_array_equal(found, expected, err_msg=name)
+
+
+def test_rows_are_read_from_the_groups_they_are_in(tmp_path: Path) -> None:
+    table = pa.table({"n": range(100), "x": [n / 7 for n in range(100)]})
+    pq.write_table(table, tmp_path / "table.parquet", row_group_size=30)
+    for rows in (
+        slice(0, 5),
+        slice(28, 61),
+        slice(-3, None),
+        slice(99, 200),
+        slice(7, 7),
+        slice(200, 300),
+    ):
+        first, last, _ = rows.indices(100)
+        for columns in (None, ["x", "n"], ["x"]):
+            found, start, total = read_rows(tmp_path / "table.parquet", rows, columns)
+            assert (start, total) == (first, 100)
+            expected = table if columns is None else table.select(columns)
+            assert found.equals(expected.slice(first, last - first))
 
 
 def test_an_empty_table_is_written_with_its_schema() -> None:

@@ -85,31 +85,20 @@ def _show(
     as_json: bool,
 ) -> int:
     """Print the chosen rows and columns of a table in the chosen form."""
-    data = _read(file)
-    if columns is not None:
-        unknown = [name for name in columns if name not in data.column_names]
-        if unknown:
-            hint = suggestion(unknown[0], data.column_names)
-            raise CommandError(
-                f"{file}: found no column {unknown[0]!r}{hint}, expected some of "
-                f"{', '.join(data.column_names)}"
-            )
-        data = data.select(columns)
-    first, last, _ = slice(*rows).indices(data.num_rows)
-    chosen = data.slice(first, max(last - first, 0))
+    chosen, first, total = _read(file, rows, columns)
     if form is not None or as_json:
         try:
             _print_whole(chosen, form)
         except (TypeError, ValueError) as error:  # of a table that is not one of ours
             text = f"cannot be shown as {form or 'json'}: {' '.join(str(error).split())}"
             raise CommandError(f"{file}: {text} (choose columns with --columns)") from error
-    elif data.num_rows == 1 and columns is None:
-        print("\n".join(_listed(data)))
+    elif total == chosen.num_rows == 1 and columns is None:
+        print("\n".join(_listed(chosen)))
     else:
         width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
         print("\n".join(_blocks(chosen, first, width)))
         shown = f"rows {first + 1} to {first + chosen.num_rows}" if chosen.num_rows else "no row"
-        say(f"{shown} of {data.num_rows}")
+        say(f"{shown} of {total}")
     return DONE
 
 
@@ -124,22 +113,39 @@ def _print_whole(data: "pyarrow.Table", form: TableFormat | None) -> None:
     sys.stdout.buffer.flush()
 
 
-def _read(file: Path) -> "pyarrow.Table":
-    """The table of a file; raises `CommandError` when it is not there, no parquet, or damaged."""
+def _read(
+    file: Path, rows: tuple[int | None, int | None], columns: Sequence[str] | None
+) -> "tuple[pyarrow.Table, int, int]":
+    """Some rows and columns of a file, the first row's number (from 0), and how many there are.
+
+    Raises `CommandError` when the file is not there, no parquet, or damaged, or lacks a column.
+    """
     import pyarrow
 
-    from vibro_cli.storage.tables import read_parquet
+    from vibro_cli.storage.tables import column_names, read_rows
 
     if file.is_dir():
         raise CommandError(f"{file}: found a folder, expected {_file_like(file)}")
     try:
-        return read_parquet(file)
+        if columns is not None:
+            _check_columns(file, columns, column_names(file))
+        return read_rows(file, slice(*rows), columns)
     except FileNotFoundError as error:
         raise CommandError(f"{file}: no such file") from error
     except OSError as error:
         raise CommandError(f"{file}: cannot be read: {reason(error)}", FAILED) from error
     except pyarrow.ArrowException as error:
         raise CommandError(f"{file}: no parquet table: {' '.join(str(error).split())}") from error
+
+
+def _check_columns(file: Path, wanted: Sequence[str], known: Sequence[str]) -> None:
+    """Raise `CommandError` unless all columns are there."""
+    unknown = [name for name in wanted if name not in known]
+    if unknown:
+        hint = suggestion(unknown[0], known)
+        raise CommandError(
+            f"{file}: found no column {unknown[0]!r}{hint}, expected some of {', '.join(known)}"
+        )
 
 
 def _file_like(folder: Path) -> str:

@@ -230,6 +230,25 @@ def units_of_numbers(schema: pa.Schema) -> dict[str, str]:
     }
 
 
+def read_rows(
+    source: Path, rows: slice, columns: Sequence[str] | None = None
+) -> tuple[pa.Table, int, int]:
+    """Some rows of a parquet file, the number of the first (from 0), and how many there are.
+
+    `columns` are those wanted, all by default. Only the groups of rows that they are in are read,
+    and held to their checksums; raises as `read_parquet`.
+    """
+    with pq.ParquetFile(source, page_checksum_verification=True) as file:
+        sizes = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
+        ends = np.cumsum([0, *sizes])
+        first, last, _ = rows.indices(file.metadata.num_rows)
+        groups = np.flatnonzero((ends[:-1] < last) & (ends[1:] > first)).tolist()
+        found = file.read_row_groups(groups, columns)
+    wanted = found if columns is None else found.select(list(columns))
+    start = first - int(ends[groups[0]]) if groups else 0
+    return wanted.slice(start, max(last - first, 0)), first, int(ends[-1])
+
+
 def column_names(path: Path) -> list[str]:
     """The names of the columns of a parquet file; raises as `read_parquet`."""
     with pq.ParquetFile(path) as file:
