@@ -15,6 +15,7 @@ import tempfile
 from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
+
 from vibro_cli.commands.shared.papers import commands
 
 ROOT = Path(__file__).parents[1]

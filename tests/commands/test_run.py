@@ -17,7 +17,6 @@ from tests.commands.conftest import ByHand, Outcome, Vibro
 from tests.two_balls import SCENARIO
 from vibro_cli.commands.shared.error_handling import Terminated
 from vibro_cli.storage.tables import read_parquet
-from vibro_cli.systems import system_named
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
 INTERRUPTED = """
@@ -438,10 +437,3 @@ def test_an_unknown_figure_is_refused_before_anything_runs(vibro: Vibro, tmp_pat
     assert outcome.code == 2
     assert "found 'velocity' (did you mean 'velocities'?), expected all or some" in outcome.err
     assert not (tmp_path / "run").exists()
-
-
-def test_the_page_on_figures_names_every_kind() -> None:
-    page = (GALLERY.parent / "docs" / "figures.md").read_text(encoding="utf-8")
-    for system in ("trace", "table", "springs"):
-        names = ", ".join(f"`{name}`" for name in list(system_named(system).figures))
-        assert f"| {system} | {names} |" in page

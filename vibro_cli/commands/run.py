@@ -58,8 +58,8 @@ FiguresWanted = Annotated[
         "--figures",
         metavar="all|NAME,…",
         envvar="VIBRO_FIGURES",
-        help="Draw these kinds of figures, or all there are; docs/figures.md names them. default: "
-        "of a trace the phase portraits, of table and springs what shows their motion; 0: none.",
+        help="Draw these kinds of figures, or all there are; vibro help figures names them. "
+        "default: of a trace the phase portraits, of table and springs what shows their motion; 0: none.",
     ),
 ]
 

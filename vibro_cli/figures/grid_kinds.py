@@ -102,6 +102,18 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
         f"Place and speed of the left body at the last {LAST} impacts of each run, over one axis.",
     ),
 }
+NEEDS = {
+    "endings": "two axes change, and runs end in different ways",
+    "impacts": "two axes change, and there are impacts",
+    "bounces": "two axes change, and there are impacts on a wall",
+    "energy": "two axes change",
+    "contact": "two axes change, and lasting contact begins",
+    "curves": "an axis of numbers changes",
+    "diagram": "an axis of numbers changes, and impacts were kept with their places",
+    "times": "an axis of numbers changes, and impacts were kept with their times",
+    "bifurcation": f"as `diagram`, and runs have more than {LAST} impacts",
+}
+"""When a kind of figure has something to show."""
 _DIMENSIONS = {"curves": 1, "diagram": 1, "times": 1, "bifurcation": 1}
 
 

@@ -235,6 +235,23 @@ def environment() -> str:
     return "\n".join(["| variable | meaning |", "|---|---|", *rows]) + "\n"
 
 
+def figures() -> str:
+    """The kinds of figures of runs of each system, and of grids."""
+    from vibro_cli.figures.grid_kinds import GRID_KINDS, NEEDS
+    from vibro_cli.systems import system_named
+
+    kinds: dict[str, tuple[str, list[str]]] = {}
+    for name in SYSTEMS:
+        for key, kind in system_named(name).figures.items():
+            title = re.sub(r" body$", " each body", kind.title)
+            kinds.setdefault(key, (title, []))[1].append(name)
+    lines = ["Of a run:", "", "| figure | shows | of |", "|---|---|---|"]
+    lines += [f"| `{key}` | {title} | {', '.join(of)} |" for key, (title, of) in kinds.items()]
+    lines += ["", "Of a grid:", "", "| figure | shows | drawn if |", "|---|---|---|"]
+    lines += [f"| `{key}` | {kind.title} | {NEEDS[key]} |" for key, kind in GRID_KINDS.items()]
+    return "\n".join(lines) + "\n"
+
+
 def _papers() -> str:
     from vibro_cli.commands.shared.papers import papers
 
@@ -253,6 +270,7 @@ TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
         f"{name}-system": (f'keys and tables of system = "{name}"', partial(of_system, name))
         for name in SYSTEMS[1:]
     },
+    "figures": ("the kinds of figures", figures),
     "papers": ("which command shows what of the papers", _papers),
     "exit-codes": ("what the exit codes mean", exit_codes),
     "environment": ("the variables of the environment that are read", environment),
