@@ -32,7 +32,7 @@ from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.shared.papers import A, B, C, D, commands
 from vibro_cli.figures import output
 from vibro_cli.report import content as report_content
-from vibro_cli.report.series import time_between, turning_points
+from vibro_cli.report.papers import time_between, turning_points
 from vibro_cli.scenario import load_any
 from vibro_cli.systems import system_named
 from vibro_cli.systems.springs.phase_plane import spring_periods, springs_record

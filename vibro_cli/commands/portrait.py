@@ -319,7 +319,7 @@ def portrait(
 def _portray(wishes: _Wishes) -> int:
     """Analyse, draw, write and print."""
     from vibro_cli.commands.shared.loading import load_any
-    from vibro_cli.storage.portraits import check_portrait_folder, write_portraits
+    from vibro_cli.storage.folders import check_portrait_folder, write_portraits
     from vibro_cli.storage.provenance import FolderRefused
 
     scenario, system = load_any(wishes.source, wishes.overrides)

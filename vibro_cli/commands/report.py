@@ -270,7 +270,7 @@ def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:
 def _write_figures(subject: "Subject", target: Path, wishes: _Wishes) -> None:
     """Write every figure into a folder, in all forms."""
     from vibro_cli.figures.output import FORMATS, render
-    from vibro_cli.storage.portraits import write_figures
+    from vibro_cli.storage.folders import write_figures
 
     files = {
         f"{stem}.{form}": render(drawn.figure, form)

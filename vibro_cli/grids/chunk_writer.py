@@ -19,7 +19,7 @@ from vibro_cli.grids.columns import impact_table_of, part_file, summary_table
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Columns, Solved
 from vibro_cli.storage.files import write_file
-from vibro_cli.storage.parts import PartFile
+from vibro_cli.storage.parquet_files import PartFile
 from vibro_cli.storage.provenance import entry
 from vibro_cli.storage.tables import record_batch
 

@@ -20,7 +20,7 @@ from vibro_cli.kernels.world import ImpactRow, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.problems import KeyPath, path_text
-from vibro_cli.storage.parts import PartFile
+from vibro_cli.storage.parquet_files import PartFile
 from vibro_cli.storage.schema import Column, Table, summary, table_named
 from vibro_cli.storage.tables import Origin, Words, arrow_schema
 from vibro_cli.systems.trace.event_loop import zeros

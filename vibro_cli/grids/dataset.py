@@ -23,11 +23,12 @@ from vibro_cli import __version__
 from vibro_cli.errors import VibroError
 from vibro_cli.grids.chunks import Chunks, Division, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
-from vibro_cli.storage.checking import Finding, check_files
 from vibro_cli.storage.files import remove_partial_files, write_file
 from vibro_cli.storage.provenance import (
     MANIFEST_NAME,
+    Finding,
     FolderRefused,
+    check_files,
     check_replaceable,
     differences,
     entry,

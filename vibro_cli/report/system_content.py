@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.assemble import warnings_of
-from vibro_cli.report.analogy import analogy
 from vibro_cli.report.content import (
     BODY_HEADS,
     body_cells,
@@ -18,6 +17,7 @@ from vibro_cli.report.content import (
     flat,
 )
 from vibro_cli.report.images import figures_of_run
+from vibro_cli.report.papers import analogy
 from vibro_cli.report.words import KEYS, LAWS, named, number
 from vibro_cli.storage.stored import StoredRun
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from vibro_cli import __version__
 from vibro_cli.errors import VibroError
 from vibro_cli.storage.files import NewFolder, abandoned_parts, new_folder
-from vibro_cli.storage.growing import GrowingTable
+from vibro_cli.storage.parquet_files import GrowingTable
 from vibro_cli.storage.provenance import (
     MANIFEST_NAME,
     FolderRefused,

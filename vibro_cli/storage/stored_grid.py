@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
-from vibro_cli.storage.checking import check_files
-from vibro_cli.storage.provenance import read_manifest
+from vibro_cli.storage.provenance import check_files, read_manifest
 
 if TYPE_CHECKING:
     import pyarrow

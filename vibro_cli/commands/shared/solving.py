@@ -289,7 +289,7 @@ def _followed(
 @contextlib.contextmanager
 def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
     """Standard output as a sink of the collision table."""
-    from vibro_cli.storage.growing import StreamedTable
+    from vibro_cli.storage.parquet_files import StreamedTable
     from vibro_cli.storage.runs import origin_of
     from vibro_cli.storage.schema import table_named
 

@@ -1,0 +1,219 @@
+"""Runs beside the papers: translation and rolling side by side, and their series for times.
+
+For the impacts of a run translation stands beside rolling (B table 1), and exact times of the first
+intervals beside the series (A (7)–(9), B (58)–(61), (83)–(84)). The papers expand both roots of the
+elliptic integral to second order. Of a way with turning points their series is summed leg by leg.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.analysis.central_impact import CentralImpact, Pair
+from vibro_cli.analysis.swings import (
+    Swing,
+    printed_time,
+    series_time,
+    squared_rate,
+)
+from vibro_cli.mechanics.trace import VALLEY
+from vibro_cli.report.words import number
+from vibro_cli.storage.stored import StoredRun
+
+
+def forms(system: Any, table: Mapping[str, Any], row: int) -> tuple[CentralImpact, CentralImpact]:
+    """Return the impact in a row of the table (from 0) as translation and as rolling.
+
+    On a table those are the components along the line of centres, C (1)–(3).
+    """
+    balls = [int(table[f"ball_{side}"][row]) for side in "ab"]
+    bodies = [system.bodies[ball - 1] for ball in balls]
+    given = system.restitution
+    restitution = given if isinstance(given, float) else given[balls[0] - 1]
+    speed = "normal_speed" if "normal_speed_a_pre" in table else "speed"
+    speeds = tuple(float(table[f"{speed}_{end}_pre"][row]) for end in "ab")
+    rates = tuple(v / body.radius for v, body in zip(speeds, bodies, strict=True))
+    masses = bodies[0].mass, bodies[1].mass
+    inertias = bodies[0].rolling_inertia, bodies[1].rolling_inertia
+    return (
+        CentralImpact(masses, (speeds[0], speeds[1]), restitution),
+        CentralImpact(inertias, (rates[0], rates[1]), restitution),
+    )
+
+
+def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the tables of the impacts that rolling bodies made; None without one."""
+    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
+        table["substituted"], dtype=np.bool_
+    )
+    if not np.any(made):
+        return None
+    row = int(np.argmax(made))
+    if any(system.bodies[int(table[f"ball_{side}"][row]) - 1].kappa == 1.0 for side in "ab"):
+        return None  # a particle slides: there is no rolling to compare
+    translation, rolling = forms(system, table, row)
+    law = str(table["law"][row])
+    return {
+        "impact": str(int(table["n"][row])),
+        "used": {"translational": "translation", "hedrih": "rolling"}.get(law, "neither"),
+        "rows": [
+            [label, describe(translation, _UNITS[0]), describe(rolling, _UNITS[1])]
+            for label, describe in _ROWS
+        ],
+        "heads": _HEADS,
+        "every": [_line(system, table, each) for each in np.flatnonzero(made)[:_MOST].tolist()],
+    }
+
+
+_MOST = 100
+"""Impacts that stand in both forms in the report."""
+_HEADS = [
+    "Impact", "Pair", "k", "Impulse", "E before", "E after", "Loss", "Moment of impulse",
+    "E before, rolling", "E after, rolling", "Loss, rolling",
+]  # fmt: skip
+
+
+def _line(system: Any, table: Mapping[str, Any], row: int) -> list[str]:
+    translation, rolling = forms(system, table, row)
+    cells = [
+        number(value, unit)
+        for one, impulse in ((translation, "N s"), (rolling, "N m s"))
+        for value, unit in (
+            (one.impulse, impulse),
+            (one.energy_before, "J"),
+            (one.energy_after, "J"),
+            (one.loss, "J"),
+        )
+    ]
+    pair = "–".join(str(int(table[f"ball_{side}"][row])) for side in "ab")
+    return [str(int(table["n"][row])), pair, number(translation.restitution), *cells]
+
+
+_UNITS = (("kg", "m/s", "kg m/s", "N s"), ("kg m²", "rad/s", "kg m²/s", "N m s"))
+"""Of inertia, velocity, momentum and impulse, in translation and in rolling."""
+
+
+def _pair(values: Pair, unit: str) -> str:
+    return f"{number(values[0])}, {number(values[1])} {unit}"
+
+
+def _special(one: CentralImpact, restitution: float, unit: str) -> str:
+    """Velocities after with another k, and the loss."""
+    special = one.with_restitution(restitution)
+    return f"{_pair(special.after, unit)}; loss {number(special.loss, 'J')}"
+
+
+_ROWS: tuple[tuple[str, Any], ...] = (
+    ("Inertia: m; J_P", lambda one, unit: _pair(one.inertia, unit[0])),
+    ("Velocities before: v; ω", lambda one, unit: _pair(one.before, unit[1])),
+    ("Momentum, kept: Σ m v; Σ J_P ω", lambda one, unit: number(one.momentum, unit[2])),
+    ("Coefficient of restitution k", lambda one, _: number(one.restitution)),
+    ("Kinetic energy before", lambda one, _: number(one.energy_before, "J")),
+    ("Velocities after, with the run's k", lambda one, unit: _pair(one.after, unit[1])),
+    ("Impulse; its moment", lambda one, unit: number(one.impulse, unit[3])),
+    ("Kinetic energy after", lambda one, _: number(one.energy_after, "J")),
+    ("Loss of kinetic energy", lambda one, _: number(one.loss, "J")),
+    ("The same by Carnot's theorem", lambda one, _: number(one.carnot, "J")),
+    ("After a plastic impact, k = 0", lambda one, unit: _special(one, 0.0, unit[1])),
+    ("After an ideally elastic one, k = 1", lambda one, unit: _special(one, 1.0, unit[1])),
+)
+
+
+MOST_INTERVALS = 6
+_SAME = 1e-9
+"""Two instants closer than this share of their time are one."""
+
+
+def series_rows(run: StoredRun) -> list[list[str]]:
+    """Return a row for each body of the first intervals that lie in one valley, as in the papers.
+
+    Interval, body, angles from and to, turning points, and times: exact, by the series as printed,
+    and by the series with its coefficient corrected.
+    """
+    if run.system.turning is not None:
+        return []
+    found = []
+    for row in range(min(MOST_INTERVALS, len(run.collisions["n"]))):
+        for end in "ab":
+            way = _way(run, row, end)
+            if way is not None:
+                found.append(_row(run, row, end, way))
+    return found
+
+
+def _way(run: StoredRun, row: int, end: str) -> tuple[Swing, float, float] | None:
+    """Return the swing of a body before an impact, the angle there (rad) and the time (s) of it.
+
+    None unless it swung freely in one valley since its impact before, or the start.
+    """
+    table, flights = run.collisions, run.flights()
+    t, ball = float(table["t"][row]), int(table[f"ball_{end}"][row])
+    # Flights stand body by body in order of time.
+    first, beyond = np.searchsorted(flights["ball"], (ball, ball + 1))
+    ends = flights["t_end"][first:beyond]
+    flight = int(first + np.searchsorted(ends, t - _SAME * max(t, 1e-300)))
+    if flight == beyond or flights["t_end"][flight] - t > _SAME * max(t, 1e-300):
+        return None
+    piece = run.system.trace.pieces[int(flights["arc"][flight]) - 1]
+    free = not bool(flights["contact"][flight])
+    begun = str(flights["cause_start"][flight]) in ("start", "collision")
+    if piece.shape != VALLEY or not (free and begun):
+        return None
+    angle, rate = (float(flights[name][flight]) for name in ("angle_start", "rate_start"))
+    swing = Swing(squared_rate(run.system, ball, piece), angle, rate)
+    if swing.scale == 0.0:  # at rest at the bottom: no swing
+        return None
+    lasts = t - float(flights["t_start"][flight])
+    return swing, float(table[f"angle_{end}"][row]), lasts
+
+
+def _row(run: StoredRun, row: int, end: str, way: tuple[Swing, float, float]) -> list[str]:
+    swing, angle, lasts = way
+    ball = int(run.collisions[f"ball_{end}"][row])
+    turns = turning_points(swing, angle, lasts)
+    # The last bracket of A (9) and B (61) has the constants of ball 1 in the same interval.
+    other = _way(run, row, "a" if end == "b" else "b")
+    first = other[0] if ball == 2 and other is not None else None
+    printed = time_between(swing, angle, turns, lambda u: printed_time(swing, u, first))
+    corrected = time_between(swing, angle, turns, lambda u: series_time(swing, u))
+    return [
+        str(int(run.collisions["n"][row])),
+        str(ball),
+        number(swing.angle, "rad"),
+        number(angle, "rad"),
+        number(swing.modulus),
+        str(turns),
+        number(lasts, "s", 9),
+        number(printed, "s", 5),
+        number(corrected, "s", 5),
+    ]
+
+
+def turning_points(swing: Swing, angle: float, lasts: float) -> int:
+    """Return how many turning points lie on the way to an angle that takes a time (s)."""
+    if swing.modulus <= 1.0:
+        return 0
+    counts = range(2 * math.ceil(2.0 * lasts / swing.period) + 3)
+    times = [time_between(swing, angle, count, swing.from_bottom) for count in counts]
+    return int(np.argmin([abs(time - lasts) for time in times]))
+
+
+def time_between(
+    swing: Swing, angle: float, turns: int, from_bottom: Callable[[float], float]
+) -> float:
+    """Return the time (s) of a way with some turning points, by times from the bottom to u.
+
+    A body that starts at rest begins at a turning point, which is not counted.
+    """
+    start, end = math.sin(0.5 * swing.angle), math.sin(0.5 * angle)
+    way = math.copysign(1.0, swing.rate) if swing.rate else -math.copysign(1.0, swing.angle)
+    if not turns:
+        return way * (from_bottom(end) - from_bottom(start))
+    reach = from_bottom(1.0 / swing.modulus)
+    last = way if turns % 2 == 0 else -way
+    first_leg = reach - way * from_bottom(start)
+    return first_leg + (turns - 1) * 2.0 * reach + reach + last * from_bottom(end)
