@@ -59,7 +59,8 @@ FiguresWanted = Annotated[
         metavar="all|NAME,…",
         envvar="VIBRO_FIGURES",
         help="Draw these kinds of figures, or all there are; vibro help figures names them. "
-        "default: of a trace the phase portraits, of table and springs what shows their motion; 0: none.",
+        "default: of a trace the phase portraits, of table and springs what shows their motion; "
+        "0: none.",
     ),
 ]
 
