@@ -22,7 +22,7 @@ from vibro_cli.figures.portrait import phase_portrait
 from vibro_cli.figures.scene import scene
 from vibro_cli.figures.timeline import energy_course, energy_residuals, timeline
 from vibro_cli.figures.trajectory import trajectory
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario import any_scenario_of, load_scenario
 
 pytestmark = pytest.mark.long
 
@@ -243,3 +243,26 @@ def test_walls_are_drawn_in_scene_and_plan() -> None:
         (axes,) = scene(run).axes
         walls = [line for line in axes.lines if line.get_linewidth() == WALL["linewidth"]]
         assert len(walls) == number
+
+
+def test_bodies_that_stay_in_contact_have_no_figure_of_accuracy() -> None:
+    """They make no impact and no free flight, so that there is nothing to measure."""
+    scenario = any_scenario_of(
+        {
+            "trace": {
+                "start_slope": -1.5,
+                "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.5}],
+            },
+            "balls": [
+                {"radius": 0.1, "mass": 1.0, "arc": 1, "angle": -0.3},
+                {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"},
+            ],
+            "collision": {"k": 0.5},
+            "stop": {"time": 1.0},
+        }
+    )
+    run = simulate(scenario)
+    assert run.summary_record()["collisions"] == 0
+    drawn = {one.name for one in draw_all(run, None, "single")}
+    assert "accuracy" not in drawn
+    assert "energy" in drawn

@@ -143,7 +143,8 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
 def accuracy(run: Recorded, width: str = "single") -> Figure | None:
     """Return the residual gap of each impact and the energy error of each free flight.
 
-    None for a trace that turns about a vertical.
+    None for a trace that turns about a vertical, and where bodies in lasting contact do nothing
+    else.
     """
     if run.system.turning is not None:
         return None
@@ -151,16 +152,19 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
     gap = np.abs(np.asarray(table["gap"], dtype=np.float64))
     time, error, flights = _errors(run)
     end = float(np.max(run.flights()["t_end"]))
+    if not len(gap) + flights:
+        return None
     with style.journal():
-        heights = [_SMALL[width]] * (2 if len(gap) else 1)
-        figure, panels, across = stacked(width, heights)
+        figure, panels, across = stacked(width, [_SMALL[width]] * (bool(len(gap)) + bool(flights)))
+        for axes, inner in zip(panels, across, strict=True):
+            time_axis(axes, end, inner, labelled=axes is panels[-1])
         if len(gap):
-            time_axis(panels[0], end, across[0], labelled=False)
             _residuals(panels[0], np.asarray(table["t"]), gap, "gap", "m")
-        time_axis(panels[-1], end, across[-1], labelled=True)
-        _residuals(panels[-1], time, error, r"$|\delta E|/E_0$", "", flights)
-        panels[-1].axhline(_EPSILON, zorder=1.0, **EPSILON)
-        legend(figure, [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", EPSILON)])
+        if flights:
+            _residuals(panels[-1], time, error, r"$|\delta E|/E_0$", "", flights)
+            panels[-1].axhline(_EPSILON, zorder=1.0, **EPSILON)
+        entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", EPSILON)]
+        legend(figure, entries[: 1 + bool(flights)])
     return figure
 
 
