@@ -249,6 +249,7 @@ def test_bodies_that_stay_in_contact_have_no_figure_of_accuracy() -> None:
     """They make no impact and no free flight, so that there is nothing to measure."""
     scenario = any_scenario_of(
         {
+            "gravity": 9.81,
             "trace": {
                 "start_slope": -1.5,
                 "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": 1.5}],
