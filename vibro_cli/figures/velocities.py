@@ -29,7 +29,7 @@ _TOP = 5.0
 """Room for the first line of the legend (mm)."""
 _WORDS = 10.5
 """Room for the words above a panel (mm)."""
-_COLUMNS = (0.0, 17.0)
+_COLUMNS = (0.0, 18.5)
 """Where the values of the two bodies stand (mm from the edge of a panel)."""
 _SYMBOL = 3.7
 """Room for a symbol before its value (mm)."""

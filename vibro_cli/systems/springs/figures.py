@@ -324,15 +324,18 @@ def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: 
         axes.plot(place, 0.0, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
         axes.plot([place - reach, place + reach], [-body.radius] * 2, zorder=2.0, **_LINE)
         if speed:
-            tip = (place + np.sign(speed) * (shown + 4.0 / scale), 0.0)
-            axes.annotate("", tip, (place, 0.0), arrowprops=_ARROW, zorder=2.6)
-            drawn.append(np.linspace([place, 0.0], tip, 20))
+            level = 0.5 * shown * (-1.0) ** number  # beside the arrows of its neighbours
+            tip = (place + np.sign(speed) * (shown + 4.0 / scale), level)
+            axes.annotate("", tip, (place, level), arrowprops=_ARROW, zorder=2.6)
+            drawn.append(np.linspace([place, level], tip, 20))
         named += [
             Named(rf"$C_{{{number}}}$", (place, 0.0)),
             Named(rf"$A_{{{number}}}$", (float(foot[0]), float(foot[1]))),
             Named(rf"$b_{{{number}}}$", _middle(upright), style.FRAME_GREY),
         ]
-        drawn += [coil, centre + shown * _RING, np.linspace(upright[0], upright[1], 30)]
+        ends = np.array([[-reach, 0.0], [reach, 0.0]])
+        beam = np.linspace(foot + ends[0], foot + ends[1], 20)
+        drawn += [coil, beam, centre + shown * _RING, np.linspace(upright[0], upright[1], 30)]
     write_names(axes, named, np.concatenate(drawn), size)
 
 
