@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from vibro_cli.analysis.orbits import Orbit as Orbit
     from vibro_cli.api import NotRecalled as NotRecalled
     from vibro_cli.errors import VibroError as VibroError
-    from vibro_cli.figures.movie import NoFilm as NoFilm
+    from vibro_cli.figures.film import NoFilm as NoFilm
     from vibro_cli.grids.dataset import FolderInUse as FolderInUse
     from vibro_cli.grids.dataset import GridChanged as GridChanged
     from vibro_cli.grids.dataset import NoManifest as NoManifest
@@ -60,7 +60,7 @@ _HOME = {
     "vibro_cli.analysis.orbits": ("NoOrbit", "Orbit"),
     "vibro_cli.api": ("NotRecalled",),
     "vibro_cli.errors": ("VibroError",),
-    "vibro_cli.figures.movie": ("NoFilm",),
+    "vibro_cli.figures.film": ("NoFilm",),
     "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest"),
     "vibro_cli.results": (
         *("Drawing", "Grid", "Run", "check", "example", "fit", "load_scenario", "open_grid"),

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit
     from vibro_cli.analysis.orbit_branch import Branch
     from vibro_cli.analysis.orbits import Orbit
-    from vibro_cli.figures.basins import Mapped
+    from vibro_cli.figures.grids.basins import Mapped
     from vibro_cli.scenario import Scenario
     from vibro_cli.scenario.base import AnyScenario
 
@@ -220,8 +220,8 @@ class Run:
         OSError
             If it cannot be written.
         """
-        from vibro_cli.figures.kinds import draw_all
         from vibro_cli.figures.output import render
+        from vibro_cli.figures.runs.kinds import draw_all
 
         target = Path("outputs") / self.name if folder is None else Path(folder)
         if isinstance(figures, bool):
@@ -259,7 +259,7 @@ class Run:
 
         Raises ``ValueError`` for another column or width, and where there is no such impact.
         """
-        from vibro_cli.figures.bifurcation import Section, poincare, quantities_of
+        from vibro_cli.figures.grids.bifurcation import Section, poincare, quantities_of
 
         table, section = self.collisions, Section(pair, transient)
         quantities = quantities_of(columns, units_of_numbers(table.to_arrow().schema))
@@ -288,7 +288,7 @@ class Run:
         ValueError
             For another kind, body or width, and where the run has nothing to show in it.
         """
-        from vibro_cli.figures.kinds import draw_one
+        from vibro_cli.figures.runs.kinds import draw_one
 
         drawn = draw_one(self._shown, kind, body, width)
         if drawn is None:
@@ -323,8 +323,7 @@ class Run:
         NoFilm
             If ffmpeg is not there, or fails.
         """
-        from vibro_cli.figures.motion import frame_times, frames
-        from vibro_cli.figures.movie import FORMS, movie
+        from vibro_cli.figures.film import FORMS, frame_times, frames, movie
         from vibro_cli.report.film_page import film_html
         from vibro_cli.storage.files import write_file
 
@@ -677,7 +676,7 @@ class Grid:
     @cached_property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of figures there are."""
-        from vibro_cli.figures.grid_kinds import GRID_KINDS
+        from vibro_cli.figures.grids.kinds import GRID_KINDS
 
         return tuple(GRID_KINDS)
 
@@ -693,7 +692,7 @@ class Grid:
 
         Raises ``ValueError`` for another kind or width, and where the grid has nothing to show.
         """
-        from vibro_cli.figures.grid_kinds import draw_grid_kind
+        from vibro_cli.figures.grids.kinds import draw_grid_kind
 
         drawn = draw_grid_kind(self.stored, kind, width)
         if drawn is None:
@@ -723,7 +722,7 @@ class Grid:
 
         Raises ``ValueError`` for another column or width, and where no such impact was kept.
         """
-        from vibro_cli.figures.bifurcation import Section, bifurcation, quantities_of
+        from vibro_cli.figures.grids.bifurcation import Section, bifurcation, quantities_of
 
         quantities = quantities_of(columns, self.stored.impact_units())
         drawn = bifurcation(self.stored, width, quantities, Section(pair, transient))
@@ -743,7 +742,7 @@ class Grid:
 
         Raises `NoBasins` where they cannot be told.
         """
-        from vibro_cli.figures.basins import mapped_basins
+        from vibro_cli.figures.grids.basins import mapped_basins
 
         return mapped_basins(self.stored, outcome)
 

@@ -24,14 +24,12 @@ from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
-from vibro_cli.figures.comparison import comparison
-from vibro_cli.figures.family import family
-from vibro_cli.figures.grid_kinds import draw_grid
-from vibro_cli.figures.kinds import draw_all
-from vibro_cli.figures.motion import frame_times, frames
+from vibro_cli.figures.film import Film, frame_times, frames
+from vibro_cli.figures.grids.kinds import draw_grid
 from vibro_cli.figures.output import render
-from vibro_cli.figures.stage import Film
-from vibro_cli.figures.structure import structure
+from vibro_cli.figures.portraits.structure import comparison, structure
+from vibro_cli.figures.portraits.trace_phase_plane import family
+from vibro_cli.figures.runs.kinds import draw_all
 from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.stored_grid import open_grid
 

@@ -13,9 +13,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from vibro_cli.figures import dots
-from vibro_cli.figures.bifurcation import LAST, bifurcation
-from vibro_cli.figures.grid_kinds import GRID_KINDS, column_map, draw_grid, mapped_columns
-from vibro_cli.figures.strokes import time_colours
+from vibro_cli.figures.grids.bifurcation import LAST, bifurcation
+from vibro_cli.figures.grids.kinds import GRID_KINDS, column_map, draw_grid, mapped_columns
+from vibro_cli.figures.portraits.layers import time_colours
 
 RUNS = 12
 IMPACTS = 30  # of the first run; each further one has one more

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.dots import draw_marks
-from vibro_cli.figures.over_time import seen
+from vibro_cli.figures.runs.over_time import seen
 
 
 def test_a_thinned_line_has_points_of_the_line_and_its_extremes() -> None:

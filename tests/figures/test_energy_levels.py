@@ -23,10 +23,9 @@ from numpy.typing import NDArray
 
 from tests.figures.energy import on_spring, on_trace
 from vibro_cli.api import simulate
-from vibro_cli.figures.motion import frame_times, frames
-from vibro_cli.figures.over_time import energies
-from vibro_cli.figures.portrait import phase_portrait
-from vibro_cli.figures.stage import Film
+from vibro_cli.figures.film import Film, frame_times, frames
+from vibro_cli.figures.portraits.portrait import phase_portrait
+from vibro_cli.figures.runs.over_time import energies
 from vibro_cli.figures.style import MM
 from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.figures import springs_energies
@@ -158,7 +157,7 @@ def _check(axes: Axes, start: Array, levels: Array, energy: Callable[..., Array]
 def _is_contact(collection: LineCollection) -> bool:
     from matplotlib.colors import to_rgb
 
-    from vibro_cli.figures.strokes import CONTACT
+    from vibro_cli.figures.portraits.layers import CONTACT
 
     colour: Any = collection.get_colors()[0]
     return to_rgb(colour) == to_rgb(CONTACT["color"])

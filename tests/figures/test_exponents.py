@@ -9,8 +9,8 @@ import pytest
 
 from tests.figures.layout import assert_texts_are_apart
 from vibro_cli.api import Run, simulate
-from vibro_cli.figures.exponents import exponents
-from vibro_cli.figures.kinds import draw_all
+from vibro_cli.figures.runs.kinds import draw_all
+from vibro_cli.figures.runs.over_impacts import exponents
 from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.runs import write_run
 from vibro_cli.storage.stored import open_run

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tests.figures.layout import assert_texts_are_apart
 from vibro_cli.api import Run, simulate
-from vibro_cli.figures.portrait import phase_portrait
-from vibro_cli.figures.trajectory import trajectory
+from vibro_cli.figures.portraits.portrait import phase_portrait
+from vibro_cli.figures.portraits.trajectory import trajectory
 from vibro_cli.scenario import load_scenario
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))

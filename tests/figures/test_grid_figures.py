@@ -13,11 +13,10 @@ from matplotlib.figure import Figure
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
-from vibro_cli.figures.endings import COLOURS
-from vibro_cli.figures.grid_curves import FIRST, curves, diagram, first_times, place_column
-from vibro_cli.figures.grid_kinds import draw_grid
-from vibro_cli.figures.grid_maps import ending_map, quantity_map
-from vibro_cli.figures.lattice import lattice, words_of
+from vibro_cli.figures.grids.curves import FIRST, curves, diagram, first_times, place_column
+from vibro_cli.figures.grids.kinds import draw_grid
+from vibro_cli.figures.grids.maps import ending_map, quantity_map
+from vibro_cli.figures.grids.parameter_map import COLOURS, lattice, words_of
 from vibro_cli.figures.output import has_rasters, render
 from vibro_cli.storage.stored_grid import NotAGrid, StoredGrid, is_grid, open_grid
 

@@ -15,9 +15,7 @@ import pytest
 from PIL import Image
 
 from vibro_cli.api import Run, simulate
-from vibro_cli.figures.motion import Frames, frame_times, frames, trail
-from vibro_cli.figures.movie import NoFilm, movie
-from vibro_cli.figures.stage import Stage
+from vibro_cli.figures.film import Frames, NoFilm, Stage, frame_times, frames, movie, trail
 from vibro_cli.scenario import load_scenario
 
 FOLDER = Path(__file__).parents[2] / "scenarios"

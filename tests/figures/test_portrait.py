@@ -24,9 +24,9 @@ from tests.figures.runs import (
 )
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.singular import singular_points
-from vibro_cli.figures import strokes
-from vibro_cli.figures.portrait import phase_portrait
-from vibro_cli.figures.trajectory import MOST_BRANCHES, MOST_NUMBERS, trajectory
+from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.portraits.portrait import phase_portrait
+from vibro_cli.figures.portraits.trajectory import MOST_BRANCHES, MOST_NUMBERS, trajectory
 from vibro_cli.mechanics.potential import Turning
 
 pytestmark = pytest.mark.long
@@ -282,10 +282,10 @@ def test_colours_differ_in_grey_too() -> None:
     """Separatrix, branch and jump have lines of their own; time runs from dark to light."""
     styles = [
         str(look.get("linestyle", "solid"))
-        for look in (strokes.SEPARATRIX, strokes.BRANCH, strokes.JUMP)
+        for look in (layers.SEPARATRIX, layers.BRANCH, layers.JUMP)
     ]
     assert len(set(styles)) == 3
-    colours = strokes.time_colours()(np.linspace(0.0, 1.0, 64))[:, :3]
+    colours = layers.time_colours()(np.linspace(0.0, 1.0, 64))[:, :3]
     grey = colours @ [0.2126, 0.7152, 0.0722]
     assert np.all(np.diff(grey) > 0.0)
 

@@ -15,10 +15,9 @@ from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.assemble import build_system
-from vibro_cli.figures.along import curves_of, highest_energy
-from vibro_cli.figures.background import background
-from vibro_cli.figures.family import family
-from vibro_cli.figures.structure import structure
+from vibro_cli.figures.portraits.background import background
+from vibro_cli.figures.portraits.structure import structure
+from vibro_cli.figures.portraits.trace_phase_plane import curves_of, family, highest_energy
 from vibro_cli.scenario import load_scenario
 
 pytestmark = pytest.mark.long

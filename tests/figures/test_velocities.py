@@ -10,7 +10,7 @@ import pytest
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.api import Run, simulate
-from vibro_cli.figures.velocities import striking, touching_point, velocities
+from vibro_cli.figures.runs.velocities import striking, touching_point, velocities
 from vibro_cli.scenario import load_scenario
 
 FOLDER = Path(__file__).parents[2] / "scenarios"

@@ -18,7 +18,7 @@ COMMANDS = (
     "verify", "schema", "new", "stress", "bench", "help",
 )  # fmt: skip
 """Each is a function of this name (help: `help_command`), in the module that `HOMES` names."""
-HOMES = {"verify": "check", "schema": "new"}
+HOMES = {"verify": "check", "schema": "new", "stress": "bench"}
 """Modules of commands that have none of their own name."""
 
 

@@ -13,7 +13,7 @@ from vibro_cli.commands.shared.streams import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
-    from vibro_cli.figures.basins import Mapped
+    from vibro_cli.figures.grids.basins import Mapped
 
 
 def basins(
@@ -51,7 +51,7 @@ def _basins(
 ) -> int:
     """Read, measure, draw, write and print."""
     from vibro_cli.analysis.basins import NoBasins
-    from vibro_cli.figures.basins import mapped_basins
+    from vibro_cli.figures.grids.basins import mapped_basins
     from vibro_cli.storage.folders import check_basins_folder, write_basins
     from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.storage.stored_grid import NotAGrid, open_grid

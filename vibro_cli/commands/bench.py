@@ -1,4 +1,7 @@
-"""`vibro bench`: run time against error, measured on this machine and drawn."""
+"""`vibro bench`, `vibro stress`: how fast and how exact the solver is, measured on this machine.
+
+Run time against error is drawn; the stability suite tells every mark and what was reached.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, say
 from vibro_cli.commands.shared.options import Quiet, Task
 from vibro_cli.commands.shared.streams import json_text
 
@@ -17,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class _Wishes:
+class _BenchOptions:
     """What was asked of `vibro bench`."""
 
     form: str
@@ -62,7 +65,7 @@ def bench(
     if references is not None:
         return partial(_renew, references, tuple(scene))
     form = "quick" if quick else "full" if full else "default"
-    return partial(_measure, _Wishes(form, tuple(scene), output, as_json, quiet))
+    return partial(_measure, _BenchOptions(form, tuple(scene), output, as_json, quiet))
 
 
 def _check_scenes(names: tuple[str, ...]) -> None:
@@ -74,7 +77,7 @@ def _check_scenes(names: tuple[str, ...]) -> None:
         raise CommandError(f"vibro: --scene: no scene {unknown[0]!r}; expected one of {expected}")
 
 
-def _measure(wishes: _Wishes) -> int:
+def _measure(wishes: _BenchOptions) -> int:
     from vibro_cli.benchmark import precision, suite
     from vibro_cli.benchmark.measurement import PLANS, describe_machine
     from vibro_cli.benchmark.scenes import ReferenceOutdated
@@ -100,7 +103,7 @@ def _measure(wishes: _Wishes) -> int:
     return DONE
 
 
-def _tell(rows: "list[Row]", wishes: _Wishes) -> None:
+def _tell(rows: "list[Row]", wishes: _BenchOptions) -> None:
     from vibro_cli.benchmark.measurement import record_of
 
     for row in rows:
@@ -176,3 +179,84 @@ def _renew(target: str, names: tuple[str, ...]) -> int:
     except FolderRefused as error:
         raise CommandError(f"vibro: {error}") from error
     return DONE
+
+
+@dataclass(frozen=True)
+class _StressOptions:
+    """What was asked of `vibro stress`."""
+
+    full: bool
+    seed: int
+    only: tuple[str, ...]
+    cases: int | None
+    as_json: bool
+    output: str | None
+    quiet: bool
+
+
+def stress(
+    full: Annotated[
+        bool, typer.Option("--full", help="The long form: under half an hour, not a minute.")
+    ] = False,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random cases.")] = 1,
+    only: Annotated[
+        list[str],
+        typer.Option("--only", metavar="NAME", help="Only this check; repeatable."),
+    ] = [],  # noqa: B006 (typer copies it)
+    cases: Annotated[
+        int | None,
+        typer.Option(
+            "--cases",
+            metavar="N",
+            min=1,
+            help="How many scenes the checks drawn and digits draw (else as many as they think).",
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print it as JSON, a line for each finding.")
+    ] = False,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            help="Write the table and the scenarios of the worst cases to this folder.",
+        ),
+    ] = None,
+    quiet: Quiet = False,
+) -> Task:
+    """Try to break the solver. Every mark, what was tried, the worst found. Exit code 1: missed."""
+    wishes = _StressOptions(full, seed, tuple(only), cases, as_json, output, quiet)
+    return partial(_run_suite, wishes)
+
+
+def _run_suite(wishes: _StressOptions) -> int:
+    from vibro_cli.storage.provenance import FolderRefused
+    from vibro_cli.stress.finding import Plan
+    from vibro_cli.stress.oracles.fifty_digits import MissingLibrary
+    from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run, write
+
+    unknown = sorted(set(wishes.only) - set(NAMES))
+    if unknown:
+        expected = ", ".join(NAMES)
+        raise CommandError(f"vibro: --only: no check {unknown[0]!r}; expected one of {expected}")
+    plan = Plan(wishes.seed, wishes.full, wishes.cases)
+    findings = []
+    try:
+        if wishes.output is not None:
+            check_stress_folder(Path(wishes.output))
+        for finding in run(plan, wishes.only):
+            findings.append(finding)
+            if wishes.as_json:
+                print(json_text(record_of(finding)), flush=True)
+            elif not wishes.quiet:
+                print(line_of(finding), flush=True)
+        if wishes.output is not None:
+            write(findings, plan, Path(wishes.output))
+    except (FolderRefused, MissingLibrary) as error:
+        raise CommandError(f"vibro: {error}") from error
+    missed = sum(not finding.met for finding in findings)
+    if missed and not wishes.quiet:
+        say(f"vibro: {missed} of {len(findings)} marks missed")
+    return FAILED if missed else DONE

@@ -229,7 +229,7 @@ def _complex(value: complex) -> str:
 def _axis(path: str) -> str:
     """The label of the axis of a family over the number at a path."""
     from vibro_cli.analysis.orbit_branch import ENERGY
-    from vibro_cli.figures.lattice import words_of
+    from vibro_cli.figures.grids.parameter_map import words_of
     from vibro_cli.grids.axes import kind_of, unit_of
     from vibro_cli.scenario.overrides import given
 

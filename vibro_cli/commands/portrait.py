@@ -99,7 +99,7 @@ def varied(source: Source, vary: str, draw: Draw | None) -> tuple[dict[str, Any]
     record, shown = _varied(source, vary, source.portrait, lambda one: one.type)
     if draw is None or not shown:
         return record, {}
-    from vibro_cli.figures.family import family
+    from vibro_cli.figures.portraits.trace_phase_plane import family
 
     return record, draw("family", family(_titled(record["path"], shown), source.width))
 
@@ -120,7 +120,7 @@ def varied_systems(
 
 def _titled(path: str, shown: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
     """Members with the number at a path in words as their titles."""
-    from vibro_cli.figures.lattice import words_of
+    from vibro_cli.figures.grids.parameter_map import words_of
 
     return [(f"{words_of(path)} = {value}", one) for value, one in shown]
 
@@ -226,7 +226,7 @@ def compared(
     }
     if draw is None:
         return record, {}
-    from vibro_cli.figures.comparison import comparison
+    from vibro_cli.figures.portraits.structure import comparison
 
     return record, draw("comparison", comparison(list(members.items()), source.width))
 

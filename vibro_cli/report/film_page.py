@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.motion import Frames, trail
+from vibro_cli.figures.film import SIZE, TRAIL, Frames, Stage, trail
 from vibro_cli.figures.output import render
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.stage import SIZE, TRAIL, Stage
 from vibro_cli.report.page import rendered
 from vibro_cli.report.words import number
 

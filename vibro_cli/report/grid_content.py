@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.figures.endings import Endings
+from vibro_cli.figures.grids.parameter_map import Endings
 from vibro_cli.report.content import cell, flat, link, versions
 from vibro_cli.report.images import figures_of_grid
 from vibro_cli.report.words import END_CAUSES, STATES, number

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.compile.kernel import Kernel, Overrides
-    from vibro_cli.figures.kinds import Kind, KindOfBody
+    from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import Solver
     from vibro_cli.scenario.base import ScenarioTable
@@ -222,7 +222,7 @@ class System(ABC):
         """
         return None
 
-    # Figures: figures/kinds.py.
+    # Figures: figures/runs/kinds.py.
 
     @property
     @abstractmethod

@@ -10,7 +10,7 @@ from vibro_cli import __version__
 from vibro_cli.commands.shared.error_handling import CommandError, say
 
 if TYPE_CHECKING:
-    from vibro_cli.figures.motion import Frames
+    from vibro_cli.figures.film import Frames
     from vibro_cli.storage.stored import StoredRun
 
 SECONDS = 30.0
@@ -101,7 +101,7 @@ def _bounds(run: "StoredRun", wishes: FilmWishes) -> tuple[float, float]:
 
 def write_film(run: "StoredRun", wishes: FilmWishes) -> None:
     """Write the film of a run, whole or not at all."""
-    from vibro_cli.figures.motion import frame_times, frames
+    from vibro_cli.figures.film import frame_times, frames
     from vibro_cli.storage.files import write_file
 
     start, stop = _bounds(run, wishes)
@@ -112,7 +112,7 @@ def write_film(run: "StoredRun", wishes: FilmWishes) -> None:
 
 
 def _content(run: "StoredRun", shown: "Frames", wishes: FilmWishes) -> bytes:
-    from vibro_cli.figures.movie import NoFilm, movie
+    from vibro_cli.figures.film import NoFilm, movie
     from vibro_cli.report.film_page import film_html
 
     if wishes.form == ".html":

@@ -177,8 +177,8 @@ def is_sound(record: dict[str, Any]) -> bool:
 
 def figures_of(result: "Run | StoredRun", names: Sequence[str]) -> dict[str, bytes]:
     """Kinds of figures of a run: names of files and their contents."""
-    from vibro_cli.figures.kinds import draw_all
     from vibro_cli.figures.output import render
+    from vibro_cli.figures.runs.kinds import draw_all
 
     drawn = draw_all(result, names, result.kind.figure_width(result.system))
     return {f"{one.name}.{form}": render(one.figure, form) for one in drawn for form in _FORMS}

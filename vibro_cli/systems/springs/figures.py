@@ -30,14 +30,21 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.dots import MANY
-from vibro_cli.figures.kinds import INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.numbering import Named, write_names
-from vibro_cli.figures.over_impacts import speed_map
-from vibro_cli.figures.over_time import HIGH, IMPACT, EnergyLines, energy_chart, energy_lines
+from vibro_cli.figures.runs.kinds import INTERVALS, PORTRAIT, Kind, KindOfBody
+from vibro_cli.figures.runs.over_impacts import speed_map
+from vibro_cli.figures.runs.over_time import (
+    HIGH,
+    IMPACT,
+    MOST_FLIGHTS,
+    MOST_PERIODS,
+    EnergyLines,
+    energy_chart,
+    energy_lines,
+)
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
-from vibro_cli.figures.timeline import MOST_FLIGHTS, MOST_PERIODS
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
 from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait

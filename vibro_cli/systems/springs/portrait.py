@@ -19,29 +19,27 @@ from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import LevelCurve
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint
-from vibro_cli.figures import strokes, style
-from vibro_cli.figures.along import EIGHT
-from vibro_cli.figures.background import (
+from vibro_cli.figures import style
+from vibro_cli.figures.chart import LEFT
+from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.portraits.background import (
     Background,
     both_halves,
     level_energies,
     saddle_energies,
 )
-from vibro_cli.figures.chart import LEFT
-from vibro_cli.figures.legend import (
+from vibro_cli.figures.portraits.energies import draw_energies, limit_energies, panels_over
+from vibro_cli.figures.portraits.legend import (
     Entry,
     behind_entries,
     draw_legend,
     last_time,
     rows_of,
 )
-from vibro_cli.figures.panels import BOTTOM, RIGHT, Panel, Window
-from vibro_cli.figures.portrait import draw_motion, few, legend_rows
-from vibro_cli.figures.portrait_over_energies import draw_energies, limit_energies, panels_over
-from vibro_cli.figures.source import Array, Integers
-from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
-from vibro_cli.figures.trajectory import (
+from vibro_cli.figures.portraits.panels import BOTTOM, RIGHT, Panel, Window
+from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
+from vibro_cli.figures.portraits.trace_phase_plane import EIGHT
+from vibro_cli.figures.portraits.trajectory import (
     MOST_BRANCHES,
     MOST_NUMBERS,
     Branches,
@@ -50,6 +48,9 @@ from vibro_cli.figures.trajectory import (
     Trajectory,
     points_each,
 )
+from vibro_cli.figures.source import Array, Integers
+from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.mechanics.trace import LINE as STRAIGHT
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.systems.run import Run
@@ -264,7 +265,7 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
     with style.journal():
         rows = rows_of([*entries, ("spring's energy", SPRING)], WIDTHS[width])
         figure, upper, lower = panels_over(width, window, len(rows))
-        strokes.draw_background(upper, _without_eight(behind))
+        layers.draw_background(upper, _without_eight(behind))
         _draw_eight(upper, behind)
         _draw_spring_energy(lower, system, ball - 1, window)
         names = point_names(system, ball - 1)
@@ -276,8 +277,8 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
             )  # fmt: skip
             if point.kind == SADDLE:
                 lower.axes.axhline(point.energy, zorder=1.2, **(EIGHT | {"linewidth": 0.6}))
-            marker = strokes.MARKER[point.kind]
-            lower.axes.plot(point.position, point.energy, marker=marker, **strokes.POINT)
+            marker = layers.MARKER[point.kind]
+            lower.axes.plot(point.position, point.energy, marker=marker, **layers.POINT)
         limit_energies(lower, max(spring.energy(window.low), spring.energy(window.high)))
         _label(upper, lower, ball)
         draw_legend(figure, rows)
@@ -313,7 +314,7 @@ def springs_family(
             panel.axes.set_ylim(-window.top, window.top)
             ticks = number_ticks(low, end, across)
             panel.axes.set_xticks(ticks.places, ticks.labels)
-            strokes.draw_background(panel, _without_eight(one))
+            layers.draw_background(panel, _without_eight(one))
             _draw_eight(panel, one)
             _label(panel, panel, ball)
             kind = TYPES[len(singular_points(system.springs[ball - 1]))]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.compile.kernel import Kernel
-    from vibro_cli.figures.kinds import Kind, KindOfBody
+    from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import EventLoop

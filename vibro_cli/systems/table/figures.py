@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibro_cli.figures.contact_points import POINTS_CAPTION, POINTS_TITLE
-from vibro_cli.figures.kinds import INTERVALS, Kind, KindOfBody
-from vibro_cli.figures.over_time import EnergyLines, energy_chart, energy_lines
+from vibro_cli.figures.runs.contact_points import POINTS_CAPTION, POINTS_TITLE
+from vibro_cli.figures.runs.kinds import INTERVALS, Kind, KindOfBody
+from vibro_cli.figures.runs.over_time import EnergyLines, energy_chart, energy_lines
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import table_plan

@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Polygon
 from numpy.typing import NDArray
 
-from vibro_cli.figures import strokes, style
+from vibro_cli.figures import style
 from vibro_cli.figures.chart import LEFT, body_look
 from vibro_cli.figures.numbering import leader, place_numbers
+from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
@@ -124,7 +125,7 @@ def _draw_path(axes: Axes, run: Run, ball: int, path: Floats) -> None:
     look: dict[str, Any] = {"colors": color, "zorder": 2.0, "rasterized": len(path) > 2000}
     if len(path) > _MANY:  # where flights lie dense is seen as denser
         each = list(np.stack([path[:-1], path[1:]], axis=1))
-        lines = LineCollection(each, linewidths=0.3, alpha=strokes.fainter(len(path)), **look)
+        lines = LineCollection(each, linewidths=0.3, alpha=layers.fainter(len(path)), **look)
     else:
         lines = LineCollection([path], linewidths=0.8, linestyles=[dashes], **look)
     axes.add_collection(lines)

@@ -13,12 +13,10 @@ from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.contact_points import ASIDE, Rolling, figure_of
-from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
 from vibro_cli.figures.numbering import Named, write_names
-from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import WIDTHS
-from vibro_cli.figures.velocities import (
+from vibro_cli.figures.portraits.legend import LINE, Entry, draw_legend, rows_of
+from vibro_cli.figures.runs.contact_points import ASIDE, Rolling, figure_of
+from vibro_cli.figures.runs.velocities import (
     CENTRE,
     NORMAL,
     ROLLING,
@@ -27,6 +25,8 @@ from vibro_cli.figures.velocities import (
     panel_size,
     sheet,
 )
+from vibro_cli.figures.source import Array
+from vibro_cli.figures.style import WIDTHS
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall
 

@@ -16,7 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from vibro_cli.figures import strokes, style
+from vibro_cli.figures import style
+from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.ticks import angle_ticks, vertical_ticks
 from vibro_cli.systems.run import simulate
 from vibro_cli.systems.table import SYSTEM
@@ -125,5 +126,5 @@ def _draw_singular(axes: Axes, wall: Wall, radius: float) -> None:
             place = orbit.normal + turn * math.pi
             axes.plot(
                 place, 0.0, marker=mark, zorder=5.0, clip_on=False,
-                **(strokes.POINT | {"color": style.BLACK, "markersize": 4.5}),
+                **(layers.POINT | {"color": style.BLACK, "markersize": 4.5}),
             )  # fmt: skip

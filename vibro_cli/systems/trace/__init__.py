@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.compile.kernel import Overrides
-    from vibro_cli.figures.kinds import Kind, KindOfBody
+    from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import TraceSolver
     from vibro_cli.scenario.base import ScenarioTable
@@ -130,7 +130,7 @@ class Trace(System):
 
     @property
     def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
-        from vibro_cli.figures.kinds import KINDS
+        from vibro_cli.figures.runs.kinds import KINDS
 
         return KINDS
 

@@ -8,11 +8,11 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibro_cli.figures.bifurcation import LAST, bifurcation
-from vibro_cli.figures.grid_curves import FIRST, curves, diagram, first_times
-from vibro_cli.figures.grid_maps import ending_map, quantity_map
-from vibro_cli.figures.kinds import Drawn, Kind
-from vibro_cli.figures.lattice import Swept, lattice
+from vibro_cli.figures.grids.bifurcation import LAST, bifurcation
+from vibro_cli.figures.grids.curves import FIRST, curves, diagram, first_times
+from vibro_cli.figures.grids.maps import ending_map, quantity_map
+from vibro_cli.figures.grids.parameter_map import Swept, lattice
+from vibro_cli.figures.runs.kinds import Drawn, Kind
 
 
 def _impacts(grid: Swept, width: str, counted: str = "collisions") -> Figure | None:

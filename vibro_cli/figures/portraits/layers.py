@@ -13,11 +13,11 @@ from matplotlib.patches import Rectangle
 
 from vibro_cli.analysis.singular import CENTRE, SADDLE
 from vibro_cli.figures import style
-from vibro_cli.figures.background import Background, both_halves, on_piece
 from vibro_cli.figures.numbering import leader, place_numbers
-from vibro_cli.figures.panels import Panel, Window
+from vibro_cli.figures.portraits.background import Background, both_halves, on_piece
+from vibro_cli.figures.portraits.panels import Panel, Window
+from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.trajectory import Branches, Jumps, Trajectory
 
 MOST_VECTOR_POINTS = 20000
 """Of more points than this a curve is rasterised in PDF and SVG."""

@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.numbering import Named, write_names
-from vibro_cli.figures.plan import draw_ends, trace_points, visited
+from vibro_cli.figures.runs.plan import draw_ends, trace_points, visited
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power

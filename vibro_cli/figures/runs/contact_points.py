@@ -20,11 +20,9 @@ from matplotlib.patches import Arc, Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
 from vibro_cli.figures.numbering import Named, write_names
-from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.velocities import (
+from vibro_cli.figures.portraits.legend import LINE, Entry, draw_legend, rows_of
+from vibro_cli.figures.runs.velocities import (
     CENTRE,
     ROLLING,
     TOUCHING,
@@ -33,6 +31,8 @@ from vibro_cli.figures.velocities import (
     striking,
     touching_point,
 )
+from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.mechanics.system import Body
 
 ASIDE = math.radians(35.0)

@@ -21,10 +21,9 @@ from vibro_cli.analysis.basins import (
 )
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import log_axis, stacked
-from vibro_cli.figures.endings import patch
-from vibro_cli.figures.grid_maps import category_map
-from vibro_cli.figures.lattice import Lattice, Swept, lattice
-from vibro_cli.figures.legend import Entry
+from vibro_cli.figures.grids.maps import category_map
+from vibro_cli.figures.grids.parameter_map import Lattice, Swept, lattice, patch
+from vibro_cli.figures.portraits.legend import Entry
 
 # Told apart in grey too.
 _COLOURS = (

@@ -1,7 +1,11 @@
-"""The phase plane along the whole trace: speed of the centre against arc length."""
+"""The phase plane along the whole trace: speed of the centre against arc length.
+
+A family has such portraits side by side, for values of a parameter.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -11,14 +15,19 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import SpeedCurve, speed_curves, through_saddles
 from vibro_cli.analysis.portrait_type import Portrait
 from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE
-from vibro_cli.figures import strokes, style
-from vibro_cli.figures.background import level_energies, saddle_energies, saddles_of
+from vibro_cli.figures import style
 from vibro_cli.figures.numbering import place_numbers
+from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.portraits.background import level_energies, saddle_energies, saddles_of
+from vibro_cli.figures.portraits.legend import text_width
+from vibro_cli.figures.portraits.panels import BOTTOM, LEFT, RIGHT
 from vibro_cli.figures.source import Array
+from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 
 _ABOVE = 1.35
@@ -113,8 +122,8 @@ def draw_along(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float
     for piece in portrait.landscape.trace.pieces[1:]:
         axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
     for group, look, order in (
-        (curves.levels, strokes.LEVEL, 1.0),
-        (curves.separatrices, strokes.SEPARATRIX, 1.2),
+        (curves.levels, layers.LEVEL, 1.0),
+        (curves.separatrices, layers.SEPARATRIX, 1.2),
         (curves.eights, EIGHT, 1.25),
     ):
         lines = [
@@ -123,7 +132,7 @@ def draw_along(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float
         axes.add_collection(LineCollection(lines, zorder=order, **look), autolim=False)
     for point in portrait.points:
         if point.kind in _POINT:
-            axes.plot(point.s, 0.0, marker=_POINT[point.kind], zorder=1.3, **strokes.POINT)
+            axes.plot(point.s, 0.0, marker=_POINT[point.kind], zorder=1.3, **layers.POINT)
         elif point.extent:
             axes.plot([point.s, point.s + point.extent], [0.0, 0.0], zorder=1.3, **REST)
     _ticks(axes, length, size)
@@ -162,4 +171,52 @@ def name_points(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[floa
     halo = [patheffects.withStroke(linewidth=1.6, foreground="white")]
     for text, (x, y) in zip(texts, places, strict=True):
         where = x / scale[0], y / scale[1] - top
-        axes.text(*where, text, path_effects=halo, zorder=3.0, **strokes.NUMBER)
+        axes.text(*where, text, path_effects=halo, zorder=3.0, **layers.NUMBER)
+
+
+MOST_MEMBERS = 12
+_COLUMNS = {"single": 1, "double": 2}
+_HIGH = 27.0
+"""Height of a panel (mm)."""
+_TITLE = 7.4
+_LINE = 3.0
+
+
+def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Figure:
+    """Return the portraits along the trace of a family, each under its title and its type.
+
+    `members` are titles (`r = 0.05`) and portraits; of more than `MOST_MEMBERS` an even choice is
+    drawn. Raises ValueError for no member.
+    """
+    if not members:
+        raise ValueError("a family needs at least one portrait")
+    step = math.ceil(len(members) / MOST_MEMBERS)
+    shown = members[::step]
+    columns = min(_COLUMNS[width], len(shown))
+    rows = math.ceil(len(shown) / columns)
+    cell = _TITLE + _HIGH + BOTTOM
+    wide, high = WIDTHS[width], rows * cell
+    size = (wide / columns - LEFT - RIGHT, _HIGH)
+    with style.journal():
+        figure = Figure(figsize=(wide * MM, high * MM))
+        for number, (title, portrait) in enumerate(shown):
+            row, column = divmod(number, columns)
+            left = column * wide / columns + LEFT
+            bottom = high - row * cell - _TITLE - _HIGH
+            axes = figure.add_axes((left / wide, bottom / high, size[0] / wide, size[1] / high))
+            curves = curves_of(portrait, 65)
+            draw_along(axes, portrait, curves, size)
+            name_points(axes, portrait, curves, size)
+            over = (bottom + _HIGH + 1.0) / high
+            words = _type(portrait, size[0])
+            figure.text(left / wide, over, words, fontsize=style.SMALL, va="baseline")
+            above = over + _LINE / high
+            figure.text(left / wide, above, title, fontsize=style.TEXT, va="baseline")
+    return figure
+
+
+def _type(portrait: Portrait, width: float) -> str:
+    """Return the type in words, with names for kinds of points where it needs more than a width."""
+    if text_width(portrait.type) <= width:
+        return portrait.type
+    return "; ".join([", ".join(portrait.names), *portrait.type.split("; ")[1:]])

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import stacked, value_axis
 from vibro_cli.figures.dots import draw_dots
-from vibro_cli.figures.grid_curves import place_column
-from vibro_cli.figures.lattice import Coordinate, Swept, lattice, set_axis
+from vibro_cli.figures.grids.curves import place_column
+from vibro_cli.figures.grids.parameter_map import Coordinate, Swept, lattice, set_axis
 from vibro_cli.figures.source import Array
 from vibro_cli.scenario.problems import suggestion
 

@@ -12,11 +12,11 @@ from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from vibro_cli.figures import strokes, style
+from vibro_cli.figures import style
 from vibro_cli.figures.dots import draw_dots
-from vibro_cli.figures.endings import Endings
-from vibro_cli.figures.lattice import Lattice, Swept, lattice, set_axis
-from vibro_cli.figures.legend import LINE, Entry, text_width, wrapped_legend
+from vibro_cli.figures.grids.parameter_map import Endings, Lattice, Swept, lattice, set_axis
+from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.portraits.legend import LINE, Entry, text_width, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import Ticks, vertical_ticks
@@ -101,7 +101,7 @@ def quantity_map(
             words = f"{quantity} [$10^{{{ticks.power}}}${' ' + unit if unit else ']'}"
         room = _BAR + max(text_width(text) for text in ticks.labels)
         figure, axes = _panel(shown, width, 0.0, room)
-        colours = strokes.time_colours()
+        colours = layers.time_colours()
         _fill(axes, shown, own, colours, norm)
         _draw_bar(figure, axes, ScalarMappable(norm, colours), words, ticks)
     return figure

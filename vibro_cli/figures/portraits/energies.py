@@ -1,7 +1,7 @@
 """Phase plane along the whole trace with the jumps, and below it the energies (A, B III.3.6, D).
 
 Above: speed of the centre over the arc length, in which a figure eight is one closed curve whatever
-arcs it runs over. Below: potential energy over the same places, and the total energy of the body,
+arcs it runs over. Below, over the same places: potential energy, and the total energy of the body,
 which stays between impacts and jumps with the speed.
 """
 
@@ -18,18 +18,78 @@ from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.levels import LevelCurve, SpeedCurve
 from vibro_cli.analysis.portrait_type import Portrait, portrait_of
 from vibro_cli.figures import style
-from vibro_cli.figures.along import EIGHT, JUNCTION, curves_of
-from vibro_cli.figures.background import Background
-from vibro_cli.figures.legend import draw_legend, last_time
-from vibro_cli.figures.panels import Panel, Window
-from vibro_cli.figures.portrait import draw_motion, few, legend_rows
-from vibro_cli.figures.portrait_over_energies import draw_energies, limit_energies, panels_over
-from vibro_cli.figures.scope import seen
+from vibro_cli.figures.chart import LEFT, stacked
+from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.portraits.background import Background
+from vibro_cli.figures.portraits.legend import LINE, draw_legend, last_time
+from vibro_cli.figures.portraits.panels import Panel, Window
+from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
+from vibro_cli.figures.portraits.trace_phase_plane import EIGHT, JUNCTION, curves_of
+from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
+from vibro_cli.figures.portraits.view_limits import seen
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
-from vibro_cli.figures.trajectory import Branches, Jumps, Trajectory, trajectory
 from vibro_cli.mechanics.trace import LINE as STRAIGHT
 from vibro_cli.mechanics.trace import Piece, Trace
+
+_HIGH = (58.0, 36.0)
+"""Heights of the portrait and of the energies (mm)."""
+_TOP = 4.5
+"""Room for the first line of the legend (mm)."""
+
+
+def panels_over(width: str, window: Window, lines: int) -> tuple[Figure, Panel, Panel]:
+    """Return a figure with the portrait and, below it, the energies."""
+    above = _TOP + LINE * (lines - 1)
+    figure, (upper, lower), across = stacked(width, _HIGH, above)
+    panels = [
+        Panel(axes, window, True, wide, high, LEFT, row)
+        for row, (axes, wide, high) in enumerate(zip((upper, lower), across, _HIGH, strict=True))
+    ]
+    upper.set_ylim(-window.top, window.top)
+    for axes, wide, labelled in zip((upper, lower), across, (False, True), strict=True):
+        axes.set_xlim(window.low, window.high)
+        ticks = number_ticks(window.low, window.high, wide)
+        axes.set_xticks(ticks.places, ticks.labels if labelled else ("",) * len(ticks.labels))
+    return figure, panels[0], panels[1]
+
+
+def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
+    """Set the axis of the energies (J)."""
+    top = highest if highest > lowest else lowest + 1.0
+    lower.axes.set_ylim(lowest, top)
+    ticks = vertical_ticks(lowest, top, lower.height)
+    lower.axes.set_yticks(ticks.places, ticks.labels)
+    scaled = with_power("J", ticks)
+    lower.axes.set_ylabel(f"$E$ [{scaled}]", labelpad=1.0)
+
+
+def draw_energies(lower: Panel, path: Trajectory, energies: Array, until: float | None) -> None:
+    """Draw the total energy of each branch over the place; it changes in lasting contact alone.
+
+    `until` is the time (s) with which the colours of time end, None for one colour.
+    """
+    (branches,) = path.branches
+    order = np.argsort(branches.time, kind="stable")
+    for contact, own in ((False, layers.BRANCH), (True, layers.CONTACT)):
+        rows = order[branches.contact[order] == contact]
+        if not len(rows):
+            continue
+        if contact:
+            lines = [np.column_stack([branches.position[n], energies[n]]) for n in rows]
+        else:
+            spans = [(np.min(branches.position[n]), np.max(branches.position[n])) for n in rows]
+            lines = [
+                np.column_stack([span, [energies[n, 0]] * 2])
+                for n, span in zip(rows, spans, strict=True)
+            ]
+        look: dict[str, Any] = own | {"linewidth": layers.thinner(0.7, len(order))}
+        if until is not None and not contact:
+            look = layers.by_time(look, branches.time[rows], until)
+        collection = LineCollection(lines, zorder=2.0, **look)
+        collection.set_rasterized(sum(map(len, lines)) > layers.MOST_VECTOR_POINTS)
+        lower.axes.add_collection(collection, autolim=False)
+
 
 _MARGIN = 1.06
 _DENSE = 241

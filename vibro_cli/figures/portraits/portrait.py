@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.figures import strokes, style
-from vibro_cli.figures.background import Background, background
-from vibro_cli.figures.frame import label
-from vibro_cli.figures.legend import (
+from vibro_cli.figures import style
+from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.portraits.background import Background, background
+from vibro_cli.figures.portraits.legend import (
     LINE,
     Entry,
     bar_width,
@@ -20,11 +20,11 @@ from vibro_cli.figures.legend import (
     legend_of,
     rows_of,
 )
-from vibro_cli.figures.panels import RIGHT, Panel, lay_out
-from vibro_cli.figures.scope import seen, windows
+from vibro_cli.figures.portraits.panels import RIGHT, Panel, label, lay_out
+from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Trajectory, trajectory
+from vibro_cli.figures.portraits.view_limits import seen, windows
 from vibro_cli.figures.source import Recorded
 from vibro_cli.figures.style import WIDTHS
-from vibro_cli.figures.trajectory import MOST_NUMBERS, Trajectory, trajectory
 
 
 def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str = "auto") -> Figure:
@@ -81,18 +81,18 @@ def draw_motion(panels: Sequence[Panel], path: Trajectory, behind: Background) -
     until = None if marked else last_time(path)
     start_piece, position, rate = path.start
     for one in panels:
-        strokes.draw_background(one, behind)
-        strokes.draw_branches(one, path, until)
+        layers.draw_background(one, behind)
+        layers.draw_branches(one, path, until)
         close = not one.window.overview
         if not (marked and close):
-            strokes.draw_jumps(one, path.jumps, marked=False)
+            layers.draw_jumps(one, path.jumps, marked=False)
         if close:
-            strokes.draw_jumps(one, path.first, marked=True)
+            layers.draw_jumps(one, path.first, marked=True)
         start = np.empty((0, 2))
         if one.piece.index == start_piece:
-            strokes.draw_start(one, position, rate)
+            layers.draw_start(one, position, rate)
             start = one.millimetres(np.array([position]), np.array([rate]))
         if one.window.overview:
-            strokes.draw_window(one, panels[0].window)
+            layers.draw_window(one, panels[0].window)
         else:
-            strokes.draw_numbers(one, path.branches[one.piece.index], path.first, start)
+            layers.draw_numbers(one, path.branches[one.piece.index], path.first, start)

@@ -1,19 +1,21 @@
-"""Charts of a run over its impacts: impact map, intervals, residual gap and energy error."""
+"""Charts of a run over its impacts: impact map, intervals, gaps, energy error, exponents."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibro_cli.figures import strokes, style
+from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
+    BAND,
     MOST_VECTOR_POINTS,
+    body_look,
     count_axis,
     legend,
     log_axis,
@@ -21,18 +23,21 @@ from vibro_cli.figures.chart import (
     positive_axis,
     stacked,
     time_axis,
+    value_axis,
 )
 from vibro_cli.figures.dots import MOST_MARKS, draw_marks, told_apart
+from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.portraits.legend import Entry
+from vibro_cli.figures.runs.over_time import energy_residuals
 from vibro_cli.figures.source import Array, Recorded, Table, kept
 from vibro_cli.figures.ticks import angle_ticks, number_ticks, with_power
-from vibro_cli.figures.timeline import energy_residuals
 from vibro_cli.mechanics.trace import VALLEY, Piece
 
 _HIGH = {"single": 46.0, "double": 56.0}
 _SMALL = {"single": 26.0, "double": 30.0}
 _EPSILON = float(np.finfo(np.float64).eps)
 DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "color": style.BLUE, "markersize": 2.2}
-REFUSED: dict[str, Any] = strokes.NOT_MADE
+REFUSED: dict[str, Any] = layers.NOT_MADE
 EPSILON: dict[str, Any] = {
     "color": style.VERMILLION,
     "linewidth": 0.6,
@@ -78,14 +83,14 @@ def speed_map(
         figure, (axes,), (across,) = stacked(width, [_HIGH[width]])
         size = _dot(len(number))
         if len(number) <= MOST_VECTOR_POINTS:
-            axes.scatter(place, speed, c=number, cmap=strokes.time_colours(), s=size, zorder=2.0)
+            axes.scatter(place, speed, c=number, cmap=layers.time_colours(), s=size, zorder=2.0)
         if not np.all(made):
             axes.plot(place[~made], speed[~made], zorder=2.2, label="inadmissible", **REFUSED)
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
         positive_axis(axes, speed, _HIGH[width], "approach speed", "m/s")
         set_places(axes, place, across)
         if len(number) > MOST_VECTOR_POINTS:
-            draw_marks(axes, place, speed, math.sqrt(size), strokes.time_colours())
+            draw_marks(axes, place, speed, math.sqrt(size), layers.time_colours())
         number_bar(figure, len(number))
     return figure
 
@@ -210,3 +215,49 @@ def _draw_dots(
         draw_marks(axes, across, along, size, DOT["color"])
     else:
         axes.plot(across, along, **(DOT | look | {"markersize": size}))
+
+
+_ERRORS = 2.0
+_SETTLED = 0.1
+"""From this share of the run on the whole curves are shown."""
+
+
+class Converging(Protocol):
+    """A run that may have been asked for exponents."""
+
+    @property
+    def exponents(self) -> Table | None:
+        """Columns of `exponents.parquet`; None without them."""
+
+
+def exponents(run: Converging, width: str = "single") -> Figure | None:
+    """Return the exponents of the run until each of its impacts, and the error of the greatest.
+
+    None for a run that was not asked for them, or without two impacts.
+    """
+    table = run.exponents
+    if table is None or len(table["t"]) < 2:
+        return None
+    t = np.asarray(table["t"], dtype=np.float64)
+    names = [name for name in table if name.startswith("lyapunov_") and name != "lyapunov_error"]
+    rates = [np.asarray(table[name], dtype=np.float64) for name in names]
+    error = _ERRORS * np.asarray(table["lyapunov_error"], dtype=np.float64)
+    look = {"color": BAND["color"], "linewidth": 4.0, "solid_capstyle": "butt"}
+    band: Entry = (r"$\lambda_1\pm 2$ standard errors", look)
+    entries = [
+        (rf"$\lambda_{{{n}}}$", body_look(n))
+        for n, rate in enumerate(rates, 1)
+        if np.isfinite(rate).any()
+    ]
+    with style.journal():
+        figure, (axes,), (across,) = stacked(width, [_HIGH[width]], entries=[*entries, band])
+        axes.fill_between(t, rates[0] - error, rates[0] + error, **BAND)
+        axes.axhline(0.0, color=style.FRAME_GREY, linewidth=0.4)
+        for n, rate in enumerate(rates, 1):
+            axes.plot(t, rate, **body_look(n))
+        late = t >= t[0] + _SETTLED * (t[-1] - t[0])
+        shown = np.concatenate([rate[late] for rate in rates] + [(rates[0] + error)[late]])
+        shown = np.append(shown[np.isfinite(shown)], 0.0)
+        value_axis(axes, float(shown.min()), float(shown.max()), _HIGH[width], r"$\lambda$", "1/s")
+        time_axis(axes, float(t[-1]), across, labelled=True)
+    return figure

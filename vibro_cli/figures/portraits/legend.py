@@ -12,11 +12,12 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.textpath import TextPath
 
-from vibro_cli.figures import strokes, style
-from vibro_cli.figures.background import Background
-from vibro_cli.figures.panels import RIGHT
+from vibro_cli.figures import style
+from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.portraits.background import Background
+from vibro_cli.figures.portraits.panels import RIGHT
+from vibro_cli.figures.portraits.trajectory import Trajectory
 from vibro_cli.figures.style import MM
-from vibro_cli.figures.trajectory import Trajectory
 
 _MIDDLE = 2.2
 """Distance of the line from the top of the figure (mm)."""
@@ -42,17 +43,17 @@ def legend_of(
 ) -> list[Entry]:
     """Return names and looks of everything on a portrait, `others` after what is of the run."""
     jumps = path.jumps
-    entries = [("start", strokes.START)]
+    entries = [("start", layers.START)]
     if np.any(path.first.made):
         first = "" if marked else f" 1–{path.first.number[-1]}"
-        entries += [("before", strokes.BEFORE), (f"after impact{first}", strokes.AFTER)]
+        entries += [("before", layers.BEFORE), (f"after impact{first}", layers.AFTER)]
     if not marked and np.any(jumps.made):
         share = f" (1 in {path.every})" if path.every > 1 else ""
-        entries.append((f"jump{share}", strokes.many_jumps(1)))
+        entries.append((f"jump{share}", layers.many_jumps(1)))
     if not np.all(jumps.made):
-        entries.append(("inadmissible", strokes.NOT_MADE))
+        entries.append(("inadmissible", layers.NOT_MADE))
     if any(np.any(branches.contact) for branches in path.branches):
-        entries.append(("lasting contact", strokes.CONTACT))
+        entries.append(("lasting contact", layers.CONTACT))
     return [*entries, *others, *behind_entries(behind)]
 
 
@@ -60,14 +61,14 @@ def behind_entries(behind: Background) -> list[Entry]:
     """Return names and looks of what stands behind the branches."""
     entries: list[Entry] = []
     if behind.separatrices:
-        entries.append(("separatrix", strokes.SEPARATRIX))
+        entries.append(("separatrix", layers.SEPARATRIX))
     if behind.arc_separatrices:
-        entries.append(("separatrix of the full circle", strokes.ARC_SEPARATRIX))
+        entries.append(("separatrix of the full circle", layers.ARC_SEPARATRIX))
     if behind.levels:
-        entries.append(("level", strokes.LEVEL))
-    for kind, marker in strokes.MARKER.items():
+        entries.append(("level", layers.LEVEL))
+    for kind, marker in layers.MARKER.items():
         if any(point.kind == kind for point in behind.points):
-            entries.append((kind, strokes.POINT | {"marker": marker}))
+            entries.append((kind, layers.POINT | {"marker": marker}))
     return entries
 
 
@@ -187,7 +188,7 @@ def _draw_time(figure: Figure, width: float, height: float, end: float) -> None:
     bar = figure.add_axes(
         (left / width, (middle - 0.5 * _BAR[1]) / height, _BAR[0] / width, _BAR[1] / height)
     )
-    bar.imshow(np.arange(256)[None, :], aspect="auto", cmap=strokes.time_colours())
+    bar.imshow(np.arange(256)[None, :], aspect="auto", cmap=layers.time_colours())
     bar.set_xticks([])
     bar.set_yticks([])
     before: dict[str, Any] = {"ha": "right", "va": "center_baseline", "fontsize": style.SMALL}

@@ -8,17 +8,16 @@ from typing import Any, Generic, TypeVar
 
 from matplotlib.figure import Figure
 
-from vibro_cli.figures.contact_points import POINTS_CAPTION, POINTS_TITLE, contact_points
 from vibro_cli.figures.dots import MANY
-from vibro_cli.figures.energy_portrait import energy_portrait
-from vibro_cli.figures.exponents import exponents
-from vibro_cli.figures.over_impacts import accuracy, impact_map, intervals
-from vibro_cli.figures.over_time import energies, space_time
-from vibro_cli.figures.plan import plan
-from vibro_cli.figures.portrait import phase_portrait
-from vibro_cli.figures.scene import scene
+from vibro_cli.figures.portraits.energies import energy_portrait
+from vibro_cli.figures.portraits.portrait import phase_portrait
+from vibro_cli.figures.runs.contact_points import POINTS_CAPTION, POINTS_TITLE, contact_points
+from vibro_cli.figures.runs.over_impacts import accuracy, exponents, impact_map, intervals
+from vibro_cli.figures.runs.over_time import energies, space_time
+from vibro_cli.figures.runs.plan import plan
+from vibro_cli.figures.runs.scene import scene
+from vibro_cli.figures.runs.velocities import velocities
 from vibro_cli.figures.source import Recorded
-from vibro_cli.figures.velocities import velocities
 
 Source = TypeVar("Source")
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from vibro_cli.analysis.levels import LevelCurve
-from vibro_cli.figures.background import Background
-from vibro_cli.figures.panels import Window
+from vibro_cli.figures.portraits.background import Background
+from vibro_cli.figures.portraits.panels import Window
+from vibro_cli.figures.portraits.trajectory import Trajectory
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.trajectory import Trajectory
 from vibro_cli.mechanics.trace import Piece
 
 FOCUSES = ("auto", "trace", "run")

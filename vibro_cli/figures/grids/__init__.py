@@ -1,0 +1,1 @@
+"""Figures of a grid: curves and maps over its axes, basins, bifurcations."""

@@ -1,0 +1,1 @@
+"""Phase portraits: their panels, layers, limits and legend; with energies, and without a run."""

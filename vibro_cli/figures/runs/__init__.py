@@ -1,0 +1,1 @@
+"""Figures of a run besides its phase portraits: scene, plan, velocities, charts."""
