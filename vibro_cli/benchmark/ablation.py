@@ -90,7 +90,7 @@ def _measure_figures(plan: Plan) -> list[Row]:
     """Whole processes of `vibro run` with and without figures."""
     rows, tasks = [], []
     with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
-        for setting, option in ((WITH, "--no-figures"), (WITHOUT, "--figures")):
+        for setting, option in ((WITH, "--no-figures"), (WITHOUT, "--figures=default")):
             rows.append(Row("skips", "three_arcs", FIGURES, setting, impacts=_FEW))
             tasks.append((_nothing, _process(Path(folder), option)))
         few = Plan(plan.form, 3, plan.target, (), (), ())
