@@ -48,7 +48,7 @@ ROWS = [
     timed("heyoka", "1e-16", 5.0, 3e-16),
     timed("heyoka", "1e-09", 4.0, 1e-12),
     Row("precision", "circle", "SciPy RK45", "0.0001", error=3.0, status="lost", note="astray"),
-    sized("arcs", 3, 1.0), sized("arcs", 30, 1.05),
+    sized("arcs", 3, 1.0), sized("arcs", 10, 1.02), sized("arcs", 30, 1.05),
     sized("bodies", 2, 1.0), sized("bodies", 20, 3.0),
     sized("cores", 1, 1.0), sized("cores", 2, 0.52),
     Row("skips", "circle", "rows", "skipped", seconds=1.0),

@@ -23,6 +23,8 @@ _OURS = (COMPILED, KEPT, BATCH, INTERPRETED)
 _SERIES = "series of the papers"
 _HEYOKA = ("heyoka", "heyoka, defaults")
 _FLAT = 0.2
+_LEAST = 3
+"""Sizes of which times are called flat."""
 
 
 def conclude(rows: Sequence[Row]) -> list[str]:
@@ -74,11 +76,11 @@ def _fastest_other(rows: Sequence[Row], scene: str, ours: Row) -> str:
         return "."
     fast = min(others, key=lambda row: row.per_impact or 0.0)
     exact = min(others, key=lambda row: row.error if row.error is not None else 1.0)
+    slower, faster = (_ratio((row.per_impact or 0.0) / ours.per_impact) for row in (exact, fast))
     return (
         f"; the most exact of the others, {exact.method} ({exact.setting}), errs by "
-        f"{exact.error:.1e} and takes {(exact.per_impact or 0.0) / ours.per_impact:.1f} times as "
-        f"long; the fastest of them, {fast.method} ({fast.setting}), errs by {fast.error:.1e} and "
-        f"takes {(fast.per_impact or 0.0) / ours.per_impact:.1f} times as long."
+        f"{exact.error:.1e} and takes {slower} times as long; the fastest of them, {fast.method} ({fast.setting}), errs by {fast.error:.1e} and "
+        f"takes {faster} times as long."
     )
 
 
@@ -146,7 +148,8 @@ def _of_growth(rows: Sequence[Row]) -> Iterator[str]:
         times = [row.per_impact or 0.0 for row in own]
         middle = 0.5 * (max(times) + min(times))
         swing = (max(times) - middle) / middle
-        flat = f"flat within ±{100.0 * swing:.0f} %" if swing <= _FLAT else (
+        few = len(times) < _LEAST  # two times may be alike by chance
+        flat = f"flat within ±{100.0 * swing:.0f} %" if swing <= _FLAT and not few else (
             f"from {_time(times[0])} to {_time(times[-1])}, a factor of {times[-1] / times[0]:.1f}"
         )  # fmt: skip
         yield f"Time for an impact from {own[0].size} to {own[-1].size:,} {name}: {flat}."
@@ -169,7 +172,7 @@ def _of_grid(rows: Sequence[Row]) -> Iterator[str]:
     for row in own:
         if row is not ours:
             ratio = (row.per_impact or 0.0) / ours.per_impact
-            text += f"; {row.method} ({row.setting}) takes {ratio:.1f} times as long"
+            text += f"; {row.method} ({row.setting}) takes {_ratio(ratio)} times as long"
     yield f"{text}."
 
 
@@ -192,7 +195,7 @@ def _of_memory(rows: Sequence[Row]) -> Iterator[str]:
     own = [row for row in rows if row.part == "memory" and row.memory and row.status == "ok"]
     if own:
         told = ", ".join(f"{(row.memory or 0) / 2**20:.0f} MiB for {row.size:,}" for row in own)
-        yield f"Greatest memory of `vibro grid` with every impact kept: {told} scenarios."
+        yield f"Greatest memory of vibro grid with every impact kept: {told} scenarios."
 
 
 def _of_skips(rows: Sequence[Row]) -> Iterator[str]:
@@ -222,12 +225,21 @@ def _of_commands(rows: Sequence[Row]) -> Iterator[str]:
             for each in (command, alone)
         )
         memory = max((row.memory or 0) for row in command) / 2**20
+        each = (
+            f"{_time(cost)} for each of the next {more:,}, {_ratio(cost / bare)} times the "
+            f"{_time(bare)} of the event loop alone"
+            if cost > 0.0 and bare > 0.0
+            else f"no longer for the next {more:,} that could be measured"
+        )
         yield (
             f"vibro run, {scene}: {command[0].seconds:.2f} s for {command[0].impacts:,} impacts, "
-            f"and {_time(cost)} for each of the next {more:,}, "
-            f"{cost / bare:.1f} times the {_time(bare)} of the event loop alone; "
-            f"at most {memory:.0f} MiB."
+            f"and {each}; at most {memory:.0f} MiB."
         )
+
+
+def _ratio(value: float) -> str:
+    """Return a ratio with no more digits than timings have."""
+    return f"{value:.1f}" if value < 100.0 else f"{float(f'{value:.2g}'):,.0f}"
 
 
 def _time(seconds: float) -> str:
