@@ -79,8 +79,9 @@ def _fastest_other(rows: Sequence[Row], scene: str, ours: Row) -> str:
     slower, faster = (_ratio((row.per_impact or 0.0) / ours.per_impact) for row in (exact, fast))
     return (
         f"; the most exact of the others, {exact.method} ({exact.setting}), errs by "
-        f"{exact.error:.1e} and takes {slower} times as long; the fastest of them, {fast.method} ({fast.setting}), errs by {fast.error:.1e} and "
-        f"takes {faster} times as long."
+        f"{exact.error:.1e} and takes {slower} times as long; the fastest of them, "
+        f"{fast.method} ({fast.setting}), errs by {fast.error:.1e} and takes {faster} times as "
+        "long."
     )
 
 
