@@ -3,6 +3,7 @@
 import ast
 import sys
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -216,6 +217,12 @@ def test_nobody_asks_for_a_system_by_name_or_type(path: Path) -> None:
             assert asked not in {"System", "Scenario", "ImpactSystem"}, node.lineno
         if isinstance(node, ast.Constant) and node.value in NAMES[2:]:
             assert str(path.relative_to(PACKAGE)) in SCENES, node.lineno
+
+
+def test_few_files_are_beside_each_other() -> None:
+    """A folder is read at a glance; what has more topics has folders for them."""
+    beside = Counter(path.parent for path in SOURCES if path.name != "__init__.py")
+    assert {str(folder): count for folder, count in beside.items() if count > 15} == {}
 
 
 def _is_of_the_kernels(node: ast.stmt) -> bool:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from vibro_cli.analysis.landscape import Array, Landscape, half_turn
 from vibro_cli.mechanics.potential import inside, zeros
 from vibro_cli.mechanics.trace import Piece
+from vibro_cli.numerics.elementwise import EPSILON
 
-_ROUNDING = 64.0 * np.finfo(np.float64).eps
+_ROUNDING = 64.0 * EPSILON
 _JOINED = 1e-9
 """Parts of a curve join where they are closer than this fraction of the trace's length."""
 

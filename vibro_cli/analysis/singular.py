@@ -6,16 +6,14 @@ A trigger couples singular points: a homoclinic figure eight goes through the sa
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
-
-import numpy as np
 
 from vibro_cli.analysis.landscape import Landscape, equilibria, half_turn, level_positions
 from vibro_cli.analysis.levels import Reach, connected_reaches, left_s, right_s
 from vibro_cli.mechanics.trace import HUMP, VALLEY, Piece
+from vibro_cli.numerics.elementwise import EPSILON
 
-_ROUNDING = 64.0 * float(np.finfo(np.float64).eps)
+_ROUNDING = 64.0 * EPSILON
 CENTRE = "centre"
 SADDLE = "saddle"
 DEGENERATE = "degenerate"
@@ -150,7 +148,7 @@ HETEROCLINIC = "heteroclinic"
 OPEN = "open"
 """The separatrix leaves the trace, or runs round a closed one."""
 
-_OF_TRIGGERS = 4.0 * sys.float_info.epsilon
+_OF_TRIGGERS = 4.0 * EPSILON
 _EQUAL = 1e-12
 """Energies closer than this fraction of the saddle's count as equal."""
 

@@ -32,13 +32,13 @@ from vibro_cli.figures.runs.over_time import energy_residuals
 from vibro_cli.figures.source import Array, Recorded, Table, kept
 from vibro_cli.figures.ticks import angle_ticks, number_ticks, with_power
 from vibro_cli.mechanics.trace import VALLEY, Piece
+from vibro_cli.numerics.elementwise import EPSILON
 
 _HIGH = {"single": 46.0, "double": 56.0}
 _SMALL = {"single": 26.0, "double": 30.0}
-_EPSILON = float(np.finfo(np.float64).eps)
 DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "color": style.BLUE, "markersize": 2.2}
 REFUSED: dict[str, Any] = layers.NOT_MADE
-EPSILON: dict[str, Any] = {
+ROUNDING: dict[str, Any] = {
     "color": style.VERMILLION,
     "linewidth": 0.6,
     "linestyle": (0, (4.0, 2.0)),
@@ -167,8 +167,8 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
             _residuals(panels[0], np.asarray(table["t"]), gap, "gap", "m")
         if flights:
             _residuals(panels[-1], time, error, r"$|\delta E|/E_0$", "", flights)
-            panels[-1].axhline(_EPSILON, zorder=1.0, **EPSILON)
-        entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", EPSILON)]
+            panels[-1].axhline(EPSILON, zorder=1.0, **ROUNDING)
+        entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
         legend(figure, entries[: 1 + bool(flights)])
     return figure
 
@@ -196,7 +196,7 @@ def _residuals(
 
     `number` is how many there are, where they are not all given.
     """
-    log_axis(axes, np.append(values, _EPSILON), symbol, unit)
+    log_axis(axes, np.append(values, EPSILON), symbol, unit)
     bottom = axes.get_ylim()[0]
     shown = np.where(values > 0.0, values, bottom)
     _draw_dots(axes, time, shown, number, clip_on=False)

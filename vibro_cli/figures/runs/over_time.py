@@ -30,6 +30,7 @@ from vibro_cli.figures.chart import (
 )
 from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept
 from vibro_cli.mechanics.trace import Piece
+from vibro_cli.numerics.elementwise import EPSILON
 
 MOST_FLIGHTS = 3000
 """Of more flights than this, of all bodies together, only the first are drawn over time."""
@@ -208,7 +209,6 @@ def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
 HIGH = {"single": (34.0, 20.0), "double": (44.0, 24.0)}
 _ROOM = 0.01
 """Of the axis of time, room after an impact that ends the run."""
-_EPSILON = float(np.finfo(np.float64).eps)
 _DENSE = 0.5
 """Opacity of a line with very many points."""
 _VERY_MANY = 100_000
@@ -292,7 +292,7 @@ def energy_chart(
     Raises ValueError for an unknown width.
     """
     within = (losses[0] <= until) & (losses[1] > 0.0)
-    shown = within & (losses[1] >= _EPSILON * lines.start)
+    shown = within & (losses[1] >= EPSILON * lines.start)
     lossy, hidden = bool(np.any(shown)), int(np.sum(within & ~shown))
     total = [("sum", TOTAL)] if lines.total is not None else []
     words = f"loss ({hidden} below rounding not shown)" if hidden else "loss"
