@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.runs.plan import trace_points
+from vibro_cli.figures.runs.plan import draw_ends, trace_points
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.mechanics.system import PARTICLE, Body, System
@@ -301,6 +301,7 @@ class Stage:
         self.plan.set_ylim(middle[1] - half[1], middle[1] + half[1])
         self.plan.set_axis_off()
         self.plan.plot(surface[:, 0], surface[:, 1], **_SURFACE)
+        draw_ends(self.plan, self.run.system, 0.06 * half[0])
         self.drawn_radii = [max(radius, _LEAST * 2.0 * half[0]) for radius in self.radii]
 
     def _draw_phase(self) -> None:
