@@ -26,7 +26,7 @@ PRINTING = {
     "run": ["run", "small.toml", "--format", "jsonl"],
     "run --json": ["run", "small.toml", "--json", "--no-figures"],
     "grid": ["grid", "grid.toml", "--dry-run", "--json", *INTERPRETED],
-    "section": ["section", "done", "--column", "s_a", "--column", "t"],
+    "section": ["section", "done", "--column", "s_a", "--column", "t", "--json"],
     "basins": ["basins", "starts", "--json", "--no-figures"],
     "orbit": ["orbit", FALLING, "--json", "--impacts", "1"],
     "fit": ["fit", "small.toml", "done/collisions.parquet", "--free", "gravity", "--json"],

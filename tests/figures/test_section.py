@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,8 @@ def test_a_run_shows_one_column_over_another(
     assert points[:, 0].tolist() == wanted.tolist()
     folder = run.save(tmp_path / "run")
     arguments = ["section", str(folder), "--column", "s_a", "--column", "speed_a_pre"]
-    assert run_command_line([*arguments, "--pair", "2-3"]) == 0
+    assert run_command_line([*arguments, "--pair", "2-3", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"file": str(tmp_path / "run-section.png")}
     assert (tmp_path / "run-section.png").read_bytes()[:4] == b"\x89PNG"
     assert run_command_line([*arguments[:4]]) == 2
     assert "expected two" in capsys.readouterr().err

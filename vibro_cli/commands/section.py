@@ -10,6 +10,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
 from vibro_cli.commands.shared.options import Task
+from vibro_cli.commands.shared.streams import json_text
 
 FORMS = (".png", ".pdf", ".svg")
 
@@ -55,6 +56,9 @@ def section(
         Literal["single", "double"],
         typer.Option(help="One column of a journal (85 mm) or two (170 mm)."),
     ] = "double",
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the file written as JSON.")
+    ] = False,
 ) -> Task:
     """Draw impacts: Poincaré section of a run, bifurcations of a grid."""
     found = None if pair is None else re.fullmatch(r"([1-9][0-9]*)-([1-9][0-9]*)", pair)
@@ -64,7 +68,7 @@ def section(
     target = folder.with_name(f"{folder.name}-section.png") if output is None else output
     if target.suffix.lower() not in FORMS:
         raise typer.BadParameter(f"-o: found {target}, expected a file {', '.join(FORMS)}")
-    return partial(_section, folder, columns, bodies, transient, target, width)
+    return partial(_section, folder, columns, bodies, transient, target, width, as_json)
 
 
 def _section(
@@ -74,6 +78,7 @@ def _section(
     transient: int | None,
     target: Path,
     width: str,
+    as_json: bool,
 ) -> int:
     """Open, draw and write."""
     from vibro_cli.results import open_grid, open_run
@@ -88,5 +93,7 @@ def _section(
     except (NotAGrid, NotContinuable, ValueError) as error:
         raise CommandError(f"vibro: {folder}: {error}") from error
     drawn.save(target)
+    if as_json:
+        print(json_text({"file": str(target)}))
     say(f"section in {target}")
     return DONE
