@@ -291,7 +291,7 @@ def test_a_sweep_has_the_summaries_of_its_runs(tmp_path: Path) -> None:
     assert grid.summary["energy_end"].tolist() == [one.summary["energy_end"] for one in points]
     assert list(grid.collisions) == ["scenario", "n", "t"]
     assert grid.collisions["t"].tolist() == [t for one in points for t in one.collisions["t"]]
-    assert grid.figure("endings").save(tmp_path / "endings.svg").is_file()
+    assert grid.figure("impacts").save(tmp_path / "impacts.svg").is_file()
     assert grid.figure("max_gap").name == "max_gap"
     found = open_grid(grid.save(tmp_path / "grid"))
     assert found.summary.to_arrow().equals(grid.summary.to_arrow())
