@@ -25,8 +25,8 @@ import numpy as np
 from vibro_cli.assemble import build_any, build_system
 from vibro_cli.benchmark.growth import greatest_memory, shared_out
 from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
+from vibro_cli.benchmark.other_systems import LARGE, SLOW
 from vibro_cli.benchmark.other_systems import SCENES as OTHERS
-from vibro_cli.benchmark.other_systems import SLOW
 from vibro_cli.benchmark.scenes import BY_NAME, Document, ball
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.buffers import Lease, Pieces
@@ -209,14 +209,20 @@ def _rotating() -> Document:
     }
 
 
-_ARCS = BY_NAME["three_arcs"].document
+_WANTED: dict[str, Document] = {
+    "": {},
+    ", friction": {"output": {"friction": 0.3}},
+    ", turning points": {"output": {"turning_points": True}},
+}
 DOCUMENTS: dict[str, Document] = {
-    "circle": BY_NAME["circle"].document,
-    "three_arcs": _ARCS,
-    "three_arcs, friction": _ARCS | {"output": {"friction": 0.3}},
-    "three_arcs, turning points": _ARCS | {"output": {"turning_points": True}},
+    **{
+        name + wanted: BY_NAME[name].document | output
+        for name in ("circle", "three_arcs")
+        for wanted, output in _WANTED.items()
+    },
     "rotating three arcs": _rotating(),
-    **{name: OTHERS[name] for name in ("30 balls in a box", *SLOW)},
+    **{name: OTHERS[name] for name in ("30 balls in a box", "springs")},
+    **LARGE,
 }
 
 

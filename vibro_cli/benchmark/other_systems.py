@@ -66,7 +66,25 @@ SCENES: dict[str, Document] = {
 }  # fmt: skip
 
 
-SLOW = ("springs",)
+LARGE: dict[str, Document] = {
+    "200 balls in a box": _table(
+        {"shape": "rectangle", "width": 12.0, "depth": 8.0},
+        *(_ball(0.55 * (n % 20) - 5.3, 0.7 * (n // 20) - 3.2) for n in range(200)),
+    ),
+    "springs, 200 disks": {
+        "system": "springs", "collision": {"k": 1.0}, "stop": {"collisions": 1},
+        "balls": [
+            _disk(
+                3.0 * n, 8.5 if n % 2 else -7.0, 1.0 + n % 3,
+                stiffness=6.0 + n % 5, height=1.0, foot=3.0 * n,
+            )
+            for n in range(200)
+        ],
+    },
+}  # fmt: skip
+"""Scenes of many bodies, measured as whole commands."""
+
+SLOW = ("springs", "springs, 200 disks")
 """Scenes that are solved step by step, of which fewer impacts are enough."""
 
 
