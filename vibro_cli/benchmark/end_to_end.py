@@ -25,8 +25,7 @@ import numpy as np
 from vibro_cli.assemble import build_any, build_system
 from vibro_cli.benchmark.growth import greatest_memory, shared_out
 from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
-from vibro_cli.benchmark.other_systems import LARGE, SLOW
-from vibro_cli.benchmark.other_systems import SCENES as OTHERS
+from vibro_cli.benchmark.other_systems import SLOW, WHOLE
 from vibro_cli.benchmark.scenes import BY_NAME, Document, ball
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.buffers import Lease, Pieces
@@ -221,8 +220,7 @@ DOCUMENTS: dict[str, Document] = {
         for wanted, output in _WANTED.items()
     },
     "rotating three arcs": _rotating(),
-    **{name: OTHERS[name] for name in ("30 balls in a box", "springs")},
-    **LARGE,
+    **WHOLE,
 }
 
 

@@ -66,7 +66,8 @@ SCENES: dict[str, Document] = {
 }  # fmt: skip
 
 
-LARGE: dict[str, Document] = {
+WHOLE: dict[str, Document] = {
+    **{name: SCENES[name] for name in ("30 balls in a box", "springs")},
     "200 balls in a box": _table(
         {"shape": "rectangle", "width": 12.0, "depth": 8.0},
         *(_ball(0.55 * (n % 20) - 5.3, 0.7 * (n // 20) - 3.2) for n in range(200)),
@@ -82,7 +83,7 @@ LARGE: dict[str, Document] = {
         ],
     },
 }  # fmt: skip
-"""Scenes of many bodies, measured as whole commands."""
+"""Scenes measured as whole commands, with many bodies too."""
 
 SLOW = ("springs", "springs, 200 disks")
 """Scenes that are solved step by step, of which fewer impacts are enough."""
