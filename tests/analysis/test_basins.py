@@ -14,7 +14,7 @@ import pytest
 from vibro_cli import NoBasins, example, sweep
 from vibro_cli.analysis.basins import BOX, Basins, Outcomes, basins_of, outcomes_of
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.figures.grids.basins import Coloured
+from vibro_cli.figures.grids.basins import coloured
 
 
 def _measured(cells: Any, number: int = 2) -> Basins:
@@ -115,11 +115,11 @@ def test_outcomes_are_words_and_whole_numbers_together() -> None:
 
 def test_the_rarest_outcomes_share_a_colour() -> None:
     names = tuple(f"outcome {n}" for n in range(12))
-    coloured = Coloured(Outcomes(names, np.repeat(np.arange(12), np.arange(12, 0, -1))))
-    entries = coloured.entries()
+    categories = coloured(Outcomes(names, np.repeat(np.arange(12), np.arange(12, 0, -1))))
+    entries = categories.entries()
     assert len(entries) == 10
     assert entries[-1][0] == "3 others (7.69 %)"
-    assert int(coloured.code.max()) == 9
+    assert int(categories.code.max()) == 9
 
 
 def test_axes_that_cannot_be_measured_are_told(tmp_path: Path) -> None:

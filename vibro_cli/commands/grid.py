@@ -10,7 +10,14 @@ import typer
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError, say
 from vibro_cli.commands.shared.options import Engine, Overrides, Strict, Task, scenario_files
 from vibro_cli.commands.shared.streams import json_text, printable
-from vibro_cli.commands.shared.terminal import Progress, count, lines_of, report_command, size
+from vibro_cli.commands.shared.terminal import (
+    Progress,
+    count,
+    duration,
+    lines_of,
+    report_command,
+    size,
+)
 
 if TYPE_CHECKING:
     from vibro_cli.grids.chunks import Chunks
@@ -183,7 +190,6 @@ def _estimate(wishes: Wishes) -> int:
     """Say what the grid would take: the start, which is made here too, and the solving."""
     import time
 
-    from vibro_cli.commands.shared.terminal import count, duration, lines_of, size
     from vibro_cli.grids.chunks import Chunks
     from vibro_cli.grids.threads import estimate, expected_impacts, impact_density
 

@@ -230,12 +230,12 @@ def _axis(path: str) -> str:
     """The label of the axis of a family over the number at a path."""
     from vibro_cli.analysis.orbit_branch import ENERGY
     from vibro_cli.figures.grids.parameter_map import words_of
-    from vibro_cli.grids.axes import kind_of, unit_of
-    from vibro_cli.scenario.overrides import given
+    from vibro_cli.scenario.fields import unit_at
+    from vibro_cli.scenario.source import parsed_path
 
     if path == ENERGY:
         return "energy [J]"
-    unit = unit_of(kind_of(given(path, 0.0).path))
+    unit = unit_at(parsed_path(path))
     return f"{words_of(path)} [{unit}]" if unit else words_of(path)
 
 

@@ -140,6 +140,22 @@ def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, 
     axes.set_ylabel(f"{symbol} [{scaled}]" if scaled else symbol, labelpad=1.0)
 
 
+def plane_axes(axes: Axes, low: Array, high: Array, size: Array, labelled: bool = True) -> None:
+    """Set both axes of a plane in m, from the corner `low` to `high`; `size` of the panel in mm.
+
+    Without `labelled` the horizontal axis has ticks, but no numbers and no name.
+    """
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    across = number_ticks(float(low[0]), float(high[0]), float(size[0]))
+    along = vertical_ticks(float(low[1]), float(high[1]), float(size[1]))
+    axes.set_xticks(across.places, across.labels if labelled else [""] * len(across.labels))
+    axes.set_yticks(along.places, along.labels)
+    if labelled:
+        axes.set_xlabel(f"$x$ [{with_power('m', across)}]")
+    axes.set_ylabel(f"$y$ [{with_power('m', along)}]", labelpad=1.0)
+
+
 def positive_axis(axes: Axes, values: Array, height: float, symbol: str, unit: str) -> None:
     """Set a vertical axis of values that are not negative: logarithmic where they range widely.
 

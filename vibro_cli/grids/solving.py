@@ -47,6 +47,7 @@ from vibro_cli.systems.trace.run import Wanted, simulate_system
 from vibro_cli.systems.trace.summary import summary_columns
 from vibro_cli.systems.trace.tangents import exponent_columns, time_scale
 from vibro_cli.systems.trace.world import own_records, stack_of
+from vibro_cli.systems.wanted import UNLIMITED
 
 Columns = dict[str, Any]
 
@@ -95,7 +96,7 @@ class Task:
         """Return what a batch starts with."""
         starts = self.starts
         stop_t = np.where(np.isnan(starts.stop_t), NEVER, starts.stop_t)
-        most = np.where(starts.stop_collisions == 0, 2**62, starts.stop_collisions)
+        most = np.where(starts.stop_collisions == 0, UNLIMITED, starts.stop_collisions)
         return make_points(
             stop_t, most, starts.piece, starts.s, starts.c, starts.p, starts.mass,
             starts.restitution,

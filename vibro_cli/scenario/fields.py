@@ -47,17 +47,10 @@ def model_at(path: KeyPath, root: Model = Scenario) -> Model | None:
 
 def unit_at(path: KeyPath, root: Model = Scenario) -> str:
     """Return the unit of the number at a path, an empty text where it has none."""
-    models = [root]
-    for part in path[:-1]:
-        if isinstance(part, str):
-            holders = [one.model_fields[part] for one in models if part in one.model_fields]
-            models = [model for field in holders for model in _models_in(field.annotation)]
-    for model in models:
-        field = model.model_fields.get(str(path[-1]))
-        for part in field.metadata if field is not None else ():
-            if isinstance(part, Quantity):
-                return part.unit
-    return ""
+    model = model_at(path[:-1], root)
+    field = None if model is None else model.model_fields.get(str(path[-1]))
+    kinds = () if field is None else field.metadata
+    return next((kind.unit for kind in kinds if isinstance(kind, Quantity)), "")
 
 
 @cache

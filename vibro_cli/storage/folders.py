@@ -59,10 +59,7 @@ def write_fit(
         SCENARIO_NAME: json_bytes(scenario.resolved()),
         **figures,
     }
-    with new_folder(target, check_fit_folder) as folder:
-        for name, content in files.items():
-            folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest("fit", files, {})))
+    _write(files, target, "fit")
 
 
 check_orbit_folder = partial(check_replaceable, kind="orbit")
@@ -116,10 +113,7 @@ def write_orbits(
         SCENARIO_NAME: json_bytes(scenario.resolved()),
         **figures,
     }
-    with new_folder(target, check_orbit_folder) as folder:
-        for name, content in files.items():
-            folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest("orbit", files, {})))
+    _write(files, target, "orbit")
 
 
 check_portrait_folder = partial(check_replaceable, kind="portrait")

@@ -239,7 +239,6 @@ def errors_of(system: System, count: int) -> tuple[float, float]:
     Ways (m) and speeds, as the way in the time scale of the system, are compared with one another.
     """
     from vibro_cli.stress.oracles.reference_solver import happenings_of
-    from vibro_cli.stress.oracles.scene import scene_of_system
     from vibro_cli.stress.oracles.sensitivity import differences
 
     told = happenings_of(simulate_system(system, None, count))

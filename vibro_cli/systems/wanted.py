@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 Instants = NDArray[np.float64]
 
+UNLIMITED = 2**62
+"""The count of a stop that is not set."""
+
 # A time beyond the end by its rounding is the end.
 ROUNDING = 1.0e-12
 

@@ -7,7 +7,6 @@ import contextlib
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -27,8 +26,6 @@ from vibro_cli.commands.shared.streams import json_text
 from vibro_cli.commands.shared.terminal import RunProgress
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.runs import EarlierRun, StreamedFolder
     from vibro_cli.storage.stored import StoredRun
@@ -127,7 +124,6 @@ def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
 
 def solve(wishes: Wishes, scenario: "AnyScenario", earlier: "EarlierRun | None") -> int:
     """Run a scenario and put its results where they were asked; return the exit code."""
-
     folder = wishes.folder_of(scenario.name)
     return _told(wishes, scenario, folder, stream_run(wishes, scenario, earlier, folder))
 
@@ -152,8 +148,8 @@ def _told(
     return DONE if is_sound(record) or not wishes.strict else NOT_STRICT
 
 
-@contextmanager
-def followed(wishes: Wishes, scenario: "AnyScenario") -> "Iterator[None]":
+@contextlib.contextmanager
+def followed(wishes: Wishes, scenario: "AnyScenario") -> Iterator[None]:
     """Tell how far a run in the block is, and say why it cannot go on."""
     from vibro_cli.api import CannotContinue, TooQuiet
     from vibro_cli.systems.wanted import watched_by
@@ -249,7 +245,7 @@ def stream_run(
                 sinks.append(folder.add)
             if wishes.stream is not None:
                 sinks.append(open_ones.enter_context(_standard_output(wishes.stream, scenario)))
-            result = _followed(wishes, scenario, earlier, sinks, interruption)
+            result = _streamed(wishes, scenario, earlier, sinks, interruption)
             if folder is not None:
                 figures = _figures(wishes, scenario, result, folder)
                 folder.finish(result, figures)
@@ -259,7 +255,7 @@ def stream_run(
     return result
 
 
-def _followed(
+def _streamed(
     wishes: Wishes,
     scenario: "AnyScenario",
     earlier: "EarlierRun | None",

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from vibro_cli.analysis.basins import (
     FEWEST,
@@ -22,7 +20,7 @@ from vibro_cli.analysis.basins import (
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import log_axis, stacked
 from vibro_cli.figures.grids.maps import category_map
-from vibro_cli.figures.grids.parameter_map import Lattice, Swept, lattice, patch
+from vibro_cli.figures.grids.parameter_map import Categories, Lattice, Swept, ended, lattice
 from vibro_cli.figures.portraits.legend import Entry
 
 # Told apart in grey too.
@@ -38,40 +36,14 @@ _LINE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
 _HIGH = {"single": 42.0, "double": 56.0}
 
 
-@dataclass(frozen=True)
-class Coloured:
-    """The outcomes of some points with their colours: the rarest share one."""
-
-    outcomes: Outcomes
-
-    @property
-    def code(self) -> NDArray[np.int64]:
-        """Index of the colour of each point."""
-        coded: NDArray[np.int64] = np.minimum(self.outcomes.code, len(_COLOURS))
-        return coded
-
-    @property
-    def _number(self) -> int:
-        return min(len(self.outcomes.names), len(_COLOURS) + 1)
-
-    def colours(self) -> ListedColormap:
-        """Return the colours."""
-        return ListedColormap([*_COLOURS, _OTHERS][: self._number])
-
-    def norm(self) -> BoundaryNorm:
-        """Return the map from codes to colours."""
-        return BoundaryNorm(np.arange(self._number + 1) - 0.5, self._number)
-
-    def entries(self) -> list[Entry]:
-        """Return the legend: each outcome with its share of the points."""
-        shares = np.bincount(self.code, minlength=self._number) / len(self.code)
-        rest = len(self.outcomes.names) - len(_COLOURS)
-        names = [*self.outcomes.names[: len(_COLOURS)], f"{rest} others"][: self._number]
-        colours = [*_COLOURS, _OTHERS]
-        return [
-            (f"{name} ({100.0 * share:.3g} %)", patch(colour))
-            for name, share, colour in zip(names, shares, colours, strict=False)
-        ]
+def coloured(outcomes: Outcomes) -> Categories:
+    """Return outcomes with their colours and shares of the points; the rarest share one colour."""
+    code = np.minimum(outcomes.code, len(_COLOURS))
+    rest = len(outcomes.names) - len(_COLOURS)
+    names = [*outcomes.names[: len(_COLOURS)], *([f"{rest} others"] if rest > 0 else [])]
+    shares = np.bincount(code, minlength=len(names)) / len(code)
+    told = [f"{name} ({100.0 * share:.3g} %)" for name, share in zip(names, shares, strict=True)]
+    return Categories(code, tuple(told), (*_COLOURS, _OTHERS)[: len(names)])
 
 
 @dataclass(frozen=True)
@@ -86,7 +58,7 @@ class Mapped:
         """Return the map of the outcomes, None over one axis."""
         if len(self.shown.coordinates) < 2:
             return None
-        return category_map(self.shown, width, Coloured(self.outcomes))
+        return category_map(self.shown, width, coloured(self.outcomes))
 
     def scaling(self, width: str) -> Figure | None:
         """Return the share of uncertain starts over the distance, None without any."""
@@ -135,10 +107,7 @@ def mapped_basins(grid: Swept, outcome: Sequence[str]) -> Mapped:
     shown = _evenly(grid)
     if not shown.is_full:
         raise NoBasins("found no point for some values of the axes, expected every pair of them")
-    status = np.asarray(grid.summary["status"])
-    told = dict(grid.summary) | {
-        "end_cause": np.where(status == "ok", grid.summary["end_cause"], status)
-    }
+    told = dict(grid.summary) | {"end_cause": ended(grid)}
     outcomes = outcomes_of(told, outcome or default_outcome(grid), shown.rows)
     cells = shown.cells(outcomes.code.astype(np.float64)).astype(np.int64)
     return Mapped(shown, outcomes, basins_of(outcomes, cells))

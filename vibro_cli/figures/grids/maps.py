@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.dots import draw_dots
-from vibro_cli.figures.grids.parameter_map import Endings, Lattice, Swept, lattice, set_axis
+from vibro_cli.figures.grids.parameter_map import (
+    Categories,
+    Endings,
+    Lattice,
+    Swept,
+    lattice,
+    set_axis,
+)
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.legend import LINE, Entry, text_width, wrapped_legend
+from vibro_cli.figures.portraits.legend import LINE, text_width, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import Ticks, vertical_ticks
@@ -50,23 +56,6 @@ def ending_map(grid: Swept, width: str = "single") -> Figure | None:
     if len(np.unique(endings.code)) == 1:
         return None
     return category_map(shown, width, endings)
-
-
-class Categories(Protocol):
-    """What a map of colours without order needs to know."""
-
-    @property
-    def code(self) -> NDArray[np.int64]:
-        """Index of the category of each point."""
-
-    def colours(self) -> ListedColormap:
-        """The colours of the categories."""
-
-    def norm(self) -> Normalize:
-        """The map from codes to colours."""
-
-    def entries(self) -> list[Entry]:
-        """The legend."""
 
 
 def category_map(shown: Lattice, width: str, found: Categories) -> Figure:

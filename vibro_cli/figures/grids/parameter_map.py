@@ -287,19 +287,48 @@ WORDS = {
 
 
 @dataclass(frozen=True)
-class Endings:
+class Categories:
+    """The categories of some points, each with a colour and a name."""
+
+    code: NDArray[np.int64]
+    """Index of the category of each point."""
+    names: tuple[str, ...]
+    """In the legend, with how many points there are."""
+    palette: tuple[str, ...]
+    """Colours, one for each."""
+
+    def colours(self) -> ListedColormap:
+        """Return the map from codes to colours."""
+        return ListedColormap(self.palette)
+
+    def norm(self) -> BoundaryNorm:
+        """Return the bounds of the codes."""
+        number = len(self.palette)
+        return BoundaryNorm(np.arange(number + 1) - 0.5, number)
+
+    def entries(self) -> list[tuple[str, dict[str, Any]]]:
+        """Return the legend."""
+        return list(zip(self.names, map(_patch, self.palette), strict=True))
+
+
+def ended(grid: Swept) -> Column:
+    """Return the cause that ended the run of each point, or its status where it has none."""
+    summary = grid.summary
+    found: Column = np.where(summary["status"] == "ok", summary["end_cause"], summary["status"])
+    return found
+
+
+@dataclass(frozen=True)
+class Endings(Categories):
     """The endings of some points."""
 
     causes: tuple[str, ...]
     """Those that occur, in the order of `COLOURS`."""
-    code: NDArray[np.int64]
-    """Index of the cause of each point."""
 
     @staticmethod
     def of(grid: Swept, rows: NDArray[np.int64]) -> Endings:
         """Return the endings of the points in rows of the summary."""
-        status, cause = (grid.summary[name][rows] for name in ("status", "end_cause"))
-        found = np.where(status == "ok", cause, status)
+        found = ended(grid)[rows]
         code = np.full(len(rows), -1)
         causes: list[str] = []
         for name in COLOURS:
@@ -309,30 +338,15 @@ class Endings:
                 causes.append(name)
         if np.any(code < 0):
             raise ValueError(f"there is no colour for the ending {found[code < 0][0]!r}")
-        return Endings(tuple(causes), code)
-
-    def colours(self) -> ListedColormap:
-        """Return the colours of the causes that occur."""
-        return ListedColormap([COLOURS[cause] for cause in self.causes])
-
-    def norm(self) -> BoundaryNorm:
-        """Return the map from codes to colours."""
-        number = len(self.causes)
-        return BoundaryNorm(np.arange(number + 1) - 0.5, number)
-
-    def entries(self) -> list[tuple[str, dict[str, Any]]]:
-        """Return the legend: each cause with the number of its points."""
-        counts = np.bincount(self.code, minlength=len(self.causes))
-        return [
-            (
-                f"{WORDS.get(cause, cause.replace('_', ' '))} ({grouped(count)})",
-                patch(COLOURS[cause]),
-            )
-            for cause, count in zip(self.causes, counts.tolist(), strict=True)
+        counts = np.bincount(code, minlength=len(causes)).tolist()
+        names = [
+            f"{WORDS.get(cause, cause.replace('_', ' '))} ({grouped(count)})"
+            for cause, count in zip(causes, counts, strict=True)
         ]
+        return Endings(code, tuple(names), tuple(COLOURS[cause] for cause in causes), tuple(causes))
 
 
-def patch(colour: str) -> dict[str, Any]:
+def _patch(colour: str) -> dict[str, Any]:
     """Return the look of a colour in a legend."""
     return {
         "marker": "s",

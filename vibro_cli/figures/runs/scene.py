@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.chart import body_look, plane_axes
 from vibro_cli.figures.numbering import Named, write_names
 from vibro_cli.figures.runs.plan import draw_ends, trace_points, visited
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import PARTICLE
 from vibro_cli.mechanics.trace import Piece
@@ -159,15 +158,7 @@ def _centres(run: Recorded) -> Array:
 def _set_axes(axes: Axes, middle: Array, size: Array, scale: float) -> None:
     """Set both axes to one scale (mm per m) around the middle."""
     half = 0.5 * size / scale
-    low, high = middle - half, middle + half
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    across = number_ticks(float(low[0]), float(high[0]), float(size[0]))
-    along = vertical_ticks(float(low[1]), float(high[1]), float(size[1]))
-    axes.set_xticks(across.places, across.labels)
-    axes.set_yticks(along.places, along.labels)
-    axes.set_xlabel(f"$x$ [{with_power('m', across)}]")
-    axes.set_ylabel(f"$y$ [{with_power('m', along)}]", labelpad=1.0)
+    plane_axes(axes, middle - half, middle + half, size)
 
 
 def _number_place(run: Recorded, piece: Piece, scale: float) -> tuple[float, float]:

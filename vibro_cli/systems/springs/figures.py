@@ -25,6 +25,7 @@ from vibro_cli.figures.chart import (
     body_look,
     draw_contacts,
     joined,
+    plane_axes,
     stacked,
     time_axis,
     value_axis,
@@ -44,7 +45,7 @@ from vibro_cli.figures.runs.over_time import (
 )
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
+from vibro_cli.figures.ticks import number_ticks, with_power
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
 from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait
@@ -296,15 +297,8 @@ def _set_axes(
     """Set both axes to one scale (mm per m) around the middle."""
     half = 0.5 * size[0] / scale
     middle = 0.5 * float(low[0] + high[0])
-    axes.set_xlim(middle - half, middle + half)
-    axes.set_ylim(float(low[1]), float(high[1]))
-    across = number_ticks(middle - half, middle + half, size[0])
-    along = vertical_ticks(float(low[1]), float(high[1]), size[1])
-    axes.set_xticks(across.places, across.labels if labelled else [""] * len(across.labels))
-    axes.set_yticks(along.places, along.labels)
-    if labelled:
-        axes.set_xlabel(f"$x$ [{with_power('m', across)}]")
-    axes.set_ylabel(f"$y$ [{with_power('m', along)}]", labelpad=1.0)
+    low = np.array([middle - half, low[1]])
+    plane_axes(axes, low, np.array([middle + half, high[1]]), np.array(size), labelled)
 
 
 def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: float) -> None:

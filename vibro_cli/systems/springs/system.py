@@ -30,6 +30,7 @@ from vibro_cli.kernels.springs.world import (
 from vibro_cli.mechanics.system import body_record
 from vibro_cli.systems.driver import EventLoop
 from vibro_cli.systems.rows import ImpactSystem, touching_distance
+from vibro_cli.systems.wanted import UNLIMITED
 
 
 @dataclass(frozen=True)
@@ -98,8 +99,6 @@ def separatrix_speed(spring: Spring, frequency: float, displacement: float) -> f
     square = (length - spring.height) * (2.0 * spring.length - spring.height - length)
     return frequency * math.sqrt(square) if square >= 0.0 else math.nan
 
-
-UNLIMITED = 2**62
 
 LOOP = EventLoop(
     advance=advance,

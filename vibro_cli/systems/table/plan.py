@@ -13,10 +13,9 @@ from matplotlib.patches import Circle, Ellipse, Polygon
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import LEFT, body_look
+from vibro_cli.figures.chart import LEFT, body_look, plane_axes
 from vibro_cli.figures.numbering import leader, place_numbers
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
 
@@ -75,14 +74,7 @@ def _panel(width: str, low: Floats, high: Floats, size: Floats) -> tuple[Figure,
     figure = Figure(figsize=(wide * style.MM, tall * style.MM))
     box = (LEFT / wide, _BOTTOM / tall, float(size[0]) / wide, float(size[1]) / tall)
     axes = figure.add_axes(box)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    across = number_ticks(float(low[0]), float(high[0]), float(size[0]))
-    along = vertical_ticks(float(low[1]), float(high[1]), float(size[1]))
-    axes.set_xticks(across.places, across.labels)
-    axes.set_yticks(along.places, along.labels)
-    axes.set_xlabel(f"$x$ [{with_power('m', across)}]")
-    axes.set_ylabel(f"$y$ [{with_power('m', along)}]", labelpad=1.0)
+    plane_axes(axes, low, high, size)
     return figure, axes
 
 

@@ -37,6 +37,7 @@ from vibro_cli.kernels.table.world import (
 from vibro_cli.mechanics.system import body_record
 from vibro_cli.systems.driver import EventLoop
 from vibro_cli.systems.rows import ImpactSystem
+from vibro_cli.systems.wanted import UNLIMITED
 
 ELLIPSE = "ellipse"
 CIRCLE = "circle"
@@ -90,7 +91,6 @@ class TableSystem(ImpactSystem):
 
 # A side ends in a corner that no ball can touch; met a little beyond, it has no way through there.
 BEYOND = 1.0e-9
-UNLIMITED = 2**62
 
 LOOP = EventLoop(
     advance=advance,

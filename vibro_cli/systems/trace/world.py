@@ -42,6 +42,7 @@ from vibro_cli.mechanics.reachability import contact_angle, reach
 from vibro_cli.mechanics.system import Body, System, body_record
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import elementwise
+from vibro_cli.systems.wanted import UNLIMITED
 
 # Bounds are kept above the rounding of what they bound.
 CAUTION = 1.0 + 1.0e-12
@@ -252,7 +253,7 @@ def _settings(
     settings.right_wall = right.restitution if right else NO_WALL
     settings.keep = 1
     settings.stop_t = NEVER if stop_time is None else stop_time
-    settings.stop_collisions = 2**62 if stop_collisions is None else stop_collisions
+    settings.stop_collisions = UNLIMITED if stop_collisions is None else stop_collisions
     return settings
 
 
