@@ -19,7 +19,7 @@ PACKAGE = ROOT / "vibro_cli"
 # knows both.
 LAYERS = (
     "commands",
-    "results",
+    "interface",
     "report",
     "figures",
     "benchmark",

@@ -28,22 +28,22 @@ if TYPE_CHECKING:
     from vibro_cli.grids.dataset import FolderInUse as FolderInUse
     from vibro_cli.grids.dataset import GridChanged as GridChanged
     from vibro_cli.grids.dataset import NoManifest as NoManifest
-    from vibro_cli.results import Drawing as Drawing
-    from vibro_cli.results import Grid as Grid
-    from vibro_cli.results import Run as Run
-    from vibro_cli.results import check as check
-    from vibro_cli.results import example as example
-    from vibro_cli.results import fit as fit
-    from vibro_cli.results import load_scenario as load_scenario
-    from vibro_cli.results import open_grid as open_grid
-    from vibro_cli.results import open_run as open_run
-    from vibro_cli.results import orbit as orbit
-    from vibro_cli.results import orbit_family as orbit_family
-    from vibro_cli.results import portrait as portrait
-    from vibro_cli.results import simulate as simulate
-    from vibro_cli.results import simulate_many as simulate_many
-    from vibro_cli.results import sweep as sweep
-    from vibro_cli.results import verify as verify
+    from vibro_cli.interface.analyses import fit as fit
+    from vibro_cli.interface.analyses import orbit as orbit
+    from vibro_cli.interface.analyses import orbit_family as orbit_family
+    from vibro_cli.interface.drawing import Drawing as Drawing
+    from vibro_cli.interface.grids import Grid as Grid
+    from vibro_cli.interface.grids import open_grid as open_grid
+    from vibro_cli.interface.grids import sweep as sweep
+    from vibro_cli.interface.runs import Run as Run
+    from vibro_cli.interface.runs import open_run as open_run
+    from vibro_cli.interface.runs import simulate as simulate
+    from vibro_cli.interface.runs import simulate_many as simulate_many
+    from vibro_cli.interface.runs import verify as verify
+    from vibro_cli.interface.scenarios import check as check
+    from vibro_cli.interface.scenarios import example as example
+    from vibro_cli.interface.scenarios import load_scenario as load_scenario
+    from vibro_cli.interface.scenarios import portrait as portrait
     from vibro_cli.scenario import Scenario as Scenario
     from vibro_cli.scenario import ScenarioError as ScenarioError
     from vibro_cli.storage.frame import Table as Table
@@ -62,11 +62,11 @@ _HOME = {
     "vibro_cli.errors": ("VibroError",),
     "vibro_cli.figures.film": ("NoFilm",),
     "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest"),
-    "vibro_cli.results": (
-        *("Drawing", "Grid", "Run", "check", "example", "fit", "load_scenario", "open_grid"),
-        *("open_run", "orbit", "orbit_family", "portrait", "simulate", "simulate_many", "sweep"),
-        "verify",
-    ),
+    "vibro_cli.interface.analyses": ("fit", "orbit", "orbit_family"),
+    "vibro_cli.interface.drawing": ("Drawing",),
+    "vibro_cli.interface.grids": ("Grid", "open_grid", "sweep"),
+    "vibro_cli.interface.runs": ("Run", "open_run", "simulate", "simulate_many", "verify"),
+    "vibro_cli.interface.scenarios": ("check", "example", "load_scenario", "portrait"),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
     "vibro_cli.systems.trace.tangents": ("NoTangents",),
     "vibro_cli.storage.frame": ("Table",),

@@ -81,7 +81,8 @@ def _section(
     as_json: bool,
 ) -> int:
     """Open, draw and write."""
-    from vibro_cli.results import open_grid, open_run
+    from vibro_cli.interface.grids import open_grid
+    from vibro_cli.interface.runs import open_run
     from vibro_cli.storage.runs import NotContinuable
     from vibro_cli.storage.stored_grid import NotAGrid, is_grid
 

@@ -1,0 +1,255 @@
+"""Grids as Python works with them: a scenario solved for many values."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vibro_cli import __version__
+from vibro_cli.grids.document import grid_of, load_grid
+from vibro_cli.grids.threads import solve_into
+from vibro_cli.interface.drawing import Drawing
+from vibro_cli.scenario.loading import Document
+from vibro_cli.storage.frame import Table
+from vibro_cli.storage.stored_grid import open_grid as open_stored_grid
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from vibro_cli.figures.grids.basins import Mapped
+    from vibro_cli.grids.document import Grid as GridDocument
+    from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.storage.stored_grid import StoredGrid
+
+_LOG = logging.getLogger("vibro_cli")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A scenario solved for many values: the summary of every point, and the impacts if kept.
+
+    From :func:`sweep` or :func:`open_grid`.
+    """
+
+    stored: StoredGrid = field(repr=False)
+    """The folder as it was read."""
+
+    @property
+    def name(self) -> str:
+        """The name of the grid."""
+        return self.stored.name
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Paths of the values that change: the names of their columns."""
+        return self.stored.axes
+
+    @cached_property
+    def summary(self) -> Table:
+        """A row for each point: its number, the values of the axes, the summary of its run."""
+        return Table("summary", self.stored.table("summary"))
+
+    @cached_property
+    def collisions(self) -> Table:
+        """A row for each impact of every point; ``KeyError`` where they were not kept."""
+        return Table("collisions", self.stored.table("collisions"))
+
+    def save(self, folder: str | Path) -> Path:
+        """Copy the dataset to a folder that is not there yet; return it.
+
+        Raises ``FileExistsError`` where something is there.
+        """
+        shutil.copytree(self.stored.folder, folder)
+        return Path(folder)
+
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of figures there are."""
+        from vibro_cli.figures.grids.kinds import GRID_KINDS
+
+        return tuple(GRID_KINDS)
+
+    def figure(self, kind: str, width: str = "double") -> Drawing:
+        """Draw one figure of the grid.
+
+        Parameters
+        ----------
+        kind
+            One of ``grid.kinds``, or a column of numbers of the summary: its map over two axes.
+        width
+            ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
+
+        Raises ``ValueError`` for another kind or width, and where the grid has nothing to show.
+        """
+        from vibro_cli.figures.grids.kinds import draw_grid_kind
+
+        drawn = draw_grid_kind(self.stored, kind, width)
+        if drawn is None:
+            raise ValueError(f"{self.name} has nothing to show as {kind}")
+        return Drawing(kind, drawn)
+
+    def section(
+        self,
+        columns: Sequence[str] = (),
+        pair: tuple[int, int] | None = None,
+        transient: int | None = None,
+        width: str = "double",
+    ) -> Drawing:
+        """Draw the bifurcation diagram: impacts of every run over the axis with most values.
+
+        Parameters
+        ----------
+        columns
+            One or two columns of numbers of the impacts; place and speed by default.
+        pair
+            Only impacts of these bodies, from 1, the left one first.
+        transient
+            How many of each run are left out at its beginning; by default all but the last 20 of
+            runs with more.
+        width
+            ``"single"`` or ``"double"``.
+
+        Raises ``ValueError`` for another column or width, and where no such impact was kept.
+        """
+        from vibro_cli.figures.grids.bifurcation import Section, bifurcation, quantities_of
+
+        quantities = quantities_of(columns, self.stored.impact_units())
+        drawn = bifurcation(self.stored, width, quantities, Section(pair, transient))
+        if drawn is None:
+            raise ValueError(f"{self.name} kept no such impact, or no axis of numbers changes")
+        return Drawing("section", drawn)
+
+    def basins(self, outcome: Sequence[str] = ()) -> Mapped:
+        """Tell which outcome each point leads to, and how finely the outcomes are mixed.
+
+        Parameters
+        ----------
+        outcome
+            Columns of the summary that tell the outcome together, as for ``vibro basins``.
+
+        Its ``basins`` has the measures; ``map(width)`` and ``scaling(width)`` draw.
+
+        Raises `NoBasins` where they cannot be told.
+        """
+        from vibro_cli.figures.grids.basins import mapped_basins
+
+        return mapped_basins(self.stored, outcome)
+
+    def report(self, file: str | Path, maps: Sequence[str] = ()) -> Path:
+        """Write the page that explains the grid, as ``vibro report`` does; return its path.
+
+        ``maps`` are columns of the summary that are shown over two axes too.
+        """
+        from vibro_cli.report.page import grid_html
+        from vibro_cli.storage.files import write_file
+
+        target = Path(file)
+        write_file(target, grid_html(self.stored, target.parent, __version__, maps))
+        return target
+
+    def __repr__(self) -> str:
+        return f"<Grid {self.name}: {self.stored.points:,} points over {', '.join(self.axes)}>"
+
+    def _repr_html_(self) -> str:
+        """Show the first points in a notebook."""
+        return self.summary._repr_html_()
+
+
+def sweep(
+    source: AnyScenario | str | Path,
+    axes: Mapping[str, Any] | None = None,
+    folder: str | Path | None = None,
+    *,
+    mode: str = "product",
+    collisions: bool | Sequence[str] = False,
+    workers: int = 0,
+    force: bool = False,
+    **more: int,
+) -> Grid:
+    """Solve a scenario for many values of some of its keys, as ``vibro grid`` does.
+
+    Parameters
+    ----------
+    source
+        A scenario; or a grid file, which has the axes and all else in it.
+    axes
+        The values by their paths: a sequence or array of them, or what a grid file says of an axis,
+        such as ``{"linspace": ["-80 deg", "-65 deg", 121]}``. Of a product, the last axis changes
+        fastest.
+    folder
+        Where the dataset goes; what it holds of this grid already is not solved again. By default
+        it is kept in a temporary folder for as long as the grid is used.
+    mode
+        How the axes are combined: ``"product"``, ``"zip"``, ``"latin-hypercube"`` or ``"sobol"``;
+        the latter two take ``n`` (and ``seed``) too.
+    collisions
+        Whether every impact is kept too; or the names of the columns that are.
+    workers
+        Threads; 0 for one on each processor.
+    force
+        Whether another grid in the folder is replaced.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with the grid. A point that is no valid scenario is a row with
+        status ``invalid`` and the reason.
+    GridChanged
+        If the folder holds another grid.
+    """
+    grid = _grid_of(source, axes, {"mode": mode, **more}, collisions)
+    target = Path(tempfile.mkdtemp(prefix="vibro-") if folder is None else folder)
+    try:
+        solve_into(target, grid, workers, force=force)
+        found = Grid(open_stored_grid(target))
+    except BaseException:
+        if folder is None:
+            shutil.rmtree(target)
+        raise
+    if folder is None:
+        weakref.finalize(found, shutil.rmtree, target)
+    _LOG.info("%s: %s points", found.name, f"{found.stored.points:,}")
+    return found
+
+
+def _grid_of(
+    source: AnyScenario | str | Path,
+    axes: Mapping[str, Any] | None,
+    settings: Mapping[str, Any],
+    collisions: bool | Sequence[str],
+) -> GridDocument:
+    """The grid that was asked for."""
+    from vibro_cli.scenario.base import plain
+
+    if isinstance(source, str | Path):
+        if axes is not None:
+            raise TypeError("a grid file has its axes in it; expected a scenario with axes=")
+        return load_grid(source)
+    kept = {"collisions": bool(collisions)}
+    data = {
+        "name": source.name,
+        "scenario": source.given(),
+        "axes": [
+            {"path": path, **(plain(one) if isinstance(one, Mapping) else {"values": plain(one)})}
+            for path, one in (axes or {}).items()
+        ],
+        "keep": kept if isinstance(collisions, bool) else {**kept, "columns": list(collisions)},
+        **settings,
+    }
+    return grid_of(Document(data, name=source.name), Path())
+
+
+def open_grid(folder: str | Path) -> Grid:
+    """Open the folder of a grid, all its points or those that are finished.
+
+    Raises ``NotAGrid`` when it is none of vibro's, or a file of it is missing or has changed.
+    """
+    return Grid(open_stored_grid(Path(folder)))

@@ -1,0 +1,430 @@
+"""Runs as Python works with them: solved, opened, sampled, drawn and kept in folders."""
+
+from __future__ import annotations
+
+import logging
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vibro_cli import __version__, api
+from vibro_cli.assemble import warnings_of
+from vibro_cli.grids.dataset import verify as verify_folder
+from vibro_cli.grids.threads import available_cores
+from vibro_cli.interface.drawing import Drawing
+from vibro_cli.storage import runs
+from vibro_cli.storage.frame import Table
+from vibro_cli.storage.schema import table_named
+from vibro_cli.storage.stored import as_if_stored
+from vibro_cli.storage.stored import open_run as open_stored_run
+from vibro_cli.storage.tables import read_parquet, to_arrow, units_of_numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from vibro_cli.grids.dataset import Verdict
+    from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.storage.stored import StoredRun
+
+_LOG = logging.getLogger("vibro_cli")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run: its tables, its motion at any time, figures, a report and a folder.
+
+    From :func:`simulate` or :func:`open_run`.
+    """
+
+    scenario: AnyScenario
+    """What was solved."""
+    _solved: api.Run | None = field(repr=False)
+    """The run as the solver made it, with all its logs; None for one from a folder."""
+    stored: StoredRun | None = field(default=None, repr=False)
+    """As it was read from its folder, if it was."""
+
+    @property
+    def solved(self) -> api.Run:
+        """The run with all its logs; one from a folder is solved again for that."""
+        if self._solved is not None:
+            return self._solved
+        assert self.stored is not None
+        return self.stored.run
+
+    @property
+    def _shown(self) -> Any:
+        """The run as figures take it, of a long one from a folder without its logs."""
+        return self._solved or (self.stored and self.stored.whole) or self.stored
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder the run was opened from, None if it was not."""
+        return None if self.stored is None else self.stored.folder
+
+    @property
+    def name(self) -> str:
+        """The name of the scenario."""
+        return self.scenario.name
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The columns of the table ``summary`` as plain values, None where there is none."""
+        stored = self.stored
+        return self.solved.summary_record() if stored is None else dict(stored.summary)
+
+    @cached_property
+    def tables(self) -> dict[str, Table]:
+        """Every table of the run by its name, as its folder has them."""
+        if self.folder is not None:
+            files = {name: self.folder / f"{name}.parquet" for name in self._table_names}
+            return {n: Table(n, read_parquet(file)) for n, file in files.items() if file.exists()}
+        made = {n: runs.run_table(self.solved, n, self.scenario) for n in self._table_names}
+        return {name: Table(name, data) for name, data in made.items() if data is not None}
+
+    @property
+    def _table_names(self) -> Sequence[str]:
+        return [table.file for table in self._shown.kind.tables()]
+
+    @property
+    def collisions(self) -> Table:
+        """A row for each impact of two bodies, in order of time."""
+        return self.tables["collisions"]
+
+    @property
+    def bounces(self) -> Table:
+        """A row for each impact on the wall; on a table only, else ``KeyError``."""
+        return self.tables["bounces"]
+
+    @property
+    def events(self) -> Table:
+        """A row for each event other than an impact; not on a table, there ``KeyError``."""
+        return self.tables["events"]
+
+    @property
+    def motion(self) -> Table | None:
+        """The motion at the times that ``[output]`` asks for; None where it asks for none."""
+        return self.tables.get("motion")
+
+    def sample(self, times: ArrayLike, side: str = "after", extrapolate: bool = False) -> Table:
+        """Return the motion at any times, exactly: for each time a row for each body.
+
+        Of a long run from a folder no log is kept: each call goes through the run again, a second
+        for a million impacts, so that many times are best asked for at once.
+
+        Parameters
+        ----------
+        times
+            Instants in s, shape ``()`` or ``(n,)``, in any order, within the run.
+        side
+            ``"after"`` or ``"before"`` an event that happens at just such an instant.
+        extrapolate
+            Whether times outside the run are answered too, as if the first and the last flights
+            went on.
+
+        Raises
+        ------
+        ValueError
+            For another ``side``, and for a time outside the run that is not to be extrapolated.
+        """
+        import numpy as np
+
+        motion = self._solved if self.stored is None else self.stored.motion
+        assert motion is not None
+        columns = motion.sample(np.atleast_1d(times), side, extrapolate)
+        described = table_named("motion", list(columns), self.scenario.system)
+        return Table("motion", to_arrow(described, columns, runs.origin_of(self.scenario)))
+
+    def continued(self, changes: Mapping[str, Any], engine: str = "compiled") -> Run:
+        """Return the run with a later stop, to the bit as if it had never stopped.
+
+        Parameters
+        ----------
+        changes
+            Values by their paths as for ``scenario.replace``, such as ``{"stop.time": 120}``.
+        engine
+            As for :func:`simulate`.
+
+        Raises ``CannotContinue`` if the run had ended for good, or is past the new stop.
+        """
+        before = self.solved.checkpoint(), self.solved.history()
+        return _solved(self.scenario.replace(changes), engine, *before)
+
+    def save(
+        self,
+        folder: str | Path | None = None,
+        figures: bool | Sequence[str] = True,
+        force: bool = False,
+    ) -> Path:
+        """Write the folder of the run, as ``vibro run`` does, whole or not at all; return it.
+
+        Parameters
+        ----------
+        folder
+            By default ``outputs/<name>``.
+        figures
+            Whether figures are drawn too: for a trace the phase portraits, else of every kind; or
+            the names of the kinds that are.
+        force
+            Whether a run with other parameters is replaced.
+
+        Raises
+        ------
+        FolderRefused
+            If the folder holds something else, or a run with other parameters.
+        OSError
+            If it cannot be written.
+        """
+        from vibro_cli.figures.output import render
+        from vibro_cli.figures.runs.kinds import draw_all
+
+        target = Path("outputs") / self.name if folder is None else Path(folder)
+        if isinstance(figures, bool):
+            figures = self._shown.kind.default_figures if figures else ()
+        width = self._shown.kind.figure_width(self._shown.system)
+        drawn = draw_all(self._shown, figures, width)
+        files = {f"{one.name}.{form}": render(one.figure, form) for one in drawn for form in _FORMS}
+        runs.write_run(self.solved, self.scenario, target, files, force)
+        return target
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of figures there are."""
+        return tuple(self._shown.kind.figures)
+
+    def section(
+        self,
+        columns: Sequence[str],
+        pair: tuple[int, int] | None = None,
+        transient: int = 0,
+        width: str = "double",
+    ) -> Drawing:
+        """Draw the Poincaré section of the impacts: one column over another.
+
+        Parameters
+        ----------
+        columns
+            Two columns of numbers of the impacts, along and up.
+        pair
+            Only impacts of these bodies, from 1, the left one first.
+        transient
+            How many are left out at the beginning.
+        width
+            ``"single"`` or ``"double"``.
+
+        Raises ``ValueError`` for another column or width, and where there is no such impact.
+        """
+        from vibro_cli.figures.grids.bifurcation import Section, poincare, quantities_of
+
+        table, section = self.collisions, Section(pair, transient)
+        quantities = quantities_of(columns, units_of_numbers(table.to_arrow().schema))
+        if len(quantities) != 2:
+            raise ValueError(f"found {len(quantities)} columns of impacts, expected two")
+        wanted = {name: table[name] for name in (*columns, *section.columns)}
+        drawn = poincare(wanted, (quantities[0], quantities[1]), section, width)
+        if drawn is None:
+            raise ValueError(f"{self.name} has no such impact")
+        return Drawing("section", drawn)
+
+    def figure(self, kind: str = "portrait", body: int = 1, width: str = "double") -> Drawing:
+        """Draw one figure of the run.
+
+        Parameters
+        ----------
+        kind
+            One of ``run.kinds``, such as ``"portrait"``.
+        body
+            The body of a phase portrait, from 1.
+        width
+            ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
+
+        Raises
+        ------
+        ValueError
+            For another kind, body or width, and where the run has nothing to show in it.
+        """
+        from vibro_cli.figures.runs.kinds import draw_one
+
+        drawn = draw_one(self._shown, kind, body, width)
+        if drawn is None:
+            raise ValueError(f"{self.name} has nothing to show as {kind}")
+        return Drawing(f"{kind}_{body}" if kind == "portrait" else kind, drawn)
+
+    def film(
+        self,
+        file: str | Path,
+        start: float = 0.0,
+        end: float | None = None,
+        pace: float = 1.0,
+        fps: int = 25,
+    ) -> Path:
+        """Write the motion of a run on a trace as a film, exact at every frame's time.
+
+        Parameters
+        ----------
+        file
+            ``.html``, ``.gif`` or ``.mp4`` (which needs the program ffmpeg).
+        start, end
+            The times shown, s; by default from the start to the end of the run, or to 30 s of film.
+        pace
+            Motion's time in a second of the film, s.
+        fps
+            Frames in a second of the film; of a GIF a divisor of 100.
+
+        Raises
+        ------
+        ValueError
+            For a run of another system, another suffix, and times outside the run.
+        NoFilm
+            If ffmpeg is not there, or fails.
+        """
+        from vibro_cli.figures.film import FORMS, frame_times, frames, movie
+        from vibro_cli.report.film_page import film_html
+        from vibro_cli.storage.files import write_file
+
+        target, run, last = Path(file), self._shown, self.summary["end_time"]
+        form = target.suffix.lower().removeprefix(".")
+        stop = min(last, start + _SECONDS * pace) if end is None else end
+        if not run.kind.has_film:
+            raise ValueError(f"found a run of {self.scenario.system}, expected one of a trace")
+        if form not in (*FORMS, "html") or (form == "gif" and 100 % fps):
+            raise ValueError(
+                f"found {target.name!r} with {fps} frames a second, expected .html, .mp4, or .gif "
+                "with a divisor of 100"
+            )
+        if not 0.0 <= start < stop <= last:
+            raise ValueError(
+                f"found {start:g} s to {stop:g} s, expected times from 0 to {last:g} s"
+            )
+        shown = frames(run, frame_times(start, stop, pace, fps))
+        if form == "html":
+            write_file(target, film_html(run, shown, fps, self.name, __version__))
+        else:
+            write_file(target, movie(run, shown, fps, form))
+        return target
+
+    def report(self, file: str | Path) -> Path:
+        """Write the page that explains the run, as ``vibro report`` does; return its path."""
+        from vibro_cli.report.page import report_html
+        from vibro_cli.storage.files import write_file
+
+        target = Path(file)
+        stored = self.stored or self._as_if_stored()
+        write_file(target, report_html([stored], target.parent, __version__))
+        return target
+
+    def _as_if_stored(self) -> StoredRun:
+        tables = {name: dict(table) for name, table in self.tables.items()}
+        return as_if_stored(self.solved, self.scenario, tables)
+
+    def __repr__(self) -> str:
+        return f"<Run {_in_words(self)}>"
+
+    def _repr_html_(self) -> str:
+        """Show the summary in a notebook."""
+        rows = "".join(
+            f"<tr><th>{escape(name)}{f' [{unit}]' if unit else ''}</th>"
+            f"<td>{escape(_shown(self.summary[name]))}</td></tr>"
+            for name, unit in self.tables["summary"].units.items()
+            if self.summary[name] is not None
+        )
+        return f"<table><caption>{escape(_in_words(self))}</caption>{rows}</table>"
+
+
+_FORMS = ("png", "pdf")
+
+_SECONDS = 30.0
+"""Length of a film (s) where no end is asked for."""
+
+
+def _in_words(run: Run) -> str:
+    summary = run.summary
+    count, end = summary["collisions"], summary["end_cause"].replace("_", " ")
+    impacts = f"{count:,} {'impact' if count == 1 else 'impacts'}"
+    return f"{run.name}: {impacts}, ended at t = {summary['end_time']:.6g} s ({end})"
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def simulate(scenario: AnyScenario, engine: str = "compiled") -> Run:
+    """Run a scenario to its end.
+
+    What is doubtful about it is a warning of the logger ``vibro_cli``, what came of it an
+    information.
+
+    Parameters
+    ----------
+    scenario
+        From :func:`load_scenario`, :func:`example` or ``Scenario.from_dict``.
+    engine
+        ``"compiled"``, or ``"python"`` (interpreted); both give the same bits.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario is mechanically impossible; every problem with its place.
+    TooQuiet
+        If millions of crossings follow one another without an impact.
+    """
+    return _solved(scenario, engine)
+
+
+def _solved(scenario: AnyScenario, engine: str, *before: Any) -> Run:
+    run = Run(scenario, api.simulate(scenario, engine, *before))
+    for warning in warnings_of(scenario, run.solved.system):
+        _LOG.warning("%s: %s", scenario.name, warning)
+    for omission in run.solved.skipped:
+        _LOG.debug("%s: skipped: %s", scenario.name, omission)
+    _LOG.info("%s", _in_words(run))
+    return run
+
+
+def simulate_many(
+    scenarios: Iterable[AnyScenario], workers: int = 0, engine: str = "compiled"
+) -> list[Run]:
+    """Run scenarios to their ends, several at a time; the runs are in the order given.
+
+    To change a few values of one scenario, and for more than some hundreds, :func:`sweep` is the
+    better way: it keeps tables in place of runs.
+
+    Parameters
+    ----------
+    scenarios, engine
+        As for :func:`simulate`; they may be of different systems.
+    workers
+        Threads; 0 for one on each processor.
+
+    Raises as :func:`simulate`, for the first scenario that cannot be run.
+    """
+    with ThreadPoolExecutor(workers or available_cores()) as pool:
+        return list(pool.map(lambda one: _solved(one, engine), scenarios))
+
+
+def open_run(folder: str | Path) -> Run:
+    """Open the folder of a run; its files are held to their checksums.
+
+    Raises
+    ------
+    NotContinuable
+        If it holds no run of this version of the program, or one that has changed.
+    OSError
+        If a file is missing or cannot be read.
+    """
+    stored = open_stored_run(Path(folder))
+    return Run(stored.scenario, None, stored)
+
+
+def verify(folder: str | Path) -> Verdict:
+    """Check the folder of a run or grid against its checksums, as ``vibro verify`` does.
+
+    Raises ``NoManifest`` for a folder that is none of vibro's. What is missing or damaged is in the
+    ``findings`` of the verdict, and ``sound`` says whether there is nothing.
+    """
+    return verify_folder(Path(folder))
