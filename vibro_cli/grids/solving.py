@@ -40,12 +40,13 @@ from vibro_cli.storage.tables import record_batch
 from vibro_cli.systems import system_named
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.tables import impacts_of_runs
+from vibro_cli.systems.tangents import exponent_columns
 from vibro_cli.systems.trace.ensemble import Batch, make_points
 from vibro_cli.systems.trace.event_loop import empty_results
 from vibro_cli.systems.trace.geometry import Places
 from vibro_cli.systems.trace.run import Wanted, simulate_system
 from vibro_cli.systems.trace.summary import summary_columns
-from vibro_cli.systems.trace.tangents import exponent_columns, time_scale
+from vibro_cli.systems.trace.tangents import time_scale
 from vibro_cli.systems.trace.world import own_records, stack_of
 from vibro_cli.systems.wanted import UNLIMITED
 

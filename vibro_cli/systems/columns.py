@@ -6,7 +6,7 @@ docs/ all come from these declarations, and so do the columns themselves where t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -209,3 +209,46 @@ def summary_balance() -> Iterator[Column]:
     yield number("energy_correction", "J", text, True, lambda t: t.clock["energy_correction"])
     text = "largest distance left between bodies at an impact"
     yield number("max_gap", "m", text, True, lambda totals: totals.largest_gap)
+
+
+GROWTH = (
+    number(
+        "amplification",
+        "",
+        "growth of a small change of the start in the states of both bodies after the impact "
+        "(null beyond 1e308, and where the motion has no derivative that is known)",
+        True,
+    ),
+    number(
+        "digits_left",
+        "",
+        "decimal digits that rounding the start to doubles leaves of these states",
+        True,
+    ),
+    flag("smooth", "whether the motion depends differentiably on its start here"),
+)
+"""What impacts have besides where the growth of small changes is followed."""
+
+
+def exponents(numbers: int | str) -> tuple[Column, ...]:
+    """Columns of so many Lyapunov exponents, or of one that stands for any."""
+    names = [numbers] if isinstance(numbers, str) else range(1, numbers + 1)
+    text = "Lyapunov exponent {} until then, the greatest first (null for −∞, see docs)"
+    return tuple(number(f"lyapunov_{name}", "1/s", text.format(name), True) for name in names)
+
+
+def converging(numbers: int | str) -> Table:
+    """The table of how exponents converge; `numbers` as for :func:`exponents`."""
+    columns = (
+        count("n", "number of the impact, from 1"),
+        number("t", "s", "time of the impact"),
+        *exponents(numbers),
+        number("lyapunov_error", "1/s", "standard error of the greatest exponent", True),
+    )
+    return Table("exponents", "the run until one of its impacts", columns)
+
+
+def converging_table(column_names: Iterable[str]) -> Table:
+    """The table of how exponents converge, as it must be for data with these columns."""
+    names = {name for name in column_names if name.startswith("lyapunov_")}
+    return converging(len(names - {"lyapunov_error"}))

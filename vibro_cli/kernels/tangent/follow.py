@@ -391,7 +391,7 @@ def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
         for column in range(len(tangents.frame)):
             tangents.growth[impact, column] = tangents.sums[0, column]
         if len(tangents.product) > 0:
-            tangents.amplification[0, impact] = growth_of_pair(tangents, row.a, row.b)
+            tangents.amplification[0, impact] = growth_of_pair(tangents, row.a, row.b, 2)
         rough = state.rough == 1 or end > begin + 1 or row.simultaneous == 1 or row.contact == 1
         tangents.smooth[0, impact] = 0 if rough else 1
     state.rough = 0

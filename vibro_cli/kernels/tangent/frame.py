@@ -109,15 +109,18 @@ def scaled_back(tangents: Tangents, value: float) -> float:
 
 
 @kernel
-def growth_of_pair(tangents: Tangents, a: int, b: int) -> float:
-    """Root mean square growth of a change of the start in the states of two bodies."""
+def growth_of_pair(tangents: Tangents, a: int, b: int, numbers: int) -> float:
+    """Root mean square growth of a change of the start in the states of two bodies.
+
+    The state of each is so many numbers; ``a`` and ``b`` may be the same body.
+    """
     total = 0.0
-    for end in range(4):
-        row = 2 * (a if end < 2 else b) + end % 2
+    for end in range(2 * numbers):
+        row = numbers * (a if end < numbers else b) + end % numbers
         for column in range(len(tangents.frame)):
             value = from_start(tangents, row, column)
             total += value * value
-    return scaled_back(tangents, 0.5 * math.sqrt(total))
+    return scaled_back(tangents, math.sqrt(total / (2 * numbers)))
 
 
 @kernel

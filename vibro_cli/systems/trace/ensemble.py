@@ -22,6 +22,7 @@ from vibro_cli.kernels.structs import BodyData, Flight, PairTrack, PieceData, Tr
 from vibro_cli.kernels.tangent.world import TangentState
 from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import System
+from vibro_cli.systems.tangents import room_for
 from vibro_cli.systems.trace.event_loop import (
     LOOP,
     compiled_world,
@@ -30,7 +31,6 @@ from vibro_cli.systems.trace.event_loop import (
     enter_points,
     zeros,
 )
-from vibro_cli.systems.trace.tangents import room_for
 from vibro_cli.systems.trace.world import make_world, overrides_of
 
 

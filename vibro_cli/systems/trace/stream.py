@@ -11,12 +11,13 @@ from vibro_cli.kernels.world import RUNNING
 from vibro_cli.mechanics.system import System
 from vibro_cli.systems.contract import Sink
 from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.trace.events import Events, event_columns
 from vibro_cli.systems.trace.flights import Paths
 from vibro_cli.systems.trace.geometry import Places
 from vibro_cli.systems.trace.impacts import Impacts
 from vibro_cli.systems.trace.summary import Tally, summary_columns, with_logs
-from vibro_cli.systems.trace.tangents import TangentMap, exponent_table, grown_columns
+from vibro_cli.systems.trace.tangents import TangentMap
 from vibro_cli.systems.trace.world import make_world, overrides_of
 from vibro_cli.systems.wanted import Sampling, Wanted
 

@@ -6,12 +6,16 @@ from collections.abc import Iterable, Sequence
 
 from vibro_cli.kernels.statistics.regimes import EIGHTS, REGIMES
 from vibro_cli.systems.columns import (
+    GROWTH,
     IMPULSE,
     KINETIC,
     LAW,
     Column,
     Table,
+    converging,
+    converging_table,
     count,
+    exponents,
     flag,
     number,
     phases,
@@ -64,24 +68,6 @@ _OMEGA = "angular velocity about the contact point (null for a particle, which s
 _SIDE = count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
 
 
-_GROWN = (
-    number(
-        "amplification",
-        "",
-        "growth of a small change of the start in the states of both bodies after the impact "
-        "(null beyond 1e308, and where the motion has no derivative that is known)",
-        True,
-    ),
-    number(
-        "digits_left",
-        "",
-        "decimal digits that rounding the start to doubles leaves of these states",
-        True,
-    ),
-    flag("smooth", "whether the motion depends differentiably on its start here"),
-)
-
-
 def collisions(sided: bool = False, grown: bool = False) -> Table:
     """The table of impacts; `sided` for two bodies on a closed trace, which may meet two ways.
 
@@ -125,7 +111,7 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
         *_before_and_after("kinetic_energy", "J", KINETIC),
         number("impulse", "N s", IMPULSE, nullable=True),
         *(phase for prefix, text, words in _PHASES for phase in phases(prefix, text, words)),
-        *(_GROWN if grown else ()),
+        *(GROWTH if grown else ()),
     ]
     return Table("collisions", "one impact of one pair", tuple(columns))
 
@@ -214,50 +200,29 @@ def final_state(ball: int | str) -> tuple[Column, ...]:
     )
 
 
-def _exponents(names: Iterable[int | str]) -> Iterable[Column]:
-    for name in names:
-        text = "Lyapunov exponent {} until then, the greatest first (null for −∞, see docs)"
-        yield number(f"lyapunov_{name}", "1/s", text.format(name), True)
-
-
-_ERROR = number("lyapunov_error", "1/s", "standard error of the greatest exponent", True)
-
-
-def exponents(balls: int) -> Table:
-    """The table of how exponents converge."""
-    columns = (
-        count("n", "number of the impact, from 1"),
-        number("t", "s", "time of the impact"),
-        *_exponents(range(1, 2 * balls + 1)),
-        _ERROR,
-    )
-    return Table("exponents", "the run until one of its impacts", columns)
-
-
 def summary(balls: int, grown: bool = False) -> Table:
     """The table of summaries of runs with `balls` bodies; `grown` with exponents."""
     states = [column for ball in range(1, balls + 1) for column in final_state(ball)]
     if grown:
-        states += _exponents(range(1, 2 * balls + 1))
+        states += exponents(2 * balls)
     return Table("summary", "one run", (*_SUMMARY_HEAD, *states))
 
 
 def tables() -> tuple[Table, ...]:
     """Every table with all columns it may have; the final state stands for any body `i`."""
-    growth = tuple(_exponents("i"))
-    sample = Table("summary", "one run", (*_SUMMARY_HEAD, *final_state("i"), *growth))
-    converging = Table("exponents", exponents(1).row, (*exponents(0).columns[:2], *growth, _ERROR))
-    return (collisions(sided=True, grown=True), events(), motion(), sample, converging)
+    columns = (*_SUMMARY_HEAD, *final_state("i"), *exponents("i"))
+    sample = Table("summary", "one run", columns)
+    return (collisions(sided=True, grown=True), events(), motion(), sample, converging("i"))
 
 
 def table_named(name: str, column_names: Sequence[str]) -> Table | None:
     """The table `name`, as it must be for data with these columns; None for one that is not."""
     if name == "collisions":
-        grown = _GROWN[0].name in column_names
+        grown = GROWTH[0].name in column_names
         return collisions(sided=_SIDE.name in column_names, grown=grown)
     if name == "summary":
         balls = sum(column.startswith("arc_") for column in column_names)
         return summary(balls, grown="lyapunov_1" in column_names)
     if name == "exponents":
-        return exponents(sum(column.startswith("lyapunov_") for column in column_names) // 2)
+        return converging_table(column_names)
     return {"events": events(), "motion": motion()}.get(name)
