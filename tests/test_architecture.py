@@ -60,6 +60,7 @@ PARTS = {
     "build": "assemble",
     "describe": "report",
     "stress": "stress",
+    "twin": "stress",
     **dict.fromkeys(("phase_plane", "wall_orbits"), "analysis"),
     **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait", "velocities"), "figures"),
 }

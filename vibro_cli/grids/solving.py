@@ -411,7 +411,7 @@ class RunSolver:
     def __init__(self, grid: Grid, engine: str = "compiled") -> None:
         self._grid = grid
         self._engine = engine
-        self._table = summary(ball_count(grid), grid.system)
+        self._table = summary(ball_count(grid), grid.system, is_followed(grid))
         self._kept = {name: impact_table_of(grid, name) for name in grid.kept_tables}
 
     def solve(self, indices: Array) -> Solved:

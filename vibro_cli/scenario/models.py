@@ -170,13 +170,17 @@ class Analysis(Table):
 
     lyapunov: Annotated[bool, kinds.FLAG] = False
     """Whether the growth of small changes of the start is followed: digits that are left of each
-    impact, Lyapunov exponents in the summary, and how they converge; of a trace at rest."""
+    impact, Lyapunov exponents in the summary, and how they converge; not of a trace that turns."""
 
 
 def _as_analysis(value: object) -> object:
-    if value is None:  # as for a trace that turns
+    if value is None:
         raise kinds.fault("null", "a table")
     return value
+
+
+Growth = Annotated[Analysis | None, BeforeValidator(_as_analysis)]
+"""The growth of small changes, if wanted."""
 
 
 class Scenario(ScenarioTable):
@@ -200,7 +204,7 @@ class Scenario(ScenarioTable):
     """What happens at the two ends of an open trace."""
     output: Output = Output()
     """Sampled motion and further events, if wanted."""
-    analysis: Annotated[Analysis | None, BeforeValidator(_as_analysis)] = None
+    analysis: Growth = None
     """The growth of small changes, if wanted."""
 
     @classmethod

@@ -22,6 +22,7 @@ from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.stress.finding import Finding, Plan
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.systems import NAMES as SYSTEMS
+from vibro_cli.systems import system_named
 
 # The function ``check_NAME`` of each is in this module beside this one; the quick ones first. Those
 # of a system are ``check`` in the module ``stress`` of its folder.
@@ -55,7 +56,11 @@ def findings_of(name: str, plan: Plan) -> list[Finding]:
         check = import_module(f"vibro_cli.systems.{name}.stress").check
     else:
         check = getattr(import_module(f"vibro_cli.stress.{HOMES[name]}"), f"check_{name}")
-    return check(plan)
+    findings = check(plan)
+    if name == "tangent":
+        for system in (one for one in SYSTEMS[1:] if system_named(one).exponents):
+            findings += import_module(f"vibro_cli.systems.{system}.stress").check_tangent(plan)
+    return findings
 
 
 def run(plan: Plan, names: Sequence[str]) -> Iterator[Finding]:

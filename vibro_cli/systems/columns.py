@@ -7,7 +7,7 @@ docs/ all come from these declarations, and so do the columns themselves where t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
@@ -228,6 +228,11 @@ GROWTH = (
     flag("smooth", "whether the motion depends differentiably on its start here"),
 )
 """What impacts have besides where the growth of small changes is followed."""
+
+
+def with_growth(table: Table) -> Table:
+    """A table of impacts with what they have where the growth of small changes is followed."""
+    return replace(table, columns=(*table.columns, *GROWTH))
 
 
 def exponents(numbers: int | str) -> tuple[Column, ...]:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from vibro_cli.systems.driver import Driver, EventLoop
     from vibro_cli.systems.rows import Bodies, ImpactRows
     from vibro_cli.systems.stream import Stretch, Stretches
+    from vibro_cli.systems.tangents import LoggedMap
     from vibro_cli.systems.wanted import Limits, Wanted
 
 Rows = dict[str, Any]
@@ -133,7 +134,9 @@ class System(ABC):
         """Return what is to be computed of a scenario beside the impacts."""
         from vibro_cli.systems.wanted import Wanted
 
-        return Wanted(**scenario.output.model_dump())
+        analysis = getattr(scenario, "analysis", None)
+        grown = analysis is not None and analysis.lyapunov
+        return Wanted(**scenario.output.model_dump(), lyapunov=grown)
 
     def one_sided(self, scenario: Any) -> bool:
         """Whether bodies may lift off what they roll on."""
@@ -189,12 +192,20 @@ class System(ABC):
 
     @abstractmethod
     def summary(self, bodies: int, grown: bool = False) -> Table:
-        """Return the summary of runs with so many bodies; of a trace, `grown` with exponents."""
+        """Return the summary of runs with so many bodies, `grown` with exponents."""
 
     def table(self, name: str, column_names: Sequence[str]) -> Table | None:
         """Return the table with a name for data with these columns, None where there is none."""
+        from vibro_cli.systems.columns import GROWTH, converging_table, with_growth
+
         if name == "summary":
-            return self.summary(sum(column.startswith("x_") for column in column_names))
+            bodies = sum(column.startswith("x_") for column in column_names)
+            return self.summary(bodies, grown="lyapunov_1" in column_names)
+        if name == "exponents":
+            return converging_table(column_names)
+        if name in self.impact_logs:
+            table = self.impact_logs[name].table
+            return with_growth(table) if GROWTH[0].name in column_names else table
         return {table.file: table for table in self.tables()}.get(name)
 
     @abstractmethod
@@ -221,6 +232,14 @@ class System(ABC):
         `rows` is how many its logs have, where it ended or was `interrupted`.
         """
         return None
+
+    exponents: ClassVar[int] = 0
+    """How many Lyapunov exponents there are for each body, the numbers that are its state; none
+    where tangent maps are not known."""
+
+    def tangents(self, system: Any) -> LoggedMap:
+        """Return the tangent map of a run, which goes through its logs, see systems/tangents.py."""
+        raise NotImplementedError
 
     # Figures: figures/runs/kinds.py.
 
@@ -268,7 +287,7 @@ class System(ABC):
         return lines_of(found, partial(settings, self.model))
 
     has_orbits: ClassVar[bool] = False
-    """Whether its tangent maps are known: periodic orbits are looked for, numbers are fitted."""
+    """Whether periodic orbits are looked for, and numbers fitted, with its tangent maps."""
     has_families: ClassVar[bool] = False
     """Whether portraits can be drawn over a range of a parameter."""
 

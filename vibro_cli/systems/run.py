@@ -96,7 +96,7 @@ class Run:
 
     @property
     def exponents(self) -> Rows | None:
-        """Columns of ``exponents.parquet`` of a trace, or None if they are not asked for."""
+        """Columns of ``exponents.parquet``, or None if they are not asked for."""
         return self.table("exponents")
 
     @property

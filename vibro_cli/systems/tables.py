@@ -10,6 +10,7 @@ import numpy as np
 from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
 from vibro_cli.systems.rows import Totals, record_array
 from vibro_cli.systems.stream import RUNNING, Stretch
+from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.wanted import Limits, Sampling, Wanted
 
 States = Callable[[Any, float], Rows]
@@ -48,6 +49,8 @@ class SystemTables:
         self._sampling = Sampling(wanted) if "motion" in names and wanted.motion else None
         self._before: Any = None
         self._begun = False
+        self._tangents = kind.tangents(system) if wanted.lyapunov else None
+        self._converging = "exponents" in names
         world, records = kind.world(system, Limits()), kind.loop.records
         started = {
             name: record_array(getattr(world, name), records[name]) for name in kind.loop.state
@@ -58,8 +61,14 @@ class SystemTables:
         """Tell of a stretch."""
         ended = stretch.cause != RUNNING
         more = not ended or any(map(len, stretch.logs.values())) or not self._begun
+        grown = {} if self._tangents is None else self._tangents.take(stretch)
         for name, impacts in self._impacts.items() if more else ():
-            self._sink(name, impacts.take(stretch.logs))
+            columns = impacts.take(stretch.logs)
+            if name in grown:
+                columns |= grown_columns(grown[name], columns["grazing"])
+            self._sink(name, columns)
+        if self._tangents is not None and self._converging and ended:
+            self._sink("exponents", exponent_table(self._tangents))
         if self._events is not None and more:
             self._sink("events", self._events(stretch.logs))
         self._begun = True
@@ -77,7 +86,8 @@ class SystemTables:
     def summary(self) -> Rows:
         """Return the columns of ``summary.parquet``, once the run has ended."""
         values = self._kind.summary(len(self._system.bodies)).filled(self._totals)
-        return {name: _one(value) for name, value in values.items()}
+        found = {name: _one(value) for name, value in values.items()}
+        return found if self._tangents is None else found | self._tangents.summary()
 
 
 def _one(value: Any) -> Any:

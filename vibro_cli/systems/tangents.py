@@ -7,6 +7,7 @@ loop; here are the room that it works in, and the columns that come of it.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,10 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.tangent.impacts import WIDTH
 from vibro_cli.kernels.tangent.world import SCALE, Tangents, TangentState
-from vibro_cli.systems.contract import Rows
-from vibro_cli.systems.stream import RUNNING
+from vibro_cli.systems.contract import Rows, System
+from vibro_cli.systems.driver import compiled_world
+from vibro_cli.systems.stream import RUNNING, Stretch, begun
+from vibro_cli.systems.wanted import Limits
 
 Floats = NDArray[np.float64]
 
@@ -28,16 +32,22 @@ BLOCKS = 16
 
 
 def room_for(
-    size: int, impacts: int, times: bool, states: Any, from_start: bool = True
+    size: int,
+    impacts: int,
+    times: bool,
+    states: Any,
+    from_start: bool = True,
+    pairs: int | None = None,
 ) -> Tangents:
     """Return what a tangent map is followed with: its size, and the impacts there is room for.
 
-    Without ``from_start`` the growth of the frame is followed only.
+    Without ``from_start`` the growth of the frame is followed only. At most so many ``pairs``
+    collide at once, by default half the size.
     """
     floats = {
         "frame": (size, size), "product": (size if from_start else 0, size),
         "step": (size, size), "sums": (1, size),
-        "arriving": (size // 2, 2), "delay": (1, size), "turning": (size // 2, WIDTH),
+        "arriving": (size // 2, 2), "delay": (1, size), "turning": (pairs or size // 2, WIDTH),
         "amplification": (1, impacts), "times": (impacts if times else 0, size),
         "growth": (impacts, size),
     }  # fmt: skip
@@ -118,15 +128,25 @@ class TangentMap:
         many speeds (m/s).
     times
         Whether derivatives of the impacts' times are wanted.
+    pairs
+        See :func:`room_for`.
     """
 
-    def __init__(self, time_scale: float, bodies: int, numbers: int, times: bool = False) -> None:
+    def __init__(
+        self,
+        time_scale: float,
+        bodies: int,
+        numbers: int,
+        times: bool = False,
+        pairs: int | None = None,
+    ) -> None:
         self.time_scale = time_scale
         self.size = numbers * bodies
         """Number of exponents."""
         self.growth = Growth()
         self._times = times
         self._numbers = numbers
+        self._pairs = pairs
         state = TangentState()
         state.time_scale = time_scale
         self._state: Any = [state]
@@ -136,7 +156,8 @@ class TangentMap:
         """Return what the kernel works on in a stretch with so many impacts."""
         kept = {name: getattr(self._kept, name) for name in ("frame", "product", "sums")}
         state = engine.compiled_rows(self._state, TangentState) if compiles else self._state
-        return room_for(self.size, impacts, self._times, state)._replace(**kept)
+        room = room_for(self.size, impacts, self._times, state, pairs=self._pairs)
+        return room._replace(**kept)
 
     def _told(self, tangents: Tangents, times: Any, cause: int, end: tuple[float, float]) -> Rows:
         """Take what the kernel has told of a stretch, and the times (s) of its impacts.
@@ -156,8 +177,9 @@ class TangentMap:
             self.growth.end = end[0], self.sums
         return {"amplification": amplification[0], "smooth": smooth[0] != 0}
 
-    def _units(self) -> Floats:
-        """What one unit of each component of a change is in m and m/s: its reciprocal scale."""
+    @property
+    def units(self) -> Floats:
+        """What one unit of each number of the state is in m and m/s."""
         half = self._numbers // 2
         one = np.repeat([1.0, 1.0 / self.time_scale], half)
         return np.tile(one, self.size // self._numbers)
@@ -175,13 +197,97 @@ class TangentMap:
 
     def matrix(self) -> Floats:
         """The tangent map in ways (m) and speeds (m/s), after the end of a run at that instant."""
-        units = self._units()
+        units = self.units
         exponent = round(math.log2(SCALE)) * int(self._state[0].scalings)
         with np.errstate(over="ignore"):
             found: Floats = np.ldexp(
                 np.asarray(self._kept.frame) @ np.asarray(self._kept.product), exponent
             )
         return found * units[:, None] / units[None, :]
+
+
+class LoggedMap(TangentMap):
+    """The tangent map of a run whose logs one kernel goes through, as they come.
+
+    Parameters
+    ----------
+    kind, system
+        What is solved.
+    follow
+        The kernel: from a world with the logs of a stretch, whether there was one before, why and
+        when (two doubles, s) the run ended, and the tangents, which it changes.
+    time_scale, pairs
+        See :class:`TangentMap`.
+    """
+
+    def __init__(
+        self, kind: System, system: Any, follow: Any, time_scale: float, pairs: int | None = None
+    ) -> None:
+        super().__init__(time_scale, len(system.bodies), kind.exponents, pairs=pairs)
+        self._kind = kind
+        self._follow = follow
+        self._world = kind.world(system, Limits())
+        self._known = 0
+
+    def take(self, stretch: Stretch) -> dict[str, Rows]:
+        """Go on through a stretch; the columns ``amplification, smooth`` of its impacts by tables.
+
+        Impacts of several logs are told of in order of their events.
+        """
+        compiles = stretch.engine == "compiled"
+        world = self._with_logs(stretch.logs, compiles)
+        tables = {name: stretch.logs[one.log] for name, one in self._kind.impact_logs.items()}
+        parts = list(tables.values())
+        order = np.arange(len(parts[0]))
+        if len(parts) > 1:
+            order = np.argsort(np.concatenate([part["event"] for part in parts]), kind="stable")
+        times = np.concatenate([part["t"] for part in parts])[order]
+        room = self._room(compiles, len(times))
+        follow: Any = compiled(self._follow) if compiles else self._follow
+        follow(world, self._known, stretch.cause, *stretch.end, room)
+        self._known = 1
+        columns = self._told(room, times, stretch.cause, stretch.end)
+        found = {name: np.empty_like(values) for name, values in columns.items()}
+        for name, values in columns.items():
+            found[name][order] = values
+        ends = np.cumsum([len(part) for part in parts])[:-1]
+        split = {name: np.split(values, ends) for name, values in found.items()}
+        return {
+            table: {name: values[number] for name, values in split.items()}
+            for number, table in enumerate(tables)
+        }
+
+    def _with_logs(self, logs: Mapping[str, Any], compiles: bool) -> Any:
+        """The records of the run, as those before have left them, with the logs of a stretch."""
+        loop = self._kind.loop
+        if compiles and not isinstance(self._world.clock, np.ndarray):
+            self._world = compiled_world(loop, self._world)
+        rows = logs
+        if not compiles:
+            rows = {
+                name: engine.interpreted_copies(log, loop.records[name])
+                for name, log in logs.items()
+            }
+        for name, used in loop.logs.items():
+            if compiles:
+                self._world.clock[used] = len(logs[name])
+            else:
+                setattr(self._world.clock[0], used, len(logs[name]))
+        self._world = self._world._replace(**rows)
+        return self._world
+
+
+def followed(
+    kind: System, system: Any, limits: Limits, engine_name: str = "compiled"
+) -> tuple[LoggedMap, dict[str, Rows], Stretch]:
+    """Return the tangent map of a whole run, the columns of its impacts by tables, and the run.
+
+    Raises as ``systems.stream.begun``.
+    """
+    driver = begun(kind, system, limits, engine_name)
+    whole, _ = kind.stretches(driver, limits.time).whole()
+    found = kind.tangents(system)
+    return found, found.take(whole), whole
 
 
 def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:

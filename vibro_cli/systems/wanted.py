@@ -103,7 +103,7 @@ class Wanted:
     friction: float | None = None
     """Coefficient of friction of a trace; slip events where rolling needs more."""
     lyapunov: bool = False
-    """The growth of small changes of the start on a trace, see ``systems.trace.tangents``."""
+    """The growth of small changes of the start, see ``systems.tangents``."""
 
     @property
     def motion(self) -> bool:

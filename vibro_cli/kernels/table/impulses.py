@@ -31,6 +31,30 @@ BALANCED = 1.0e-12
 def solve_impulses(world: World, closing: int, law: int, restitution: float) -> None:
     """Set the impulses of the closing pairs, and the velocities after them in the shares."""
     _set_up(world, closing, law, restitution)
+    _descend(world, closing)
+    for number in range(closing):
+        touch = world.touches[number]
+        touch.direction = touch.impulse
+    _apply(world, closing)
+
+
+@kernel
+def impulses_for(world: World, pairs: int) -> None:
+    """Set the impulses of pairs for right-hand sides given in ``left``, each a double."""
+    if pairs == 1:
+        world.touches[0].impulse = world.touches[0].left / world.touches[0].diagonal
+        return
+    for number in range(pairs):
+        touch = world.touches[number]
+        touch.left_low = 0.0
+        touch.impulse, touch.impulse_low = 0.0, 0.0
+        touch.direction = touch.left / touch.diagonal
+    _descend(world, pairs)
+
+
+@kernel
+def _descend(world: World, closing: int) -> None:
+    """Set the impulses by conjugate gradients, from the right-hand sides and first directions."""
     target = 0.0
     for number in range(closing):
         touch = world.touches[number]
@@ -50,8 +74,18 @@ def solve_impulses(world: World, closing: int, law: int, restitution: float) -> 
     for number in range(closing):
         touch = world.touches[number]
         touch.impulse += touch.impulse_low
-        touch.direction = touch.impulse
-    _apply(world, closing)
+
+
+@kernel
+def set_weights(world: World, number: int, law: int) -> None:
+    """Set weights and responses of a pair of touching balls."""
+    touch = world.touches[number]
+    one = world.bodies[touch.a]
+    other = world.bodies[touch.b]
+    inclined = inclination(one, other)
+    touch.weight_a, touch.response_a = weight_and_response(law, one, inclined)
+    touch.weight_b, touch.response_b = weight_and_response(law, other, inclined)
+    touch.diagonal = touch.weight_a * touch.response_a + touch.weight_b * touch.response_b
 
 
 @kernel
@@ -64,12 +98,10 @@ def _set_up(world: World, closing: int, law: int, restitution: float) -> None:
         one = world.bodies[touch.a]
         other = world.bodies[touch.b]
         inclined = inclination(one, other)
-        touch.weight_a, touch.response_a = weight_and_response(law, one, inclined)
-        touch.weight_b, touch.response_b = weight_and_response(law, other, inclined)
+        set_weights(world, number, law)
         touch.approach = law_approach(
             law, one, other, inclined, inclined, row.normal_a_pre, row.normal_b_pre
         )
-        touch.diagonal = touch.weight_a * touch.response_a + touch.weight_b * touch.response_b
         touch.impulse, touch.impulse_low = 0.0, 0.0
     # By the very weights that the impulses are measured with: where these are redundant, another
     # rounding of the speeds would ask for what no impulses can do.

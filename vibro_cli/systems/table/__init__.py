@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from vibro_cli.systems.stream import Stretch
     from vibro_cli.systems.table.motion import Motion
     from vibro_cli.systems.tables import SystemTables
+    from vibro_cli.systems.tangents import LoggedMap
     from vibro_cli.systems.wanted import Limits, Wanted
 
 
@@ -31,6 +32,7 @@ class BallsOnTable(System):
     name = "table"
     impact_tables = ("collisions", "bounces")
     papers = ("A", "B", "C")
+    exponents = 4
     default_figures = ("plan", "energy")
 
     @property
@@ -60,8 +62,9 @@ class BallsOnTable(System):
     @property
     def kernels(self) -> tuple[Kernel, ...]:
         from vibro_cli.kernels.table.loop import advance
+        from vibro_cli.kernels.table.tangent import follow_balls
 
-        return (advance,)
+        return advance, follow_balls
 
     def world(self, system: Any, limits: Limits) -> Any:
         from vibro_cli.systems.table.system import make_world
@@ -69,14 +72,16 @@ class BallsOnTable(System):
         return make_world(system, limits.time, limits.collisions, limits.bounces)
 
     def tables(self) -> tuple[Table, ...]:
-        from vibro_cli.systems.table.tables import TABLES, summary
+        from vibro_cli.systems.columns import converging, with_growth
+        from vibro_cli.systems.table.tables import BOUNCES, COLLISIONS, MOTION, summary
 
-        return (*TABLES, summary("i"))
+        impacts = with_growth(COLLISIONS), with_growth(BOUNCES)
+        return (*impacts, MOTION, summary("i", "i"), converging("i"))
 
     def summary(self, bodies: int, grown: bool = False) -> Table:
         from vibro_cli.systems.table.tables import summary
 
-        return summary(range(1, bodies + 1))
+        return summary(range(1, bodies + 1), self.exponents * bodies if grown else 0)
 
     @property
     def impact_logs(self) -> dict[str, ImpactLog]:
@@ -98,6 +103,14 @@ class BallsOnTable(System):
             return states_at(system, records["balls"], time)
 
         return SystemTables(self, system, wanted, names, sink, states)
+
+    def tangents(self, system: Any) -> LoggedMap:
+        from vibro_cli.kernels.table.tangent import follow_balls
+        from vibro_cli.systems.table.system import most_touches, time_scale
+        from vibro_cli.systems.tangents import LoggedMap
+
+        pairs = most_touches(len(system.bodies))
+        return LoggedMap(self, system, follow_balls, time_scale(system), pairs)
 
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Motion:
         from vibro_cli.systems.table.motion import Motion

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.runs.contact_points import POINTS_CAPTION, POINTS_TITLE
-from vibro_cli.figures.runs.kinds import INTERVALS, Kind, KindOfBody
+from vibro_cli.figures.runs.kinds import EXPONENTS, INTERVALS, Kind, KindOfBody
 from vibro_cli.figures.runs.over_time import EnergyLines, energy_chart, energy_lines
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.systems.run import Run
@@ -69,4 +69,5 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
         "contact at the end some periods only.",
     ),
     "intervals": INTERVALS,
+    "exponents": EXPONENTS,
 }

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import BodyTable, Sampling, ScenarioTable, Table, as_tuple
-from vibro_cli.scenario.models import Inadmissible, Law, Stop
+from vibro_cli.scenario.models import Growth, Inadmissible, Law, Stop
 from vibro_cli.scenario.problems import Fault, listing, shown
 from vibro_cli.scenario.rules import (
     KIND,
@@ -136,6 +136,8 @@ class TableScenario(ScenarioTable):
     """When the run ends."""
     output: Sampling = Sampling()
     """Sampled motion, if wanted."""
+    analysis: Growth = None
+    """The growth of small changes, if wanted."""
 
     @classmethod
     def between_fields(cls, data: dict[str, Any]) -> list[Fault]:

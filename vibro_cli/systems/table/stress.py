@@ -11,7 +11,11 @@ from vibro_cli.api import simulate
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
+from vibro_cli.stress.oracles.neighbours import differences, error_of
+from vibro_cli.systems import system_named
 from vibro_cli.systems.run import Run
+from vibro_cli.systems.table.twin import Twin, told_of
+from vibro_cli.systems.tangents import followed
 
 CHECK = "table"
 Generator = np.random.Generator
@@ -233,3 +237,63 @@ def _gas(plan: Plan) -> list[Finding]:
         drift.finding(CHECK, "relative drift of energy", tried, 1e-12),
         gap.finding(CHECK, "distance left at an impact (ulp of 1 m)", tried, 8.0),
     ]
+
+
+# Beyond it the rounding of the motion itself shows in its derivatives.
+_MOST_GROWTH = 1.0e4
+_LAWS = ("hedrih", "translational", "normal-impulse")
+_RECTANGLE = {"shape": "rectangle", "width": 2.4, "depth": 2.0}
+_NOTCHED = [[-1.2, -1.0], [1.2, -1.0], [1.2, 1.1], [0.2, 1.0], [0.0, 0.6], [-0.2, 1.0], [-1.2, 1.0]]
+
+
+def drawn(rng: Generator) -> Document:
+    """A scene at random: one to three balls, any law, k from 0.2 to 1, any wall or none."""
+    radii = [float(rng.uniform(0.05, 0.15)) for _ in range(int(rng.integers(1, 4)))]
+    balls = []
+    for number, radius in enumerate(radii):
+        turn = math.tau * (number + float(rng.uniform(-0.2, 0.2))) / 3.0
+        ball = _ball(rng, radius)
+        place = {"x": 0.45 * math.cos(turn), "y": 0.35 * math.sin(turn)}
+        balls.append(ball | place | {"mass": float(rng.uniform(0.5, 3.0))})
+    shape = str(rng.choice(["ellipse", "circle", "rectangle", "polygon"]))
+    walls: dict[str, Document] = {
+        "ellipse": _ellipse(rng), "circle": {"shape": "circle", "radius": 1.1},
+        "rectangle": _RECTANGLE, "polygon": {"shape": "polygon", "corners": _NOTCHED},
+    }  # fmt: skip
+    restitution = [float(rng.choice([1.0, rng.uniform(0.2, 1.0)])) for _ in range(2)]
+    wall = walls[shape] | {"k": restitution[0]}
+    law = str(rng.choice(_LAWS))
+    collision = {"k": restitution[1], "law": law, "inadmissible": "normal-impulse"}
+    document: Document = {"system": "table", "balls": balls, "wall": wall, "collision": collision}
+    return document | {"stop": {"collisions": 3, "bounces": 8, "time": 20.0}}
+
+
+def check_tangent(plan: Plan) -> list[Finding]:
+    """Tangent maps of scenes drawn at random against neighbouring motions in 50 digits."""
+    worst, number = Worst(), 0
+    while worst.cases < plan.scenes(6, 200):
+        document = drawn(np.random.default_rng([plan.seed, 6, number]))
+        number += 1
+        error = map_error(document)
+        if error is not None:
+            worst.take(error, document)
+    tried = "tables drawn at random, up to 3 impacts of balls, 8 on walls of every shape, any law"
+    return [worst.finding("tangent", "error of the map, of its largest element", tried, 1e-10)]
+
+
+def map_error(document: Document) -> float | None:
+    """Error of the tangent map of a scene, None where it has none or rounding grows too far."""
+    scenario = any_scenario_of(document)
+    kind = system_named(scenario.system)
+    system = kind.build(scenario)
+    found, columns, whole = followed(kind, system, kind.limits(scenario))
+    smooth = all(bool(np.all(rows["smooth"])) for rows in columns.values())
+    matrix = found.matrix()
+    told = told_of(whole.logs["pair_log"], whole.logs["bounce_log"])
+    if not smooth or not told or np.max(np.abs(matrix)) > _MOST_GROWTH:
+        return None
+    mp = multiprecision()
+    twin = Twin(mp, system)
+    start = [number for one in system.initial for number in (*one.place, *one.velocity)]
+    exact = differences(mp, lambda moved: twin.end_of(moved, told, whole.end[0]), start)
+    return error_of(matrix, exact, found.units)

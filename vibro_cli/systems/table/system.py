@@ -145,6 +145,22 @@ def make_world(
     )
 
 
+def time_scale(system: TableSystem) -> float:
+    """Return the time (s) by which speeds are compared with ways in the growth of small changes.
+
+    In it the fastest ball of the start goes half the greater extent of the wall, or without one of
+    the places of the balls; 1 m if all are at one place, 1 s if none moves.
+    """
+    places = [state.place for state in system.initial]
+    if system.wall is not None and system.wall.shape == POLYGON:
+        places = list(system.wall.corners)
+    half = 0.5 * max(max(values) - min(values) for values in zip(*places, strict=True))
+    if system.wall is not None and system.wall.shape != POLYGON:
+        half = max(system.wall.semi_axes)
+    fastest = max(math.hypot(*state.velocity) for state in system.initial)
+    return (half or 1.0) / fastest if fastest > 0.0 else 1.0
+
+
 def most_touches(balls: int) -> int:
     """Return how many pairs of balls can touch at once.
 

@@ -13,6 +13,7 @@ from vibro_cli.systems.columns import (
     Table,
     Value,
     count,
+    exponents,
     flag,
     grazing,
     impact_head,
@@ -287,9 +288,10 @@ def _last(name: str, ball: int | str) -> Value:
     return lambda totals: totals.last[name][int(ball) - 1]
 
 
-def summary(balls: Iterable[int | str]) -> Table:
-    """The table of summaries of runs with these balls: numbers from 1, or a letter for any."""
-    return Table("table.summary", "one run", tuple(_summary_columns(balls)))
+def summary(balls: Iterable[int | str], grown: int | str = 0) -> Table:
+    """The table of summaries of runs with these balls: numbers from 1, or a letter for any.
 
-
-TABLES = (COLLISIONS, BOUNCES, MOTION)
+    `grown` with so many exponents.
+    """
+    columns = (*_summary_columns(balls), *exponents(grown))
+    return Table("table.summary", "one run", columns)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli.systems.contract import Sink, System
@@ -38,6 +37,7 @@ class Trace(System):
     has_film = True
     has_families = True
     has_orbits = True
+    exponents = 2
 
     @property
     def model(self) -> type[ScenarioTable]:
@@ -103,10 +103,6 @@ class Trace(System):
         from vibro_cli.systems.trace.tables import table_named
 
         return table_named(name, column_names)
-
-    def wanted(self, scenario: Any) -> Wanted:
-        grown = scenario.analysis is not None and scenario.analysis.lyapunov
-        return replace(super().wanted(scenario), lyapunov=grown)
 
     def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
         from vibro_cli.systems.trace.stream import Tables

@@ -86,7 +86,7 @@ class TangentMap(tangents.TangentMap):
             told = engine.compiled_rows(world.impacts, ImpactRow)
         columns = self._told(room, told["t"], cause, end)
         times: Any = room.times
-        return columns | {"times": times / self._units()} if self._times else columns
+        return columns | {"times": times / self.units} if self._times else columns
 
 
 @dataclass(frozen=True)

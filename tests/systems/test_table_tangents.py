@@ -1,0 +1,251 @@
+"""Tangent maps of balls on a table: against 50 digits, and results that are known exactly."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.grids.test_same_as_run import grid_of, plain
+from vibro_cli.api import simulate, simulate_streamed
+from vibro_cli.figures.runs.kinds import draw_all
+from vibro_cli.grids.points import document_at
+from vibro_cli.grids.solving import solver_of
+from vibro_cli.scenario import ScenarioError, any_scenario_of
+from vibro_cli.storage.runs import write_run
+from vibro_cli.storage.stored import open_run
+from vibro_cli.stress.finding import Document, Plan
+from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.table import SYSTEM, stress
+from vibro_cli.systems.tangents import LoggedMap, followed
+
+ELLIPSE: Document = {"shape": "ellipse", "semi_axis_x": 1.0, "semi_axis_y": 0.8, "k": 1.0}
+
+
+def ball(x: float, y: float, vx: float = 0.0, vy: float = 0.0, radius: float = 0.1) -> Document:
+    moving = {"velocity_x": vx, "velocity_y": vy}
+    body = {"body": "particle"} if radius == 0.0 else {}
+    return {"radius": radius, "mass": 1.0, "x": x, "y": y, **moving, **body}
+
+
+def scene(balls: list[Document], wall: Document | None = None, k: float = 1.0, **more: Any) -> Any:
+    document: Document = {"system": "table", "balls": balls, **more}
+    if wall is not None:
+        document["wall"] = wall
+    if len(balls) > 1:
+        document["collision"] = {"k": k} | document.get("collision", {})
+    return document
+
+
+TWO = [ball(0.3, 0.1, 1.0, 0.3), ball(-0.3, 0.1, 0.5, 0.7) | {"mass": 2.0}]
+
+
+def follow(document: Document, engine: str = "compiled") -> tuple[LoggedMap, Any, Stretch]:
+    scenario = any_scenario_of(document)
+    return followed(SYSTEM, SYSTEM.build(scenario), SYSTEM.limits(scenario), engine)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_scenes_drawn_at_random_agree_with_50_digits(seed: int) -> None:
+    (found,) = stress.check_tangent(Plan(seed=seed, full=False, cases=12))
+    assert found.cases == 12
+    assert found.worst <= 1e-11, found
+
+
+def test_an_error_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    matrix = LoggedMap.matrix
+    monkeypatch.setattr(LoggedMap, "matrix", lambda own: matrix(own) * (1.0 + 1e-8))
+    (found,) = stress.check_tangent(Plan(seed=1, full=False, cases=2))
+    assert not found.met
+
+
+@pytest.mark.parametrize("shape", ["convex_outside", "circle_outside", "corner"])
+def test_walls_met_from_outside_and_corners_agree_with_50_digits(shape: str) -> None:
+    walls: dict[str, Document] = {
+        "convex_outside": ELLIPSE | {"side": "outside", "k": 0.7},
+        "circle_outside": {"shape": "circle", "radius": 0.9, "side": "outside", "k": 0.4},
+        "corner": {"shape": "rectangle", "width": 2.0, "depth": 1.6, "side": "outside", "k": 0.6},
+    }
+    start = ball(-3.0, 0.2, 1.0, 0.05) if shape != "corner" else ball(-3.0, -0.85, 1.0, 0.0)
+    error = stress.map_error(scene([start], walls[shape], stop={"bounces": 1, "time": 9.0}))
+    assert error is not None
+    assert error < 1e-13
+
+
+@pytest.mark.parametrize("law", ["hedrih", "translational", "normal-impulse"])
+@pytest.mark.parametrize("k", [1.0, 0.999, 0.9])
+def test_volumes_shrink_by_the_restitution_at_each_impact(law: str, k: float) -> None:
+    small = ball(-0.3, 0.1, 0.5, 0.7, radius=0.08) | {"mass": 2.0}
+    law_of = {"law": law, "inadmissible": "normal-impulse"}
+    wall = ELLIPSE | {"k": k}
+    document = scene([TWO[0], small], wall, k, collision=law_of, stop={"collisions": 12})
+    found, _, whole = follow(document)
+    rows, bounces = whole.logs["pair_log"], len(whole.logs["bounce_log"])
+    parting = rows["normal_b_post"] - rows["normal_a_post"]
+    closing = rows["normal_a_pre"] - rows["normal_b_pre"]
+    expected = 2.0 * bounces * math.log(k) + np.sum(np.log(k * parting / closing))
+    if law != "hedrih":
+        total = 2.0 * (bounces + len(rows)) * math.log(k)
+        assert expected == pytest.approx(total, abs=1e-12 * (bounces + len(rows)))
+    assert len(rows) > 3
+    assert bounces > 12
+    assert np.sum(found.sums) == pytest.approx(expected, abs=1e-12 * (bounces + len(rows)))
+
+
+def test_exponents_come_in_pairs_and_a_chaotic_run_has_one_above_zero() -> None:
+    found, _, _ = follow(scene(TWO, ELLIPSE, stop={"collisions": 4000}))
+    exponents, error = found.growth.exponents()
+    assert exponents[0] > 10.0 * error[0]
+    assert exponents[0] > 0.4
+    np.testing.assert_allclose(exponents[:4], -exponents[:3:-1], atol=0.002)
+    assert np.sum(exponents) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "wall",
+    [
+        {"shape": "circle", "radius": 1.0, "k": 1.0},
+        ELLIPSE,
+        {"shape": "rectangle", "width": 2.0, "depth": 1.6, "k": 1.0},
+    ],
+    ids=["circle", "ellipse", "rectangle"],
+)
+def test_exponents_of_a_regular_motion_tend_to_zero(wall: Document) -> None:
+    for bounces in (1000, 10000):
+        run = scene([ball(0.3, 0.1, 1.0, 0.4, radius=0.0)], wall, stop={"bounces": bounces})
+        found, _, _ = follow(run)
+        exponents, _ = found.growth.exponents(per_impact=True)
+        assert abs(exponents[0]) < 1.5 * math.log(bounces) / bounces
+        assert np.sum(found.sums) == pytest.approx(0.0, abs=1e-12 * bounces)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("radius", [0.0, 0.15])
+def test_a_bounce_along_an_axis_has_the_trace_of_its_chord(axis: int, radius: float) -> None:
+    """Directions across the path turn round at a bounce: the trace is that of the mirror image."""
+    a, b = (1.0, 0.8) if axis == 0 else (0.8, 1.0)
+    chord, curvature = 2.0 * (a - radius), b * b / a - radius
+    speeds = (1.0, 0.0) if axis == 0 else (0.0, 1.0)
+    one = scene([ball(0.0, 0.0, *speeds, radius)], ELLIPSE, stop={"time": chord, "bounces": 9})
+    found, _, whole = follow(one)
+    assert len(whole.logs["bounce_log"]) == 1
+    across = np.ix_([1 - axis, 3 - axis], [1 - axis, 3 - axis])
+    trace = -float(np.trace(found.matrix()[across]))
+    assert trace == pytest.approx(2.0 * (chord / curvature - 1.0), abs=1e-13)
+
+
+def test_joint_impacts_have_the_derivative_of_those_that_stay_joint() -> None:
+    """Changes that are their own mirror image leave the impact of three balls what it is."""
+    still = [ball(0.0, 0.12), ball(0.0, -0.12)]
+    document = scene([ball(-1.0, 0.0, 1.0) | {"mass": 2.0}, *still], k=0.7, stop={"time": 2.0})
+    found, columns, _ = follow(document)
+    assert columns["collisions"]["smooth"].tolist() == [False, False]
+    assert np.isfinite(columns["collisions"]["amplification"]).all()
+    changes: list[dict[tuple[int, str], float]] = [
+        {(0, "velocity_x"): 1.0},
+        {(1, "y"): 1.0, (2, "y"): -1.0},
+        {(1, "velocity_y"): -1.0, (2, "velocity_y"): 1.0},
+    ]
+    names = ("x", "y", "velocity_x", "velocity_y")
+    for change in changes:
+        ends = []
+        for size in (1e-6, -1e-6):
+            balls = [dict(one) for one in document["balls"]]
+            for (number, name), by in change.items():
+                balls[number][name] += size * by
+            motion = simulate(any_scenario_of(document | {"balls": balls})).sample([2.0])
+            ends.append(np.stack([motion[name] for name in names], axis=1).ravel())
+        vector = np.zeros(12)
+        for (number, name), by in change.items():
+            vector[4 * number + names.index(name)] = by
+        np.testing.assert_allclose(
+            found.matrix() @ vector, (ends[0] - ends[1]) / 2e-6, rtol=0.0, atol=2e-9
+        )
+
+
+def test_an_impact_without_restitution_takes_a_direction() -> None:
+    """Balls that touch without parting, at any time: of eight numbers seven are free."""
+    found, columns, _ = follow(scene(TWO, ELLIPSE, 0.0, stop={"collisions": 1}))
+    assert columns["collisions"]["smooth"].tolist() == [True]
+    assert np.isneginf(found.sums).sum() == 1
+    values = np.linalg.svd(found.matrix(), compute_uv=False)
+    assert values[6] > 0.1
+    assert values[7] < 1e-14
+
+
+def test_nothing_goes_on_from_an_impact_that_is_not_carried_out() -> None:
+    balls = [ball(-1.0, 0.0, 1.0, radius=0.2), ball(0.0, 0.0, 0.6, radius=0.08)]
+    document = scene(balls, k=0.6, stop={"collisions": 3})
+    run = simulate(any_scenario_of(document | {"analysis": {"lyapunov": True}}))
+    assert run.end_cause == "inadmissible"
+    assert np.isnan(run.collisions["amplification"]).all()
+    assert not run.collisions["smooth"].any()
+
+
+def test_the_second_of_two_impacts_of_a_ball_at_one_instant_has_no_derivative() -> None:
+    wall = {"shape": "rectangle", "width": 2.0, "depth": 2.0, "k": 1.0}
+    corner = scene([ball(0.0, 0.0, 1.0, 1.0, radius=0.125)], wall, stop={"bounces": 3})
+    _, columns, whole = follow(corner)
+    assert whole.logs["bounce_log"]["t"][0] == whole.logs["bounce_log"]["t"][1]
+    assert columns["bounces"]["smooth"].tolist() == [False, False, True]
+
+
+def test_a_run_tells_of_exponents_in_all_its_tables(tmp_path: Path) -> None:
+    document = scene(TWO, ELLIPSE, 0.95, stop={"collisions": 30}, analysis={"lyapunov": True})
+    scenario = any_scenario_of(document)
+    told: dict[str, list[Any]] = {}
+    streamed = simulate_streamed(
+        scenario, lambda name, columns: told.setdefault(name, []).append(columns)
+    )
+    run = simulate(scenario, "python")
+    assert run.exponents is not None
+    assert streamed.summary_record() == run.summary_record()
+    tables = {"collisions": run.collisions, "bounces": run.bounces, "exponents": run.exponents}
+    for name, columns in tables.items():
+        (rows,) = [one for one in told[name] if len(one["n"])]
+        assert rows.keys() == columns.keys()
+        for key in rows.keys() & {"n", "amplification", "digits_left", "smooth", "lyapunov_1"}:
+            np.testing.assert_array_equal(rows[key], columns[key])
+    assert len(run.exponents["n"]) <= 256
+    record = run.summary_record()
+    impacts = len(run.collisions["n"]) + len(run.bounces["n"])
+    total = sum(record[f"lyapunov_{n}"] for n in range(1, 9)) * record["end_time"]
+    assert total == pytest.approx(2.0 * 30 * math.log(0.95), abs=1e-11 * impacts)
+    write_run(run, scenario, tmp_path / "run", {})
+    stored = open_run(tmp_path / "run")
+    assert stored.exponents is not None
+    np.testing.assert_array_equal(stored.exponents["lyapunov_1"], run.exponents["lyapunov_1"])
+    assert [one.name for one in draw_all(stored, ["exponents"])] == ["exponents"]
+
+
+def test_several_stretches_are_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    document = scene(TWO, ELLIPSE, stop={"collisions": 60}, analysis={"lyapunov": True})
+    scenario = any_scenario_of(document)
+    whole = simulate(scenario).summary_record()
+    monkeypatch.setattr("vibro_cli.systems.driver.COMPILED_ROWS", 32)
+    monkeypatch.setattr("vibro_cli.systems.stream.LEAST_ROWS", 16)
+    assert simulate_streamed(scenario, lambda *_: None).summary_record() == whole
+
+
+@pytest.mark.parametrize("keep", ["true", "false"])
+def test_exponents_of_points_are_those_of_runs(keep: str, tmp_path: Path) -> None:
+    more = ["analysis={lyapunov = true}", "stop={bounces = 40}"]
+    grid = grid_of(tmp_path, "table/elliptic_wall.toml", {"balls[1].x": [-0.1, 0.1]}, more, keep)
+    indices = np.arange(4)
+    solved = solver_of(grid).solve(indices)
+    values = grid.design.columns(indices)
+    for row in range(len(indices)):
+        found = {key: plain(column, row) for key, column in solved.summary.items()}
+        scenario = any_scenario_of(
+            document_at(grid.base, {p: c[row].item() for p, c in values.items()})
+        )
+        assert found == simulate(scenario, "python").summary_record()
+        assert found["lyapunov_1"] is not None
+
+
+def test_null_is_no_analysis() -> None:
+    with pytest.raises(ScenarioError, match="analysis"):
+        any_scenario_of(scene(TWO, ELLIPSE, stop={"time": 1.0}, analysis=None))
