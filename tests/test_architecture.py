@@ -62,7 +62,9 @@ PARTS = {
     "stress": "stress",
     "twin": "stress",
     **dict.fromkeys(("phase_plane", "wall_orbits"), "analysis"),
-    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait", "velocities"), "figures"),
+    **dict.fromkeys(
+        ("figures", "film", "plan", "portrait", "wall_portrait", "velocities"), "figures"
+    ),
 }
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py"))

@@ -24,11 +24,12 @@ from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
-from vibro_cli.figures.film import Film, frame_times, frames
+from vibro_cli.figures.film import Film, frame_times
 from vibro_cli.figures.grids.kinds import draw_grid
 from vibro_cli.figures.output import render
 from vibro_cli.figures.portraits.structure import comparison, structure
 from vibro_cli.figures.portraits.trace_phase_plane import family
+from vibro_cli.figures.runs.film_on_trace import film_on_trace
 from vibro_cli.figures.runs.kinds import draw_all
 from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.stored_grid import open_grid
@@ -46,7 +47,9 @@ def pictures(name: str) -> Iterator[Image.Image]:
     figures = [one.figure for one in draw_all(run, None, "single")]
     for figure in (*figures, structure(portrait), family([(name, portrait)])):
         yield picture(figure)
-    yield Image.fromarray(Film(run, frames(run, frame_times(0.0, 1.0, 1.0, 25)), 150.0).picture(25))
+    yield Image.fromarray(
+        Film(film_on_trace(run, frame_times(0.0, 1.0, 1.0, 25)), 150.0).picture(25)
+    )
 
 
 def others() -> Iterator[Image.Image]:

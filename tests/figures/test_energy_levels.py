@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 
 from tests.figures.energy import on_spring, on_trace
 from vibro_cli.api import simulate
-from vibro_cli.figures.film import Film, frame_times, frames
+from vibro_cli.figures.film import Film, frame_times
 from vibro_cli.figures.portraits.portrait import phase_portrait
+from vibro_cli.figures.runs.film_on_trace import film_on_trace
 from vibro_cli.figures.runs.over_time import energies
 from vibro_cli.figures.style import MM
 from vibro_cli.scenario.loading import load_any
@@ -304,15 +305,15 @@ def test_films_show_states_of_the_run(name: str, overrides: tuple[str, ...]) -> 
     run = run_of(name, overrides)
     flights, end = run.flights(), float(np.max(run.flights()["t_end"]))
     for pace in (end, 0.4):
-        shown = frames(run, frame_times(0.0, min(end, pace), pace, 24))
-        film = Film(run, shown, 50.0)
-        axes = film.phase
+        shown = film_on_trace(run, frame_times(0.0, min(end, pace), pace, 24))
+        film = Film(shown, 50.0)
+        axes = film.plane
         for ball in range(1, len(run.system.bodies) + 1):
             seen = 0
             for frame in range(0, len(shown.time), 4):
                 film.picture(frame)
-                _, _, line, point = film._moving[ball - 1]
-                for artist in (line, point):
+                moving = film._moving[ball - 1]
+                for artist in (moving.line, moving.point):
                     drawn = np.column_stack(artist.get_data())
                     seen += _check_trail(run, ball, drawn, shown.time[frame], axes, flights)
             assert seen > 0

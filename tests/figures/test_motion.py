@@ -12,10 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
+from vibro_cli import Run as Solved
+from vibro_cli import example
+from vibro_cli import simulate as solved
 from vibro_cli.api import Run, simulate
-from vibro_cli.figures.film import Frames, NoFilm, Stage, frame_times, frames, movie, trail
+from vibro_cli.figures.film import Film, Frames, NoFilm, Stage, frame_times, movie
+from vibro_cli.figures.runs.film_on_trace import film_on_trace
 from vibro_cli.scenario import load_scenario
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -30,7 +35,12 @@ def run_of(name: str, *overrides: str) -> Run:
 @cache
 def shown(name: str, end: float) -> tuple[Run, Frames]:
     run = run_of(name)
-    return run, frames(run, frame_times(0.0, end, 1.0, RATE))
+    return run, film_on_trace(run, frame_times(0.0, end, 1.0, RATE))
+
+
+def turn_of(shown: Frames) -> NDArray[np.float64]:
+    assert shown.turn is not None
+    return shown.turn
 
 
 def test_times_of_frames() -> None:
@@ -49,7 +59,7 @@ def test_a_frame_is_on_the_flight_of_its_time() -> None:
         at = np.searchsorted(flights["t_start"][mine], all_frames.time, side="right") - 1
         starts = run.sample(flights["t_start"][mine][at])
         np.testing.assert_allclose(sample["energy"][body::2], starts["energy"][body::2], rtol=1e-12)
-        kinetic = 0.5 * 1.4 * run.system.bodies[body].mass * all_frames.speed[:, body] ** 2
+        kinetic = 0.5 * 1.4 * run.system.bodies[body].mass * all_frames.up[:, body] ** 2
         potential = run.system.bodies[body].mass * run.system.gravity * all_frames.y[:, body]
         own = kinetic + potential
         level = own - sample["energy"][body::2]
@@ -65,21 +75,21 @@ def test_bodies_turn_as_they_roll() -> None:
     for body in (0, 1):
         speed = fine["speed"][body::2]
         turned = np.sum(0.5 * (speed[1:] + speed[:-1])) * step / run.system.bodies[body].radius
-        assert all_frames.turn[-1, body] == pytest.approx(turned, abs=1e-5)
+        assert turn_of(all_frames)[-1, body] == pytest.approx(turned, abs=1e-5)
         assert abs(turned) > 1.0
 
 
 def test_turning_goes_on_over_the_seam() -> None:
     run, all_frames = shown("closed_three_balls", 10.0)
-    steps = np.abs(np.diff(all_frames.s, axis=0))
+    steps = np.abs(np.diff(all_frames.across, axis=0))
     assert np.max(steps) > 0.5 * run.system.trace.length  # one did pass the seam
-    fastest = np.max(np.abs(all_frames.speed)) / min(body.radius for body in run.system.bodies)
-    assert np.max(np.abs(np.diff(all_frames.turn, axis=0))) < 1.5 * fastest / RATE
+    fastest = np.max(np.abs(all_frames.up)) / min(body.radius for body in run.system.bodies)
+    assert np.max(np.abs(np.diff(turn_of(all_frames), axis=0))) < 1.5 * fastest / RATE
 
 
 def test_a_sliding_particle_does_not_turn() -> None:
     _, all_frames = shown("particle_on_arcs", 1.0)
-    assert not np.any(all_frames.turn)
+    assert not np.any(turn_of(all_frames))
 
 
 def test_trails_jump_where_the_impacts_are() -> None:
@@ -88,30 +98,30 @@ def test_trails_jump_where_the_impacts_are() -> None:
     rows = np.flatnonzero(table["t"] <= 8.0)
     assert len(rows) > 2
     for body, side in enumerate("ab"):
-        way = trail(run, all_frames, body)
+        way = all_frames.trails[body]
         assert np.all(np.diff(way.time) >= 0.0)
         for row in rows:
             (at,) = np.flatnonzero(
                 (way.time[:-1] == table["t"][row]) & (way.time[1:] == table["t"][row])
             )
-            assert way.s[at] == way.s[at + 1] == table[f"s_{side}"][row]
-            assert way.speed[at] == table[f"speed_{side}_pre"][row]
-            assert way.speed[at + 1] == table[f"speed_{side}_post"][row]
+            assert way.across[at] == way.across[at + 1] == table[f"s_{side}"][row]
+            assert way.up[at] == table[f"speed_{side}_pre"][row]
+            assert way.up[at + 1] == table[f"speed_{side}_post"][row]
 
 
 def test_trails_break_at_the_seam() -> None:
     run, all_frames = shown("closed_three_balls", 10.0)
-    ways = [trail(run, all_frames, body) for body in range(3)]
-    assert any(np.any(np.isnan(way.s)) for way in ways)
+    ways = all_frames.trails
+    assert any(np.any(np.isnan(way.across)) for way in ways)
     for way in ways:
-        assert np.nanmax(np.abs(np.diff(way.s))) < 0.5 * run.system.trace.length
+        assert np.nanmax(np.abs(np.diff(way.across))) < 0.5 * run.system.trace.length
 
 
 def test_the_stage_places_what_it_shows() -> None:
     """Pixels from the map of the page against matplotlib's own."""
-    run, all_frames = shown("three_arcs", 1.0)
-    stage = Stage(run, all_frames, 100.0)
-    for axes in (stage.plan, stage.phase):
+    _, all_frames = shown("three_arcs", 1.0)
+    stage = Stage(all_frames, 100.0)
+    for axes in (stage.plan, stage.plane):
         a, b, c, d = stage.place(axes)
         x, y = axes.transData.transform((0.7, 0.3))
         assert (a + b * 0.7, 360.0 - (c + d * 0.3)) == pytest.approx((x, y), abs=1e-6)
@@ -122,18 +132,18 @@ def test_the_stage_places_what_it_shows() -> None:
 @pytest.mark.parametrize("name", ["three_arcs", "one_circle"])
 def test_gif_has_the_frames_and_the_bodies_where_they_are(name: str) -> None:
     run, all_frames = shown(name, 0.6)
-    content = movie(run, all_frames, RATE, "gif")
-    assert movie(run, all_frames, RATE, "gif") == content
+    content = movie(all_frames, RATE, "gif")
+    assert movie(all_frames, RATE, "gif") == content
     film = Image.open(BytesIO(content))
     assert film.n_frames == len(all_frames.time)  # type: ignore[attr-defined]
     assert film.info["duration"] == 1000 // RATE
-    a, b, c, d = Stage(run, all_frames, 100.0).place(Stage(run, all_frames, 100.0).plan)
+    a, b, c, d = Stage(all_frames, 100.0).place(Stage(all_frames, 100.0).plan)
     for frame in (0, 7, 15):
         film.seek(frame)
         picture = np.asarray(film.convert("RGB"), dtype=np.int64)
         for body, colour in enumerate([(0, 114, 178), (213, 94, 0)]):
             # beside the mark, which points away from there
-            turn = all_frames.turn[frame, body]
+            turn = turn_of(all_frames)[frame, body]
             reach = 0.5 * run.system.bodies[body].radius
             x = a + b * (all_frames.x[frame, body] - reach * math.sin(turn))
             y = c + d * (all_frames.y[frame, body] - reach * math.cos(turn))
@@ -142,9 +152,9 @@ def test_gif_has_the_frames_and_the_bodies_where_they_are(name: str) -> None:
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="there is no ffmpeg")
 def test_mp4_has_the_frames_and_the_same_bytes() -> None:
-    run, all_frames = shown("three_arcs", 0.6)
-    content = movie(run, all_frames, RATE, "mp4")
-    assert movie(run, all_frames, RATE, "mp4") == content
+    _, all_frames = shown("three_arcs", 0.6)
+    content = movie(all_frames, RATE, "mp4")
+    assert movie(all_frames, RATE, "mp4") == content
     asked = "-v error -of json -count_frames -show_entries stream=width,height,nb_read_frames"
     told = subprocess.run(["ffprobe", *asked.split(), "-"], input=content, capture_output=True)
     (stream,) = json.loads(told.stdout)["streams"]
@@ -153,10 +163,10 @@ def test_mp4_has_the_frames_and_the_same_bytes() -> None:
 
 
 def test_without_ffmpeg_the_reader_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    run, all_frames = shown("three_arcs", 0.6)
+    _, all_frames = shown("three_arcs", 0.6)
     monkeypatch.setenv("PATH", str(FOLDER))
     with pytest.raises(NoFilm, match=r"the program ffmpeg, which is not there; \.gif and"):
-        movie(run, all_frames, RATE, "mp4")
+        movie(all_frames, RATE, "mp4")
 
 
 def test_what_ffmpeg_says_is_passed_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -164,6 +174,64 @@ def test_what_ffmpeg_says_is_passed_on(monkeypatch: pytest.MonkeyPatch, tmp_path
     bad.write_text("#!/bin/sh\necho 'Unknown encoder libx264' >&2\nexit 3\n")
     bad.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    run, all_frames = shown("three_arcs", 0.6)
+    _, all_frames = shown("three_arcs", 0.6)
     with pytest.raises(NoFilm, match="could not write the film: Unknown encoder libx264"):
-        movie(run, all_frames, RATE, "mp4")
+        movie(all_frames, RATE, "mp4")
+
+
+@cache
+def film_of(name: str, pace: float) -> tuple[Solved, Frames]:
+    """A run of any system, and a film of its first seconds."""
+    run = solved(example(name))
+    end = min(6.0, run.summary["end_time"])
+    shown = run._shown
+    return run, shown.kind.film(shown, frame_times(0.0, end, pace, RATE))
+
+
+@pytest.mark.parametrize("name", ["two_disks", "elliptic_wall", "skew_impact"])
+@pytest.mark.parametrize("pace", [0.5, 7.0])
+def test_trails_of_springs_and_tables_are_on_the_motion(name: str, pace: float) -> None:
+    """Corners of a trail, and the middles of its straight parts, against the motion sampled."""
+    run, shown = film_of(name, pace)
+    system, bodies = run.solved.system, len(shown.ground.radii)
+    up = "speed" if shown.ground.panel else "y"
+    size = [max(float(np.ptp(one)), 1e-3) for one in (shown.across, shown.up)]
+    for body, way in enumerate(shown.trails):
+        assert len(way.time) >= len(shown.time)
+        whole = np.isfinite(way.across)
+        early, late = (run.sample(way.time[whole], side=side) for side in ("before", "after"))
+        for place, name_of, scale in ((way.across, "x", size[0]), (way.up, up, size[1])):
+            apart = [np.abs(one[name_of][body::bodies] - place[whole]) for one in (early, late)]
+            assert np.max(np.minimum(*apart)) < 1e-9 * scale
+        steps = np.flatnonzero(np.diff(way.time) > 0.0)
+        steps = steps[whole[steps] & whole[steps + 1]]
+        middle = run.sample(0.5 * (way.time[steps] + way.time[steps + 1]))
+        for place, name_of, scale in ((way.across, "x", size[0]), (way.up, up, size[1])):
+            drawn = 0.5 * (place[steps] + place[steps + 1])
+            # a line is 1/200 of the panel wide
+            assert np.max(np.abs(middle[name_of][body::bodies] - drawn)) < 5e-3 * scale
+    assert len(system.bodies) == bodies
+
+
+def test_springs_reach_from_their_feet_to_the_bodies() -> None:
+    run, shown = film_of("two_disks", 0.5)
+    for body, link in enumerate(shown.ground.links):
+        points = link.points(shown.x[9, body], shown.y[9, body])
+        spring = run.solved.system.springs[body]
+        assert points[0] == pytest.approx((spring.foot, spring.height))
+        assert points[-1] == pytest.approx((shown.x[9, body], 0.0), abs=1e-15)
+
+
+@pytest.mark.parametrize("name", ["two_disks", "elliptic_wall"])
+def test_films_of_other_systems_show_the_bodies_where_they_are(name: str) -> None:
+    _, shown = film_of(name, 0.5)
+    film = Film(shown, 100.0)
+    a, b, c, d = film.place(film.plan)
+    for frame in (0, 7, 15):
+        picture = film.picture(frame).astype(np.int64)
+        for body, colour in enumerate([(0, 114, 178), (213, 94, 0)][: len(shown.trails)]):
+            turn = 0.0 if shown.turn is None else shown.turn[frame, body]
+            reach = 0.5 * film.drawn_radii[body]
+            x = a + b * (shown.x[frame, body] - reach * math.sin(turn))
+            y = c + d * (shown.y[frame, body] - reach * math.cos(turn))
+            assert np.max(np.abs(picture[int(y), int(x)] - colour)) < 40

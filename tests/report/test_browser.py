@@ -20,7 +20,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 
 from tests.grid_folder import product, write_grid
 from tests.report.test_report import stored
-from vibro_cli.figures.film import frame_times, frames
+from vibro_cli.figures.film import frame_times
+from vibro_cli.figures.runs.film_on_trace import film_on_trace
 from vibro_cli.report.film_page import film_html
 from vibro_cli.report.page import grid_html, report_html
 from vibro_cli.storage.stored import open_run
@@ -71,8 +72,8 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     found["grid"] = folder / "grid.html"
     found["grid"].write_bytes(grid_html(grid, folder, "1.2.3"))
     found["film"] = folder / "film.html"
-    shown = frames(first, FILM)
-    found["film"].write_bytes(film_html(first, shown, 25, "three_arcs", "1.2.3"))
+    shown = film_on_trace(first, FILM)
+    found["film"].write_bytes(film_html(shown, 25, "three_arcs", "1.2.3"))
     return found
 
 

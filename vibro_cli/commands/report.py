@@ -186,10 +186,6 @@ def _runs(wishes: _Wishes) -> "Runs":
             first = f"{wishes.folders[0]} of {systems[0]}"
             raise CommandError(f"vibro: {folder} is of {system} and {first}; expected one system")
     if wishes.film is not None:
-        if not found[0].kind.has_film:
-            raise CommandError(
-                f"vibro: --animate: found a run of the system {systems[0]}, expected one of a trace"
-            )
         check_film(found[0], wishes.film)
     return found
 

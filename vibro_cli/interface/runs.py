@@ -279,19 +279,17 @@ class Run:
         Raises
         ------
         ValueError
-            For a run of another system, another suffix, and times outside the run.
+            For another suffix, and times outside the run.
         NoFilm
             If ffmpeg is not there, or fails.
         """
-        from vibro_cli.figures.film import FORMS, frame_times, frames, movie
+        from vibro_cli.figures.film import FORMS, frame_times, movie
         from vibro_cli.report.film_page import film_html
         from vibro_cli.storage.files import write_file
 
         target, run, last = Path(file), self._shown, self.summary["end_time"]
         form = target.suffix.lower().removeprefix(".")
         stop = min(last, start + _SECONDS * pace) if end is None else end
-        if not run.kind.has_film:
-            raise ValueError(f"found a run of {self.scenario.system}, expected one of a trace")
         if form not in (*FORMS, "html") or (form == "gif" and 100 % fps):
             raise ValueError(
                 f"found {target.name!r} with {fps} frames a second, expected .html, .mp4, or .gif "
@@ -301,11 +299,11 @@ class Run:
             raise ValueError(
                 f"found {start:g} s to {stop:g} s, expected times from 0 to {last:g} s"
             )
-        shown = frames(run, frame_times(start, stop, pace, fps))
+        shown = run.kind.film(run, frame_times(start, stop, pace, fps))
         if form == "html":
-            write_file(target, film_html(run, shown, fps, self.name, __version__))
+            write_file(target, film_html(shown, fps, self.name, __version__))
         else:
-            write_file(target, movie(run, shown, fps, form))
+            write_file(target, movie(shown, fps, form))
         return target
 
     def report(self, file: str | Path) -> Path:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.film import SIZE, TRAIL, Frames, Stage, trail
+from vibro_cli.figures.film import SIZE, TRAIL, Frames, Stage
 from vibro_cli.figures.output import render
-from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.figures.source import Array
 from vibro_cli.report.page import rendered
 from vibro_cli.report.words import number
 
@@ -18,37 +18,40 @@ GENERATOR = "vibro film"
 _DPI = 100.0
 
 
-def film_html(run: Recorded, frames: Frames, rate: int, name: str, version: str) -> bytes:
-    """Return a film of a run, called `name`, as the bytes of an HTML file that needs no other.
+def film_html(frames: Frames, rate: int, name: str, version: str) -> bytes:
+    """Return the film of a run called `name` as the bytes of an HTML file that needs no other.
 
     `rate` is the number of frames in a second.
     """
-    stage = Stage(run, frames, _DPI)
-    ground = base64.b64encode(render(stage.figure, "svg", _DPI)).decode()
+    stage = Stage(frames, _DPI)
+    ground = frames.ground
+    still = base64.b64encode(render(stage.figure, "svg", _DPI)).decode()
     values = {
         "title": name,
         "version": version,
         "generator": GENERATOR,
-        "ground": f"data:image/svg+xml;base64,{ground}",
+        "ground": f"data:image/svg+xml;base64,{still}",
         "size": [round(side * _DPI) for side in SIZE],
         "last": len(frames.time) - 1,
-        "bodies": len(stage.radii),
+        "bodies": len(ground.radii),
+        "plan": ground.words,
+        "plane": None if ground.panel is None else ground.panel.words,
         "span": [number(float(time), "s") for time in frames.time[[0, -1]]],
         "data": {
             "rate": rate,
             "time": frames.time.tolist(),
             "plan": stage.place(stage.plan),
-            "phase": stage.place(stage.phase),
+            "plane": stage.place(stage.plane),
             "past": TRAIL,
-            "span": frames.between.span,
-            "bodies": [_body(run, frames, stage, body) for body in range(len(stage.radii))],
+            "span": frames.span,
+            "bodies": [_body(frames, stage, body) for body in range(len(ground.radii))],
         },
     }
     return rendered("film", values)
 
 
-def _body(run: Recorded, frames: Frames, stage: Stage, body: int) -> dict[str, Any]:
-    way = trail(run, frames, body)
+def _body(frames: Frames, stage: Stage, body: int) -> dict[str, Any]:
+    way, links = frames.trails[body], frames.ground.links
     look = body_look(body + 1)
     dashes = look["linestyle"]
     return {
@@ -57,10 +60,13 @@ def _body(run: Recorded, frames: Frames, stage: Stage, body: int) -> dict[str, A
         "dashes": "none" if dashes == "solid" else " ".join(map(str, dashes[1])),
         "x": frames.x[:, body].tolist(),
         "y": frames.y[:, body].tolist(),
-        "turn": frames.turn[:, body].tolist(),
-        "s": frames.s[:, body].tolist(),
-        "speed": frames.speed[:, body].tolist(),
-        "trail": [_plain(way.time), _plain(way.s), _plain(way.speed)],
+        "turn": None if frames.turn is None else frames.turn[:, body].tolist(),
+        "across": frames.across[:, body].tolist(),
+        "up": frames.up[:, body].tolist(),
+        "point": stage.plane is not stage.plan,
+        "foot": links[body].foot if links else None,
+        "coil": links[body].coil.tolist() if links else [],
+        "trail": [_plain(way.time), _plain(way.across), _plain(way.up)],
     }
 
 

@@ -16,9 +16,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import numpy as np
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from vibro_cli.compile.kernel import Kernel, Overrides
+    from vibro_cli.figures.film import Frames
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import Solver
@@ -251,8 +254,9 @@ class System(ABC):
     default_figures: ClassVar[tuple[str, ...]]
     """Those that are drawn where nothing is said."""
 
-    has_film: ClassVar[bool] = False
-    """Whether there are films of runs."""
+    @abstractmethod
+    def film(self, run: StoredRun, times: NDArray[np.float64]) -> Frames:
+        """Return what a film shows of a run at the times of its frames (s)."""
 
     def figure_width(self, system: Any) -> str:
         """Return how wide the figures of a run are drawn, ``"single"`` or ``"double"``."""

@@ -101,23 +101,23 @@ def _bounds(run: "StoredRun", wishes: FilmWishes) -> tuple[float, float]:
 
 def write_film(run: "StoredRun", wishes: FilmWishes) -> None:
     """Write the film of a run, whole or not at all."""
-    from vibro_cli.figures.film import frame_times, frames
+    from vibro_cli.figures.film import frame_times
     from vibro_cli.storage.files import write_file
 
     start, stop = _bounds(run, wishes)
-    shown = frames(run, frame_times(start, stop, wishes.pace, wishes.rate))
-    write_file(wishes.target, _content(run, shown, wishes))
+    shown = run.kind.film(run, frame_times(start, stop, wishes.pace, wishes.rate))
+    write_file(wishes.target, _content(run.scenario.name, shown, wishes))
     end = float(run.summary["end_time"])
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {wishes.target}")
 
 
-def _content(run: "StoredRun", shown: "Frames", wishes: FilmWishes) -> bytes:
+def _content(name: str, shown: "Frames", wishes: FilmWishes) -> bytes:
     from vibro_cli.figures.film import NoFilm, movie
     from vibro_cli.report.film_page import film_html
 
     if wishes.form == ".html":
-        return film_html(run, shown, wishes.rate, run.scenario.name, __version__)
+        return film_html(shown, wishes.rate, name, __version__)
     try:
-        return movie(run, shown, wishes.rate, wishes.form[1:])
+        return movie(shown, wishes.rate, wishes.form[1:])
     except NoFilm as error:
         raise CommandError(f"vibro: {error}") from error

@@ -9,7 +9,7 @@ const add = (name, attributes) => {
   return moving.appendChild(made);
 };
 const onPlan = (x, y) => [film.plan[0] + film.plan[1] * x, film.plan[2] + film.plan[3] * y];
-const onPhase = (s, v) => [film.phase[0] + film.phase[1] * s, film.phase[2] + film.phase[3] * v];
+const onPlane = (s, v) => [film.plane[0] + film.plane[1] * s, film.plane[2] + film.plane[3] * v];
 
 const actors = film.bodies.map((body) => {
   const colour = body.colour;
@@ -17,10 +17,11 @@ const actors = film.bodies.map((body) => {
     fill: "none", stroke: colour, "stroke-width": 1.2, "stroke-dasharray": body.dashes,
   });
   const radius = body.radius * film.plan[1];
+  const spring = add("path", { fill: "none", stroke: colour, "stroke-width": 1.2 });
   const disk = add("circle", { r: radius, fill: colour, stroke: "#000000", "stroke-width": 0.8 });
-  const mark = add("line", { stroke: "#ffffff", "stroke-width": 1.4 });
-  const point = add("circle", { r: 3, fill: colour });
-  return { body, trail, disk, mark, point, radius };
+  const mark = add("line", { stroke: "#ffffff", "stroke-width": body.turn ? 1.4 : 0 });
+  const point = add("circle", { r: body.point ? 3 : 0, fill: colour });
+  return { body, trail, spring, disk, mark, point, radius };
 });
 
 const path = ([times, places, speeds], from, to) => {
@@ -28,23 +29,35 @@ const path = ([times, places, speeds], from, to) => {
   for (let n = 0; n < times.length && times[n] <= to; n += 1) {
     if (times[n] < from) continue;
     if (places[n] === null) { pen = "M"; continue; }
-    text += pen + onPhase(places[n], speeds[n]).join(" ");
+    text += pen + onPlane(places[n], speeds[n]).join(" ");
     pen = "L";
   }
   return text;
 };
 
+const coil = ({ foot, coil }, x, y) => {
+  const [along, up] = [x - foot[0], y - foot[1]];
+  const length = Math.hypot(along, up) || 1;
+  const places = coil.map(([share, aside]) =>
+    onPlan(foot[0] + share * along - (aside * up) / length,
+      foot[1] + share * up + (aside * along) / length).join(" "));
+  return `M${places.join("L")}`;
+};
+
 const show = (frame) => {
   const from = Math.max(film.time[Math.max(0, frame - film.past)], film.time[frame] - film.span);
-  for (const { body, trail, disk, mark, point, radius } of actors) {
+  for (const { body, trail, spring, disk, mark, point, radius } of actors) {
     const [x, y] = onPlan(body.x[frame], body.y[frame]);
     disk.setAttribute("cx", x);
     disk.setAttribute("cy", y);
-    mark.setAttribute("x1", x);
-    mark.setAttribute("y1", y);
-    mark.setAttribute("x2", x + 0.85 * radius * Math.sin(body.turn[frame]));
-    mark.setAttribute("y2", y - 0.85 * radius * Math.cos(body.turn[frame]));
-    const [across, along] = onPhase(body.s[frame], body.speed[frame]);
+    if (body.turn) {
+      mark.setAttribute("x1", x);
+      mark.setAttribute("y1", y);
+      mark.setAttribute("x2", x + 0.85 * radius * Math.sin(body.turn[frame]));
+      mark.setAttribute("y2", y - 0.85 * radius * Math.cos(body.turn[frame]));
+    }
+    if (body.foot) spring.setAttribute("d", coil(body, body.x[frame], body.y[frame]));
+    const [across, along] = onPlane(body.across[frame], body.up[frame]);
     point.setAttribute("cx", across);
     point.setAttribute("cy", along);
     trail.setAttribute("d", path(body.trail, from, film.time[frame]));

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.compile.kernel import Kernel
+    from vibro_cli.figures.film import Frames
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.systems.columns import Table
@@ -104,6 +105,12 @@ class BodiesOnSprings(System):
         from vibro_cli.systems.springs.figures import FIGURES
 
         return FIGURES
+
+    def film(self, run: Any, times: Any) -> Frames:
+        """Return what a film shows of a run."""
+        from vibro_cli.systems.springs.film import film_on_springs
+
+        return film_on_springs(run, times)
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (

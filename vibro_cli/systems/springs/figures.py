@@ -31,6 +31,7 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.dots import MANY
+from vibro_cli.figures.film import Link
 from vibro_cli.figures.numbering import Named, write_names
 from vibro_cli.figures.runs.kinds import INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.runs.over_impacts import speed_map
@@ -311,7 +312,7 @@ def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: 
         colour = str(body_look(number)["color"])
         place, speed = float(one.places[number - 1]), float(one.speeds[number - 1])
         foot, centre = np.array([spring.foot, spring.height]), np.array([place, 0.0])
-        coil = _coil(foot, centre, 1.3 / scale)
+        coil = Link((spring.foot, spring.height), coil_shape(1.3 / scale)).points(place, 0.0)
         axes.plot(*coil.T, color=colour, linewidth=0.7, zorder=2.2)
         reach = 2.2 / scale
         axes.plot([foot[0] - reach, foot[0] + reach], [foot[1]] * 2, zorder=2.4, **_FOOT)
@@ -351,16 +352,12 @@ def _middle(ends: Array) -> tuple[float, float]:
     return float(ends[:, 0].mean()), float(ends[:, 1].mean())
 
 
-def _coil(foot: Array, centre: Array, wide: float) -> Array:
-    """Return the points of a spring between its foot and a centre (m)."""
+def coil_shape(wide: float) -> Array:
+    """Return the shape of a spring: shares of its length, and how far aside of it (m)."""
     share = np.linspace(0.14, 0.86, 2 * _COILS + 1)
-    along = centre - foot
-    length = float(np.hypot(*along)) or 1.0
-    side = np.array([-along[1], along[0]]) / length
     swing = np.where(np.arange(len(share)) % 2 == 0, wide, -wide)
     swing[[0, -1]] = 0.0
-    points = foot + share[:, None] * along + swing[:, None] * side
-    return np.concatenate([[foot], points, [centre]])
+    return np.concatenate([[[0.0, 0.0]], np.column_stack([share, swing]), [[1.0, 0.0]]])
 
 
 _PORTRAIT_CAPTION = (

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.compile.kernel import Kernel
+    from vibro_cli.figures.film import Frames
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.systems.columns import Table
@@ -122,6 +123,12 @@ class BallsOnTable(System):
         from vibro_cli.systems.table.figures import FIGURES
 
         return FIGURES
+
+    def film(self, run: Any, times: Any) -> Frames:
+        """Return what a film shows of a run."""
+        from vibro_cli.systems.table.film import film_on_table
+
+        return film_on_table(run, times)
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (

@@ -93,12 +93,16 @@ def _extent(run: Run, paths: list[Floats]) -> tuple[Floats, Floats]:
     high = np.max([path.max(axis=0) + r for path, r in zip(paths, radii, strict=True)], axis=0)
     wall = run.system.wall
     if wall is not None:
-        points = np.array(wall.corners or [wall.center])
-        axes = np.array(wall.semi_axes)
-        low = np.minimum(low, points.min(axis=0) - axes)
-        high = np.maximum(high, points.max(axis=0) + axes)
+        corners = wall_corners(wall)
+        low, high = np.minimum(low, corners[0]), np.maximum(high, corners[1])
     margin = 0.05 * float(np.max(high - low)) or 1.0
     return low - margin, high + margin
+
+
+def wall_corners(wall: Wall) -> tuple[Floats, Floats]:
+    """Return the lower left and the upper right corner (m) of the box around a wall."""
+    points, axes = np.array(wall.corners or [wall.center]), np.array(wall.semi_axes)
+    return points.min(axis=0) - axes, points.max(axis=0) + axes
 
 
 def draw_wall(axes: Axes, wall: Wall) -> None:

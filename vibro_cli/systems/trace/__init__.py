@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.compile.kernel import Overrides
+    from vibro_cli.figures.film import Frames
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import TraceSolver
@@ -34,7 +35,6 @@ class Trace(System):
     name = "trace"
     papers = ("A", "B", "D")
     default_figures = ("portrait",)
-    has_film = True
     has_families = True
     has_orbits = True
     exponents = 2
@@ -129,6 +129,12 @@ class Trace(System):
         from vibro_cli.figures.runs.kinds import KINDS
 
         return KINDS
+
+    def film(self, run: Any, times: Any) -> Frames:
+        """Return what a film shows of a run."""
+        from vibro_cli.figures.runs.film_on_trace import film_on_trace
+
+        return film_on_trace(run, times)
 
     def figure_width(self, system: Any) -> str:
         return "double" if len(system.trace.pieces) > 1 else "single"
