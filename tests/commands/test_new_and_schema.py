@@ -51,6 +51,26 @@ def test_the_schema_that_is_named_stands_beside_and_fits(vibro: Vibro, name: str
     jsonschema.validate(tomllib.loads(text), found)
 
 
+def test_the_whole_gallery_is_written_and_valid(vibro: Vibro) -> None:
+    outcome = vibro("new", "--all", "--json")
+    assert outcome.code == 0
+    files = [Path(one) for one in json.loads(outcome.text)["files"]]
+    there = sorted(path.relative_to(GALLERY) for path in GALLERY.rglob("*.toml"))
+    assert sorted(path.relative_to("scenarios") for path in files) == there
+    for path in files:
+        first, _, rest = path.read_text().partition("\n")
+        assert (path.parent / first.removeprefix("#:schema ")).exists()
+        assert rest == (GALLERY / path.relative_to("scenarios")).read_text()
+    assert vibro("check", *map(str, files)).code == 0
+    again = vibro("new", "--all")
+    assert again.code == 2
+    assert "exists; --force replaces it" in again.err
+    assert vibro("new", "--all", "--force").code == 0
+    assert vibro("new", "three_arcs", "--all").code == 2
+    missing = vibro("run", "elsewhere/one_circle.toml")
+    assert "vibro new one_circle writes the one_circle of the gallery" in missing.err
+
+
 @pytest.mark.parametrize(
     ("name", "base"), [("three_arcs_grid", "three_arcs"), ("billiards_grid", "billiards")]
 )

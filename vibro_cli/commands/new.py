@@ -32,22 +32,31 @@ def new(
         ),
     ] = None,
     listing: Annotated[bool, typer.Option("--list", help="Print the gallery's names.")] = False,
+    whole: Annotated[
+        bool, typer.Option("--all", help="Write the whole gallery into a folder.")
+    ] = False,
     output: Annotated[
         str | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="File [default: NAME.toml]; - prints it."
+            "--output",
+            "-o",
+            metavar="PATH",
+            help="File [default: NAME.toml], - prints it; with --all the folder "
+            "[default: scenarios].",
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print the names, or the file written, as JSON.")
+        bool, typer.Option("--json", help="Print the names, or the files written, as JSON.")
     ] = False,
 ) -> Task:
     """Write a commented scenario or grid to start from."""
     if listing:
         return partial(_print_names, as_json)
-    if name is None:
-        raise typer.BadParameter("expected the NAME of a scenario, or --list")
+    if whole and name is None and output != "-":
+        return partial(_write_all, Path(output or "scenarios"), force, as_json)
+    if name is None or whole:
+        raise typer.BadParameter("expected the NAME of a scenario, or --list, or --all")
     return partial(_write, name, output, force, as_json)
 
 
@@ -87,6 +96,27 @@ def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
         print(json_text({"file": str(path), "files": [str(one) for one in files]}))
     told = " and ".join(printable(str(one)) for one in files)
     say(f"{told} written; solve it with: vibro {command} {printable(str(path))}")
+    return DONE
+
+
+def _write_all(folder: Path, force: bool, as_json: bool) -> int:
+    """Write the whole gallery into a folder, each system's scenarios and the grids in their own."""
+    from vibro_cli.scenario.gallery import base_of, grid_names, system_of
+    from vibro_cli.scenario.gallery import whole as whole_gallery
+
+    texts = whole_gallery()
+    files = {folder / path: content for path, content in texts.items()}
+    there = [path for path in files if path.exists()]
+    if there and not force:
+        raise CommandError(f"vibro: {printable(str(there[0]))} exists; --force replaces it")
+    for path, content in files.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        grid = path.stem in grid_names()
+        kind = f"grid-{system_of(base_of(path.stem))}" if grid else system_of(path.stem)
+        _write_with_schema(path, content, kind)
+    if as_json:
+        print(json_text({"folder": str(folder), "files": [str(path) for path in files]}))
+    say(f"{len(files)} scenarios and grids written to {printable(str(folder))}")
     return DONE
 
 

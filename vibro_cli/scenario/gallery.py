@@ -58,6 +58,15 @@ def text(name: str) -> str:
     return _BASE.sub(r'base = "\1.toml"', found) if name in grid_names() else found
 
 
+def whole() -> dict[str, str]:
+    """Return the texts of the gallery by their paths in its folder, such as ``grids/….toml``."""
+    return {
+        f"{part}/{entry.name}" if part else entry.name: entry.read_text(encoding="utf-8")
+        for part in ("", *NAMES, _GRIDS)
+        for entry in _entries(part).values()
+    }
+
+
 def title(name: str) -> str:
     """Return what a scenario or grid of the gallery is: its first comment."""
     return text(name).partition("\n")[0].lstrip("# ")

@@ -7,6 +7,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "new": (
         "vibro new --list",
         "vibro new three_arcs",
+        "vibro new --all",
         "vibro new three_arcs_grid",
         "vibro new falling_balls",
     ),

@@ -79,10 +79,15 @@ def _refusals_told(source: str, read: Callable[[], Loaded]) -> Loaded:
 
 
 def _file_meant(source: str) -> str:
-    """A suggestion in the place of a file that is not there: one beside it of a name like its."""
+    """A suggestion in the place of a file that is not there: of the gallery, or of a like name."""
+    from vibro_cli.scenario.gallery import grid_names, names
+
+    name = Path(source).stem
+    if name in (*names(), *grid_names()):
+        return f" (vibro new {name} writes the {name} of the gallery, vibro new --all all of it)"
     beside = scenario_files(str(Path(source).parent / "_")[:-1])
     stems = {Path(name).stem: name for name in beside if not name.endswith("/")}
-    close = closest(Path(source).stem, stems)
+    close = closest(name, stems)
     return "" if close is None else f" (did you mean {stems[close]!r}?)"
 
 

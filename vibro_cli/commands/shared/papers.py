@@ -246,9 +246,14 @@ deformable balls, bearings, dampers, and Coulomb friction beside impact limiters
 """
 
 
+_BEFORE = """\
+The commands read the gallery from the folder `scenarios/` (`vibro new --all` writes it); some look
+at results of those above."""
+
+
 def papers() -> str:
     """Every figure and equation of the papers with the command that shows it; the symbols."""
-    parts = []
+    parts = [_BEFORE]
     for name, rows in (("A", A), ("B", B), ("C", C), ("D", D)):
         lines = [f"Paper {name}:", "", "| where | what | command | shown by |", "|---|---|---|---|"]
         lines += [f"| {where} | {what} | `{run}` | {shown} |" for where, what, run, shown in rows]
