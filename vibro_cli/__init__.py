@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored_grid import NotAGrid as NotAGrid
     from vibro_cli.systems.driver import CannotContinue as CannotContinue
     from vibro_cli.systems.driver import TooQuiet as TooQuiet
-    from vibro_cli.systems.trace.tangents import NoTangents as NoTangents
 
 _HOME = {
     "vibro_cli.analysis.basins": ("NoBasins",),
@@ -68,7 +67,6 @@ _HOME = {
     "vibro_cli.interface.runs": ("Run", "open_run", "simulate", "simulate_many", "verify"),
     "vibro_cli.interface.scenarios": ("check", "example", "load_scenario", "portrait"),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
-    "vibro_cli.systems.trace.tangents": ("NoTangents",),
     "vibro_cli.storage.frame": ("Table",),
     "vibro_cli.storage.provenance": ("FolderRefused",),
     "vibro_cli.storage.runs": ("NotContinuable",),

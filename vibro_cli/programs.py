@@ -30,15 +30,22 @@ from vibro_cli.systems import NAMES, system_named
 
 def programs() -> list[Program]:
     """Return the programs, those first that take longest to compile."""
-    solving = (proceed, tally, run_points, run_stacked, sample_flights, find_passages)
+    solving = (
+        proceed,
+        tally,
+        run_points,
+        run_stacked,
+        sample_flights,
+        find_passages,
+        follow_tangents,
+        follow_points,
+    )
     of_trace = (
         *solving,
         proceed_swinging,
         run_points_in_lanes,
         fill_columns,
         fill_stacked,
-        follow_tangents,
-        follow_points,
         find_arrivals,
         find_first_contacts,
     )

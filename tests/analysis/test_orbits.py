@@ -20,7 +20,7 @@ from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures.orbit_branch import branch_figure
 from vibro_cli.mechanics.system import System
-from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
+from vibro_cli.stress.scenes import CIRCLE, VALLEY, ball, scene, system_of
 from vibro_cli.systems.trace.run import simulate_system
 
 pytestmark = pytest.mark.long
@@ -150,6 +150,18 @@ def test_a_family_ends_where_an_impact_grazes() -> None:
     beyond = shoot(started(at(last.value + 1e-3), state), period)
     assert len(beyond.word) != len(last.orbit.shot.word)
     assert beyond.approach < 0.1 * last.orbit.shot.approach
+
+
+def test_an_orbit_on_a_trace_that_turns() -> None:
+    document = scene(CIRCLE, [ball(-0.6), ball(0.6, mass=1.3)], 1.0, "normal-impulse", collisions=1)
+    document["trace"] = document["trace"] | {"turning": {"through_arc": 1, "rate": 0.5}}
+    found = find_orbit(system_of(document), 1, None, 100.0)
+    assert found.residual < 1e-13
+    assert np.prod(found.multipliers) == pytest.approx(1.0, abs=1e-12)
+    again = simulate_system(found.system, 20.0 * found.period, None)
+    gaps = np.diff(again.collisions["t"])
+    assert len(gaps) == 19
+    np.testing.assert_allclose(gaps, found.period, rtol=1e-11)
 
 
 def test_impacts_that_take_energy_have_no_orbit() -> None:

@@ -13,7 +13,14 @@ from vibro_cli.grids.points import scenario_at
 from vibro_cli.grids.solving import TraceSolver
 from vibro_cli.systems import driver
 
-NAMES = ("two balls, starts and k", "radii and gravity", "several balls", "walls", "lines")
+NAMES = (
+    "two balls, starts and k",
+    "radii and gravity",
+    "several balls",
+    "walls",
+    "lines",
+    "turning",
+)
 
 
 @pytest.mark.parametrize("keep", ["true", "false"])

@@ -30,6 +30,7 @@ from vibro_cli.grids.points import changed
 from vibro_cli.kernels.impact.laws import weight_and_response
 from vibro_cli.kernels.structs import Flight
 from vibro_cli.kernels.tangent.arrivals import Arrival, find_arrivals
+from vibro_cli.kernels.tangent.world import SERIES_ROWS, TERMS
 from vibro_cli.kernels.world import CAUSE_NAMES, COLLISION, CROSSING, END_NAMES, START, WALL
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.system import InitialState, System, body_record
@@ -148,7 +149,8 @@ def _arrivals(system: System, stretch: Any) -> Any:
     current = np.zeros((1, len(system.bodies)), dtype=np.int64)
     scratch = np.zeros(1, dtype=engine.dtype(Flight))
     find: Any = compiled(find_arrivals)
-    find(world, arrivals, current, scratch)
+    series = np.zeros((SERIES_ROWS, TERMS + 2))
+    find(world, arrivals, current, series, scratch)
     return arrivals
 
 

@@ -153,8 +153,13 @@ def velocity(system: System, state: Floats) -> Floats:
     found = []
     for body in range(len(system.bodies)):
         piece, position = place_of(system, body, float(state[2 * body]))
-        slope = system.trace.pieces[piece].slope(position)
-        pull = -system.gravity / system.bodies[body].kappa * np.sin(slope)
+        on = system.trace.pieces[piece]
+        slope = on.slope(position)
+        pull = -system.gravity * np.sin(slope)
+        if system.turning is not None:
+            x, _ = on.body_center(position, system.bodies[body].radius)
+            pull += system.turning.square * (x - system.turning.x) * np.cos(slope)
+        pull /= system.bodies[body].kappa
         found += [state[2 * body + 1], pull]
     return np.array(found)
 
@@ -164,7 +169,9 @@ def energy_of(system: System, state: Floats) -> float:
     total = 0.0
     for number, body in enumerate(system.bodies):
         piece, position = place_of(system, number, float(state[2 * number]))
-        _, height = system.trace.pieces[piece].body_center(position, body.radius)
+        x, height = system.trace.pieces[piece].body_center(position, body.radius)
+        if system.turning is not None:
+            height -= 0.5 * system.turning.square / system.gravity * (x - system.turning.x) ** 2
         speed = float(state[2 * number + 1])
         total += body.mass * (system.gravity * height + 0.5 * body.kappa * speed * speed)
     return total

@@ -105,7 +105,6 @@ def _find(wishes: _Wishes) -> int:
     from vibro_cli.storage.folders import check_orbit_folder, write_orbits
     from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.systems import system_named
-    from vibro_cli.systems.trace.tangents import NoTangents
 
     scenario, system = load_any(wishes.source, wishes.overrides)
     if not system_named(scenario.system).has_orbits:
@@ -127,7 +126,7 @@ def _find(wishes: _Wishes) -> int:
             if wishes.vary is not None and wishes.figures:
                 drawn = _drawn(columns, _axis(parsed_span(wishes.vary)[0]))
             write_orbits(scenario, columns, folder, drawn)
-    except (NoOrbit, NoTangents) as error:
+    except NoOrbit as error:
         raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
     except FolderRefused as error:
         raise CommandError(f"vibro: {error}") from error

@@ -27,14 +27,14 @@ def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | Non
     Parameters
     ----------
     scenario
-        Of a trace at rest, with k = 1.
+        Of a trace, with k = 1.
     impacts, period
         Impacts of one period, or a guess of the period (s); by default those of the nearest return.
 
     Raises
     ------
-    NoOrbit, NoTangents
-        If there is none, or no tangent map of the scenario.
+    NoOrbit
+        If there is none.
     ScenarioError, ValueError
         If the scenario is mechanically impossible, or of another system.
     """

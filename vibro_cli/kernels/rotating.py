@@ -41,6 +41,9 @@ from vibro_cli.kernels.statistics import cluster_statistics as tally_contact
 from vibro_cli.kernels.statistics import rotating_statistics as turning_tally
 from vibro_cli.kernels.statistics import run_statistics as tally
 from vibro_cli.kernels.structs import NEVER, Flight, PairTrack, PieceData, TrackData
+from vibro_cli.kernels.tangent import flight_jacobian as changes_of_flight
+from vibro_cli.kernels.tangent import follow as following
+from vibro_cli.kernels.tangent import rotating_jacobian as turning_changes
 from vibro_cli.kernels.world import FlightRow, World
 
 
@@ -207,5 +210,7 @@ TURNING = Overrides(
         tally_contact.turning_time: turning_tally.turning_time_on_line,
         tally_contact.pendulum_range: turning_tally.pendulum_range,
         tally_contact.extremes_on_arc: turning_tally.extremes_on_arc,
+        changes_of_flight.flight_jacobian: turning_changes.flight_jacobian,
+        following.leans: turning_changes.leans,
     },
 )

@@ -170,7 +170,7 @@ class Analysis(Table):
 
     lyapunov: Annotated[bool, kinds.FLAG] = False
     """Whether the growth of small changes of the start is followed: digits that are left of each
-    impact, Lyapunov exponents in the summary, and how they converge; not of a trace that turns."""
+    impact, Lyapunov exponents in the summary, and how they converge."""
 
 
 def _as_analysis(value: object) -> object:

@@ -57,7 +57,6 @@ def all_faults(data: Data) -> list[Fault]:
         *stop_faults(data),
         *_end_faults(data),
         *output_faults(data),
-        *_analysis_faults(data),
     ]
 
 
@@ -196,12 +195,6 @@ def _slope(value: float) -> str:
 
 def _with_number(given: object, number: float) -> str:
     return f"{shown(given)} ({number!r} rad)" if isinstance(given, str) else shown(given)
-
-
-def _analysis_faults(data: Data) -> Iterator[Fault]:
-    turns = isinstance(section(data, "trace").get("turning"), Mapping)
-    if turns and section(data, "analysis").get("lyapunov") is True:
-        yield Fault(("analysis", "lyapunov"), "true", "false for a trace that turns")
 
 
 def _turning_faults(data: Data) -> Iterator[Fault]:

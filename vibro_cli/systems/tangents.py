@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.tangent.impacts import WIDTH
-from vibro_cli.kernels.tangent.world import SCALE, Tangents, TangentState
+from vibro_cli.kernels.tangent.world import SCALE, SERIES_ROWS, TERMS, Tangents, TangentState
 from vibro_cli.systems.contract import Rows, System
 from vibro_cli.systems.driver import compiled_world
 from vibro_cli.systems.stream import RUNNING, Stretch, begun
@@ -49,7 +49,7 @@ def room_for(
         "step": (size, size), "sums": (1, size),
         "arriving": (size // 2, 2), "delay": (1, size), "turning": (pairs or size // 2, WIDTH),
         "amplification": (1, impacts), "times": (impacts if times else 0, size),
-        "growth": (impacts, size),
+        "growth": (impacts, size), "series": (SERIES_ROWS, TERMS + 2),
     }  # fmt: skip
     room: dict[str, Any] = {name: np.zeros(shape) for name, shape in floats.items()}
     whole = {"current": (1, size // 2), "smooth": (1, impacts)}

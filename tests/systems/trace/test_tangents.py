@@ -14,18 +14,23 @@ import pytest
 
 from vibro_cli.api import simulate, simulate_streamed
 from vibro_cli.kernels.flow.flight import root_of_state
+from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE
 from vibro_cli.kernels.numerics.elliptic import ThetaConstants, set_theta_constants
+from vibro_cli.kernels.structs import Flight
 from vibro_cli.kernels.tangent.flight_jacobian import swing_jacobian
+from vibro_cli.kernels.tangent.rotating_jacobian import flight_jacobian
+from vibro_cli.kernels.tangent.world import SERIES_ROWS, TERMS
 from vibro_cli.mechanics.system import System
-from vibro_cli.scenario import ScenarioError, scenario_of
+from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.runs import write_run
 from vibro_cli.stress.oracles.reference_solver import Happening, Twin, happenings_of
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.sensitivity import differences
+from vibro_cli.stress.oracles.taylor import ArcMotion, mp
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems import driver
 from vibro_cli.systems.trace.run import Wanted, simulate_system
-from vibro_cli.systems.trace.tangents import NoTangents, follow_system, time_scale
+from vibro_cli.systems.trace.tangents import follow_system, time_scale
 
 pytestmark = pytest.mark.long
 
@@ -57,6 +62,11 @@ def _unequal(law: str, k: float) -> dict[str, Any]:
     return document
 
 
+def _turning(document: dict[str, Any], **axis: float) -> dict[str, Any]:
+    """The same on a trace that turns."""
+    return document | {"trace": document["trace"] | {"turning": axis}}
+
+
 def _three(k: float) -> dict[str, Any]:
     balls = [ball(-0.8, speed=0.4), ball(0.1, mass=2.0, radius=0.08), ball(0.9, body="disk")]
     return scene(VALLEY, balls, k, "normal-impulse", collisions=3)
@@ -72,6 +82,14 @@ SCENES = {
     "hedrih": _unequal("hedrih", 0.9),
     "normal-impulse": _unequal("normal-impulse", 0.7),
     "translational": _unequal("translational", 1.0),
+}
+SCENES |= {
+    "turning circle": _turning(SCENES["circle"], through_arc=1, rate=2.5),
+    "turning rotation": _turning(SCENES["rotation"], x=0.4, rate=6.0),
+    "turning valley of three": _turning(SCENES["valley of three"], x=0.3, rate=1.5),
+    "turning hedrih": _turning(SCENES["hedrih"], x=1.3, rate=1.1),
+    "turning normal-impulse": _turning(SCENES["normal-impulse"], x=1.3, rate=1.1),
+    "turning translational": _turning(SCENES["translational"], x=1.3, rate=1.1),
 }
 
 
@@ -170,9 +188,65 @@ def test_a_flight_is_differentiated_to_rounding(angle: float, rate: float, u: fl
     assert error < 40.0 * 2.0**-52 * size * (1.0 + u)
 
 
+def _exact_turning_jacobian(flight: Flight, t: float) -> list[Any]:
+    """Derivative of angle and rate by central differences of the oracle's series."""
+    h = mp.mpf(10) ** -18
+    w = mp.mpf(flight.frequency)
+    pull = (mp.mpf(flight.tilt), mp.mpf(flight.spread))
+
+    def end(angle: Any, rate: Any) -> list[Any]:
+        half = mp.atan2(mp.mpf(flight.flow_s), mp.mpf(flight.flow_c)) + angle / 2
+        p = mp.mpf(flight.flow_p) + rate / (2 * w)
+        s, c, p = ArcMotion(w, (mp.sin(half), mp.cos(half), p), pull).at(mp.mpf(t))
+        return [2 * mp.atan2(s, c), 2 * w * p]
+
+    found = []
+    for change in ((h, 0), (0, h)):
+        ahead, back = end(*change), end(*(-one for one in change))
+        turn = [a - b for a, b in zip(ahead, back, strict=True)]
+        turn[0] -= 4 * mp.pi * mp.nint(turn[0] / (4 * mp.pi))
+        found.append([one / (2 * h) for one in turn])
+    return [found[0][0], found[1][0], found[0][1], found[1][1]]
+
+
+@pytest.mark.parametrize(
+    ("angle", "rate", "tilt", "spread", "u"),
+    [
+        *((0.3, 0.2, 0.0, 0.57, 5.0), (0.3, 0.1, 0.4, 3.0, 20.0), (1.0, 3.0, -0.7, 1.5, 4.0)),
+        *((1.0e-6, 0.0, 0.0, 2.0, 9.0), (1.2661, 0.0, 0.3, 0.0, 3.0), (3.0, 0.01, 0.0, 8.0, 2.0)),
+    ],
+)
+def test_a_flight_on_a_turning_arc_is_differentiated_to_rounding(
+    angle: float, rate: float, tilt: float, spread: float, u: float
+) -> None:
+    flight = Flight()
+    flight.frequency, flight.tilt, flight.spread = 1.7, tilt, spread
+    flight.flow_s, flight.flow_c, flight.flow_p = math.sin(angle / 2), math.cos(angle / 2), rate
+    found = flight_jacobian(flight, u / 1.7, np.zeros((SERIES_ROWS, TERMS + 2)))
+    expected = _exact_turning_jacobian(flight, u / 1.7)
+    size = float(max(abs(one) for one in expected))
+    error = max(abs(float(a - b)) for a, b in zip(found, expected, strict=True))
+    # A unit in the last place of a state moves the argument of a long flight.
+    assert error < 40.0 * 2.0**-52 * size * (1.0 + u)
+
+
+def test_a_flight_on_a_turning_line_is_differentiated_to_rounding() -> None:
+    flight = Flight()
+    flight.form, flight.line_growth = TURNING_LINE, 0.7
+    found = flight_jacobian(flight, 2.0, np.zeros((SERIES_ROWS, TERMS + 2)))
+    sine, cosine = math.sinh(1.4), math.cosh(1.4)
+    assert found == pytest.approx((cosine, sine / 0.7, 0.7 * sine, cosine), rel=1e-15)
+    flight.line_growth = 0.0  # upright
+    assert flight_jacobian(flight, 2.0, np.zeros((SERIES_ROWS, TERMS + 2))) == (1.0, 2.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("turns", [False, True])
 @pytest.mark.parametrize("k", [1.0, 0.999, 0.9])
-def test_volumes_shrink_by_the_square_of_the_restitution_at_each_impact(k: float) -> None:
-    system = system_of(_with(SCENES["normal-impulse"], collision={"law": "normal-impulse", "k": k}))
+def test_volumes_shrink_by_the_square_of_the_restitution_at_each_impact(
+    k: float, turns: bool
+) -> None:
+    document = SCENES["turning normal-impulse" if turns else "normal-impulse"]
+    system = system_of(_with(document, collision={"law": "normal-impulse", "k": k}))
     assert system.left_end is not None
     walls = replace(system, left_end=replace(system.left_end, restitution=1.0))
     found = follow_system(walls, 30.0, 40)
@@ -228,10 +302,12 @@ def _by_neighbours(system: System, end: float, change: float) -> Any:
     return np.array(columns).T
 
 
+@pytest.mark.parametrize("turns", [False, True])
 @pytest.mark.parametrize("k", [0.0, 0.3])
-def test_lasting_contact_takes_two_directions(k: float) -> None:
+def test_lasting_contact_takes_two_directions(k: float, turns: bool) -> None:
     balls = [ball(-0.5, mass=2.0), ball(0.3, radius=0.06, body="hoop")]
-    system = system_of(scene(VALLEY, balls, k, "normal-impulse", time=2.0))
+    document = scene(VALLEY, balls, k, "normal-impulse", time=2.0)
+    system = system_of(_turning(document, x=1.0, rate=1.5) if turns else document)
     run = simulate_system(system, 2.0, None)
     assert "contact_closed" in run.events["event"]
     found = follow_system(system, 2.0, None)
@@ -346,15 +422,3 @@ def test_a_run_tells_of_exponents_in_all_its_tables(tmp_path: Path) -> None:
     write_run(run, scenario, tmp_path / "run", {})
     table = pq.read_table(tmp_path / "run" / "exponents.parquet")
     assert table.column("lyapunov_1")[-1].as_py() == run.exponents["lyapunov_1"][-1]
-
-
-def test_exponents_of_a_trace_that_turns_are_refused_with_their_place() -> None:
-    trace = THREE_ARCS | {"turning": {"x": 1.0, "rate": 1.0}}
-    with pytest.raises(ScenarioError, match=r"analysis\.lyapunov.*trace that turns"):
-        scenario_of(_with(SCENES["arcs"], trace=trace, analysis={"lyapunov": True}))
-
-
-def test_a_trace_that_turns_is_refused() -> None:
-    turning = _with(SCENES["arcs"], trace=THREE_ARCS | {"turning": {"x": 1.0, "rate": 1.0}})
-    with pytest.raises(NoTangents, match="expected one at rest"):
-        follow_system(system_of(turning), None, 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from vibro_cli.compile.kernel import IntMatrix, kernel, struct
+from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, kernel, struct
 from vibro_cli.kernels.flow.flow import acceleration_at
 from vibro_cli.kernels.flow.replay import recall_flight
 from vibro_cli.kernels.numerics.error_free import time_between
@@ -28,7 +28,11 @@ class Arrival:
 
 @kernel
 def find_arrivals(
-    world: World, arrivals: Sequence[Arrival], current: IntMatrix, scratch: Sequence[Flight]
+    world: World,
+    arrivals: Sequence[Arrival],
+    current: IntMatrix,
+    series: FloatMatrix,
+    scratch: Sequence[Flight],
 ) -> None:
     """Fill in how the body of each row of the log of a whole run arrived at its start.
 
@@ -38,8 +42,8 @@ def find_arrivals(
         With all rows of a run in its logs.
     arrivals
         As many as rows of the log; those of rows that no flight of the body ends at stay.
-    current, scratch
-        ``[0, body]`` and a flight to work with.
+    current, series, scratch
+        ``[0, body]``, a series and a flight to work with.
     """
     flight = scratch[0]
     for number in range(world.clock[0].flight_rows):
@@ -51,7 +55,7 @@ def find_arrivals(
             track = world.tracks[row.body * world.settings[0].pieces + before.piece]
             recall_flight(world, before, last, flight)
             age = time_between(row.t, row.t_low, before.t, before.t_low)
-            one, two, three, four = flight_jacobian(flight, age)
+            one, two, three, four = flight_jacobian(flight, age, series)
             arrival.age = age
             arrival.speed = track.speed_factor * row.before_p
             arrival.acceleration = acceleration_at(

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import kernel
+from vibro_cli.compile.kernel import FloatMatrix, kernel
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL
 from vibro_cli.kernels.numerics.elliptic import TRIGONOMETRIC, ThetaConstants, theta_functions
 from vibro_cli.kernels.numerics.trigonometry import sine_cosine
@@ -31,11 +31,14 @@ LEAST_PARAMETER = 1.0e-200
 
 
 @kernel
-def flight_jacobian(flight: Flight, t: float) -> tuple[float, float, float, float]:
+def flight_jacobian(
+    flight: Flight, t: float, series: FloatMatrix
+) -> tuple[float, float, float, float]:
     """Derivative of the state a time ``t`` (s) after the start of a flight to that at the start.
 
     The state is way along the path of the centre and speed (m, m/s), or angle and rate: the matrix
-    is the same. A body in lasting contact on one piece has that of its group.
+    is the same. A body in lasting contact on one piece has that of its group. ``series`` is scratch
+    (see ``kernels.tangent.rotating_jacobian``).
 
     Returns
     -------

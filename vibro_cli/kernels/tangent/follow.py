@@ -152,7 +152,7 @@ def _happen(
     if ended >= 0 or impact > begin:
         for step in range(count):
             _change_force(world, tangents, first + step, scratch[0])
-    _constrain(world, tangents, first, count)
+    _constrain(world, tangents, first, count, scratch)
     if impact > begin:
         _tell(world, tangents, begin, impact)
     return impact
@@ -187,8 +187,8 @@ def _carry(
     tau = tangents.state[0].time_scale
     age = time_between(t, t_low, row.t, row.t_low)
     recall_flight(world, row, number, flight)
-    if age > 0.0 and not _leans(world, row):
-        one, two, three, four = flight_jacobian(flight, age)
+    if age > 0.0 and not leans(world, number, flight):
+        one, two, three, four = flight_jacobian(flight, age, tangents.series)
         two /= tau
         three *= tau
         for column in range(len(tangents.frame)):
@@ -199,8 +199,17 @@ def _carry(
 
 
 @kernel
-def _leans(world: World, row: FlightRow) -> bool:
-    """Tell whether a body rests because a wall holds it, and not in equilibrium."""
+def leans(world: World, number: int, flight: Flight) -> bool:
+    """Tell whether a body rests because a wall holds it, and not in equilibrium.
+
+    Parameters
+    ----------
+    number
+        Of the row of its flight in the log.
+    flight
+        Scratch: its flight, or nothing of use.
+    """
+    row = world.log[number]
     if row.at_rest == 0:
         return False
     track = world.tracks[row.body * world.settings[0].pieces + row.piece]
@@ -310,7 +319,9 @@ def _is_joint(world: World, impact: int) -> bool:
 
 
 @kernel
-def _constrain(world: World, tangents: Tangents, first: int, count: int) -> None:
+def _constrain(
+    world: World, tangents: Tangents, first: int, count: int, scratch: Sequence[Flight]
+) -> None:
     """Take from tangent vectors what lasting contact takes: gaps, and how fast they change."""
     step = 0
     while step < count:
@@ -318,7 +329,7 @@ def _constrain(world: World, tangents: Tangents, first: int, count: int) -> None
         members = 1
         if row.grouped == 1:
             members = row.group_count
-        if _leans(world, row):
+        if leans(world, first + step, scratch[0]):
             tangents.state[0].lost = 1
             for column in range(len(tangents.frame)):
                 tangents.frame[2 * row.body, column] = 0.0

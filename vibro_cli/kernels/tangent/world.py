@@ -9,6 +9,9 @@ from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, struct
 
 # The product of the triangular factors is kept between this and its reciprocal.
 SCALE = 2.0**400
+# Rows of the series of a flight on a trace that turns, and the greatest power of time in them.
+SERIES_ROWS = 8
+TERMS = 24
 
 
 @struct
@@ -50,6 +53,8 @@ class Tangents(NamedTuple):
     """[0, direction] scratch: derivative of the time of the instant's first impact (s)"""
     turning: FloatMatrix
     """[pair, ...] scratch: what the rows of a joint impact need, see kernels.tangent.impacts"""
+    series: FloatMatrix
+    """scratch of flights on a trace that turns, see kernels.tangent.rotating_jacobian"""
     amplification: FloatMatrix
     """[0, impact] filled in: growth of one rounding of the start"""
     smooth: IntMatrix

@@ -111,7 +111,8 @@ class Twin:
 
         def motion(h: Real) -> tuple[Real, Real]:
             cosh, sinh = mp.cosh(growth * h), mp.sinh(growth * h) / growth
-            way = speed * sinh + pull * (cosh - 1) / growth**2
+            # Not cosh - 1: a line that is upright but for rounding has next to no growth.
+            way = speed * sinh + 2 * pull * (mp.sinh(growth * h / 2) / growth) ** 2
             return place + way, speed * cosh + pull * sinh
 
         return motion

@@ -151,8 +151,9 @@ class Batch:
         else:
             self.world.far[:] = 0  # type: ignore[index]
         enter_followed(
-            self.world, self._fresh, self._scratch, points, results, stack, tangents, sums
-        )
+            self.world, self._fresh, self._scratch, points, results, stack, tangents, sums,
+            self._overrides,
+        )  # fmt: skip
         return sums
 
 

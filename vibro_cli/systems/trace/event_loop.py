@@ -96,9 +96,10 @@ def enter_followed(
     stack: Stack,
     tangents: Tangents,
     sums: Any,
+    overrides: Overrides | None,
 ) -> None:
     """Run some points with their tangent maps (see ``kernels.ensemble.followed``)."""
-    run = compiled(follow_points)
+    run = compiled(follow_points, overrides)
     run(world, fresh, scratch, points, results, stack, tangents, sums)
 
 

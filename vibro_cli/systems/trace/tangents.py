@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
-from vibro_cli.errors import VibroError
 from vibro_cli.kernels.structs import Flight
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.world import END_NAMES, ImpactRow, World
@@ -25,13 +24,9 @@ from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.tangents import Growth
 from vibro_cli.systems.trace.event_loop import LOOP, TraceStretches
 from vibro_cli.systems.trace.summary import with_logs
-from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.trace.world import make_world, overrides_of
 
 Floats = NDArray[np.float64]
-
-
-class NoTangents(VibroError, ValueError):
-    """The tangent map of a system is not known; the message says of which."""
 
 
 def time_scale(system: System) -> Any:
@@ -56,16 +51,10 @@ class TangentMap(tangents.TangentMap):
         What is solved.
     times
         Whether derivatives of the impacts' times are wanted.
-
-    Raises
-    ------
-    NoTangents
-        For a trace that turns.
     """
 
     def __init__(self, system: System, times: bool = False) -> None:
-        if system.turning is not None:
-            raise NoTangents("found a trace that turns, expected one at rest for tangent maps")
+        self._overrides = overrides_of(system)
         super().__init__(float(time_scale(system)), len(system.bodies), 2, times)
 
     def take(self, world: World, known: int, cause: int, end: tuple[float, float]) -> Rows:
@@ -78,7 +67,8 @@ class TangentMap(tangents.TangentMap):
         """
         compiles = isinstance(world.log, np.ndarray)
         room = self._room(compiles, len(world.impacts))
-        follow: Any = compiled(follow_tangents) if compiles else follow_tangents
+        enter = compiled if compiles else engine.interpreted
+        follow: Any = enter(follow_tangents, self._overrides)
         scratch: Any = np.zeros(1, dtype=engine.dtype(Flight)) if compiles else [Flight()]
         follow(world, known, cause, *end, room, scratch)
         told: Any = world.impacts
@@ -119,7 +109,8 @@ def follow_system(
     engine_name: str = "compiled",
 ) -> TangentRun:
     """Solve a system and its tangent map; arguments as of ``systems.trace.run.simulate_system``."""
-    driver = Driver(LOOP, make_world(system, stop_time, stop_collisions), engine_name)
+    world = make_world(system, stop_time, stop_collisions)
+    driver = Driver(LOOP, world, engine_name, overrides=overrides_of(system))
     stretches = TraceStretches(LOOP, driver, stop_time)
     followed = TangentMap(system, times=True)
     own = make_world(system, None, None)
