@@ -38,11 +38,15 @@ def _contact(grid: Swept, width: str) -> Figure | None:
 
 
 def column_map(grid: Swept, width: str, name: str) -> Figure | None:
-    """Return the map of a column of numbers of the summary over two axes."""
+    """Return the map of a column of numbers of the summary; counts are white where they are 0."""
     unit = grid.units[name]
     words = name.replace("_", " ")
     label = f"{words} [{unit}]" if unit else words
-    return quantity_map(grid, width, np.asarray(grid.summary[name], dtype=np.float64), label)
+    column = grid.summary[name]
+    values = np.asarray(column, dtype=np.float64)
+    if column.dtype.kind in "iu":
+        values, label = np.where(values != 0.0, values, np.nan), f"{label} (white: 0)"
+    return quantity_map(grid, width, values, label)
 
 
 def mapped_columns(grid: Swept) -> list[str]:

@@ -140,7 +140,7 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
         count_axis(axes, number, across[0], labelled=True)
         _draw_dots(axes, number, np.where(between > 0.0, between, math.nan))
         together = int(np.sum(between == 0.0))
-        text = f"time since the impact before ({together} of 0 not shown)" if together else ""
+        text = f"time since the impact before ({together} that are 0 not shown)" if together else ""
         legend(figure, [(text or "time since the impact before", DOT)])
     return figure
 
