@@ -56,7 +56,7 @@ def mapped_columns(grid: Swept) -> list[str]:
     return [name for name in results if grid.summary[name].dtype != object]
 
 
-_OVER_TWO = "Over the two axes with the most values"
+_OVER_TWO = "Over the two axes with the most values, the first of them across"
 GRID_KINDS: dict[str, Kind[Swept]] = {
     "endings": Kind(
         ending_map,

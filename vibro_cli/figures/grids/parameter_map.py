@@ -170,8 +170,9 @@ class Lattice:
 def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattice | None:
     """Return the points over the axes with the most values, others held at their first value.
 
-    Axes that change together count as the first of them. With `numbers_first` the first coordinate
-    has to be one of numbers. None where the grid has too few axes that change.
+    The axis that the grid has first lies across. Axes that change together count as the first of
+    them. With `numbers_first` the first coordinate has to be one of numbers. None where the grid
+    has too few axes that change.
     """
     columns = {path: grid.summary[path] for path in grid.axes}
     found = {path: _factored(values) for path, values in columns.items()}
@@ -191,7 +192,7 @@ def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattic
             mask &= columns[path] == first[path]
     rows = np.flatnonzero(mask)
     fixed = () if scattered else tuple((path, _shown(first[path])) for path in rest)
-    coordinates = tuple(_coordinate(grid, path, rows) for path in chosen)
+    coordinates = tuple(_coordinate(grid, path, rows) for path in changing if path in chosen)
     return Lattice(rows, coordinates, fixed)
 
 
