@@ -159,10 +159,14 @@ def test_the_command_tells_what_is_wrong(
     file = tmp_path / "circle.json"
     file.write_text(json.dumps(_circle().resolved()))
     (tmp_path / "bad.csv").write_text("t\nsoon\n")
+    (tmp_path / "good.csv").write_text("t\n1.0\n2.0\n3.0\n")
     free = ["--free", "collision.k"]
     for arguments, words in (
         (["bad.csv", *free], "bad.csv: row 1: t: found 'soon'"),
         (["none.csv", *free], "none.csv: cannot be read"),
+        (["good.csv", "--free", "colision.k"], 'colision.k: found the unknown key "colision"'),
+        (["good.csv", "--free", "balls[2].mas"], 'did you mean "mass"?'),
+        (["good.csv", "--free", "balls[3].mass"], "found balls[3] of 2"),
         (["circle.json", *free], "expected .csv or .parquet"),
         (["bad.csv", "--free", "collision.k=1:0"], "expected PATH or PATH=LOW:HIGH"),
         (["bad.csv", "--free", "collision.k=0.5"], "expected PATH or PATH=LOW:HIGH"),

@@ -219,6 +219,8 @@ def test_python_finds_what_the_command_finds(
         (["--vary", "balls[2].mass=3:2"], "expected PATH=LOW:HIGH"),
         (["--vary", "balls[2].mass=3:4"], "expected a number in the range"),
         (["--vary", "balls[2].density=3:4"], "found no number there"),
+        (["--vary", "balls[2].mas=3:4"], 'did you mean "mass"?'),
+        (["--vary", "balls[5].mass=3:4"], "found balls[5] of 2, expected a number from 1 to 2"),
         (["--impacts", "1", "--set", "collision.k=0.9"], "no orbit: impacts take energy"),
     ],
 )

@@ -37,7 +37,7 @@ from vibro_cli.mechanics.system import InitialState, System, body_record
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.dual import Dual, Floats, change_of, value_of
-from vibro_cli.scenario import Scenario
+from vibro_cli.scenario import Scenario, ScenarioError
 from vibro_cli.scenario.problems import KeyPath, path_text
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.trace.event_loop import LOOP, TraceStretches
@@ -70,13 +70,20 @@ def number_at(scenario: Scenario, path: KeyPath) -> float:
     Raises
     ------
     NoDerivative
-        If there is none, or several unequal ones.
+        If there is none, with the nearest key, or several unequal ones.
     """
     found: Any = scenario
-    for part in path:
-        found = found[part] if isinstance(part, int) else getattr(found, part, None)
-        if found is None:
-            break
+    try:
+        for part in path:
+            found = found[part] if isinstance(part, int) else getattr(found, part)
+    except (AttributeError, IndexError, TypeError):
+        found = None
+        try:
+            scenario.replace({path_text(path): 1.0})
+        except ScenarioError as error:
+            problem = error.problems[0]
+            message = f"{path_text(path)}: found {problem.found}, expected {problem.expected}"
+            raise NoDerivative(message) from error
     if isinstance(found, tuple) and found and len(set(found)) == 1:
         found = found[0]
     if isinstance(found, bool) or not isinstance(found, float):
