@@ -25,8 +25,9 @@ from vibro_cli.systems.wanted import Limits
 
 Floats = NDArray[np.float64]
 
-# A number of the start is rounded by at most this share.
-ROUNDING = 2.0**-53
+# A number is rounded by this share, root mean square over its digits; at most by twice as much.
+ROUNDING = 2.0**-54
+MOST_DIGITS = 15.95  # of a double
 # Into so many blocks a run is cut for the error of its exponents.
 BLOCKS = 16
 
@@ -299,7 +300,7 @@ def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:
     digits = -np.log10(ROUNDING * np.maximum(growth, 1.0))
     return {
         "amplification": np.where(np.isfinite(growth), growth, np.nan),
-        "digits_left": np.maximum(digits, 0.0),
+        "digits_left": np.clip(digits, 0.0, MOST_DIGITS),
         "smooth": grown["smooth"] & ~grazing,
     }
 
