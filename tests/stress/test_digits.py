@@ -17,6 +17,7 @@ HARD = Path(__file__).parents[1] / "hard_cases"
 # Each within seconds for the oracle.
 NAMES = (
     "hit_on_a_group_across", "three_against_a_wall", "contact_on_a_turning_line",
+    "wall_hit_while_others_close",
 )  # fmt: skip
 
 

@@ -57,7 +57,9 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
         if (ahead > 0.0 and ahead >= pair.searched) or pair.touching == CLOSING:
             if pair.contact_t == NEVER:
                 _search_pair(world, j, pair, ahead)
-            if time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low) < 0.0:
+            later = time_between(pair.contact_t, pair.contact_t_low, horizon_t, horizon_low)
+            # What closes at an instant closes before its bodies, or others, come back from a wall.
+            if later < 0.0 or (later == 0.0 and first < 0 and pair.touching == CLOSING):
                 first = j
                 horizon_t = pair.contact_t
                 horizon_low = pair.contact_t_low

@@ -17,7 +17,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     speed_of_pair,
 )
 from vibro_cli.kernels.events.event_log import SPEED_ROUNDING, log_impact, parts
-from vibro_cli.kernels.events.wall_rest import touches_dissipative_wall
+from vibro_cli.kernels.events.wall_rest import last_row_of, touched_wall, touches_dissipative_wall
 from vibro_cli.kernels.flow.begin_flight import bring_to
 from vibro_cli.kernels.flow.flight import head_from_state
 from vibro_cli.kernels.impact.chattering import closing_law
@@ -30,6 +30,7 @@ from vibro_cli.kernels.world import (
     END_INADMISSIBLE,
     END_LIFT_OFF,
     RUNNING,
+    WALL,
     ImpactRow,
     World,
 )
@@ -47,11 +48,16 @@ def collide_jointly(world: World, first: int, count: int) -> int:
     before = energy_of_chain(world, first, count)
     start_row = clock.impact_rows
     loss = 0.0
+    left = 0
+    right = 0
     admissible = True
     if _is_endless(world, first, count):
         loss = _limit(world, first, count)
     else:
+        left = _comes_back(world, first, count, 0)
+        right = _comes_back(world, first, count, count)
         loss, admissible = _impulses(world, first, count)
+        loss += _from_wall(world, first, left) + _from_wall(world, (first + count) % settings.bodies, right)
     if not admissible:
         _complete_as_law_says(world, start_row)
         return END_INADMISSIBLE
@@ -68,6 +74,10 @@ def collide_jointly(world: World, first: int, count: int) -> int:
             world.pairs[(first + step) % settings.pairs].pressing = FREE
     settle(world, first, count)
     launch_chain(world, first, count, COLLISION)
+    if left != 0:
+        last_row_of(world, first).cause = WALL
+    if right != 0:
+        last_row_of(world, (first + count) % settings.bodies).cause = WALL
     loss += _take_closing_losses(world, first, count, start_row)
     if close_accumulated(world, first, count):
         loss += _take_closing_losses(world, first, count, start_row)
@@ -76,6 +86,33 @@ def collide_jointly(world: World, first: int, count: int) -> int:
     for row in range(start_row, clock.impact_rows):
         _complete(world, world.impacts[row], clock.impact_rows - start_row)
     return RUNNING
+
+
+@kernel
+def _comes_back(world: World, first: int, count: int, end: int) -> int:
+    """The side of a wall from which an end of a chain comes back in this round, or 0."""
+    settings = world.settings[0]
+    ball = (first + end) % settings.bodies
+    side = touched_wall(world, ball)
+    rounding = SPEED_ROUNDING * share_fastest(world, first, count)
+    beside = (first if end == 0 else first + count - 1) % settings.pairs
+    if side == 0 or world.flights[ball].speed * side <= rounding:
+        return 0
+    return 0 if parting_speed(world, beside) < -rounding else side
+
+
+@kernel
+def _from_wall(world: World, ball: int, side: int) -> float:
+    """Send a body back from a wall; return the energy (J) that takes."""
+    if side == 0:
+        return 0.0
+    settings = world.settings[0]
+    restitution = settings.right_wall if side > 0 else settings.left_wall
+    flight = world.flights[ball]
+    speed = flight.speed
+    flight.speed = -restitution * speed
+    loss = 0.5 * world.bodies[ball].rolling_mass * speed * speed
+    return loss * (1.0 - restitution) * (1.0 + restitution)
 
 
 @kernel
