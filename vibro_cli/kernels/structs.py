@@ -175,6 +175,7 @@ class PairData(ChainRow):
     change_t_low: float
     delay: float  # time from then to the end of the accumulation, s
     closing_loss: float  # energy that equal speeds took when it last closed or went on, J
+    struck: float  # speed (m/s) at which it alone came together at this instant, or 0
     release_t: float  # when the contact force changes sign, or NEVER (two doubles)
     release_t_low: float
     contact_t: float  # first contact, or NEVER

@@ -92,6 +92,9 @@ def _propose(world: World, j: int, fastest: float) -> None:
     pull = world.settings[0].gravity * world.settings[0].bodies
     if _bounce_force(world, j, parting) > pull:
         pair.pressing = FREE
+    again = world.flights[pair.a].impacts > 0 and world.flights[pair.b].impacts > 0
+    if again and parting > 0.0 and pair.struck > 0.0:
+        pair.pressing = FREE  # its bounces have a sum, once the others are launched
 
 
 @kernel

@@ -179,7 +179,7 @@ def close_accumulated(world: World, first: int, count: int) -> bool:
         pair.closing = pair.touching
         pair.solution = NOT_YET
         if pair.held == 0 and pair.touching == PARTING:
-            pair.solution = time_to_rest(world, (first + step) % pairs)
+            pair.solution = time_to_rest(world, first, count, (first + step) % pairs)
             closed = closed or pair.solution >= 0.0
     if not closed:
         return False

@@ -58,6 +58,14 @@ def displacement(flight: Flight, t: float) -> tuple[float, float]:
 
 
 @kernel
+def _start(flight: Flight) -> tuple[float, float, float]:
+    """``(S, C, P)`` of the body at the start of a flight; a group's flow is that of its pendulum."""
+    if flight.grouped == 1:
+        return flight.s, flight.c, flight.p
+    return flight.flow_s, flight.flow_c, flight.flow_p
+
+
+@kernel
 def short_bounce(a: Flight, b: Flight) -> float:
     """Return how long (s) a bounce of two bodies may last and be a short one."""
     fastest = max(pace(a), pace(b))
@@ -65,9 +73,9 @@ def short_bounce(a: Flight, b: Flight) -> float:
 
 
 @kernel
-def _long_or_grouped(flight: Flight, t: float) -> bool:
+def _is_long(flight: Flight, t: float) -> bool:
     """Tell whether displacements of a flight over a time t (s) are not better than its places."""
-    if flight.grouped == 1 or flight.form == POLYNOMIAL or flight.form == HYPERBOLIC_TINY:
+    if flight.form == POLYNOMIAL or flight.form == HYPERBOLIC_TINY:
         return True
     return flight.frequency * t > LONG
 
@@ -109,10 +117,12 @@ def sharpened_on_arc(
     The states of contact, left in ``pair``, are sharpened too; a flight that is not a short one is
     left as it is.
     """
-    if _long_or_grouped(a, t) or _long_or_grouped(b, t):
+    if _is_long(a, t) or _is_long(b, t):
         return t
-    first_rate = 2.0 * (b.own_frequency * b.flow_p - a.own_frequency * a.flow_p)
-    launched, _ = half_gap_sine(contact, a.flow_s, a.flow_c, b.flow_s, b.flow_c, orientation)
+    a_s, a_c, a_p = _start(a)
+    b_s, b_c, b_p = _start(b)
+    first_rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
+    launched, _ = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
     for _ in range(MOST_STEPS):
         rate = 2.0 * (b.own_frequency * pair.b_p - a.own_frequency * pair.a_p)
         if rate >= first_rate or rate * t < -FAR:
@@ -151,11 +161,13 @@ def sharpened_by_distance(
     clock: Clock,
 ) -> float:
     """As :func:`sharpened_on_arc`, for two pieces, by ``d^2 - (r_a + r_b)^2``."""
-    if _long_or_grouped(a, t) or _long_or_grouped(b, t):
+    if _is_long(a, t) or _is_long(b, t):
         return t
     # The line of centres where the flights begin, drawn to the length it has in contact.
-    ax, ay = centre_position(piece_a, track_a, a.flow_s, a.flow_c)
-    bx, by = centre_position(piece_b, track_b, b.flow_s, b.flow_c)
+    a_s, a_c, a_p = _start(a)
+    b_s, b_c, b_p = _start(b)
+    ax, ay = centre_position(piece_a, track_a, a_s, a_c)
+    bx, by = centre_position(piece_b, track_b, b_s, b_c)
     launched = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
     scale = reach / launched
     launched = (launched - reach) * (launched + reach)
@@ -164,8 +176,7 @@ def sharpened_by_distance(
     y = (by - ay) * scale
     size = reach + track_a.path_radius + track_b.path_radius
     first_rate = _rate_of_square(
-        x, y, piece_a, track_a, a.flow_s, a.flow_c, a.flow_p,
-        piece_b, track_b, b.flow_s, b.flow_c, b.flow_p,
+        x, y, piece_a, track_a, a_s, a_c, a_p, piece_b, track_b, b_s, b_c, b_p,
     )  # fmt: skip
     for _ in range(MOST_STEPS):
         mx, my = _centre_displacement(a, piece_a, track_a, t)
@@ -220,7 +231,8 @@ def _centre_displacement(
     if piece.sign == 0.0:
         return piece.tangent_x * sine, piece.tangent_y * sine
     # Along the tangent half-way.
-    tx, ty = centre_tangent(piece, flight.flow_s, flight.flow_c)
+    s, c, _ = _start(flight)
+    tx, ty = centre_tangent(piece, s, c)
     chord = 2.0 * track.path_radius * sine
     sign = piece.sign
     return chord * (tx * cosine - sign * ty * sine), chord * (ty * cosine + sign * tx * sine)

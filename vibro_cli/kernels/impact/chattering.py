@@ -2,7 +2,9 @@
 
 With the parting speed u, the approach acceleration ``c`` and its rate ``c'`` all further bounces
 last ``T = T0 - c' T0^2/(3 c)``, ``T0 = 2 u/(c (1 - k))``. It is taken when what this leaves out is
-smaller than the rounding of the gap makes the time of the next bounce uncertain.
+smaller than the rounding of the gap makes the time of the next bounce uncertain. Of bodies held to
+others, or leaning on a wall, each bounce is a sequence of impacts of them all, which leaves the
+same share of the speed each time: that of the last bounce stands for k.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 )
 from vibro_cli.kernels.contact.gap import distance_gap
 from vibro_cli.kernels.events.event_log import SPEED_ROUNDING
+from vibro_cli.kernels.events.wall_rest import touched_wall
 from vibro_cli.kernels.flow.begin_flight import state_at
 from vibro_cli.kernels.flow.flow import angular_jerk, tangential_acceleration
 from vibro_cli.kernels.impact.impulse_chain import held_run, joins
@@ -69,8 +72,44 @@ def closing_law(world: World, first: int, count: int) -> int:
 
 
 @kernel
-def time_to_rest(world: World, j: int) -> float:
-    """Duration (s) of all further bounces of a pair just launched, ``NOT_YET`` if not summable."""
+def is_bound(world: World, j: int) -> bool:
+    """Tell whether a body of a pair is held to another one, or leans on a wall."""
+    a = world.flights[world.pairs[j].a]
+    b = world.flights[world.pairs[j].b]
+    return a.grouped + b.grouped > 0 or a.wall_side != 0 or b.wall_side != 0
+
+
+@kernel
+def share_left(world: World, j: int) -> float:
+    """Share of a pair's speed that its bounce at this instant has left: k if both were free."""
+    pair = world.pairs[j]
+    if pair.struck == 0.0 or not is_bound(world, j):
+        return pair.restitution
+    return parting_speed(world, j) / pair.struck
+
+
+@kernel
+def repeats(world: World, first: int, count: int, j: int) -> bool:
+    """Tell whether pair ``j`` of a chain is all in it that moves: the others are held, or lean."""
+    settings = world.settings[0]
+    for step in range(count):
+        other = (first + step) % settings.pairs
+        if other != j and world.pairs[other].held == 0:
+            return False
+    for end in range(2):
+        ball = first if end == 0 else (first + count) % settings.bodies
+        flight = world.flights[ball]
+        if touched_wall(world, ball) != 0 and flight.speed != 0.0:
+            return False
+    return True
+
+
+@kernel
+def time_to_rest(world: World, first: int, count: int, j: int) -> float:
+    """Duration (s) of all further bounces of a pair just launched, ``NOT_YET`` if not summable.
+
+    ``first`` and ``count`` tell the chain that it has been launched with.
+    """
     pair = world.pairs[j]
     u = parting_speed(world, j)
     if u * u > SMALL_BOUNCE * world.settings[0].gravity * pair.distance:
@@ -94,10 +133,14 @@ def time_to_rest(world: World, j: int) -> float:
         nowhere = 2.0 * u * speed_of_pair(world, j) <= NOWHERE * c * rounding
         lasting = 2.0 * _speed_given(world, j) >= (1.0 - pair.restitution) * u
         return 0.0 if still or (lost and (nowhere or lasting)) else NOT_YET
-    if not normal or pair.restitution == 1.0:
+    share = share_left(world, j)
+    if not normal or share >= 1.0:
         # Nothing accumulates; but a bounce lower than the rounding of the places is contact.
         return 0.0 if lost else NOT_YET
-    delay = 2.0 * u / (c * (1.0 - pair.restitution))
+    bound = is_bound(world, j)
+    if bound and pair.struck == 0.0 or (bound or lost) and not repeats(world, first, count, j):
+        return 0.0 if lost else NOT_YET
+    delay = 2.0 * u / (c * (1.0 - share))
     if not lost and 0.5 * abs(_drift(world, j)) * delay * delay > rounding:
         return NOT_YET
     if not lost:

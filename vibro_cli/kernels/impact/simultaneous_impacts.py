@@ -20,7 +20,7 @@ from vibro_cli.kernels.events.event_log import SPEED_ROUNDING, log_impact, parts
 from vibro_cli.kernels.events.wall_rest import last_row_of, touched_wall, touches_dissipative_wall
 from vibro_cli.kernels.flow.begin_flight import bring_to
 from vibro_cli.kernels.flow.flight import head_from_state
-from vibro_cli.kernels.impact.chattering import closing_law
+from vibro_cli.kernels.impact.chattering import closing_law, repeats
 from vibro_cli.kernels.impact.impulse_chain import apply_impulses, joint_impulses, share_fastest
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, loss_of_impulse
 from vibro_cli.kernels.impact.plastic_limit import FREE, PRESSING, half_approach, press_speeds
@@ -171,6 +171,15 @@ def _bring_chain(world: World, first: int, count: int) -> None:
     most = 0
     for step in range(count + 1):
         most = max(most, world.flights[(first + step) % settings.bodies].impacts)
+    for step in range(count):
+        number = (first + step) % settings.pairs
+        pair = world.pairs[number]
+        if world.flights[pair.a].impacts == 0 or world.flights[pair.b].impacts == 0:
+            pair.struck = 0.0
+        if most == 0 and pair.held == 0 and repeats(world, first, count, number):
+            pair.struck = -parting_speed(world, number)
+        if pair.held == 1 and pair.change_t == clock.t and pair.change_t_low == clock.t_low:
+            pair.delay = 0.0  # hit again within the instant, its bounces are at an end
     for step in range(count + 1):
         world.flights[(first + step) % settings.bodies].impacts = most + 1
         world.flights[(first + step) % settings.bodies].wall_side = 0
