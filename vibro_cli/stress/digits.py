@@ -15,12 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
 from vibro_cli.mechanics.system import System
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.oracles.oracle import Oracle, Told
+from vibro_cli.stress.oracles.oracle import Bounce, Event, Oracle, Told
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
@@ -48,7 +49,7 @@ class Verdict(NamedTuple):
     after: float | None = None
     """Greatest distance (m, m/s) beyond 64 of these units from then on."""
     contacts: float | None = None
-    """Greatest distance (s) of instants at which a contact begins or ends."""
+    """Greatest distance (s) of instants at which a contact begins or ends, beyond what is known."""
     why: str = ""
     """Why there was nothing to compare, or what else is wrong."""
 
@@ -159,7 +160,8 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
         ended = f"the oracle ends {told.end_cause} at {float(told.end_time):.9g}"
         return Verdict(motion=np.inf, why=ended)
     closings = [float(event.t) for event in told.events if event.kind == "contact_closed"]
-    first = min(closings, default=np.inf)
+    ours_closed = run.events["t"][run.events["event"] == "contact_closed"]
+    first = min([*closings, *ours_closed.tolist()], default=np.inf)
     motion, after = 0.0, None
     for row, bodies in enumerate(told.samples):
         for ball, (state, x, y) in enumerate(bodies):
@@ -174,21 +176,70 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
 
 
 def _contacts_off(run: Run, told: Told, end: float) -> float | None:
-    """How far apart (s) contacts begin and end in both.
+    """How far apart (s) contacts begin and end in both, beyond what doubles can tell.
 
     Where no force presses (two alike on a line) contact and none are one motion, and only one of
     both may speak of contact: events without one like them nearby are not compared.
     """
     events = run.events
     theirs = np.array([float(event.t) for event in told.events])
+    places = [float(abs(x)) for row in told.samples for _, *xy in row for x in xy]
+    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
+    size = 4.0 * max([*places, *radii])
     worst: float | None = None
     for n in np.flatnonzero(np.isin(events["event"], CONTACT_KINDS) & (events["t"] < end)):
         one = (events["event"][n], int(events["ball"][n]) - 1, int(events["other"][n]) - 1)
         alike = [(event.kind, event.a, event.b) == one for event in told.events]
-        off = np.abs(theirs[alike] - float(events["t"][n])).min(initial=np.inf)
-        if off < NEARBY:
-            worst = max(worst or 0.0, float(off))
+        off = np.abs(theirs - float(events["t"][n]))
+        nearest = int(np.argmin(np.where(alike, off, np.inf))) if any(alike) else -1
+        if nearest >= 0 and off[nearest] < NEARBY:
+            beyond = off[nearest] - untold(told, told.events[nearest], size)
+            worst = max(worst or 0.0, float(beyond))
     return worst
+
+
+def untold(told: Told, event: Event, size: float) -> float:
+    """What of an instant (s) at which contact begins or ends the rounding of places leaves open.
+
+    ``size`` (m) is that of the four coordinates, or twice the radii, of the places of a pair.
+
+    Bodies nearer than that rounding touch. Bounces lower than it are one contact, then, unless they
+    have a sum: those of one pair under a law along its line of centres. An impact above them comes
+    as much earlier or later as its bodies take for such a way.
+    """
+    height = CONTACT_ROUNDING * size
+    row, lost = {event.a, event.b}, list[Bounce]()
+    high = -mp.inf  # when a bounce began that is not lost
+    for bounce, lasts in reversed(_lasting(told)):
+        if bounce.t > event.t or not row & set(bounce.bodies):
+            continue
+        if bounce.t < high:
+            break
+        if lasts > 0 and bounce.t < event.t and bounce.after * lasts / 4 > height:
+            high = bounce.t
+            continue
+        row |= set(bounce.bodies)
+        lost.append(bounce)
+    first = min((bounce.t for bounce in lost), default=event.t)
+    if first == event.t:
+        fastest = max((-float(bounce.before) for bounce in lost), default=0.0)
+        return height / fastest if fastest > 0.0 else 0.0
+    summed = len({bounce.bodies for bounce in lost}) == 1 and all(one.along for one in lost)
+    return 0.0 if summed else float(event.t - first)
+
+
+def _lasting(told: Told) -> list[tuple[Bounce, Any]]:
+    """Bounces with the time (s) to the next of the same bodies; 0 for one that ends in contact."""
+    closings = [event for event in told.events if event.kind == "contact_closed"]
+    closed = {(event.t, event.a, event.b) for event in closings}
+    following: dict[tuple[int, ...], Any] = {}
+    found = []
+    for bounce in reversed(told.bounces):
+        ends = (bounce.t, *bounce.bodies) in closed
+        after = bounce.t if ends else following.get(bounce.bodies, mp.inf)
+        found.append((bounce, after - bounce.t))
+        following[bounce.bodies] = bounce.t
+    return found[::-1]
 
 
 MOST_IMPACTS = 3

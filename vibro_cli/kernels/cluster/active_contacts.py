@@ -31,7 +31,7 @@ from vibro_cli.kernels.impact.plastic_limit import (
     lean,
     pressing_from,
 )
-from vibro_cli.kernels.structs import CLOSING, PARTING, RELEASED
+from vibro_cli.kernels.structs import CLOSING, PARTING, RELEASED, PairData
 from vibro_cli.kernels.world import World
 
 # Bodies in contact have equal normal speeds up to the rounding of a whole flight.
@@ -86,6 +86,9 @@ def _propose(world: World, j: int, fastest: float) -> None:
         rounding = max(rounding, HELD_ROUNDING * speed_of_pair(world, j))
     pair.pressing = PROPOSED
     if abs(parting) <= rounding:
+        if _is_released(world, pair):
+            pair.pressing = FREE
+            pair.closing = RELEASED
         return
     pair.closing = PARTING if parting > 0.0 else CLOSING
     # Pressed by all bodies together it would bounce lowest.
@@ -95,6 +98,14 @@ def _propose(world: World, j: int, fastest: float) -> None:
     again = world.flights[pair.a].impacts > 0 and world.flights[pair.b].impacts > 0
     if again and parting > 0.0 and pair.struck > 0.0:
         pair.pressing = FREE  # its bounces have a sum, once the others are launched
+
+
+@kernel
+def _is_released(world: World, pair: PairData) -> bool:
+    """Tell whether a contact has opened at this instant; ``touching`` is 0 after an impact."""
+    clock = world.clock[0]
+    now = pair.begin_t == clock.t and pair.begin_t_low == clock.t_low
+    return now and pair.held == 0 and pair.touching == RELEASED
 
 
 @kernel

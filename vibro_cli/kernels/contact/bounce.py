@@ -59,7 +59,7 @@ def displacement(flight: Flight, t: float) -> tuple[float, float]:
 
 @kernel
 def _start(flight: Flight) -> tuple[float, float, float]:
-    """``(S, C, P)`` of the body at the start of a flight; a group's flow is that of its pendulum."""
+    """``(S, C, P)`` of the body where a flight starts; a group's flow is that of its pendulum."""
     if flight.grouped == 1:
         return flight.s, flight.c, flight.p
     return flight.flow_s, flight.flow_c, flight.flow_p

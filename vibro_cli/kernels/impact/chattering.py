@@ -134,12 +134,22 @@ def time_to_rest(world: World, first: int, count: int, j: int) -> float:
         lasting = 2.0 * _speed_given(world, j) >= (1.0 - pair.restitution) * u
         return 0.0 if still or (lost and (nowhere or lasting)) else NOT_YET
     share = share_left(world, j)
-    if not normal or share >= 1.0:
+    once = is_bound(world, j) and (pair.struck == 0.0 or not repeats(world, first, count, j))
+    if not normal or share >= 1.0 or once:
         # Nothing accumulates; but a bounce lower than the rounding of the places is contact.
         return 0.0 if lost else NOT_YET
-    bound = is_bound(world, j)
-    if bound and pair.struck == 0.0 or (bound or lost) and not repeats(world, first, count, j):
-        return 0.0 if lost else NOT_YET
+    return _summed(world, j, u, c, share, rounding, lost)
+
+
+@kernel
+def _summed(
+    world: World, j: int, u: float, c: float, share: float, rounding: float, lost: bool
+) -> float:
+    """The sum of the bounces that leave a share of the speed each, ``NOT_YET`` if it is uncertain.
+
+    Of bounces lost in rounding it is taken in any case.
+    """
+    pair = world.pairs[j]
     delay = 2.0 * u / (c * (1.0 - share))
     if not lost and 0.5 * abs(_drift(world, j)) * delay * delay > rounding:
         return NOT_YET
@@ -197,7 +207,7 @@ def carry_drift(world: World, j: int, delay: float) -> float:
     """
     pair = world.pairs[j]
     added = _drift(world, j) * delay
-    if added == 0.0:
+    if added == 0.0 or not _undisturbed(world, j, delay):
         return 0.0
     taken = 0.0
     for end in range(2):

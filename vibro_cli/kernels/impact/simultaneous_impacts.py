@@ -57,27 +57,26 @@ def collide_jointly(world: World, first: int, count: int) -> int:
         left = _comes_back(world, first, count, 0)
         right = _comes_back(world, first, count, count)
         loss, admissible = _impulses(world, first, count)
-        loss += _from_wall(world, first, left) + _from_wall(world, (first + count) % settings.bodies, right)
+        loss += _from_wall(world, first, left) + _from_wall(world, first + count, right)
     if not admissible:
         _complete_as_law_says(world, start_row)
         return END_INADMISSIBLE
-    if settings.one_sided == 1:
-        for row in range(start_row, clock.impact_rows):
-            lifted = lifted_body(world, world.impacts[row].pair)
-            if lifted >= 0:
-                clock.last_ball = lifted
-                _complete_as_law_says(world, start_row)
-                return END_LIFT_OFF
+    if settings.one_sided == 1 and _lifts(world, start_row):
+        _complete_as_law_says(world, start_row)
+        return END_LIFT_OFF
     if clock.impact_rows > start_row:
-        # Speeds have changed: no pair need be held whatever its force.
+        # Speeds have changed: no pair need be held whatever its force, or stay released.
         for step in range(count):
-            world.pairs[(first + step) % settings.pairs].pressing = FREE
+            pair = world.pairs[(first + step) % settings.pairs]
+            pair.pressing = FREE
+            pair.touching = 0
     settle(world, first, count)
     launch_chain(world, first, count, COLLISION)
+    # Bodies at walls are those of an open trace: their numbers do not go round.
     if left != 0:
         last_row_of(world, first).cause = WALL
     if right != 0:
-        last_row_of(world, (first + count) % settings.bodies).cause = WALL
+        last_row_of(world, first + count).cause = WALL
     loss += _take_closing_losses(world, first, count, start_row)
     if close_accumulated(world, first, count):
         loss += _take_closing_losses(world, first, count, start_row)
@@ -86,6 +85,18 @@ def collide_jointly(world: World, first: int, count: int) -> int:
     for row in range(start_row, clock.impact_rows):
         _complete(world, world.impacts[row], clock.impact_rows - start_row)
     return RUNNING
+
+
+@kernel
+def _lifts(world: World, start_row: int) -> bool:
+    """Tell whether an impact lifts a body off a one-sided trace; the clock keeps which."""
+    clock = world.clock[0]
+    for row in range(start_row, clock.impact_rows):
+        lifted = lifted_body(world, world.impacts[row].pair)
+        if lifted >= 0:
+            clock.last_ball = lifted
+            return True
+    return False
 
 
 @kernel
@@ -171,18 +182,26 @@ def _bring_chain(world: World, first: int, count: int) -> None:
     most = 0
     for step in range(count + 1):
         most = max(most, world.flights[(first + step) % settings.bodies].impacts)
+    _note_bounces(world, first, count, most == 0)
+    for step in range(count + 1):
+        world.flights[(first + step) % settings.bodies].impacts = most + 1
+        world.flights[(first + step) % settings.bodies].wall_side = 0
+
+
+@kernel
+def _note_bounces(world: World, first: int, count: int, begins: bool) -> None:
+    """Keep how fast a pair came together that alone moves in its chain, where an instant begins."""
+    settings = world.settings[0]
+    clock = world.clock[0]
     for step in range(count):
         number = (first + step) % settings.pairs
         pair = world.pairs[number]
         if world.flights[pair.a].impacts == 0 or world.flights[pair.b].impacts == 0:
             pair.struck = 0.0
-        if most == 0 and pair.held == 0 and repeats(world, first, count, number):
+        if begins and pair.held == 0 and repeats(world, first, count, number):
             pair.struck = -parting_speed(world, number)
         if pair.held == 1 and pair.change_t == clock.t and pair.change_t_low == clock.t_low:
             pair.delay = 0.0  # hit again within the instant, its bounces are at an end
-    for step in range(count + 1):
-        world.flights[(first + step) % settings.bodies].impacts = most + 1
-        world.flights[(first + step) % settings.bodies].wall_side = 0
 
 
 @kernel

@@ -18,6 +18,8 @@ from vibro_cli.stress.oracles.taylor import Real, mp
 
 # Speeds below this share of the fastest are zero.
 ZERO = mp.mpf(10) ** -30
+# Normals that differ by less (relative) are those of one line, for doubles.
+SAME_LINE = mp.mpf(10) ** -12
 # Of a sequence that does not end, so many impacts are carried out.
 MOST_ROUNDS = 20_000
 
@@ -62,6 +64,12 @@ class Laws:
             else:
                 row[n], change[n] = mp.mpf(sign[n]), sign[n] / body.mass
         return row, change
+
+    def act_along(self, touch: Touch) -> bool:
+        """Tell whether the law acts on the speed of parting of a touch, up to a factor."""
+        row, _ = self._of(touch, self.law)
+        shares = [row[n] / touch.row[n] for n in touch.bodies]
+        return bool(abs(shares[0] - shares[-1]) <= SAME_LINE * abs(shares[0]))
 
     def _body(self, number: int) -> Body:
         return self.scene.bodies[number]

@@ -65,11 +65,24 @@ class Event(NamedTuple):
     b: int = -1
 
 
+class Bounce(NamedTuple):
+    """An impact of a pair, or of a body at a wall."""
+
+    t: Real
+    bodies: tuple[int, ...]
+    before: Real
+    """Speed (m/s) at which they parted before it; of an impact of this instant if positive."""
+    after: Real
+    along: bool
+    """Whether the law acts along the line of centres."""
+
+
 @dataclass
 class Told:
     """What an oracle tells of a motion."""
 
     events: list[Event] = field(default_factory=list)
+    bounces: list[Bounce] = field(default_factory=list)
     samples: list[list[tuple[State, Real, Real]]] = field(default_factory=list)
     """At each wanted instant of every body its state and its centre."""
     end_cause: str = "time"
@@ -263,6 +276,9 @@ class Oracle:
             if touch.key in used:
                 kind = "impact" if touch.key >= 0 else "wall"
                 self.told.events.append(Event(self.t, kind, *touch.bodies))
+                came, left = (speed_of(touch.row, one) for one in (before, self.now.speeds))
+                along = self.laws.act_along(touch)
+                self.told.bounces.append(Bounce(self.t, touch.bodies, came, left, along))
         self._settle(touches, used, max(abs(speed) for speed in before))
 
     def _cross(self, ball: int, to_right: bool) -> None:
