@@ -182,3 +182,12 @@ def test_impacts_that_do_not_get_on_are_told(a_run: Run, monkeypatch: pytest.Mon
     assert physics.ending(a_run) == []
     monkeypatch.setattr(physics, "MOMENT", 10.0)
     assert kinds(physics.ending(a_run)) == ["ending"]
+
+
+def test_a_row_that_turns_at_its_wall_is_told_up_to_rounding(a_run: Run) -> None:
+    """It starts from the wall at rest and comes back to it at rest, at 1e-7 m/s by rounding."""
+    document = draw(7101, 1390)
+    run = simulate_system(system_of(document), document["stop"]["time"], None)
+    assert physics.first_graze(run) == pytest.approx(2.9317888, rel=1e-7)
+    assert physics.faults_of_document(document) == []
+    assert physics.first_graze(a_run) == np.inf

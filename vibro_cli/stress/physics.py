@@ -297,6 +297,10 @@ NEAR = 1.0e-9
 # The same under laws that do not act along the line of centres: what would come of bounces lower
 # than the rounding of the places (1e-7 m/s) is not known there.
 FAINT = 1.0e-7
+# From then on that a body turns at a wall, up to rounding, too: no change of the inputs shows it
+# where the body, or its row, has started from that wall at rest.
+# Rounding of a place, as a share of the size of its coordinates.
+PLACES = 64.0 * 2.0**-52
 # Rounding of places and speeds, as a relative change of the inputs.
 ROUNDING = 2.0**-40
 # Of the trace's length: where such a change does as much, nothing is told from rounding.
@@ -348,6 +352,26 @@ def _distances(run: Run, one: Any, other: Any) -> Any:
     return apart.max(axis=1)
 
 
+def first_graze(run: Run) -> float:
+    """When a body, or a row, first comes to a wall from elsewhere at a speed lost in rounding (s).
+
+    It turns there, then, up to the rounding of its place: the height that is left over, or lacks,
+    decides by rounding when it comes and with which speed. Infinite if none does.
+    """
+    flights = run.flights()
+    hits = (flights["cause_end"] == "wall") & (flights["cause_start"] != "wall")
+    hits &= flights["t_end"] > flights["t_start"]
+    if not hits.any():
+        return math.inf
+    motion = run.sample(np.unique(flights["t_end"][hits]), "before")
+    size = max(float(np.abs(motion[axis]).max()) for axis in ("x", "y"))
+    slow = motion["speed"] ** 2 <= 2.0 * run.system.gravity * PLACES * size
+    for t, ball in zip(motion["t"][slow], motion["ball"][slow], strict=True):
+        if (hits & (flights["t_end"] == t) & (flights["ball"] == ball)).any():
+            return float(t)
+    return math.inf
+
+
 def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
     """How far (m) the motion of the mirror image is from the mirror image of the motion, and when.
 
@@ -360,7 +384,8 @@ def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
     times = np.linspace(0.0, end, INSTANTS + 1)[1:]
     ours = _places(run, times)
     off = _distances(run, ours, length - _places(image, times)[:, ::-1])
-    near = length * (NEAR if system.law == "normal-impulse" else FAINT)
+    normal = system.law == "normal-impulse"
+    near = length * np.where(normal & (times < first_graze(run)), NEAR, FAINT)
     if not (off > near).any():
         return 0.0, 0.0
     moved = np.zeros(len(times))
