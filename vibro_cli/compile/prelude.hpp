@@ -8,6 +8,7 @@
 #include <cstring>
 #ifdef __x86_64__
 #include <cpuid.h>
+#include <immintrin.h>
 #endif
 
 #define EXPORTED __attribute__((visibility("default")))
@@ -71,9 +72,15 @@ static constexpr int count_of = sizeof(Real) / sizeof(double);
 static inline double sqrt(double value) { return __builtin_sqrt(value); }
 template <class Real>
 static inline Real sqrt(Real lanes) {
-#if __has_builtin(__builtin_elementwise_sqrt)  // clang makes scalar roots of the loop
+#if __has_builtin(__builtin_elementwise_sqrt)  // clang, and g++, make scalar roots of the loop
   return __builtin_elementwise_sqrt(lanes);
 #else
+#ifdef __AVX512F__
+  if constexpr (sizeof(Real) == 64) return (Real)_mm512_sqrt_pd((__m512d)lanes);
+#endif
+#ifdef __AVX__
+  if constexpr (sizeof(Real) == 32) return (Real)_mm256_sqrt_pd((__m256d)lanes);
+#endif
   for (int lane = 0; lane < count_of<Real>; lane++) lanes[lane] = __builtin_sqrt(lanes[lane]);
   return lanes;
 #endif
@@ -99,6 +106,11 @@ static inline Real with_lane(Real lanes, int64_t number, double value) {
 static inline bool any_lane(bool value) { return value; }
 template <class Truth>
 static inline bool any_lane(Truth mask) {
+#ifdef __AVX512F__
+  if constexpr (sizeof(Truth) == 64) {
+    return _mm512_test_epi64_mask((__m512i)mask, (__m512i)mask) != 0;
+  }
+#endif
   int64_t any = 0;
   for (int lane = 0; lane < count_of<Truth>; lane++) any |= mask[lane];
   return any != 0;
