@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from tests.figures.energy import on_spring, on_trace
 from vibro_cli.api import simulate
 from vibro_cli.figures.film import Film, frame_times
+from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.runs.film_on_trace import film_on_trace
 from vibro_cli.figures.runs.over_time import energies
@@ -31,6 +32,8 @@ from vibro_cli.figures.style import MM
 from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.figures import springs_energies
 from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
+from vibro_cli.systems.table.figures import table_energies
+from vibro_cli.systems.table.plan import MOST_LINES, table_plan
 
 pytestmark = pytest.mark.long
 
@@ -52,6 +55,14 @@ SPRINGS = [
     ("two_disks", TEN), ("two_disks", MANY), ("two_disks", ("stop.time=6000",)),
     ("stressed_at_rest", TEN), ("stressed_at_rest", MANY), ("stressed_at_rest", ()),
     ("stressed_at_rest", ("collision.k=0", "stop.time=500")),
+]  # fmt: skip
+
+TABLES = [
+    ("elliptic_wall", ("wall.k=1", "stop.bounces=10")), ("elliptic_wall", ()),
+    ("elliptic_wall", ("wall.k=1", "stop.bounces=10000")),
+    ("billiards", ("collision.k=1", "wall.k=1", "stop={collisions=10}")),
+    ("billiards", ("collision.k=1", "wall.k=1", "stop={collisions=10000}")),
+    ("skew_impact", ()),
 ]  # fmt: skip
 
 
@@ -127,6 +138,40 @@ def test_branches_of_a_trace_are_on_their_levels(name: str, overrides: tuple[str
             levels = energy(begins, flights["rate_start"][mine])
             drawn += _check(axes, start, levels, energy)
     assert drawn > 0
+
+
+@pytest.mark.parametrize(("name", "overrides"), TRACES)
+def test_branches_over_the_arc_length_are_on_their_levels(
+    name: str, overrides: tuple[str, ...]
+) -> None:
+    run = run_of(name, overrides)
+    flights, pieces = run.flights(), run.system.trace.pieces
+    for ball in (1, len(run.system.bodies)):
+        radius = run.system.bodies[ball - 1].radius
+
+        def energy(s: Array, speed: Array, ball: int = ball, radius: float = radius) -> Array:
+            s, found = np.clip(s, 0.0, run.system.trace.length), np.full(np.shape(s), np.nan)
+            for piece in pieces:
+                here = (s >= piece.start_s) & (s <= piece.start_s + piece.length)
+                along = (s[here] - piece.start_s) / piece.length
+                if piece.shape == "line":
+                    place, scale = along * piece.length, 1.0
+                else:
+                    place = piece.angle_start + along * (piece.angle_end - piece.angle_start)
+                    scale = piece.path_radius(radius)
+                found[here] = on_trace(
+                    run.system, ball, piece.index + 1, place, speed[here] / scale
+                )
+            return found
+
+        mine = np.flatnonzero((flights["ball"] == ball) & ~flights["contact"])
+        levels = np.empty(len(mine))
+        for arc in range(1, len(pieces) + 1):
+            here = flights["arc"][mine] == arc
+            states = (flights[f"{what}_start"][mine][here] for what in ("angle", "rate"))
+            levels[here] = on_trace(run.system, ball, arc, *states)
+        axes = energy_portrait(run, ball).axes[0]
+        assert _check(axes, flights["t_start"][mine], levels, energy) > 0
 
 
 def _check(axes: Axes, start: Array, levels: Array, energy: Callable[..., Array]) -> int:
@@ -356,3 +401,39 @@ def _check_trail(run: Any, ball: int, drawn: Array, until: float, axes: Axes, fl
         assert_on_level(points[here], nearest, energy, scale_of(axes))
         checked += int(np.sum(here))
     return checked
+
+
+@pytest.mark.parametrize(("name", "overrides"), TABLES)
+def test_energies_and_paths_on_a_table_are_those_of_the_motion(
+    name: str, overrides: tuple[str, ...]
+) -> None:
+    run = run_of(f"table/{name}", overrides)
+    bodies, end = run.system.bodies, run.end_time
+    figure = table_energies(run)
+    for ball, body in enumerate(bodies):
+        if figure is not None:
+            line = np.column_stack(figure.axes[0].lines[ball].get_data())
+            steps = np.diff(line[:, 0]) > 1e-9 * end
+            middles = (0.5 * (line[1:] + line[:-1]))[steps][:: 1 + len(line) // MOST]
+            moved = run.sample(middles[:, 0])
+            square = (moved["velocity_x"] ** 2 + moved["velocity_y"] ** 2)[ball :: len(bodies)]
+            own = 0.5 * body.kappa * body.mass * square
+            assert np.max(np.abs(middles[:, 1] - own)) < scale_of(figure.axes[0])[1]
+    axes = table_plan(run).axes[0]
+    paths = [one for one in axes.collections if isinstance(one, LineCollection)]
+    assert len(paths) == len(bodies)
+    for ball, path in enumerate(paths):
+        drawn = np.concatenate([np.asarray(part)[:-1] for part in path.get_segments()])
+        drawn = drawn[: MOST_LINES + 1]
+        times = _events_of(run, ball + 1)[: len(drawn)]
+        moved = run.sample(times)
+        exact = np.column_stack([moved[axis][ball :: len(bodies)] for axis in "xy"])
+        assert np.max(np.abs(drawn - exact) / scale_of(axes)) < 1.0
+        assert len(times) == len(drawn)
+
+
+def _events_of(run: Any, ball: int) -> Array:
+    """The start, and the times at which a ball meets another or the wall (s)."""
+    tables = ((run.collisions, "ball_a"), (run.collisions, "ball_b"), (run.bounces, "ball"))
+    met = [np.asarray(table["t"])[np.asarray(table[name]) == ball] for table, name in tables]
+    return np.append(0.0, np.sort(np.concatenate(met)))
