@@ -388,18 +388,17 @@ def _check_order(
 
 
 def _check_over_outermost(
-    piece: Piece, bodies: tuple[Body, ...], at_right: bool, findings: Findings
+    trace: Trace, bodies: tuple[Body, ...], at_right: bool, findings: Findings
 ) -> None:
     """Check that no inner body reaches a wall over those between it and the wall."""
     side, outer = ("right", len(bodies) - 1) if at_right else ("left", 0)
     row = bodies[::-1] if at_right else bodies
-    for step, body in enumerate(row[1:], 1):
-        between = (other.radius for other in row[:step])
-        if all(initial_conditions.fits_at_wall(piece, body.radius, r, at_right) for r in between):
-            number = outer - step if at_right else step
-            reach = f"body {number + 1} cannot reach the {side} wall over it"
-            found = repr(bodies[outer].radius)
-            findings.add(f"balls[{outer + 1}].radius", found, f"one so large that {reach}")
+    step = initial_conditions.reaches_over(trace.mirrored() if at_right else trace, row)
+    if step is not None:
+        number = outer - step if at_right else step
+        reach = f"body {number + 1} cannot reach the {side} wall over it"
+        found = repr(bodies[outer].radius)
+        findings.add(f"balls[{outer + 1}].radius", found, f"one so large that {reach}")
 
 
 def _check_walls(
@@ -422,7 +421,7 @@ def _check_walls(
             found = f"a wall that body {index + 1} cannot meet on arc {piece.index + 1}"
             findings.add(f"ends.{side}", found, "an end piece with room for the body at its wall")
             continue
-        _check_over_outermost(piece, bodies, at_right, findings)
+        _check_over_outermost(trace, bodies, at_right, findings)
         state = states[index]
         if state is None or state.piece != piece.index:
             continue

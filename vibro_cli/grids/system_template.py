@@ -21,7 +21,7 @@ import numpy as np
 from vibro_cli.assemble import SIZES, body_of, speed_of, system_of, trace_of
 from vibro_cli.grids.axes import Array, kind_of
 from vibro_cli.grids.points import Point, changed
-from vibro_cli.mechanics.initial_conditions import fits_at_wall, wall_position
+from vibro_cli.mechanics.initial_conditions import clear_of_wall, wall_position
 from vibro_cli.mechanics.reachability import (
     Path,
     Window,
@@ -195,8 +195,7 @@ def _walls_fit(system: System) -> Any:
         room = SURE * (1.0 + np.abs(touch))
         fit = fit & (touch > piece.angle_start + room) & (touch < piece.angle_end - room)
         for body in system.bodies[1:] if outer == 0 else system.bodies[:-1]:
-            between = system.bodies[outer].radius
-            fit = fit & np.logical_not(fits_at_wall(piece, body.radius, between, outer != 0))
+            fit = fit & clear_of_wall(piece, body.radius, system.bodies[outer].radius)
     return fit
 
 

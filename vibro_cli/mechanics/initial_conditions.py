@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 from vibro_cli.mechanics.reachability import contact_angle
@@ -200,16 +202,44 @@ def wall_position(piece: Piece, radius: float, right: bool) -> float | None:
     return piece.angle_end - offset if right else piece.angle_start + offset
 
 
-def fits_at_wall(piece: Piece, radius: float, between: float, right: bool) -> Any:
-    """Tell whether a body may stand at a wall with a smaller one between it and the wall.
+def reaches_over(trace: Trace, bodies: Sequence[Body]) -> int | None:
+    """Return the first body that reaches the wall at the left end over those before it, or None.
 
-    Radii in m. Both at the wall, in the corner with the trace, they do not overlap then.
+    `bodies` from the wall on. The first one stands at the wall, every other one touches the one
+    before it: as near to the wall as it comes. Then it has to be farther from the wall's plane than
+    its radius. None too where the trace has no room for the row. Mirror the trace for its right
+    end.
     """
-    if wall_position(piece, radius, right) is None:
-        return False
+    first = trace.pieces[0]
+    at_wall = wall_position(first, bodies[0].radius, False)
+    if at_wall is None:
+        return None
+    along = math.cos(first.start_slope), math.sin(first.start_slope)
+    state = InitialState(0, at_wall, 0.0)
+    for number, (body, inner) in enumerate(pairwise(bodies), 1):
+        place = beside(trace, body, state, inner)
+        if place is None:
+            return None
+        state = InitialState(*place, 0.0)
+        center = trace.pieces[state.piece].body_center(state.position, inner.radius)
+        way = zip(center, first.start, along, strict=True)
+        if sum((here - end) * share for here, end, share in way) <= inner.radius:
+            return number
+    return None
+
+
+def clear_of_wall(piece: Piece, radius: float, between: float) -> Any:
+    """Tell where a body surely cannot reach a wall with another one between it and the wall.
+
+    Radii in m. It is not the larger one, or both at the wall, in the corner with the trace, would
+    overlap. Not sure, so False, where the piece has no place at the wall for it.
+    """
+    at_wall = wall_position(piece, radius, False)
+    if at_wall is None:
+        return radius <= between
     over = _height_at_wall(piece, radius) - _height_at_wall(piece, between)
-    reach = radius + between
-    return (radius - between) * (radius - between) + over * over >= reach * reach
+    apart, reach = (radius - between) * (radius - between) + over * over, radius + between
+    return (radius <= between) | ((at_wall <= piece.angle_end) & (apart < reach * reach))
 
 
 def _height_at_wall(piece: Piece, radius: float) -> float:

@@ -242,6 +242,16 @@ class Trace:
         pieces = tuple(_draw(pen, index, described) for index, described in enumerate(shapes))
         return Trace(pieces, closed, pen.arc_length())
 
+    def mirrored(self) -> Trace:
+        """Return the mirror image, right for left: it begins where this one ends."""
+        shapes = [
+            ArcShape(piece.shape, length=piece.length)
+            if piece.is_line
+            else ArcShape(piece.shape, radius=piece.radius, end_slope=-piece.start_slope)
+            for piece in reversed(self.pieces)
+        ]
+        return Trace.chain(-self.pieces[-1].end_slope, shapes, self.closed)
+
     def closing_error(self) -> tuple[float, float]:
         """Return the distance between the ends (m) and the turn between their slopes (rad)."""
         first, last = self.pieces[0], self.pieces[-1]

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.mechanics.system import System
-from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.sensitivity import neighbouring
@@ -312,12 +311,6 @@ Solve = Any  # a function of a system that returns its run
 def mirrored_system(system: System) -> System:
     """The mirror image of any system: right for left."""
     pieces = system.trace.pieces
-    shapes = [
-        ArcShape(piece.shape, length=piece.length)
-        if piece.is_line
-        else ArcShape(piece.shape, radius=piece.radius, end_slope=-piece.start_slope)
-        for piece in reversed(pieces)
-    ]
     starts = []
     for state in reversed(system.initial):
         piece = pieces[state.piece]
@@ -332,7 +325,7 @@ def mirrored_system(system: System) -> System:
         turning = replace(turning, x=pieces[-1].end[0] - turning.x)
     return replace(
         system,
-        trace=Trace.chain(-pieces[-1].end_slope, shapes, system.trace.closed),
+        trace=system.trace.mirrored(),
         bodies=system.bodies[::-1], initial=tuple(starts), restitution=(*pairs[::-1], *seam),
         left_end=system.right_end, right_end=system.left_end, turning=turning,
     )  # fmt: skip
