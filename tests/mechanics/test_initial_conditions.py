@@ -9,6 +9,7 @@ from vibro_cli.mechanics.initial_conditions import (
     beside,
     enter_piece,
     gap,
+    reaches_over,
     settle,
     speed_of_omega,
     speed_of_rate,
@@ -196,3 +197,17 @@ def test_a_piece_may_have_no_room_for_a_wall() -> None:
     pieces = mixed().pieces
     assert wall_position(pieces[3], 0.1, right=True) is None
     assert wall_position(pieces[0], 0.4, right=False) is None
+
+
+def test_an_outermost_body_keeps_smaller_ones_from_the_wall_and_not_larger_ones() -> None:
+    def on_a_line(*radii: float) -> int | None:
+        trace = Trace.chain(0.0, [ArcShape("line", length=3.0)])
+        return reaches_over(trace, [ball(r) for r in radii])
+
+    # Both in the corner, centres (r, r): they overlap unless one is 3 + 2 sqrt 2 times the other.
+    ratio = 3.0 + 2.0 * math.sqrt(2.0)
+    assert on_a_line(0.02, 0.02 * ratio * (1.0 - 1e-9)) is None
+    assert on_a_line(0.02, 0.02 * ratio * (1.0 + 1e-9)) == 1
+    assert on_a_line(0.15, 0.02) is None
+    # Over one, but not over the one before it.
+    assert on_a_line(0.15, 0.02, 0.15) is None

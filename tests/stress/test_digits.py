@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from vibro_cli.stress import digits
@@ -19,7 +20,8 @@ HARD = Path(__file__).parents[1] / "hard_cases"
 # Each within seconds for the oracle.
 NAMES = (
     "hit_on_a_group_across", "three_against_a_wall", "contact_on_a_turning_line",
-    "wall_hit_while_others_close", "bounces_on_a_held_row",
+    "wall_hit_while_others_close", "bounces_on_a_held_row", "hedrih_stopped_as_it_bounces",
+    "turning_slow_crossing", "closes_up_to_rounding",
 )  # fmt: skip
 
 
@@ -57,6 +59,27 @@ def two_balls(law: str = "normal-impulse") -> Document:
     document = scene(VALLEY, [ball(-0.7), ball(0.4, mass=2.0)], 0.6, law, time=1.5)
     document["ends"] = {"left": {"wall": 0.5}, "right": {"wall": 0.5}}
     return document
+
+
+def test_an_inadmissible_impact_from_a_height_lost_in_rounding_is_none() -> None:
+    hard = tomllib.loads((HARD / "closes_up_to_rounding.toml").read_text(encoding="utf-8"))
+    run = digits._solved(hard)
+    told = Told(end_cause="inadmissible", end_approach=mp.mpf("1e-8"))
+    assert digits._decided_by_rounding(run, told)
+    told.end_approach = mp.mpf("1e-5")
+    assert not digits._decided_by_rounding(run, told)
+
+
+def test_motion_amid_summed_bounces_is_not_compared() -> None:
+    # They take 1e-3 s from an impact on, which is known, and end in contact.
+    document = scene(VALLEY, [ball(-0.3), ball(0.0)], 0.5, time=2.0)
+    run = digits._solved(document)
+    first = int(np.argmax(run.collisions["contact"]))
+    begun, closed = float(run.collisions["t"][first]), float(run.events["t"][0])
+    assert run.events["event"][0] == "contact_closed"
+    assert begun < closed
+    times = np.array([begun - 1e-9, 0.5 * (begun + closed), closed])
+    assert digits._amid_bounces(run, times).tolist() == [False, True, False]
 
 
 def test_a_wrong_motion_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -191,3 +191,9 @@ def test_a_row_that_turns_at_its_wall_is_told_up_to_rounding(a_run: Run) -> None
     assert physics.first_graze(run) == pytest.approx(2.9317888, rel=1e-7)
     assert physics.faults_of_document(document) == []
     assert physics.first_graze(a_run) == np.inf
+
+
+def test_a_pair_that_parts_by_rounding_only_does_not_jump() -> None:
+    document = tomllib.loads((HARD / "launched_without_parting.toml").read_text(encoding="utf-8"))
+    run = simulate_system(system_of(document), document["stop"]["time"], None)
+    assert physics.jumps(run, physics.motion_of(run, 500)) == []

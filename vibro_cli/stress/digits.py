@@ -2,9 +2,10 @@
 
 A motion is compared with the oracle's at instants spread over it, in units of what a small change
 of the inputs does to it, as far as that is not lost and nothing turns at a wall, but not amid
-bounces that are summed; contacts by the instants at which they begin and end. A tangent map is compared with differences of neighbouring motions, in the scenes whose
-motion has a derivative through its first impacts: of two bodies or more that do not touch at the
-start, none of which comes to rest at a wall, until the first impact that is not smooth.
+bounces that are summed; contacts by the instants at which they begin and end. A tangent map is
+compared with differences of neighbouring motions, in the scenes whose motion has a derivative
+through its first impacts: of two bodies or more that do not touch at the start, none of which comes
+to rest at a wall, until the first impact that is not smooth.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ LOST = 1.0e6
 MOST_EVENTS = 300
 SECONDS = 60.0  # of the processor
 NEARBY = 1.0e-4  # s
+# Times gravity: how fast the motion in contact and that of the bounces before it come apart.
+PUSH = 4.0
 CONTACT_KINDS = ("contact_closed", "contact_opened")
 
 Floats = Any  # an array of numbers
@@ -48,7 +51,7 @@ class Verdict(NamedTuple):
     motion: float | None = None
     """Greatest distance in units of eps times amplification, up to the first lasting contact."""
     after: float | None = None
-    """Greatest distance (m, m/s) beyond 64 of these units from then on."""
+    """Greatest distance (m, m/s) beyond 64 of these units, and what instants leave open, after."""
     contacts: float | None = None
     """Greatest distance (s) of instants at which a contact begins or ends, beyond what is known."""
     why: str = ""
@@ -107,6 +110,8 @@ def compared(document: Document, engine: str = "compiled") -> Verdict:
     except ArithmeticError as reason:
         why = str(reason)
         known = len(oracle.told.samples)  # as far as it came
+    if _decided_by_rounding(run, oracle.told):
+        known = len(oracle.told.samples)
     if known == 0:
         return Verdict(why=why)
     return _verdict(run, oracle.told, ours, grown, times[:known])
@@ -157,18 +162,33 @@ def amplification(document: Document, times: Floats, ours: Floats) -> Floats:
     return np.maximum.accumulate(grown.max(axis=1, keepdims=True), axis=0) + 0.0 * grown
 
 
+def _decided_by_rounding(run: Run, told: Told) -> bool:
+    """Whether an inadmissible impact has ended a motion that goes on if it is none.
+
+    Where a closed trace closes up to rounding only, or slopes at a junction are equal up to it, a
+    body in contact that goes over them makes an impact, from a height lost in rounding.
+    """
+    height = float(told.end_approach) ** 2 / (2.0 * run.system.gravity)
+    size = float(np.abs(motion_at(run, [0.0])[..., :2]).max()) + 1.0
+    return told.end_cause == "inadmissible" and height <= CONTACT_ROUNDING * size
+
+
 def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -> Verdict:
     if len(told.samples) < len(times):
         ended = f"the oracle ends {told.end_cause} at {float(told.end_time):.9g}"
         return Verdict(motion=np.inf, why=ended)
-    closings = [float(event.t) for event in told.events if event.kind == "contact_closed"]
+    closings = [float(event.t) for event in _begun(told)]
     ours_closed = run.events["t"][run.events["event"] == "contact_closed"]
     first = min([*closings, *ours_closed.tolist()], default=np.inf)
     motion, after = 0.0, None
     amid = _amid_bounces(run, times)
+    size = _size(run, told)
+    # A force that is there for so much longer or shorter.
+    pushes = [(float(e.t), PUSH * run.system.gravity * untold(told, e, size)) for e in _begun(told)]
     for row, bodies in enumerate(told.samples):
         if amid[row]:
             continue
+        pushed = sum(speed for t, speed in pushes if t <= times[row])
         for ball, (state, x, y) in enumerate(bodies):
             for column, exact in enumerate((x, y, state.speed)):
                 off = abs(float(exact - mp.mpf(float(ours[row, ball, column]))))
@@ -176,7 +196,7 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
                 if times[row] < first:
                     motion = max(motion, off / unit)
                 else:
-                    after = max(after or 0.0, off - MARK * unit)
+                    after = max(after or 0.0, off - MARK * unit - pushed)
     return Verdict(motion, after, _contacts_off(run, told, float(times[-1])))
 
 
@@ -195,9 +215,7 @@ def _contacts_off(run: Run, told: Told, end: float) -> float | None:
     """
     events = run.events
     theirs = np.array([float(event.t) for event in told.events])
-    places = [float(abs(x)) for row in told.samples for _, *xy in row for x in xy]
-    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
-    size = 4.0 * max([*places, *radii])
+    size = _size(run, told)
     worst: float | None = None
     for n in np.flatnonzero(np.isin(events["event"], CONTACT_KINDS) & (events["t"] < end)):
         one = (events["event"][n], int(events["ball"][n]) - 1, int(events["other"][n]) - 1)
@@ -210,10 +228,20 @@ def _contacts_off(run: Run, told: Told, end: float) -> float | None:
     return worst
 
 
+def _begun(told: Told) -> list[Event]:
+    """Beginnings of lasting contact."""
+    return [event for event in told.events if event.kind == "contact_closed"]
+
+
+def _size(run: Run, told: Told) -> float:
+    """Size (m) of the four coordinates, or twice the radii, of the places of a pair."""
+    places = [float(abs(x)) for row in told.samples for _, *xy in row for x in xy]
+    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
+    return 4.0 * float(max([*places, *radii]))
+
+
 def untold(told: Told, event: Event, size: float) -> float:
     """What of an instant (s) at which contact begins or ends the rounding of places leaves open.
-
-    ``size`` (m) is that of the four coordinates, or twice the radii, of the places of a pair.
 
     Bodies nearer than that rounding touch. Bounces lower than it are one contact, then, unless they
     have a sum: those of one pair under a law along its line of centres. An impact above them comes
@@ -242,8 +270,7 @@ def untold(told: Told, event: Event, size: float) -> float:
 
 def _lasting(told: Told) -> list[tuple[Bounce, Any]]:
     """Bounces with the time (s) to the next of the same bodies; 0 for one that ends in contact."""
-    closings = [event for event in told.events if event.kind == "contact_closed"]
-    closed = {(event.t, event.a, event.b) for event in closings}
+    closed = {(event.t, event.a, event.b) for event in _begun(told)}
     following: dict[tuple[int, ...], Any] = {}
     found = []
     for bounce in reversed(told.bounces):

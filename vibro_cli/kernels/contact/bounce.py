@@ -122,6 +122,8 @@ def sharpened_on_arc(
     a_s, a_c, a_p = _start(a)
     b_s, b_c, b_p = _start(b)
     first_rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
+    if first_rate <= 0.0:
+        return t  # up to rounding it does not part: there is no bounce
     launched, _ = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
     for _ in range(MOST_STEPS):
         rate = 2.0 * (b.own_frequency * pair.b_p - a.own_frequency * pair.a_p)
@@ -178,6 +180,8 @@ def sharpened_by_distance(
     first_rate = _rate_of_square(
         x, y, piece_a, track_a, a_s, a_c, a_p, piece_b, track_b, b_s, b_c, b_p,
     )  # fmt: skip
+    if first_rate <= 0.0:
+        return t
     for _ in range(MOST_STEPS):
         mx, my = _centre_displacement(a, piece_a, track_a, t)
         nx, ny = _centre_displacement(b, piece_b, track_b, t)

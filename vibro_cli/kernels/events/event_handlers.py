@@ -49,7 +49,7 @@ from vibro_cli.kernels.world import (
 )
 
 # Below this share of the whole energy, a speed is carried over a junction instead of the energy.
-SLOW_CROSSING = 1.0e-6
+SLOW_CROSSING = 1.0e-2
 
 
 @kernel

@@ -27,7 +27,17 @@ Row = dict[int, Real]
 
 
 class Inadmissible(Exception):
-    """The law drives bodies into one another, and nothing else is to be done then."""
+    """The law drives bodies into one another, and nothing else is to be done then.
+
+    Parameters
+    ----------
+    approach
+        The greatest speed (m/s) at which touching bodies came together.
+    """
+
+    def __init__(self, approach: Real) -> None:
+        super().__init__(approach)
+        self.approach = approach
 
 
 @dataclass(frozen=True)
@@ -151,7 +161,7 @@ def collide(
             after = laws.solve(run, speeds, law)
             if any(speed_of(touch.row, after) < least for touch in run):
                 if not substitute:
-                    raise Inadmissible
+                    raise Inadmissible(max(-speed_of(touch.row, speeds) for touch in run))
                 law = "normal-impulse"
                 after = laws.solve(run, speeds, law)
             # Runs share no bodies: none changes what another one meets.

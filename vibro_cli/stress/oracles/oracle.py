@@ -87,6 +87,8 @@ class Told:
     """At each wanted instant of every body its state and its centre."""
     end_cause: str = "time"
     end_time: Real = mp.zero
+    end_approach: Real = mp.zero
+    """Speed of approach (m/s) of the inadmissible impact that ended it."""
 
 
 class _Watch(NamedTuple):
@@ -144,8 +146,9 @@ class Oracle:
                 if len(self.told.events) > self.most_events:
                     raise Undecided("too many events")
                 self._step(until, waiting)
-        except Inadmissible:
+        except Inadmissible as impact:
             self.told.end_cause = "inadmissible"
+            self.told.end_approach = impact.approach
         except _EndOfTrace:
             self.told.end_cause = "end_of_trace"
         self.told.end_time = self.t
