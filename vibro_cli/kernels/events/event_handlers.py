@@ -34,7 +34,7 @@ from vibro_cli.kernels.impact.simultaneous_impacts import (
     complete_inadmissible,
     energy_of_chain,
 )
-from vibro_cli.kernels.structs import PARTING, Flight, PairData, TrackData
+from vibro_cli.kernels.structs import PARTING, RELEASED, Flight, PairData, TrackData
 from vibro_cli.kernels.world import (
     COLLISION,
     CROSSING,
@@ -69,7 +69,8 @@ def collide(world: World, j: int) -> int:
         first, count = chain_of_contacts(world, j)
     bound = _is_bound(world, pair.a, pair.a_s, pair.a_c)
     if count > 1 or bound or _is_bound(world, pair.b, pair.b_s, pair.b_c):
-        if pair.touching != 0 and clock.t == pair.begin_t and clock.t_low == pair.begin_t_low:
+        at_once = clock.t == pair.begin_t and clock.t_low == pair.begin_t_low
+        if at_once and (pair.touching == PARTING or pair.touching == RELEASED):
             # Launched in contact, and in one another at once: without an impact they press.
             pair.pressing = FORCED
         cause = collide_jointly(world, first, count)
