@@ -340,6 +340,6 @@ def test_what_a_notebook_shows(run: Run) -> None:
     assert repr(run).startswith("<Run three_arcs: ")
     for thing in (run, run.collisions, run.scenario):
         shown = thing._repr_html_()
-        assert shown.startswith("<table><caption>")
+        assert "<table><caption" in shown[:50]
         assert shown.count("<tr>") == shown.count("</tr>") > 3
     assert "collision.k[1]" in run.scenario._repr_html_() or "0.9" in run.scenario._repr_html_()

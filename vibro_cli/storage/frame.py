@@ -128,7 +128,9 @@ class Table:
         )
         first = f", the first {_SHOWN}" if self.rows > _SHOWN else ""
         caption = f"{escape(self.name)}: {self.rows} rows{first}"
-        return f"<table><caption>{caption}</caption><tr>{heads}</tr>{rows}</table>"
+        # Of many columns: to be scrolled by itself, its caption where it is seen.
+        begin = f'<table><caption style="text-align: left">{caption}</caption>'
+        return f'<div style="overflow-x: auto">{begin}<tr>{heads}</tr>{rows}</table></div>'
 
 
 def _as_array(column: pa.ChunkedArray) -> NDArray[Any]:

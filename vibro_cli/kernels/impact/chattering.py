@@ -2,8 +2,7 @@
 
 With the parting speed u, the approach acceleration ``c`` and its rate ``c'`` all further bounces
 last ``T = T0 - c' T0^2/(3 c)``, ``T0 = 2 u/(c (1 - k))``. It is taken when what this leaves out is
-smaller than the rounding of the gap makes the time of the next bounce uncertain, and adds nothing
-to the speeds that counts. Of bodies held to
+smaller than the rounding of the gap makes the time of the next bounce uncertain. Of bodies held to
 others, or leaning on a wall, each bounce is a sequence of impacts of them all, which leaves the
 same share of the speed each time: that of the last bounce stands for k.
 """
@@ -42,8 +41,6 @@ SMALL_BOUNCE = 1.0e-4
 LOST_BOUNCE = 4.0
 # Bodies that go less than this share of that from bounce to bounce go nowhere.
 NOWHERE = 1.0e-3
-# Square of the share of the time in which a body falls its own size that a sum may leave out.
-LEFT_OUT = 1.0e-22
 # In which a pair is to stop whose law gives it the speed of a bounce again and again.
 SOME_BOUNCES = 64.0
 # Accelerations below this share of gravity are those of a force that is zero up to rounding.
@@ -247,22 +244,15 @@ def _refined(world: World, j: int, u: float, c: float, rounding: float, first_te
     if not free:
         rate += (a.acceleration_bound + b.acceleration_bound) * _fastest(world, j)
         missing = first_term * first_term * rate / c
-        return first_term if _is_little(world, missing, u, rounding, pair.distance) else NOT_YET
+        return first_term if missing * u <= rounding else NOT_YET
     jerk = angular_jerk(b, b.s, b.c, b.p) - angular_jerk(a, a.s, a.c, a.p)
     # On one arc the distance grows with the angle by n t_a rho_a.
     track = world.tracks[pair.a * world.settings[0].pieces + a.piece]
     relative = jerk * track.path_radius * pair.normal_a / c
     missing = first_term * first_term * first_term * (rate / c) * (rate / c)
-    if not _is_little(world, missing, u, rounding, pair.distance):
+    if missing * u > rounding:
         return NOT_YET
     return first_term * (1.0 + relative * first_term * (1.0 / 3.0))
-
-
-@kernel
-def _is_little(world: World, missing: float, u: float, rounding: float, distance: float) -> bool:
-    """Tell whether a time (s) that a sum leaves out shows neither in the gap nor in the motion."""
-    gravity = world.settings[0].gravity
-    return missing * u <= rounding and missing * missing * gravity <= LEFT_OUT * distance
 
 
 @kernel

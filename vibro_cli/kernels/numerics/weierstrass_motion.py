@@ -30,7 +30,8 @@ POLISHING_STEPS = 3
 FLAT = 1.25
 # Below this square of the share that cancellation leaves of a form, the other one is taken.
 NEAR_NOTHING = 1.0e-3
-# A square of the rate above this share of its terms gives the rate better than the derivative does.
+# A square of the rate above this share of its terms gives the rate better than the derivative does;
+# one of the first form above it has nearly all its digits.
 CLEAR = 0.125
 
 
@@ -233,10 +234,10 @@ def _by_weierstrass(
 ) -> tuple[float, float, float]:
     """State from ``z = root + level/sigma^2`` and its slope, by a form of ``u`` far from 0/0.
 
-    With ``a0 > 0`` both forms of ``u = X/Y`` become 0/0: the first where ``z = +- u' sqrt(a0)/2``,
-    as often as u passes infinity; the second, of whose X a factor is divided out, as long before
-    the end of a period as the motion comes back to its start after the beginning. A motion that
-    turns over never comes back.
+    Both forms of ``u = X/Y`` become 0/0: the first where ``z = +- u' sqrt(a0)/2``, as often as u
+    passes infinity, and nearly so where a0 is just below 0; the second, of whose X a factor is
+    divided out, as long before the end of a period as the motion comes back to its start after the
+    beginning. A motion that turns over never comes back.
     """
     a3 = motion.quartic_3
     rate = motion.start_rate
@@ -252,7 +253,8 @@ def _by_weierstrass(
         size = 1.0 / (x * x + z * z)
         root = math.sqrt(size)
         return x * root, z * root, 2.0 * a3 * slope * sigma * size
-    if motion.quartic_0 <= 0.0:
+    turns_back = motion.quartic_0 <= 0.0  # before infinity
+    if turns_back and (motion.turns_over == 1 or not _first_form_is_lost(motion, sigma, z, slope)):
         return _by_first_form(motion, sigma, z, slope, 0.0)
     a4 = rate * rate
     along = 2.0 * a3 * z + motion.quartic_1 * a4 * square
@@ -285,6 +287,19 @@ def _by_weierstrass(
 
 
 @kernel
+def _first_form_is_lost(motion: QuarticConstants, sigma: float, z: float, slope: float) -> bool:
+    """Tell whether Weierstrass's own form, where ``a0 <= 0``, is nearly 0/0: its X cancels."""
+    a4 = motion.start_rate * motion.start_rate
+    square = sigma * sigma
+    turned = 2.0 * motion.start_rate * slope
+    along = sigma * (2.0 * motion.quartic_3 * z + motion.quartic_1 * a4 * square)
+    x = sigma * (turned + along)
+    y = 2.0 * z * z - 0.5 * motion.quartic_0 * a4 * (square * square)
+    terms = sigma * (abs(turned) + abs(along))
+    return x * x + y * y < CLEAR * (terms * terms)
+
+
+@kernel
 def _bend(motion: QuarticConstants, z: float, square: float) -> float:
     """``z'' sigma^4``."""
     a4 = motion.start_rate * motion.start_rate
@@ -298,7 +313,7 @@ def _by_first_form(
 ) -> tuple[float, float, float]:
     """As :func:`_by_weierstrass` by Weierstrass's own form; ``side`` has the sign of ``sin h``.
 
-    With ``a0 <= 0`` it is never 0/0, and its signs are right: ``side`` is 0.
+    With ``a0 <= 0`` its signs are right: ``side`` is 0.
     """
     a3 = motion.quartic_3
     rate = motion.start_rate
