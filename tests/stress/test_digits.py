@@ -11,7 +11,7 @@ import pytest
 
 from vibro_cli.stress import digits
 from vibro_cli.stress.finding import Document
-from vibro_cli.stress.oracles.oracle import Bounce, Event, Told
+from vibro_cli.stress.oracles.oracle import Told
 from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.scenes import VALLEY, ball, scene
 from vibro_cli.systems.trace.run import Run
@@ -37,22 +37,6 @@ def assert_right(verdict: digits.Verdict) -> None:
     assert verdict.motion <= digits.MARK
     assert verdict.after is None or verdict.after <= 1e-10
     assert verdict.contacts is None or verdict.contacts <= 1e-10
-
-
-def test_bounces_lower_than_the_rounding_of_places_leave_an_instant_open() -> None:
-    def bounce(t: float, left: float, bodies: tuple[int, ...] = (0, 1)) -> Bounce:
-        return Bounce(mp.mpf(t), bodies, mp.mpf(-1), mp.mpf(left), along=True)
-
-    closed = Event(mp.mpf(1), "contact_closed", 0, 1)
-    # Of one pair they have a sum; with another one they have none, as far as they are lower.
-    alone = Told([closed], [bounce(1 - 1e-8, 1e-8), bounce(1, 0.0)])
-    assert digits.untold(alone, closed, 4.0) == 0.0
-    beside = [bounce(0.5, 1.0), bounce(1 - 1e-8, 1e-8), bounce(1, 0.0, (1, 2)), bounce(1, 0.0)]
-    row = Told([closed], [bounce(0.4, 1.0, (1, 2)), *beside])
-    assert digits.untold(row, closed, 4.0) == pytest.approx(1e-8, rel=1e-6)
-    # An impact with a speed is known up to the rounding of the way that it takes.
-    hit = Told([closed], [bounce(1, 0.0)])
-    assert digits.untold(hit, closed, 4.0) == pytest.approx(64 * 2.0**-52, rel=1e-6)
 
 
 def two_balls(law: str = "normal-impulse") -> Document:

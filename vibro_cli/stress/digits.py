@@ -10,6 +10,7 @@ to rest at a wall, until the first impact that is not smooth.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from copy import deepcopy
 from typing import Any, NamedTuple
@@ -22,7 +23,8 @@ from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.oracles.oracle import Bounce, Event, Oracle, Told
+from vibro_cli.stress.left_open import LeftOpen, begun, left_open, order_left_open, size_of, untold
+from vibro_cli.stress.oracles.oracle import Oracle, Told
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.physics import first_graze
@@ -38,8 +40,6 @@ LOST = 1.0e6
 MOST_EVENTS = 300
 SECONDS = 60.0  # of the processor
 NEARBY = 1.0e-4  # s
-# Times gravity: how fast the motion in contact and that of the bounces before it come apart.
-PUSH = 4.0
 CONTACT_KINDS = ("contact_closed", "contact_opened")
 
 Floats = Any  # an array of numbers
@@ -177,27 +177,48 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
     if len(told.samples) < len(times):
         ended = f"the oracle ends {told.end_cause} at {float(told.end_time):.9g}"
         return Verdict(motion=np.inf, why=ended)
-    closings = [float(event.t) for event in _begun(told)]
+    closings = [float(event.t) for event in begun(told)]
     ours_closed = run.events["t"][run.events["event"] == "contact_closed"]
     first = min([*closings, *ours_closed.tolist()], default=np.inf)
     motion, after = 0.0, None
     amid = _amid_bounces(run, times)
-    size = _size(run, told)
-    # A force that is there for so much longer or shorter.
-    pushes = [(float(e.t), PUSH * run.system.gravity * untold(told, e, size)) for e in _begun(told)]
+    growth = _Growth(told, times, grown.max(axis=(1, 2)), run)
     for row, bodies in enumerate(told.samples):
         if amid[row]:
             continue
-        pushed = sum(speed for t, speed in pushes if t <= times[row])
+        pushed = growth.left_open(times[row]).speed
         for ball, (state, x, y) in enumerate(bodies):
             for column, exact in enumerate((x, y, state.speed)):
                 off = abs(float(exact - mp.mpf(float(ours[row, ball, column]))))
                 unit = EPSILON * float(grown[row, ball, column])
                 if times[row] < first:
-                    motion = max(motion, off / unit)
+                    motion = max(motion, (off - pushed) / unit)
                 else:
                     after = max(after or 0.0, off - MARK * unit - pushed)
-    return Verdict(motion, after, _contacts_off(run, told, float(times[-1])))
+    end = min(float(times[-1]), order_left_open(told, size_of(run, told)))
+    return Verdict(motion, after, _contacts_off(run, told, end, growth))
+
+
+class _Growth:
+    """How what events leave open has grown later: as changes of the inputs do from then on."""
+
+    def __init__(self, told: Told, times: Floats, grown: Floats, run: Run) -> None:
+        self._events = left_open(told, size_of(run, told), run.system.gravity)
+        self._times = times
+        self._grown = grown[: len(times)]
+
+    def _at(self, t: float) -> float:
+        """Growth from the start to the first compared instant from t on."""
+        row = min(int(np.searchsorted(self._times, t)), len(self._times) - 1)
+        return float(self._grown[row])
+
+    def left_open(self, t: float) -> LeftOpen:
+        """Root of the sum of squares of what all events before an instant (s) have left open."""
+        before = [
+            (one, self._at(t) / self._at(one.t)) for one in self._events if one.t < t <= one.until
+        ]
+        time = math.hypot(*(one.time * by for one, by in before))
+        return LeftOpen(t, time, math.hypot(*(one.speed * by for one, by in before)))
 
 
 def _amid_bounces(run: Run, times: Floats) -> Floats:
@@ -207,7 +228,7 @@ def _amid_bounces(run: Run, times: Floats) -> Floats:
     return ((end - lasted <= times) & (times < end)).any(axis=0)
 
 
-def _contacts_off(run: Run, told: Told, end: float) -> float | None:
+def _contacts_off(run: Run, told: Told, end: float, growth: _Growth) -> float | None:
     """How far apart (s) contacts begin and end in both, beyond what doubles can tell.
 
     Where no force presses (two alike on a line) contact and none are one motion, and only one of
@@ -215,70 +236,18 @@ def _contacts_off(run: Run, told: Told, end: float) -> float | None:
     """
     events = run.events
     theirs = np.array([float(event.t) for event in told.events])
-    size = _size(run, told)
+    size = size_of(run, told)
     worst: float | None = None
     for n in np.flatnonzero(np.isin(events["event"], CONTACT_KINDS) & (events["t"] < end)):
         one = (events["event"][n], int(events["ball"][n]) - 1, int(events["other"][n]) - 1)
         alike = [(event.kind, event.a, event.b) == one for event in told.events]
         off = np.abs(theirs - float(events["t"][n]))
         nearest = int(np.argmin(np.where(alike, off, np.inf))) if any(alike) else -1
-        if nearest >= 0 and off[nearest] < NEARBY:
-            beyond = off[nearest] - untold(told, told.events[nearest], size)
+        if nearest >= 0 and off[nearest] < NEARBY and theirs[nearest] < end:
+            open_since = growth.left_open(theirs[nearest]).time
+            beyond = off[nearest] - max(untold(told, told.events[nearest], size), open_since)
             worst = max(worst or 0.0, float(beyond))
     return worst
-
-
-def _begun(told: Told) -> list[Event]:
-    """Beginnings of lasting contact."""
-    return [event for event in told.events if event.kind == "contact_closed"]
-
-
-def _size(run: Run, told: Told) -> float:
-    """Size (m) of the four coordinates, or twice the radii, of the places of a pair."""
-    places = [float(abs(x)) for row in told.samples for _, *xy in row for x in xy]
-    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
-    return 4.0 * float(max([*places, *radii]))
-
-
-def untold(told: Told, event: Event, size: float) -> float:
-    """What of an instant (s) at which contact begins or ends the rounding of places leaves open.
-
-    Bodies nearer than that rounding touch. Bounces lower than it are one contact, then, unless they
-    have a sum: those of one pair under a law along its line of centres. An impact above them comes
-    as much earlier or later as its bodies take for such a way.
-    """
-    height = CONTACT_ROUNDING * size
-    row, lost = {event.a, event.b}, list[Bounce]()
-    high = -mp.inf  # when a bounce began that is not lost
-    for bounce, lasts in reversed(_lasting(told)):
-        if bounce.t > event.t or not row & set(bounce.bodies):
-            continue
-        if bounce.t < high:
-            break
-        if lasts > 0 and bounce.t < event.t and bounce.after * lasts / 4 > height:
-            high = bounce.t
-            continue
-        row |= set(bounce.bodies)
-        lost.append(bounce)
-    first = min((bounce.t for bounce in lost), default=event.t)
-    if first == event.t:
-        fastest = max((-float(bounce.before) for bounce in lost), default=0.0)
-        return height / fastest if fastest > 0.0 else 0.0
-    summed = len({bounce.bodies for bounce in lost}) == 1 and all(one.along for one in lost)
-    return 0.0 if summed else float(event.t - first)
-
-
-def _lasting(told: Told) -> list[tuple[Bounce, Any]]:
-    """Bounces with the time (s) to the next of the same bodies; 0 for one that ends in contact."""
-    closed = {(event.t, event.a, event.b) for event in _begun(told)}
-    following: dict[tuple[int, ...], Any] = {}
-    found = []
-    for bounce in reversed(told.bounces):
-        ends = (bounce.t, *bounce.bodies) in closed
-        after = bounce.t if ends else following.get(bounce.bodies, mp.inf)
-        found.append((bounce, after - bounce.t))
-        following[bounce.bodies] = bounce.t
-    return found[::-1]
 
 
 MOST_IMPACTS = 3

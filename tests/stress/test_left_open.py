@@ -1,0 +1,66 @@
+"""What the rounding of places leaves open of instants, speeds and the order of impacts."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from vibro_cli.stress.left_open import left_open, order_left_open, untold
+from vibro_cli.stress.oracles.oracle import Bounce, Event, Told
+from vibro_cli.stress.oracles.taylor import mp
+
+SIZE = 4.0
+EPSILON = 2.0**-52
+
+
+def bounce(t: float, after: float, bodies: tuple[int, ...] = (0, 1)) -> Bounce:
+    return Bounce(mp.mpf(t), bodies, mp.mpf(-1), mp.mpf(after), along=True)
+
+
+def test_bounces_lower_than_the_rounding_of_places_leave_an_instant_open() -> None:
+    closed = Event(mp.mpf(1), "contact_closed", 0, 1)
+    # Of one pair they have a sum; with another one they have none, as far as they are lower.
+    alone = Told([closed], [bounce(1 - 1e-8, 1e-8), bounce(1, 0.0)])
+    assert untold(alone, closed, SIZE) == 0.0
+    beside = [bounce(0.5, 1.0), bounce(1 - 1e-8, 1e-8), bounce(1, 0.0, (1, 2)), bounce(1, 0.0)]
+    row = Told([closed], [bounce(0.4, 1.0, (1, 2)), *beside])
+    assert untold(row, closed, SIZE) == pytest.approx(1e-8, rel=1e-6)
+    # An impact with a speed is known up to the rounding of the way that it takes.
+    hit = Told([closed], [bounce(1, 0.0)])
+    assert untold(hit, closed, SIZE) == pytest.approx(64 * EPSILON, rel=1e-6)
+
+
+def test_an_impact_of_bodies_drawn_together_is_known_up_to_a_last_place() -> None:
+    # Apart at 1 m/s, and together again at 1 m/s half a second later: 4 m/s² draw them.
+    told = Told([], [bounce(0.0, 1.0), bounce(0.5, 1.0), bounce(0.75, 0.5, (1, 2))])
+    (left,) = left_open(told, SIZE, 9.81)
+    assert left.t == 0.5
+    assert left.time == pytest.approx(4.0 * EPSILON, rel=1e-12)
+    assert left.speed == pytest.approx(16.0 * EPSILON, rel=1e-12)
+    assert left.until == math.inf
+    # It is gone where their contact closes.
+    closed = Event(mp.mpf(2), "contact_closed", 0, 1)
+    lasting = left_open(Told([closed], told.bounces), SIZE, 9.81)
+    assert [one.until for one in lasting if one.t == 0.5] == [2.0]
+
+
+def test_lost_bounces_leave_open_what_gravity_does_meanwhile() -> None:
+    lost = [bounce(1.0, 1e-8), bounce(1.0 + 1e-8, 1e-9, (1, 2)), bounce(1.0 + 2e-8, 1e-9)]
+    after = [bounce(1.0 + 3e-8, 1.0, (1, 2)), bounce(2.0, 1.0)]
+    told = Told([], [bounce(0.5, 1.0, (1, 2)), *lost, *after])
+    (left,) = (one for one in left_open(told, SIZE, 10.0) if one.speed == 40.0 * one.time)
+    assert left.t == 1.0 + 1e-8
+    assert left.time == pytest.approx(1e-8, rel=1e-6)
+
+
+def test_a_body_hit_from_two_sides_at_once_leaves_their_order_open() -> None:
+    way = 16.0 * EPSILON * SIZE
+    hits = [bounce(0.5, 1.0), bounce(1.0, 1.0, (1, 2)), bounce(1.0 + 0.5 * way, 1.0)]
+    assert order_left_open(Told([], hits), SIZE) == 1.0
+    assert order_left_open(Told([], hits[:2]), SIZE) == math.inf
+    # Joint impacts of one instant, and bodies that have nothing to do with one another.
+    joint = [bounce(1.0, 1.0), bounce(1.0, 1.0, (1, 2))]
+    apart = [bounce(1.0, 1.0), bounce(1.0 + 0.5 * way, 1.0, (2, 3))]
+    assert order_left_open(Told([], joint), SIZE) == math.inf
+    assert order_left_open(Told([], apart), SIZE) == math.inf
