@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.analysis.traces import GRAVITY, circle, hump, landscape, line, three_arcs
+from tests.analysis.traces import circle, hump, landscape, line, three_arcs
+from tests.bare_system import GRAVITY
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.levels import free_branches
 from vibro_cli.mechanics.trace import Piece

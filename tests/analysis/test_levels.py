@@ -9,7 +9,6 @@ import pytest
 
 from tests.analysis.traces import (
     BALL,
-    GRAVITY,
     circle,
     hump,
     landscape,
@@ -17,6 +16,7 @@ from tests.analysis.traces import (
     three_arcs,
     valley,
 )
+from tests.bare_system import GRAVITY
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.levels import (
     arc_separatrix,

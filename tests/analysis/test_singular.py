@@ -10,7 +10,6 @@ import pytest
 from tests.analysis.traces import (
     BALL,
     DEGREE,
-    GRAVITY,
     circle,
     hump,
     landscape,
@@ -18,6 +17,7 @@ from tests.analysis.traces import (
     three_arcs,
     valley,
 )
+from tests.bare_system import GRAVITY
 from vibro_cli.analysis.singular import CENTRE, DEGENERATE, SADDLE, singular_points
 
 WEIGHT = BALL.mass * GRAVITY

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
+from tests.bare_system import bare_system
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
 
-GRAVITY = 9.81
 DEGREE = math.pi / 180.0
 
 BALL = Body("ball", radius=0.1, mass=2.0, inertia_ratio=2 / 5)
@@ -35,19 +35,8 @@ def system(
     turning: Turning | None = None,
 ) -> System:
     trace = Trace.chain(start * DEGREE, shapes, closed)
-    return System(
-        gravity=GRAVITY,
-        trace=trace,
-        bodies=(body,),
-        initial=(InitialState(0, trace.pieces[0].angle_start, 0.0),),
-        restitution=(),
-        law="hedrih",
-        inadmissible="stop",
-        surface="two-sided",
-        left_end=None,
-        right_end=None,
-        turning=turning,
-    )
+    initial = (InitialState(0, trace.pieces[0].angle_start, 0.0),)
+    return bare_system(trace, (body,), initial, restitution=(), law="hedrih", turning=turning)
 
 
 def landscape(

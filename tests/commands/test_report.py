@@ -73,11 +73,12 @@ def test_files_of_others_are_left_alone(vibro: Vibro) -> None:
     assert Path("mine.pdf").read_text() == "keep"
 
 
-def test_what_is_no_run_is_refused(vibro: Vibro) -> None:
+@pytest.mark.parametrize("command", ["report", "section"])
+def test_what_is_no_run_is_refused(vibro: Vibro, command: str) -> None:
     Path("empty").mkdir()
-    outcome = vibro("report", "empty")
+    outcome = vibro(command, "empty")
     assert outcome.code == 2
-    assert "empty is no vibro run" in outcome.err
+    assert outcome.err.startswith("vibro: empty is no vibro run")
 
 
 def test_a_changed_run_is_refused(vibro: Vibro) -> None:

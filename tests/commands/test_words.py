@@ -2,12 +2,16 @@
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from tests.fake_run import FakeRun
+from vibro_cli.commands.shared import reference
 from vibro_cli.commands.shared.terminal import END_CAUSES, summary_text
+from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.report import words
+from vibro_cli.scenario.models import Law
 
 
 def lines(**changes: Any) -> list[str]:
@@ -97,3 +101,8 @@ def test_a_run_that_is_not_possible_is_one_line() -> None:
     invalid = {"status": "invalid", "reason": "ball 2 does not fit its valley"}
     nothing = dict.fromkeys(set(FakeRun().summary_record()) - set(invalid))
     assert lines(**invalid, **nothing) == ["name: invalid: ball 2 does not fit its valley"]
+
+
+def test_every_law_has_its_words() -> None:
+    for named in (get_args(get_args(Law)[0]), reference.LAWS, words.LAWS):
+        assert set(named) == set(LAW_NAMES)

@@ -11,7 +11,8 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from tests.analysis.traces import GRAVITY, line, system, valley
+from tests.analysis.traces import line, system, valley
+from tests.bare_system import GRAVITY
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.figures.runs import (
     HandMade,

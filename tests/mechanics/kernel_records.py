@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from tests.bare_system import bare_system
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.structs import BodyData, Flight, PairTrack, PieceData, TrackData
-from vibro_cli.mechanics.system import Body, InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.systems.trace.world import make_world
-
-GRAVITY = 9.81
 
 
 class Records(NamedTuple):
@@ -45,12 +44,7 @@ def records(
     law: str = "normal-impulse",
 ) -> Records:
     """The records that the solver itself makes of a system."""
-    system = System(
-        gravity=GRAVITY, trace=trace, bodies=bodies, initial=initial,
-        restitution=(1.0,) * max(len(bodies) - 1, 1), law=law, inadmissible="stop",
-        surface="two-sided", left_end=None, right_end=None, turning=None,
-    )  # fmt: skip
-    world = make_world(system, 1.0, None)
+    world = make_world(bare_system(trace, bodies, initial, law=law), 1.0, None)
     count = len(trace.pieces)
     rows = list(world.tracks)
     return Records(

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.mechanics.kernel_records import GRAVITY, ball, three_arcs
+from tests.bare_system import bare_system
+from tests.mechanics.kernel_records import ball, three_arcs
 from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.stress.oracles.reference_solver import Twin
 from vibro_cli.stress.oracles.scene import scene_of_system
@@ -32,11 +33,7 @@ TOUCHES = {
 
 
 def system_of(starts: tuple[InitialState, ...]) -> System:
-    return System(
-        gravity=GRAVITY, trace=TRACE, bodies=BODIES, initial=starts, restitution=(0.8,),
-        law="normal-impulse", inadmissible="stop", surface="two-sided", left_end=None,
-        right_end=None, turning=None,
-    )  # fmt: skip
+    return bare_system(TRACE, BODIES, starts, restitution=(0.8,))
 
 
 def gap_rates(twin: Twin, t: Real) -> tuple[Real, Real]:

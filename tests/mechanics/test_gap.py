@@ -8,14 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.mechanics.kernel_records import GRAVITY, Records, ball, records, three_arcs
+from tests.bare_system import bare_system
+from tests.mechanics.kernel_records import Records, ball, records, three_arcs
 from vibro_cli.kernels.contact.gap import (
     centre_position,
     centre_tangent,
     distance_gap,
     half_gap_sine,
 )
-from vibro_cli.mechanics.system import Body, InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.stress.oracles.reference_solver import Place, Twin
 from vibro_cli.stress.oracles.scene import scene_of_system
@@ -30,11 +31,7 @@ TRACE = three_arcs()
 
 def scene(starts: tuple[InitialState, ...], trace: Trace = TRACE) -> tuple[Records, Twin]:
     """The kernels' records of two bodies, and the same in high precision."""
-    system = System(
-        gravity=GRAVITY, trace=trace, bodies=BODIES, initial=starts, restitution=(1.0,),
-        law="normal-impulse", inadmissible="stop", surface="two-sided", left_end=None,
-        right_end=None, turning=None,
-    )  # fmt: skip
+    system = bare_system(trace, BODIES, starts)
     return records(trace, BODIES, starts), Twin(scene_of_system(system))
 
 

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.mechanics.kernel_records import GRAVITY, ball, flight_on_arc
+from tests.bare_system import bare_system
+from tests.mechanics.kernel_records import ball, flight_on_arc
 from vibro_cli.kernels.contact import arc_contact
 from vibro_cli.kernels.flow.flow import flow, flow_of_two
 from vibro_cli.kernels.numerics.elliptic import (
@@ -31,12 +32,10 @@ state = st.tuples(st.floats(-1.2, 1.2), st.floats(-2.5, 2.5))
 def two(
     a: Body, b: Body, left: tuple[float, float], right: tuple[float, float], k: float
 ) -> System:
-    return System(
-        gravity=GRAVITY, trace=VALLEY, bodies=(a, b),
-        initial=(InitialState(0, *left), InitialState(0, *right)), restitution=(k,), law="hedrih",
-        inadmissible="normal-impulse", surface="two-sided", left_end=None, right_end=None,
-        turning=None,
-    )  # fmt: skip
+    initial = (InitialState(0, *left), InitialState(0, *right))
+    return bare_system(
+        VALLEY, (a, b), initial, restitution=(k,), law="hedrih", inadmissible="normal-impulse"
+    )
 
 
 def step_by_step(system: System) -> Run:

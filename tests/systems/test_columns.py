@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import load_any
+from vibro_cli.systems.trace import impacts
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 
@@ -106,3 +108,24 @@ def test_a_spring_lets_its_body_oscillate_and_its_saddle_parts_the_loops() -> No
     assert len(seen) >= 2
     short = run_of("springs/two_disks", "balls[1].spring.length=0.5", "stop.collisions=3")
     assert set(short.collisions["eight_a_pre"]) == {"none"}
+
+
+def _held(shape: tuple[int, int], kind: type, value: int) -> Any:
+    return np.full(shape, value, kind)
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.parametrize("name", ["three_arcs", "one_circle"])
+def test_every_column_of_impacts_on_a_trace_is_written(
+    name: str, engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the memory held shows nowhere, and interpreted no place is beyond the last column."""
+    scenario = load_any(FOLDER / f"{name}.toml", ["stop.collisions=6"])
+    found = []
+    for value in (0, 1):
+        table = partial(impacts.ImpactTable, room=partial(_held, value=value))
+        with monkeypatch.context() as patch:
+            patch.setattr(impacts, "ImpactTable", table)
+            found.append(simulate(scenario, engine).collisions)
+    for column, values in found[0].items():
+        np.testing.assert_array_equal(found[1][column], values, err_msg=column)

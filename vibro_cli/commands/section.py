@@ -91,7 +91,9 @@ def _section(
             drawn = open_grid(folder).section(columns, pair, transient, width)
         else:
             drawn = open_run(folder).section(columns, pair, transient or 0, width)
-    except (NotAGrid, NotContinuable, ValueError) as error:
+    except (NotAGrid, NotContinuable) as error:  # they name the folder
+        raise CommandError(f"vibro: {error}") from error
+    except ValueError as error:
         raise CommandError(f"vibro: {folder}: {error}") from error
     drawn.save(target)
     if as_json:

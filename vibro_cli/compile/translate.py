@@ -451,7 +451,8 @@ class Function:
     def _condition(self, node: ast.expr) -> str:
         value = self._value(node)
         if value.kind not in (t.BOOL, t.INT):
-            self._fail(node, f"found {ast.unparse(node)}, expected one truth value (see any_lane)")
+            lanes = " of lanes (see choose, any_lane)" if value.kind.form == "mask" else ""
+            self._fail(node, f"found {ast.unparse(node)}{lanes}, expected one truth value")
         return value.code
 
     def _alike(self, node: ast.expr, values: Sequence[Value]) -> tuple[Kind, list[str]]:

@@ -129,7 +129,7 @@ def _setting(run: StoredRun) -> list[tuple[str, str]]:
         ("Trace", f"{kind}, {system.surface}, length {number(system.trace.length, 'm')}"),
         *_rotation(system),
         ("Gravity", number(system.gravity, "m/s²")),
-        ("Impact law", f"{system.law}: {LAWS.get(system.law, '')}"),
+        ("Impact law", f"{system.law}: {LAWS[system.law]}"),
         ("Coefficient of restitution k", ", ".join(number(k) for k in system.restitution) or "–"),
         ("Inadmissible impacts", system.inadmissible),
         ("Stop", " or ".join(text for text in limits if text not in ("", "–"))),

@@ -59,6 +59,7 @@ def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
     law = str(table["law"][row])
     return {
         "impact": str(int(table["n"][row])),
+        "law": law,
         "used": {"translational": "translation", "hedrih": "rolling"}.get(law, "neither"),
         "rows": [
             [label, describe(translation, _UNITS[0]), describe(rolling, _UNITS[1])]

@@ -7,7 +7,7 @@ that all errors of a file come at once.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
@@ -19,8 +19,10 @@ from vibro_cli.systems import NAMES
 
 Shape = Literal["valley", "hump", "line"]
 Surface = Literal["two-sided", "one-sided"]
-Law = Literal["hedrih", "normal-impulse", "translational"]
-Inadmissible = Literal["stop", "normal-impulse"]
+_LawName = Literal["hedrih", "normal-impulse", "translational"]
+Law = Annotated[_LawName, kinds.Word(get_args(_LawName))]
+_WhatFollows = Literal["stop", "normal-impulse"]
+Inadmissible = Annotated[_WhatFollows, kinds.Word(get_args(_WhatFollows))]
 
 
 def _as_turning(value: object) -> object:
@@ -111,7 +113,7 @@ class Ball(BodyTable):
 class Collision(Table):
     """How two neighbours leave an impact."""
 
-    law: Annotated[Law, kinds.Word(("hedrih", "normal-impulse", "translational"))] = "hedrih"
+    law: Law = "hedrih"
     """The impact law."""
     k: Annotated[
         tuple[Annotated[float, kinds.RESTITUTION], ...],
@@ -119,7 +121,7 @@ class Collision(Table):
         WithJsonSchema({"anyOf": [_K_SCHEMA, {"type": "array", "items": _K_SCHEMA}]}),
     ] = ()
     """Coefficient of restitution from 0 to 1: one number, or one for each pair of neighbours."""
-    inadmissible: Annotated[Inadmissible, kinds.Word(("stop", "normal-impulse"))] = "stop"
+    inadmissible: Inadmissible = "stop"
     """What happens at an impact after which the law would send the bodies through one another:
     the run stops, or the normal-impulse law is used for that impact, which is marked."""
 

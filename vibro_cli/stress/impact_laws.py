@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import Body
 from vibro_cli.numerics.elementwise import EPSILON
@@ -34,7 +35,6 @@ from vibro_cli.stress.scenes import (
 from vibro_cli.stress.symmetry import mirrored
 from vibro_cli.systems.trace.run import Run
 
-LAWS = ("hedrih", "translational", "normal-impulse")
 COEFFICIENTS = (0.0, 1.0e-300, 0.05, 0.5, 0.8, 0.95, 0.999, 1.0 - 2.0**-53)
 QUANTITY = "error of {} loss (ulp, beyond the rounding of the relative speeds)"
 
@@ -45,7 +45,7 @@ Factors = tuple[tuple[Real, Real], tuple[Real, Real]]
 def single_losses(plan: Plan) -> Finding:
     """Loss of every impact of one pair against the law, from the row's own speeds."""
     worst = Worst()
-    for law in LAWS:
+    for law in LAW_NAMES:
         for k in COEFFICIENTS:
             first: Document = {"mass": 2.5} if law == "hedrih" else {"mass": 2.5, "radius": 0.08}
             balls = [ball(-1.1, body="disk", **first), ball(0.8, body="disk")]
@@ -85,7 +85,7 @@ def _closing_row(rng: np.random.Generator) -> Document:
             own["touching"] = "previous"
         speed -= float(rng.uniform(0.1, 2.0))
         balls.append(own)
-    law = str(rng.choice(LAWS))
+    law = str(rng.choice(LAW_NAMES))
     document = scene(VALLEY, balls, 1.0, law, collisions=len(balls) - 1, time=1.0)
     k = [float(rng.choice(COEFFICIENTS)) for _ in balls[1:]]
     document["collision"] |= {"k": k, "inadmissible": "normal-impulse"}

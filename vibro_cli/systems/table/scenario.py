@@ -95,11 +95,11 @@ class TableBall(BodyTable):
 class TableCollision(Table):
     """How two balls leave an impact: the law acts along the horizontal line of centres."""
 
-    law: Annotated[Law, kinds.Word(("hedrih", "normal-impulse", "translational"))] = "hedrih"
+    law: Law = "hedrih"
     """The impact law."""
     k: Annotated[float | None, kinds.RESTITUTION] = None
     """Coefficient of restitution from 0 to 1, of every pair."""
-    inadmissible: Annotated[Inadmissible, kinds.Word(("stop", "normal-impulse"))] = "stop"
+    inadmissible: Inadmissible = "stop"
     """What happens at an impact after which the law would send the balls through one another:
     the run stops, or the normal-impulse law is used for that impact, which is marked."""
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.api import simulate
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
@@ -241,7 +242,6 @@ def _gas(plan: Plan) -> list[Finding]:
 
 # Beyond it the rounding of the motion itself shows in its derivatives.
 _MOST_GROWTH = 1.0e4
-_LAWS = ("hedrih", "translational", "normal-impulse")
 _RECTANGLE = {"shape": "rectangle", "width": 2.4, "depth": 2.0}
 _NOTCHED = [[-1.2, -1.0], [1.2, -1.0], [1.2, 1.1], [0.2, 1.0], [0.0, 0.6], [-0.2, 1.0], [-1.2, 1.0]]
 
@@ -262,7 +262,7 @@ def drawn(rng: Generator) -> Document:
     }  # fmt: skip
     restitution = [float(rng.choice([1.0, rng.uniform(0.2, 1.0)])) for _ in range(2)]
     wall = walls[shape] | {"k": restitution[0]}
-    law = str(rng.choice(_LAWS))
+    law = str(rng.choice(LAW_NAMES))
     collision = {"k": restitution[1], "law": law, "inadmissible": "normal-impulse"}
     document: Document = {"system": "table", "balls": balls, "wall": wall, "collision": collision}
     return document | {"stop": {"collisions": 3, "bounces": 8, "time": 20.0}}

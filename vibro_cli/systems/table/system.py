@@ -18,7 +18,6 @@ from vibro_cli.kernels.table.world import (
     LOG_FULL,
     LOGS,
     NEVER,
-    NO_WALL,
     RECORDS,
     STATE,
     Ball,
@@ -42,6 +41,8 @@ from vibro_cli.systems.wanted import UNLIMITED
 ELLIPSE = "ellipse"
 CIRCLE = "circle"
 POLYGON = "polygon"
+_KINDS = {ELLIPSE: CONIC, CIRCLE: CONIC, POLYGON: POLYGON_KIND}
+"""By what the kernels meet a wall of a shape."""
 
 Point = tuple[float, float]
 
@@ -181,14 +182,13 @@ def _ball(place: tuple[float, float], velocity: tuple[float, float]) -> Ball:
 def wall_records(wall: Wall) -> tuple[WallData, list[Edge]]:
     """Return the wall as a whole, and its sides if it is a polygon."""
     data = WallData()
-    data.kind = NO_WALL if wall is None else CONIC
+    data.kind = _KINDS[wall.shape]
     data.side = 1.0 if wall.inside else -1.0
     data.restitution = wall.restitution
     data.x, data.y = wall.center
     data.a, data.b = wall.semi_axes
     if wall.shape != POLYGON:
         return data, []
-    data.kind = POLYGON_KIND
     corners = wall.corners
     count = len(corners)
     edges = [_edge(corners[n], corners[(n + 1) % count], data.side) for n in range(count)]

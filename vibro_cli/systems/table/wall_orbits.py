@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.systems.table.system import POLYGON, Wall
+from vibro_cli.systems.table.system import CIRCLE, ELLIPSE, Wall
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class TwoBounce(NamedTuple):
 
 def has_wall_portrait(wall: Wall | None) -> bool:
     """Return whether bounces on a wall have a portrait: on an ellipse or circle around the ball."""
-    return wall is not None and wall.inside and wall.shape != POLYGON
+    return wall is not None and wall.inside and wall.shape in (CIRCLE, ELLIPSE)
 
 
 def two_bounce_orbits(wall: Wall, radius: float) -> tuple[TwoBounce, ...]:
