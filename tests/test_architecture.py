@@ -49,7 +49,7 @@ STRANGERS = {
 SOLVER = ("systems", "mechanics", "kernels", "numerics")
 NOT_IN_THE_SOLVER = {"pydantic", "pyarrow", "matplotlib", "typer", "ruamel"}
 HALVES = {"numba": "CyRK", "pydantic_core": "pydantic", "PIL": "pillow"}  # come with
-LIGHT = ("__init__.py", "__main__.py")
+LIGHT = ("__init__.py", "__main__.py", "errors.py")
 HEAVY = {"numpy", "scipy", "pyarrow", "matplotlib", "pydantic", "ruamel"}
 STANDS_APART = {"__init__", "__main__"}  # they hand over to other modules and are no layer
 # The objects of systems and their contract: they import what is above in their methods only.
@@ -162,7 +162,7 @@ def test_what_every_command_line_loads_is_light(path: Path) -> None:
         assert not {name.split(".")[0] for name in loaded} & HEAVY
         loaded -= {"vibro_cli.systems.NAMES"}
         own = {name.split(".")[1] for name in loaded if name.startswith("vibro_cli.")}
-        assert own <= {"commands", "__version__", "unsupported"}
+        assert own <= {"commands", "__version__", "errors", "unsupported"}
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))

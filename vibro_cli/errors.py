@@ -7,3 +7,7 @@ class VibroError(Exception):
     Those there are can be imported from ``vibro_cli``; a wrong argument of a function is a
     ``ValueError`` or ``TypeError``, a file that cannot be read or written an ``OSError``.
     """
+
+
+class NoLibrary(VibroError, RuntimeError):
+    """There is no library of kernels for this machine; the message says what to do."""

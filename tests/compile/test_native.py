@@ -11,8 +11,9 @@ import pytest
 
 from vibro_cli.compile.build import NATIVE, build, library_name
 from vibro_cli.compile.kernel import FloatMatrix, Overrides, dtype, interpreted, kernel, struct
-from vibro_cli.compile.native import CompiledKernel, NoLibrary, add_library, compiled
+from vibro_cli.compile.native import CompiledKernel, add_library, compiled
 from vibro_cli.compile.translate import Program
+from vibro_cli.errors import NoLibrary
 
 
 @struct

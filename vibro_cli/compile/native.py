@@ -20,7 +20,7 @@ from typing import Any
 from vibro_cli.compile import kinds as t
 from vibro_cli.compile.kernel import Kernel, Overrides, dtype
 from vibro_cli.compile.kinds import signature, symbol_of
-from vibro_cli.errors import VibroError
+from vibro_cli.errors import NoLibrary
 
 PACKAGE = Path(__file__).parents[1]
 FOLDER = Path(__file__).parent / "library"
@@ -33,10 +33,6 @@ _SCALARS = {t.FLOAT: ctypes.c_double, t.INT: ctypes.c_int64, t.BOOL: ctypes.c_bo
 # Results have eight bytes each.
 _RESULTS = {t.FLOAT: "d", t.INT: "q", t.BOOL: "?7x", t.NOTHING: ""}
 _MODULE = "vibro_cli.programs"
-
-
-class NoLibrary(VibroError, RuntimeError):
-    """There is no library of kernels for this machine; the message says what to do."""
 
 
 @cache

@@ -28,6 +28,7 @@ from vibro_cli.commands.shared.streams import (
 from vibro_cli.commands.shared.streams import (
     say as say,  # a command takes all it ends with from here
 )
+from vibro_cli.errors import NoLibrary
 
 DONE, FAILED, MISUSED, NOT_STRICT = 0, 1, 2, 3
 HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143
@@ -85,6 +86,8 @@ def attempt(task: Task) -> int:
         say(f"vibro: {reason(error)}", "error")
     except MemoryError:
         say("vibro: out of memory", "error")
+    except NoLibrary as error:
+        say(f"vibro: {error}", "error")
     except Exception as fault:
         say(*_report_fault(fault))
     return FAILED
