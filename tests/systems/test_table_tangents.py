@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.grids.test_same_as_run import grid_of, plain
-from vibro_cli.api import simulate, simulate_streamed
-from vibro_cli.figures.runs.kinds import draw_all
-from vibro_cli.grids.points import document_at
-from vibro_cli.grids.solving import solver_of
-from vibro_cli.scenario import ScenarioError, any_scenario_of
-from vibro_cli.storage.runs import write_run
-from vibro_cli.storage.stored import open_run
+from vibro_cli.api import simulate
+from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.finding import Document, Plan
+from vibro_cli.stress.oracles.neighbours import map_error
 from vibro_cli.systems.stream import Stretch
 from vibro_cli.systems.table import SYSTEM, stress
 from vibro_cli.systems.tangents import LoggedMap, followed
@@ -70,7 +64,8 @@ def test_walls_met_from_outside_and_corners_agree_with_50_digits(shape: str) -> 
         "corner": {"shape": "rectangle", "width": 2.0, "depth": 1.6, "side": "outside", "k": 0.6},
     }
     start = ball(-3.0, 0.2, 1.0, 0.05) if shape != "corner" else ball(-3.0, -0.85, 1.0, 0.0)
-    error = stress.map_error(scene([start], walls[shape], stop={"bounces": 1, "time": 9.0}))
+    document = scene([start], walls[shape], stop={"bounces": 1, "time": 9.0})
+    error = map_error(document, stress.neighbours)
     assert error is not None
     assert error < 1e-13
 
@@ -191,61 +186,3 @@ def test_the_second_of_two_impacts_of_a_ball_at_one_instant_has_no_derivative() 
     _, columns, whole = follow(corner)
     assert whole.logs["bounce_log"]["t"][0] == whole.logs["bounce_log"]["t"][1]
     assert columns["bounces"]["smooth"].tolist() == [False, False, True]
-
-
-def test_a_run_tells_of_exponents_in_all_its_tables(tmp_path: Path) -> None:
-    document = scene(TWO, ELLIPSE, 0.95, stop={"collisions": 30}, analysis={"lyapunov": True})
-    scenario = any_scenario_of(document)
-    told: dict[str, list[Any]] = {}
-    streamed = simulate_streamed(
-        scenario, lambda name, columns: told.setdefault(name, []).append(columns)
-    )
-    run = simulate(scenario, "python")
-    assert run.exponents is not None
-    assert streamed.summary_record() == run.summary_record()
-    tables = {"collisions": run.collisions, "bounces": run.bounces, "exponents": run.exponents}
-    for name, columns in tables.items():
-        (rows,) = [one for one in told[name] if len(one["n"])]
-        assert rows.keys() == columns.keys()
-        for key in rows.keys() & {"n", "amplification", "digits_left", "smooth", "lyapunov_1"}:
-            np.testing.assert_array_equal(rows[key], columns[key])
-    assert len(run.exponents["n"]) <= 256
-    record = run.summary_record()
-    impacts = len(run.collisions["n"]) + len(run.bounces["n"])
-    total = sum(record[f"lyapunov_{n}"] for n in range(1, 9)) * record["end_time"]
-    assert total == pytest.approx(2.0 * 30 * math.log(0.95), abs=1e-11 * impacts)
-    write_run(run, scenario, tmp_path / "run", {})
-    stored = open_run(tmp_path / "run")
-    assert stored.exponents is not None
-    np.testing.assert_array_equal(stored.exponents["lyapunov_1"], run.exponents["lyapunov_1"])
-    assert [one.name for one in draw_all(stored, ["exponents"])] == ["exponents"]
-
-
-def test_several_stretches_are_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    document = scene(TWO, ELLIPSE, stop={"collisions": 60}, analysis={"lyapunov": True})
-    scenario = any_scenario_of(document)
-    whole = simulate(scenario).summary_record()
-    monkeypatch.setattr("vibro_cli.systems.driver.COMPILED_ROWS", 32)
-    monkeypatch.setattr("vibro_cli.systems.stream.LEAST_ROWS", 16)
-    assert simulate_streamed(scenario, lambda *_: None).summary_record() == whole
-
-
-@pytest.mark.parametrize("keep", ["true", "false"])
-def test_exponents_of_points_are_those_of_runs(keep: str, tmp_path: Path) -> None:
-    more = ["analysis={lyapunov = true}", "stop={bounces = 40}"]
-    grid = grid_of(tmp_path, "table/elliptic_wall.toml", {"balls[1].x": [-0.1, 0.1]}, more, keep)
-    indices = np.arange(4)
-    solved = solver_of(grid).solve(indices)
-    values = grid.design.columns(indices)
-    for row in range(len(indices)):
-        found = {key: plain(column, row) for key, column in solved.summary.items()}
-        scenario = any_scenario_of(
-            document_at(grid.base, {p: c[row].item() for p, c in values.items()})
-        )
-        assert found == simulate(scenario, "python").summary_record()
-        assert found["lyapunov_1"] is not None
-
-
-def test_null_is_no_analysis() -> None:
-    with pytest.raises(ScenarioError, match="analysis"):
-        any_scenario_of(scene(TWO, ELLIPSE, stop={"time": 1.0}, analysis=None))

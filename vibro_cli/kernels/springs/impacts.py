@@ -157,8 +157,11 @@ def _collide_jointly(world: World, first: int, count: int) -> int:
 def _impulses(world: World, start: int, count: int, law: int) -> bool:
     """Set the speeds after a joint impact, from row ``start`` on; whether every pair parts."""
     first = world.impacts[start].pair
-    for pair in range(first, first + count):
-        _set_row(world, pair, law, first, count)
+    for number in range(start, start + count):
+        row = world.impacts[number]
+        state = world.pairs[row.pair]
+        set_chain_row(world, row.pair, law, first, count)
+        state.right = (1.0 + state.restitution) * approach_before(world, row, law)
     solve_from_both_ends(world.pairs, world.settings[0].bodies - 1, first, count)
     for number in range(start, start + count):
         row = world.impacts[number]
@@ -171,8 +174,7 @@ def _impulses(world: World, start: int, count: int, law: int) -> bool:
         fine = fine and _parts(row)
         one = world.bodies[row.pair]
         other = world.bodies[row.pair + 1]
-        c = inclination(world, row.pair)
-        approach = law_approach(law, one, other, c, c, row.v_a_pre, row.v_b_pre)
+        approach = approach_before(world, row, law)
         state = world.pairs[row.pair]
         sum_a = row.v_a_pre + row.v_a_post
         sum_b = row.v_b_pre + row.v_b_post
@@ -182,8 +184,17 @@ def _impulses(world: World, start: int, count: int, law: int) -> bool:
 
 
 @kernel
-def _set_row(world: World, pair: int, law: int, first: int, count: int) -> None:
-    """Set the row of a pair: its relative speed after all impulses is -k times that before."""
+def approach_before(world: World, row: ImpactRow, law: int) -> float:
+    """Relative speed of a law before an impact."""
+    one = world.bodies[row.pair]
+    other = world.bodies[row.pair + 1]
+    c = inclination(world, row.pair)
+    return law_approach(law, one, other, c, c, row.v_a_pre, row.v_b_pre)
+
+
+@kernel
+def set_chain_row(world: World, pair: int, law: int, first: int, count: int) -> None:
+    """Set the matrix row of a pair: what impulses change of its law's relative speed."""
     row = world.pairs[pair]
     one = world.bodies[pair]
     other = world.bodies[pair + 1]
@@ -192,8 +203,6 @@ def _set_row(world: World, pair: int, law: int, first: int, count: int) -> None:
     qb, hb = weight_and_response(law, other, c)
     row.part_a = qa * ha
     row.part_b = qb * hb
-    speeds = law_approach(law, one, other, c, c, world.springs[pair].v, world.springs[pair + 1].v)
-    row.right = (1.0 + row.restitution) * speeds
     row.lower = 0.0
     row.upper = 0.0
     if pair > first:

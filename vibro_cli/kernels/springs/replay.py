@@ -53,11 +53,11 @@ def sample_states(
         if sample.row != row or sample.way != way:
             row = sample.row
             way = sample.way
-            _restore(world, row, way)
+            restore(world, row, way)
             step = expand(world)
         left = sample.t - clock.t - clock.t_low
         while step <= left:
-            _go_on(world, step)
+            go_on(world, step)
             clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
             step = expand(world)
             left = sample.t - clock.t - clock.t_low
@@ -65,7 +65,7 @@ def sample_states(
             scratch[body].x = world.springs[body].x
             scratch[body].v = world.springs[body].v
         if left > 0.0:
-            _go_on(world, left)
+            go_on(world, left)
         for body in range(bodies):
             spring = world.springs[body]
             at = states[number * bodies + body]
@@ -77,7 +77,7 @@ def sample_states(
 
 
 @kernel
-def _restore(world: World, row: int, way: float) -> None:
+def restore(world: World, row: int, way: float) -> None:
     """Put the bodies into the state after an event, with speeds times ``way``."""
     bodies = world.settings[0].bodies
     for body in range(bodies):
@@ -92,7 +92,7 @@ def _restore(world: World, row: int, way: float) -> None:
 
 
 @kernel
-def _go_on(world: World, time: float) -> None:
+def go_on(world: World, time: float) -> None:
     """Move all bodies on by a time (s) within the step of their series, energies kept."""
     move(world, time)
     first = 0

@@ -20,7 +20,13 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.error_free import time_between
 from vibro_cli.kernels.table.impulses import impulses_for, set_weights
 from vibro_cli.kernels.table.world import CONIC, RUNNING, BounceRow, World
-from vibro_cli.kernels.tangent.frame import begin_frame, growth_of_pair, orthogonalise
+from vibro_cli.kernels.tangent.frame import begin_frame, orthogonalise
+from vibro_cli.kernels.tangent.impact_rows import (
+    tell_event,
+    tell_growth,
+    tell_nothing,
+    tell_smooth,
+)
 from vibro_cli.kernels.tangent.world import Tangents
 
 NUMBERS = 4  # of the state of a ball: x, y, tau vx, tau vy
@@ -134,10 +140,9 @@ def _rebound(world: World, tangents: Tangents, bounce: int, impact: int) -> None
         tangents.state[0].lost = 1
     if closing > 0.0:
         _reflect(world, tangents, row, closing)
-    _tell(tangents, impact, 1, closing > 0.0)
-    if len(tangents.product) > 0:
-        found = growth_of_pair(tangents, row.ball, row.ball, NUMBERS)
-        tangents.amplification[0, impact] = found
+    tell_event(tangents, impact, 1)
+    tell_smooth(tangents, impact, 1, closing > 0.0)
+    tell_growth(tangents, impact, row.ball, row.ball, NUMBERS)
 
 
 @kernel
@@ -200,15 +205,14 @@ def _meet(world: World, tangents: Tangents, first: int, count: int, impact: int)
             _arrive(world, tangents, row.b, row.t, row.t_low, impact)
     if fine:
         _strike(world, tangents, first, count)
-    _tell(tangents, impact, count, fine)
+    tell_event(tangents, impact, count)
+    tell_smooth(tangents, impact, count, fine)
     for number in range(count):
         row = world.pair_log[first + number]
         if row.admissible == 0 and row.substituted == 0:
-            # Nothing goes on from an impact that is not carried out.
-            tangents.amplification[0, impact + number] = math.nan
-        elif len(tangents.product) > 0:
-            found = growth_of_pair(tangents, row.a, row.b, NUMBERS)
-            tangents.amplification[0, impact + number] = found
+            tell_nothing(tangents, impact + number)
+        else:
+            tell_growth(tangents, impact + number, row.a, row.b, NUMBERS)
 
 
 @kernel
@@ -377,13 +381,3 @@ def _apply(world: World, tangents: Tangents, number: int, column: int) -> None:
     frame[a + 3, column] -= touch.response_a * change_y
     frame[b + 2, column] += touch.response_b * change_x
     frame[b + 3, column] += touch.response_b * change_y
-
-
-@kernel
-def _tell(tangents: Tangents, impact: int, count: int, fine: bool) -> None:
-    """Make the frame orthonormal after an event, and fill in what its impacts have grown it by."""
-    orthogonalise(tangents)
-    for number in range(impact, impact + count):
-        for column in range(len(tangents.frame)):
-            tangents.growth[number, column] = tangents.sums[0, column]
-        tangents.smooth[0, number] = 1 if fine and tangents.state[0].rough == 0 else 0

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from vibro_cli.systems.springs.motion import Motion
     from vibro_cli.systems.stream import Stretch
     from vibro_cli.systems.tables import SystemTables
+    from vibro_cli.systems.tangents import LoggedMap
     from vibro_cli.systems.wanted import Limits, Wanted
 
 
@@ -28,6 +29,7 @@ class BodiesOnSprings(System):
 
     name = "springs"
     papers = ("A", "B", "C")
+    exponents = 2
     default_figures = ("portrait", "motion", "energy")
 
     @property
@@ -56,8 +58,9 @@ class BodiesOnSprings(System):
     def kernels(self) -> tuple[Kernel, ...]:
         from vibro_cli.kernels.springs.loop import advance
         from vibro_cli.kernels.springs.replay import sample_states
+        from vibro_cli.kernels.springs.tangent import follow_bodies
 
-        return advance, sample_states
+        return advance, sample_states, follow_bodies
 
     def world(self, system: Any, limits: Limits) -> Any:
         from vibro_cli.systems.springs.system import make_world
@@ -65,14 +68,15 @@ class BodiesOnSprings(System):
         return make_world(system, limits.time, limits.collisions)
 
     def tables(self) -> tuple[Table, ...]:
-        from vibro_cli.systems.springs.tables import TABLES, summary
+        from vibro_cli.systems.columns import converging, with_growth
+        from vibro_cli.systems.springs.tables import COLLISIONS, EVENTS, MOTION, summary
 
-        return (*TABLES, summary("i"))
+        return with_growth(COLLISIONS), EVENTS, MOTION, summary("i", "i"), converging("i")
 
     def summary(self, bodies: int, grown: bool = False) -> Table:
         from vibro_cli.systems.springs.tables import summary
 
-        return summary(range(1, bodies + 1))
+        return summary(range(1, bodies + 1), self.exponents * bodies if grown else 0)
 
     @property
     def impact_logs(self) -> dict[str, ImpactLog]:
@@ -94,6 +98,13 @@ class BodiesOnSprings(System):
             return EVENTS.filled(Contacts(logs["states"], len(system.bodies)))
 
         return SystemTables(self, system, wanted, names, sink, states, events)
+
+    def tangents(self, system: Any) -> LoggedMap:
+        from vibro_cli.kernels.springs.tangent import follow_bodies
+        from vibro_cli.systems.springs.system import time_scale
+        from vibro_cli.systems.tangents import LoggedMap
+
+        return LoggedMap(self, system, follow_bodies, time_scale(system))
 
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Motion:
         from vibro_cli.systems.springs.motion import Motion

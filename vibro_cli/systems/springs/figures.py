@@ -33,7 +33,7 @@ from vibro_cli.figures.chart import (
 from vibro_cli.figures.dots import MANY
 from vibro_cli.figures.film import Link
 from vibro_cli.figures.numbering import Named, write_names
-from vibro_cli.figures.runs.kinds import INTERVALS, PORTRAIT, Kind, KindOfBody
+from vibro_cli.figures.runs.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (
     HIGH,
@@ -396,4 +396,5 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
         f"Approach speed against the place of the centre of the left body at the impact.{MANY}",
     ),
     "intervals": INTERVALS,
+    "exponents": EXPONENTS,
 }

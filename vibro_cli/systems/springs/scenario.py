@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import BodyTable, Sampling, ScenarioTable, Table, as_tuple
-from vibro_cli.scenario.models import Collision, Stop
+from vibro_cli.scenario.models import Collision, Growth, Stop
 from vibro_cli.scenario.problems import Fault, shown
 from vibro_cli.scenario.rules import (
     KIND,
@@ -81,6 +81,8 @@ class SpringsScenario(ScenarioTable):
     """When the run ends."""
     output: Sampling = Sampling()
     """Sampled motion, if wanted."""
+    analysis: Growth = None
+    """The growth of small changes, if wanted."""
 
     @classmethod
     def between_fields(cls, data: dict[str, Any]) -> list[Fault]:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from vibro_cli.api import simulate
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
+from vibro_cli.stress.oracles.neighbours import check_maps
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.system import singular_points
+from vibro_cli.systems.springs.twin import Twin, told_of
+from vibro_cli.systems.stream import Stretch
 
 CHECK = "springs"
 
@@ -122,3 +127,37 @@ def _balance(plan: Plan) -> Finding:
         "bodies pressed together, k = 0 ... 0.99",
         1e-12,
     )
+
+
+def drawn(rng: np.random.Generator) -> Document:
+    """A scene at random: two or three bodies, springs of one or three singular points, any law."""
+    balls: list[Document] = []
+    restitution: list[float] = []
+    for number in range(int(rng.integers(2, 4))):
+        place = number + float(rng.uniform(-0.04, 0.04))
+        shape = float(rng.uniform(0.3, 2.5)), float(rng.uniform(0.5, 1.5))
+        foot = place + float(rng.uniform(-0.8, 0.8))
+        ball = _body(place, float(rng.uniform(-3.0, 3.0)), shape, foot)
+        ball["spring"]["stiffness"] = float(rng.uniform(3.0, 12.0))
+        radius, mass = float(rng.uniform(0.3, 0.45)), float(rng.uniform(0.5, 3.0))
+        ball |= {"body": str(rng.choice(["disk", "ball"])), "radius": radius, "mass": mass}
+        balls.append(ball)
+        restitution.append(float(rng.choice([1.0, 0.0, rng.uniform(0.2, 1.0)])))
+    collision = {"k": restitution[1:], "law": str(rng.choice(LAW_NAMES))}
+    collision["inadmissible"] = "normal-impulse"
+    stop = {"collisions": 4, "time": 2.0}
+    return {"system": "springs", "balls": balls, "collision": collision, "stop": stop}
+
+
+def check_tangent(plan: Plan) -> list[Finding]:
+    """Tangent maps of scenes drawn at random against neighbouring motions in 50 digits."""
+    tried = "bodies on springs drawn at random, up to 4 impacts, any law, lasting contact"
+    return [check_maps(plan, drawn, neighbours, tried)]
+
+
+def neighbours(system: Any, whole: Stretch) -> Any:
+    """Return the start of a run, and what leads from others through the same events."""
+    told = told_of(whole.logs["impacts"], whole.logs["states"], len(system.bodies))
+    twin = Twin(system)
+    start = [number for one in system.initial for number in (one.position, one.speed)]
+    return start, lambda moved: twin.end_of(moved, told, whole.end[0])

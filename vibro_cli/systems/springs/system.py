@@ -79,6 +79,14 @@ class SpringsSystem(ImpactSystem):
         return math.sqrt(self.springs[index].stiffness / (body.kappa * body.mass))
 
 
+def time_scale(system: SpringsSystem) -> float:
+    """Return the time (s) by which speeds are compared with ways in the growth of small changes.
+
+    That is 1/ω₀ of the slowest body.
+    """
+    return 1.0 / min(map(system.frequency, range(len(system.bodies))))
+
+
 def singular_points(spring: Spring) -> tuple[tuple[float, str], ...]:
     """Return the singular points of a body's motion (m from the foot's place) and their kinds.
 

@@ -16,6 +16,7 @@ from vibro_cli.systems.columns import (
     Table,
     Value,
     count,
+    exponents,
     flag,
     impact_head,
     impact_tail,
@@ -260,9 +261,10 @@ def _last(name: str, body: int | str) -> Value:
     return lambda totals: totals.last[name][int(body) - 1]
 
 
-def summary(bodies: Iterable[int | str]) -> Table:
-    """The table of summaries of runs with these bodies: numbers from 1, or a letter for any."""
-    return Table("springs.summary", "one run", tuple(_summary_columns(bodies)))
+def summary(bodies: Iterable[int | str], grown: int | str = 0) -> Table:
+    """The table of summaries of runs with these bodies: numbers from 1, or a letter for any.
 
-
-TABLES = (COLLISIONS, EVENTS, MOTION)
+    `grown` with so many exponents.
+    """
+    columns = (*_summary_columns(bodies), *exponents(grown))
+    return Table("springs.summary", "one run", columns)

@@ -12,11 +12,10 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
-from vibro_cli.stress.oracles.neighbours import differences, error_of
-from vibro_cli.systems import system_named
+from vibro_cli.stress.oracles.neighbours import check_maps
 from vibro_cli.systems.run import Run
+from vibro_cli.systems.stream import Stretch
 from vibro_cli.systems.table.twin import Twin, told_of
-from vibro_cli.systems.tangents import followed
 
 CHECK = "table"
 Generator = np.random.Generator
@@ -240,8 +239,6 @@ def _gas(plan: Plan) -> list[Finding]:
     ]
 
 
-# Beyond it the rounding of the motion itself shows in its derivatives.
-_MOST_GROWTH = 1.0e4
 _RECTANGLE = {"shape": "rectangle", "width": 2.4, "depth": 2.0}
 _NOTCHED = [[-1.2, -1.0], [1.2, -1.0], [1.2, 1.1], [0.2, 1.0], [0.0, 0.6], [-0.2, 1.0], [-1.2, 1.0]]
 
@@ -270,30 +267,13 @@ def drawn(rng: Generator) -> Document:
 
 def check_tangent(plan: Plan) -> list[Finding]:
     """Tangent maps of scenes drawn at random against neighbouring motions in 50 digits."""
-    worst, number = Worst(), 0
-    while worst.cases < plan.scenes(6, 200):
-        document = drawn(np.random.default_rng([plan.seed, 6, number]))
-        number += 1
-        error = map_error(document)
-        if error is not None:
-            worst.take(error, document)
     tried = "tables drawn at random, up to 3 impacts of balls, 8 on walls of every shape, any law"
-    return [worst.finding("tangent", "error of the map, of its largest element", tried, 1e-10)]
+    return [check_maps(plan, drawn, neighbours, tried)]
 
 
-def map_error(document: Document) -> float | None:
-    """Error of the tangent map of a scene, None where it has none or rounding grows too far."""
-    scenario = any_scenario_of(document)
-    kind = system_named(scenario.system)
-    system = kind.build(scenario)
-    found, columns, whole = followed(kind, system, kind.limits(scenario))
-    smooth = all(bool(np.all(rows["smooth"])) for rows in columns.values())
-    matrix = found.matrix()
+def neighbours(system: Any, whole: Stretch) -> Any:
+    """Return the start of a run, and what leads from others through the same events."""
     told = told_of(whole.logs["pair_log"], whole.logs["bounce_log"])
-    if not smooth or not told or np.max(np.abs(matrix)) > _MOST_GROWTH:
-        return None
-    mp = multiprecision()
-    twin = Twin(mp, system)
+    twin = Twin(multiprecision(), system)
     start = [number for one in system.initial for number in (*one.place, *one.velocity)]
-    exact = differences(mp, lambda moved: twin.end_of(moved, told, whole.end[0]), start)
-    return error_of(matrix, exact, found.units)
+    return start, lambda moved: twin.end_of(moved, told, whole.end[0])

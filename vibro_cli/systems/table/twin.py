@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.stress.oracles.pair_laws import speed_changes
 from vibro_cli.systems.table.system import POLYGON, TableSystem
 
 
@@ -147,20 +148,11 @@ class Twin:
 
     def _collide(self, state: list[list[Any]], one: Told) -> None:
         """Change the components along the line of centres by the law."""
-        a, b = one.balls
-        k = 1 + self.mp.mpf(self.system.restitution)
-        n = self._unit(state[b][0] - state[a][0], state[b][1] - state[a][1])
-        ua, ub = (state[ball][2] * n[0] + state[ball][3] * n[1] for ball in (a, b))
-        ra, rb = self.radii[a], self.radii[b]
-        if one.law == "hedrih":  # C (3), with moments of inertia about the contacts
-            ja, jb = self.rolling[a] * ra**2, self.rolling[b] * rb**2
-            slip = ua / ra - ub / rb
-            change_a, change_b = -k * slip * jb / (ja + jb) * ra, k * slip * ja / (ja + jb) * rb
-        else:
-            masses = self.masses if one.law == "translational" else self.rolling
-            whole = masses[a] + masses[b]
-            change_a = -k * (ua - ub) * masses[b] / whole
-            change_b = k * (ua - ub) * masses[a] / whole
-        for axis in (0, 1):
-            state[a][2 + axis] += change_a * n[axis]
-            state[b][2 + axis] += change_b * n[axis]
+        pair = one.balls
+        n = self._unit(*(state[pair[1]][axis] - state[pair[0]][axis] for axis in (0, 1)))
+        numbers = ([of[ball] for ball in pair] for of in (self.radii, self.masses, self.rolling))
+        speeds = [state[ball][2] * n[0] + state[ball][3] * n[1] for ball in pair]
+        changes = speed_changes(one.law, self.mp.mpf(self.system.restitution), speeds, *numbers)
+        for ball, change in zip(pair, changes, strict=True):
+            for axis in (0, 1):
+                state[ball][2 + axis] += change * n[axis]

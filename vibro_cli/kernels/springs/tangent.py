@@ -1,0 +1,326 @@
+"""The tangent map of a run of bodies on springs, from the logs of its event loop.
+
+Of each body the place and the speed of its centre. Between events the motion is gone through again
+by the solver's own steps, and tangent vectors along its series (see `variation`). Where a gap
+closes, ``dx^+ = dx^- + (v^- - v^+) dt`` and ``dv^+ = dv^- - (a^+ - a^-) dt + (change of v^+ -
+v^-)``, ``dt = -dg/g'``; the accelerations a jump where bodies come into lasting contact, or out of
+it by an impact. Impulses are those of `impacts`, their changes one linear system with the same
+matrix. Where contact begins, changes are projected onto the common motion.
+"""
+
+from __future__ import annotations
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.impact.laws import TRANSLATIONAL, weight_and_response
+from vibro_cli.kernels.impact.tridiagonal import solve_from_both_ends
+from vibro_cli.kernels.numerics.error_free import add_to_time, time_between
+from vibro_cli.kernels.springs.contact import common_acceleration
+from vibro_cli.kernels.springs.impacts import approach_before, inclination, set_chain_row
+from vibro_cli.kernels.springs.replay import go_on, restore
+from vibro_cli.kernels.springs.series import expand, group_size
+from vibro_cli.kernels.springs.variation import carry_vectors
+from vibro_cli.kernels.springs.world import CONTACT_CLOSED, RUNNING, ImpactRow, World
+from vibro_cli.kernels.tangent.frame import begin_frame, orthogonalise
+from vibro_cli.kernels.tangent.impact_rows import (
+    tell_event,
+    tell_growth,
+    tell_nothing,
+    tell_smooth,
+)
+from vibro_cli.kernels.tangent.world import Tangents
+
+NUMBERS = 2  # of the state of a body: its place, tau times its speed
+
+# Columns of the scratch row of a pair: its impulse, and how much later it comes.
+_IMPULSE, _DELAY = 0, 1
+# Columns of the scratch row of a body: its acceleration before and after an event.
+_BEFORE, _AFTER = 0, 1
+
+# After so many steps of a flight the frame is made orthonormal again: while a body lingers at a
+# saddle, tangent vectors grow so much that they would become parallel.
+STEPS = 8
+
+
+@kernel
+def follow_bodies(
+    world: World, known: int, cause: int, end_t: float, end_t_low: float, tangents: Tangents
+) -> None:
+    """Carry tangent vectors through a part of a run.
+
+    Parameters
+    ----------
+    world
+        With the rows of the part in its logs, and the bodies as they were at the last event before
+        it; changed.
+    known
+        0 for the first part of a run.
+    cause, end_t, end_t_low
+        ``RUNNING``, or why and when (two doubles, s) the run ended: then all bodies are carried to
+        that instant.
+    tangents
+        Changed; its columns are filled in for the impacts of the log.
+    """
+    clock = world.clock[0]
+    if known == 0:
+        begin_frame(tangents)
+    impact = 0
+    told = 0
+    for row in range(0, clock.state_rows, world.settings[0].bodies):
+        if _is_later(world, row):
+            told = _tell(tangents, told, impact)
+        count = world.states[row].event - clock.collisions
+        clock.collisions = world.states[row].event
+        _happen(world, tangents, row, impact, count)
+        impact += count
+    for number in range(impact, clock.impact_rows):
+        tell_nothing(tangents, number)
+    _tell(tangents, told, clock.impact_rows)
+    if cause != RUNNING:
+        _carry(world, tangents, end_t, end_t_low)
+        orthogonalise(tangents)
+    tangents.state[0].end_t = end_t
+
+
+@kernel
+def _is_later(world: World, row: int) -> bool:
+    """Tell whether an event is later than the one before it."""
+    clock = world.clock[0]
+    return world.states[row].t != clock.t or world.states[row].t_low != clock.t_low
+
+
+@kernel
+def _tell(tangents: Tangents, told: int, impact: int) -> int:
+    """Tell of the impacts of an instant that is over; return how many are told of.
+
+    Not sooner: its delays are those of the vectors as they are before others change them.
+    """
+    if impact > told:
+        tell_event(tangents, told, impact - told)
+    return impact
+
+
+@kernel
+def _happen(world: World, tangents: Tangents, row: int, impact: int, count: int) -> None:
+    """Carry tangent vectors over one event, with ``count`` impacts or with none."""
+    _carry(world, tangents, world.states[row].t, world.states[row].t_low)
+    _note_accelerations(world, tangents, _BEFORE)
+    if count > 0:
+        _strike(world, tangents, impact, count, world.states[row].cause == CONTACT_CLOSED)
+    closed = _closes(world, row)
+    restore(world, row, 1.0)
+    _note_accelerations(world, tangents, _AFTER)
+    _change_forces(world, tangents)
+    if closed:
+        tangents.state[0].lost = 1
+        _unite_groups(world, tangents)
+    if count > 0:
+        _judge(world, tangents, impact, count, closed)
+    elif closed:
+        tangents.state[0].rough = 1
+        _spoil(world, tangents, impact)
+    for number in range(impact, impact + count):
+        pair = world.impacts[number].pair
+        tell_growth(tangents, number, pair, pair + 1, NUMBERS)
+
+
+@kernel
+def _judge(world: World, tangents: Tangents, impact: int, count: int, closed: bool) -> None:
+    """Fill in whether the motion still has a derivative at the impacts of an event."""
+    row = world.impacts[impact]
+    fine = count == 1 and row.simultaneous == 0 and row.grazing == 0
+    if closed:
+        fine = fine and _closes_at_once(world, row)
+    if row.simultaneous == 1:
+        _spoil(world, tangents, impact)
+    tell_smooth(tangents, impact, count, fine)
+    tangents.state[0].rough = 0
+
+
+@kernel
+def _carry(world: World, tangents: Tangents, t: float, t_low: float) -> None:
+    """Move all bodies on to an instant by the steps of the solver, and tangent vectors with them.
+
+    Then nothing is late yet at the new instant, and no body is struck.
+    """
+    clock = world.clock[0]
+    left = time_between(t, t_low, clock.t, clock.t_low)
+    if left > 0.0:
+        for column in range(len(tangents.frame)):
+            tangents.delay[0, column] = 0.0
+        for body in range(world.settings[0].bodies):
+            tangents.current[0, body] = 0
+    steps = 0
+    while left > 0.0:
+        steps += 1
+        if steps % STEPS == 0:
+            orthogonalise(tangents)
+        step = min(expand(world), left)
+        carry_vectors(world, tangents, step)
+        go_on(world, step)
+        clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
+        left = 0.0 if step == left else time_between(t, t_low, clock.t, clock.t_low)
+    clock.t = t
+    clock.t_low = t_low
+
+
+@kernel
+def _note_accelerations(world: World, tangents: Tangents, when: int) -> None:
+    """Note the accelerations of all bodies before or after an event."""
+    first = 0
+    while first < world.settings[0].bodies:
+        count = group_size(world, first)
+        common = common_acceleration(world, first, count)
+        for body in range(first, first + count):
+            tangents.arriving[body, when] = common
+        first += count
+
+
+@kernel
+def _change_forces(world: World, tangents: Tangents) -> None:
+    """Let bodies whose acceleration changes later go on with what it has changed by then."""
+    for body in range(world.settings[0].bodies):
+        jump = tangents.arriving[body, _AFTER] - tangents.arriving[body, _BEFORE]
+        if jump != 0.0:
+            jump *= tangents.state[0].time_scale
+            for column in range(len(tangents.frame)):
+                tangents.frame[2 * body + 1, column] -= jump * tangents.delay[0, column]
+
+
+@kernel
+def _closes(world: World, row: int) -> bool:
+    """Tell whether lasting contact of a pair begins with an event, or begins again."""
+    for body in range(world.settings[0].bodies - 1):
+        if world.states[row + body].held == 1 and world.pairs[body].held == 0:
+            return True
+    return False
+
+
+@kernel
+def _closes_at_once(world: World, row: ImpactRow) -> bool:
+    """Tell whether contact begins by an impact without restitution, and not as a sum of bounces."""
+    lawful = row.law == world.settings[0].law or row.substituted == 1
+    return lawful and world.pairs[row.pair].restitution == 0.0
+
+
+@kernel
+def _spoil(world: World, tangents: Tangents, end: int) -> None:
+    """Mark the impacts of this instant before row ``end``: the order of all decides."""
+    clock = world.clock[0]
+    number = end - 1
+    while (
+        number >= 0
+        and world.impacts[number].t == clock.t
+        and world.impacts[number].t_low == clock.t_low
+    ):
+        tangents.smooth[0, number] = 0
+        number -= 1
+
+
+@kernel
+def _strike(world: World, tangents: Tangents, begin: int, count: int, plastic: bool) -> None:
+    """Carry tangent vectors over impacts of neighbouring pairs, solved jointly.
+
+    ``plastic`` where lasting contact begins: all further bounces are one impact with k = 0.
+    """
+    first = world.impacts[begin].pair
+    pairs = world.settings[0].bodies - 1
+    for number in range(count):
+        row = world.impacts[begin + number]
+        more = 1.0 if plastic else 1.0 + world.pairs[row.pair].restitution
+        if more == 1.0:
+            tangents.state[0].lost = 1
+        set_chain_row(world, row.pair, row.law, first, count)
+        world.pairs[row.pair].right = more * approach_before(world, row, row.law)
+    solve_from_both_ends(world.pairs, pairs, first, count)
+    for number in range(count):
+        tangents.turning[number, _IMPULSE] = world.pairs[first + number].solution
+    for column in range(len(tangents.frame)):
+        for number in range(count):
+            row = world.impacts[begin + number]
+            more = 1.0 if plastic else 1.0 + world.pairs[row.pair].restitution
+            delay = _delay(tangents, row, column)
+            tangents.turning[number, _DELAY] = delay
+            set_chain_row(world, row.pair, row.law, first, count)
+            change = _approach_change(world, tangents, row, column, delay)
+            world.pairs[row.pair].right = more * change
+        solve_from_both_ends(world.pairs, pairs, first, count)
+        for number in range(count):
+            _apply(world, tangents, world.impacts[begin + number], number, column)
+        tangents.delay[0, column] = tangents.turning[0, _DELAY]
+    for body in range(first, first + count + 1):
+        tangents.current[0, body] = 1
+
+
+@kernel
+def _delay(tangents: Tangents, row: ImpactRow, column: int) -> float:
+    """How much later (s) an impact comes by one tangent vector.
+
+    A pair that collides because one of its bodies has been struck at this instant is as late as
+    that; its speed of approach may be no more than rounding.
+    """
+    if tangents.current[0, row.pair] + tangents.current[0, row.pair + 1] > 0:
+        late: float = tangents.delay[0, column]
+        return late
+    a = 2 * row.pair
+    gap: float = tangents.frame[a + 2, column] - tangents.frame[a, column]
+    return gap / (row.v_a_pre - row.v_b_pre)
+
+
+@kernel
+def _approach_change(
+    world: World, tangents: Tangents, row: ImpactRow, column: int, delay: float
+) -> float:
+    """What one tangent vector changes of the law's relative speed before an impact."""
+    tau = tangents.state[0].time_scale
+    c = inclination(world, row.pair)
+    a = row.pair
+    b = a + 1
+    qa, _ = weight_and_response(row.law, world.bodies[a], c)
+    qb, _ = weight_and_response(row.law, world.bodies[b], c)
+    speed_a = tangents.frame[2 * a + 1, column] / tau + tangents.arriving[a, _BEFORE] * delay
+    speed_b = tangents.frame[2 * b + 1, column] / tau + tangents.arriving[b, _BEFORE] * delay
+    change: float = qa * speed_a - qb * speed_b
+    return change
+
+
+@kernel
+def _apply(world: World, tangents: Tangents, row: ImpactRow, number: int, column: int) -> None:
+    """Change ways and speeds of one tangent vector by what a pair's impulse and delay do."""
+    tau = tangents.state[0].time_scale
+    c = inclination(world, row.pair)
+    way = tangents.turning[number, _IMPULSE] * tangents.turning[number, _DELAY]
+    rate = tau * world.pairs[row.pair].solution
+    a = 2 * row.pair
+    _, ha = weight_and_response(row.law, world.bodies[row.pair], c)
+    _, hb = weight_and_response(row.law, world.bodies[row.pair + 1], c)
+    tangents.frame[a, column] += ha * way
+    tangents.frame[a + 1, column] -= ha * rate
+    tangents.frame[a + 2, column] -= hb * way
+    tangents.frame[a + 3, column] += hb * rate
+
+
+@kernel
+def _unite_groups(world: World, tangents: Tangents) -> None:
+    """Project tangent vectors onto the common motion of groups, which keeps the law's momentum."""
+    first = 0
+    while first < world.settings[0].bodies:
+        count = group_size(world, first)
+        if count > 1:
+            for column in range(len(tangents.frame)):
+                _unite(world, tangents, first, count, column)
+        first += count
+
+
+@kernel
+def _unite(world: World, tangents: Tangents, first: int, count: int, column: int) -> None:
+    for part in range(2):
+        momentum = 0.0
+        total = 0.0
+        for body in range(first, first + count):
+            mass = world.bodies[body].rolling_mass
+            if world.settings[0].law == TRANSLATIONAL:
+                mass = world.bodies[body].mass
+            momentum += mass * tangents.frame[2 * body + part, column]
+            total += mass
+        for body in range(first, first + count):
+            tangents.frame[2 * body + part, column] = momentum / total
