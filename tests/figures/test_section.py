@@ -41,7 +41,7 @@ def test_a_grid_shows_the_impacts_after_the_transient() -> None:
     wanted = np.asarray(table["angle_a"])[np.asarray(table["n"]) > 40]
     assert sorted(points[:, 1]) == pytest.approx(sorted(wanted), abs=0.0)
     assert len(wanted) > 20
-    with pytest.raises(ValueError, match="kept no such impact"):
+    with pytest.raises(ValueError, match="there is no impact after the first 100000"):
         grid.section(["angle_a"], transient=100000)
     with pytest.raises(ValueError, match="found the column 'angle'"):
         grid.section(["angle"])
@@ -63,5 +63,26 @@ def test_a_run_shows_one_column_over_another(
     assert (tmp_path / "run-section.png").read_bytes()[:4] == b"\x89PNG"
     assert run_command_line([*arguments[:4]]) == 2
     assert "expected two" in capsys.readouterr().err
+    assert run_command_line([*arguments[:3], "s_a,speed_a_pre"]) == 0
+    assert run_command_line([*arguments[:2]]) == 0
     assert run_command_line([*arguments, "--pair", "23"]) == 2
     assert run_command_line([*arguments, "-o", "x.jpg"]) == 2
+
+
+def test_a_grid_says_why_it_has_nothing_to_show() -> None:
+    axes = {"collision.k": np.linspace(0.8, 0.9, 3)}
+    kept = sweep(example("one_circle"), axes, collisions=["n", "t", "angle_a"])
+    with pytest.raises(ValueError, match="did not keep ball_a and ball_b"):
+        kept.section(["angle_a"], (1, 2))
+    short = sweep(example("three_arcs"), axes, collisions=True)
+    with pytest.raises(ValueError, match="no run has more than 20 impacts of bodies 2 and 3"):
+        short.section(["s_a"], (2, 3))
+
+
+def test_a_ball_alone_on_a_table_shows_its_impacts_on_the_wall() -> None:
+    run = simulate(example("elliptic_wall"))
+    walls = run.bounces
+    figure = run.section(["normal_angle", "tangential_speed"]).figure
+    points = np.vstack([np.asarray(c.get_offsets()) for c in figure.axes[0].collections])
+    assert points[:, 0].tolist() == np.asarray(walls["normal_angle"]).tolist()
+    assert figure.axes[0].get_ylabel() == r"$v_{\mathrm{t}}$ [m/s]"

@@ -25,8 +25,9 @@ def section(
         typer.Option(
             "--column",
             metavar="COLUMN",
-            help="Of the impacts. Of a run two: along, then up. Of a grid one or two, each in a "
-            "panel over the axis with the most values [default: place and speed].",
+            help="A column of the impacts; may be given twice, or as two with a comma. Of a run "
+            "the first stands along and the second up; of a grid each has a panel over the axis "
+            "with the most values [default: place and speed].",
             show_default=False,
         ),
     ] = [],  # noqa: B006 (typer copies it)
@@ -65,10 +66,11 @@ def section(
     if pair is not None and found is None:
         raise typer.BadParameter(f"--pair: found {pair!r}, expected two bodies, such as 1-2")
     bodies = None if found is None else (int(found[1]), int(found[2]))
+    names = [name for some in columns for name in some.split(",")]
     target = folder.with_name(f"{folder.name}-section.png") if output is None else output
     if target.suffix.lower() not in FORMS:
         raise typer.BadParameter(f"-o: found {target}, expected a file {', '.join(FORMS)}")
-    return partial(_section, folder, columns, bodies, transient, target, width, as_json)
+    return partial(_section, folder, names, bodies, transient, target, width, as_json)
 
 
 def _section(

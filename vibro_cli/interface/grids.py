@@ -123,8 +123,6 @@ class Grid:
 
         quantities = quantities_of(columns, self.stored.impact_units())
         drawn = bifurcation(self.stored, width, quantities, Section(pair, transient))
-        if drawn is None:
-            raise ValueError(f"{self.name} kept no such impact, or no axis of numbers changes")
         return Drawing("section", drawn)
 
     def basins(self, outcome: Sequence[str] = ()) -> Mapped:

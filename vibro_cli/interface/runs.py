@@ -199,7 +199,7 @@ class Run:
 
     def section(
         self,
-        columns: Sequence[str],
+        columns: Sequence[str] = (),
         pair: tuple[int, int] | None = None,
         transient: int = 0,
         width: str = "double",
@@ -209,7 +209,9 @@ class Run:
         Parameters
         ----------
         columns
-            Two columns of numbers of the impacts, along and up.
+            Two columns of numbers of the impacts, along and up; place and speed of the left body
+            by default. On a table they may be columns of the impacts on the wall, and are by
+            default where no two balls collide.
         pair
             Only impacts of these bodies, from 1, the left one first.
         transient
@@ -219,16 +221,28 @@ class Run:
 
         Raises ``ValueError`` for another column or width, and where there is no such impact.
         """
-        from vibro_cli.figures.grids.bifurcation import Section, poincare, quantities_of
+        from vibro_cli.figures.grids.bifurcation import (
+            Section,
+            own_columns,
+            poincare,
+            quantities_of,
+        )
 
         table, section = self.collisions, Section(pair, transient)
-        quantities = quantities_of(columns, units_of_numbers(table.to_arrow().schema))
+        walls = self.tables.get("bounces")
+        if walls is not None and pair is None:
+            named = bool(columns) and set(columns) <= set(walls.keys())
+            table = walls if named or not table.rows else table
+        known = table.keys()
+        one_arc = "arc_a" in known and len(set(table["arc_a"])) == 1
+        names = columns or own_columns(known, one_arc)
+        quantities = quantities_of(names, units_of_numbers(table.to_arrow().schema))
         if len(quantities) != 2:
             raise ValueError(f"found {len(quantities)} columns of impacts, expected two")
-        wanted = {name: table[name] for name in (*columns, *section.columns)}
+        wanted = {name: table[name] for name in (*names, *section.columns)}
         drawn = poincare(wanted, (quantities[0], quantities[1]), section, width)
         if drawn is None:
-            raise ValueError(f"{self.name} has no such impact")
+            raise ValueError(section.why_none())
         return Drawing("section", drawn)
 
     def figure(self, kind: str = "portrait", body: int = 1, width: str = "double") -> Drawing:

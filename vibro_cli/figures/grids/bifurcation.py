@@ -6,8 +6,7 @@ Of a grid one or two columns of the impacts stand over an axis, of a run one ove
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +22,7 @@ from vibro_cli.figures.dots import draw_dots
 from vibro_cli.figures.grids.curves import place_column
 from vibro_cli.figures.grids.parameter_map import Coordinate, Swept, lattice, set_axis
 from vibro_cli.figures.source import Array
+from vibro_cli.figures.symbols import symbol_of
 from vibro_cli.scenario.problems import suggestion
 
 LAST = 20
@@ -49,12 +49,22 @@ def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quanti
         if name not in units:
             hint = suggestion(name, list(units))
             raise ValueError(f"found the column {name!r}{hint}, expected one of {', '.join(units)}")
-    return [(name, _words(name), units[name]) for name in names]
+    return [(name, symbol_of(name), units[name]) for name in names]
 
 
-def _words(name: str) -> str:
-    before = re.sub(r"_pre$", "_before", name)
-    return re.sub(r"_post$", "_after", before).replace("_", " ")
+def own_columns(names: Container[str], one_arc: bool) -> list[str]:
+    """Return the columns that are shown of impacts where none is named: place and speed.
+
+    The angle on one arc; those of several arcs are not of one axis.
+    """
+    places = (["angle_a"] if one_arc else []) + ["s_a", "x_a", "normal_angle"]
+    speeds = ["speed_a_pre", "approach_speed", "tangential_speed"]
+    found = [next((one for one in some if one in names), None) for some in (places, speeds)]
+    return [one for one in found if one is not None]
+
+
+class NothingToShow(ValueError):
+    """There is no such section; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +81,16 @@ class Section:
         """Columns of the impacts that it asks for."""
         return () if self.pair is None else ("ball_a", "ball_b")
 
+    def why_none(self, held: str = "") -> str:
+        """Return why no impact is shown; `held` says at which values other axes are held."""
+        whose = "" if self.pair is None else f" of bodies {self.pair[0]} and {self.pair[1]}"
+        where = f" (held: {held})" if held else ""
+        if self.transient is None:
+            few = f"no run has more than {LAST} impacts{whose}{where}"
+            return f"{few}; with a transient of 0 every impact is shown"
+        after = f" after the first {self.transient}" if self.transient else ""
+        return f"there is no impact{whose}{after}{where}"
+
     def chosen(self, impacts: Impacts, run: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which impacts are shown, given the number of the run that each belongs to."""
         shown = np.ones(len(run), dtype=np.bool_)
@@ -86,12 +106,19 @@ class Section:
         return shown
 
 
+def _check_kept(kept: Container[str], needed: Sequence[str]) -> None:
+    missing = [name for name in needed if name not in kept]
+    if missing:
+        names = " and ".join(missing)
+        raise NothingToShow(f"the grid did not keep {names}: name such columns in [keep] columns")
+
+
 def bifurcation(
     grid: Swept,
     width: str = "single",
     quantities: Sequence[Quantity] = (),
     section: Section | None = None,
-) -> Figure | None:
+) -> Figure:
     """Return columns of the impacts of each run over the axis with most values.
 
     Parameters
@@ -103,15 +130,21 @@ def bifurcation(
     section
         Which impacts; the last 20 of each run that has more, if none is named.
 
-    None where no such impact was kept, or no axis of numbers changes.
+    Raises
+    ------
+    NothingToShow
+        If no such impact was kept, or no axis of numbers changes.
     """
     section = section or Section()
     kept = grid.impact_columns()
+    _check_kept(kept, ("n", *section.columns))
     own = [one for one in (place_column(grid), _SPEED) if one is not None and one[0] in kept]
     panels = list(quantities) or own
     shown = lattice(grid, 1, numbers_first=True)
-    if not panels or shown is None or "n" not in kept:
-        return None
+    if shown is None:
+        raise NothingToShow("no axis of numbers changes")
+    if not panels:
+        raise NothingToShow("the grid kept neither places nor speeds of its impacts")
     scenarios = grid.summary["scenario"][shown.rows]
     wanted = ["scenario", "n", *section.columns, *(name for name, _, _ in panels)]
     impacts = grid.impacts(list(dict.fromkeys(wanted)), scenarios)
@@ -121,7 +154,7 @@ def bifurcation(
     impacts, row = {name: column[sorting] for name, column in impacts.items()}, row[sorting]
     chosen = section.chosen(impacts, row)
     if not np.any(chosen):
-        return None
+        raise NothingToShow(section.why_none(shown.held if shown.fixed else ""))
     across = shown.coordinates[0]
     with style.journal():
         figure, drawn, wide = stacked(width, [_HIGH[width]] * len(panels), 2.0)
@@ -153,7 +186,8 @@ def poincare(
     x, y = (np.asarray(impacts[name], dtype=np.float64)[chosen] for name in names)
     if not np.any(np.isfinite(x) & np.isfinite(y)):
         return None
-    along = Coordinate(quantities[0][1], quantities[0][2], x, ())
+    name, symbol, unit = quantities[0]
+    along = Coordinate(name, unit, x, (), symbol)
     with style.journal():
         figure, (axes,), (inner,) = stacked(width, [_SQUARE[width]], 2.0)
         _draw_over(axes, along, x, y, quantities[1], (inner, width))

@@ -8,11 +8,12 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibro_cli.figures.grids.bifurcation import LAST, bifurcation
+from vibro_cli.figures.grids.bifurcation import LAST, NothingToShow, bifurcation
 from vibro_cli.figures.grids.curves import FIRST, curves, diagram, first_times
 from vibro_cli.figures.grids.maps import ending_map, quantity_map
 from vibro_cli.figures.grids.parameter_map import Swept, lattice
 from vibro_cli.figures.runs.kinds import Drawn, Kind
+from vibro_cli.figures.symbols import symbol_of
 
 
 def _impacts(grid: Swept, width: str, counted: str = "collisions") -> Figure | None:
@@ -37,11 +38,18 @@ def _contact(grid: Swept, width: str) -> Figure | None:
     return quantity_map(grid, width, np.where(begun, last, np.nan), "last impact [s]")
 
 
+def _bifurcation(grid: Swept, width: str) -> Figure | None:
+    try:
+        return bifurcation(grid, width)
+    except NothingToShow:
+        return None
+
+
 def column_map(grid: Swept, width: str, name: str) -> Figure | None:
     """Return the map of a column of numbers of the summary; counts are white where they are 0."""
     unit = grid.units[name]
-    words = name.replace("_", " ")
-    label = f"{words} [{unit}]" if unit else words
+    symbol = symbol_of(name)
+    label = f"{symbol} [{unit}]" if unit else symbol
     column = grid.summary[name]
     values = np.asarray(column, dtype=np.float64)
     if column.dtype.kind in "iu":
@@ -101,7 +109,7 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
         "the impact.",
     ),
     "bifurcation": Kind(
-        bifurcation,
+        _bifurcation,
         "The last impacts",
         f"Place and speed of the left body at the last {LAST} impacts of each run, over one axis.",
     ),

@@ -42,14 +42,17 @@ _WORDS = {
     "omega": "starting angular velocity",
     "end_slope": "final slope",
     "start_slope": "slope at the left end",
-    "rate": "rate",
+    "rate": "starting rate",
     "turning": "rotation",
 }
+_WHOLE = {"trace.turning.rate": "rate of rotation"}
 _LEFT_OUT = ("collision", "trace")
 
 
 def words_of(path: str) -> str:
     """Return the key path of an axis in words: `balls[1].angle`, starting angle of body 1."""
+    if path in _WHOLE:
+        return _WHOLE[path]
     names = []
     for part in reversed(path.split(".")):
         entry = _ENTRY.fullmatch(part)
@@ -96,6 +99,8 @@ class Coordinate:
     """Where each point lies; shape (points,)."""
     words: tuple[str, ...]
     """The words at places 0, 1, …; none for numbers."""
+    symbol: str = ""
+    """What stands at the axis, where that is not the path in words."""
 
     @property
     def different(self) -> Array:
@@ -250,7 +255,8 @@ def set_axis(axes: Axes, one: Coordinate, length: float, vertical: bool) -> Tick
     low, high = float(edges[0]), float(edges[-1])
     ticks = one.ticks(low, high, length, vertical)
     unit = with_power(one.unit, ticks)
-    text = f"{words_of(one.path)} [{unit}]" if unit else words_of(one.path)
+    label = one.symbol or words_of(one.path)
+    text = f"{label} [{unit}]" if unit else label
     if vertical:
         axes.set_ylim(low, high)
         axes.set_yticks(ticks.places, ticks.labels)
