@@ -127,6 +127,15 @@ def test_a_shard_of_a_finished_grid_solves_nothing(vibro: Vibro, grid: Path) -> 
     assert vibro("verify", folder).code == 0
 
 
+def test_more_shards_than_chunks_are_warned_of(vibro: Vibro, grid: Path) -> None:
+    first = vibro("grid", grid, "--shard", "1/2")
+    assert first.code == 0
+    assert "warning: 1 chunk for 2 shards; a lower chunk_points" in first.err
+    second = vibro("grid", grid, "--shard", "2/2")
+    assert second.code == 0
+    assert "no chunk is of this shard; nothing is solved" in second.err
+
+
 def test_shards_solve_what_the_folder_of_their_grid_lacks(vibro: Vibro, grid: Path) -> None:
     assert vibro("grid", in_three_chunks(grid)).code == 0
     folder = Path("outputs/sweep")

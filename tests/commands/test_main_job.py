@@ -147,7 +147,7 @@ def test_what_cannot_be_continued_is_said(vibro: Vibro) -> None:
         "run", *later, "--set", "collision.k=0.5"
     )
     assert "found a SCENARIO and --continue" in refused("run", THREE_ARCS)
-    assert "nothing is no vibro run" in refused("nothing")
+    assert "nothing does not exist" in refused("nothing")
     vibro("run", GALLERY / "unequal_hedrih.toml", "-o", "ended", "--no-figures")
     assert "had ended for good: inadmissible" in refused("ended", "--set", "stop.time=99")
     checkpoint = Path("run/checkpoint.json")

@@ -85,6 +85,7 @@ def test_every_end_cause_has_its_words(cause: str) -> None:
             4,
             "rolling is not possible everywhere",
         ),
+        ({"end_cause": "inadmissible"}, 1, "59.5 s, the last one inadmissible and not made; 1"),
         ({"crossings": 2, "contacts": 1}, 1, "2 crossings, 1 lasting contact"),
     ],
 )

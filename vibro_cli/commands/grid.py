@@ -266,9 +266,10 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
         chunks = _chunks(wishes, grid, folder)
         wanted = None
         if wishes.shard is not None:
+            _warn_of_few_chunks(grid.name, chunks.count, wishes.shard.count)
             wanted = wishes.shard.wanted_of(whole, grid, chunks)
             if not wanted and not folder.exists():
-                return _nothing_to_do(grid, whole)
+                return _nothing_to_do(grid, whole, wishes.shard.number > chunks.count)
         with opened(folder, grid, chunks, wishes.force, wanted) as dataset:
             if wishes.merge:
                 for _ in merge(dataset):
@@ -300,9 +301,24 @@ def _chunks(wishes: "Wishes", grid: "Grid", folder: Path) -> "Chunks":
     return chunks_of(grid, known, wishes.engine)
 
 
-def _nothing_to_do(grid: "Grid", folder: Path) -> dict[str, Any]:
-    """Say that a shard has nothing to solve, because its grid has all of it."""
-    say(f"{grid.name}: {folder} has all chunks of this shard already; nothing is solved")
+def _warn_of_few_chunks(name: str, chunks: int, shards: int) -> None:
+    if chunks < shards:
+        divided = count(chunks, "chunk", "chunks")
+        say(
+            f"{name}: warning: {divided} for {shards} shards; a lower chunk_points in the "
+            "grid file makes more",
+            "warning",
+        )
+
+
+def _nothing_to_do(grid: "Grid", folder: Path, has_none: bool) -> dict[str, Any]:
+    """Say that a shard has nothing to solve: it has no chunk, or its grid has all of it."""
+    why = (
+        "no chunk is of this shard"
+        if has_none
+        else f"{folder} has all chunks of this shard already"
+    )
+    say(f"{grid.name}: {why}; nothing is solved")
     return {
         "name": grid.name,
         "folder": str(folder),

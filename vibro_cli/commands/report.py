@@ -99,7 +99,13 @@ def report(
         typer.Option(min=1e-6, help="Seconds of motion in a second of the film (--animate)."),
     ] = 1.0,
     fps: Annotated[
-        int, typer.Option(min=1, max=100, help="Frames per second of the film (--animate).")
+        int,
+        typer.Option(
+            min=1,
+            max=100,
+            help="Frames per second of the film (--animate); of a GIF 1, 2, 4, 5, 10, 20, 25, 50 "
+            "or 100.",
+        ),
     ] = 25,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print what was written as one JSON object.")

@@ -210,6 +210,8 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     program, or has changed since; `OSError` when a file cannot be read.
     """
     found = read_manifest(folder)
+    if not folder.exists():
+        raise NotContinuable(f"{folder} does not exist; expected a folder that `vibro run` wrote")
     if found is None or not found["schema"].startswith("vibro-run/"):
         raise NotContinuable(f"{folder} is no vibro run; expected a folder that `vibro run` wrote")
     version = found.get("program", {}).get("version")

@@ -131,6 +131,8 @@ def _impacts(record: Mapping[str, Any]) -> str:
         first, last = record["first_collision_time"], record["last_collision_time"]
         until = f" to {quantity(last, 's')}" if last != first else ""
         impacts += f", {'from' if until else 'at'} t = {quantity(first, 's')}{until}"
+    if record["end_cause"] == "inadmissible":
+        impacts += ", the last one inadmissible and not made"
     if "bounces" in record:
         return f"{impacts}; {count(record['bounces'], 'impact', 'impacts')} on the wall"
     contacts = count(record["contacts"], "lasting contact", "lasting contacts")

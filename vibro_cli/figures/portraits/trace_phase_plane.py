@@ -198,6 +198,7 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
     wide, high = WIDTHS[width], rows * cell
     size = (wide / columns - LEFT - RIGHT, _HIGH)
     with style.journal():
+        too_long = any(text_width(portrait.type) > size[0] for _, portrait in shown)
         figure = Figure(figsize=(wide * MM, high * MM))
         for number, (title, portrait) in enumerate(shown):
             row, column = divmod(number, columns)
@@ -208,15 +209,13 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
             draw_along(axes, portrait, curves, size)
             name_points(axes, portrait, curves, size)
             over = (bottom + _HIGH + 1.0) / high
-            words = _type(portrait, size[0])
+            words = _named_points(portrait) if too_long else portrait.type
             figure.text(left / wide, over, words, fontsize=style.SMALL, va="baseline")
             above = over + _LINE / high
             figure.text(left / wide, above, title, fontsize=style.TEXT, va="baseline")
     return figure
 
 
-def _type(portrait: Portrait, width: float) -> str:
-    """Return the type in words, with names for kinds of points where it needs more than a width."""
-    if text_width(portrait.type) <= width:
-        return portrait.type
+def _named_points(portrait: Portrait) -> str:
+    """Return the type with names for kinds of points."""
     return "; ".join([", ".join(portrait.names), *portrait.type.split("; ")[1:]])

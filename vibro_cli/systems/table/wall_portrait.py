@@ -57,7 +57,7 @@ def wall_portrait(system: TableSystem, ball: int, width: str = "single") -> Figu
                 normals, shares, ".", color=style.BLUE, markersize=1.1, markeredgewidth=0.0,
                 rasterized=True, zorder=2.0,
             )  # fmt: skip
-        _draw_singular(axes, wall, radius)
+        named = _draw_singular(axes, wall, radius)
         axes.set_xlim(-math.pi, math.pi)
         axes.set_ylim(-1.0, 1.0)
         across = angle_ticks(-math.pi, math.pi, millimetres - _LEFT - _RIGHT)
@@ -66,7 +66,7 @@ def wall_portrait(system: TableSystem, ball: int, width: str = "single") -> Figu
         axes.set_yticks(along.places, along.labels)
         axes.set_xlabel("direction of the wall's normal [rad]")
         axes.set_ylabel("component of the unit velocity along the wall")
-        words = f"bounces of ball {ball}, r = {radius:g} m, at k = 1"
+        words = f"bounces of ball {ball}, r = {radius:g} m, at k = 1{named}"
         axes.set_title(words, pad=2.0, color=style.FRAME_GREY)
     return figure
 
@@ -116,8 +116,9 @@ def _draw_levels(axes: Axes, wall: Wall) -> None:
         )  # fmt: skip
 
 
-def _draw_singular(axes: Axes, wall: Wall, radius: float) -> None:
-    """Mark the bounces of the motions to and fro along the axes."""
+def _draw_singular(axes: Axes, wall: Wall, radius: float) -> str:
+    """Mark the bounces of the motions to and fro along the axes; return what the marks mean."""
+    kinds = {orbit.kind for orbit in two_bounce_orbits(wall, radius)}
     for orbit in two_bounce_orbits(wall, radius):
         if orbit.kind == "degenerate":
             continue
@@ -128,3 +129,5 @@ def _draw_singular(axes: Axes, wall: Wall, radius: float) -> None:
                 place, 0.0, marker=mark, zorder=5.0, clip_on=False,
                 **(layers.POINT | {"color": style.BLACK, "markersize": 4.5}),
             )  # fmt: skip
+    marks = {"centre": "+ centre", "saddle": "× saddle"}
+    return "".join(f"; {words}" for kind, words in marks.items() if kind in kinds)

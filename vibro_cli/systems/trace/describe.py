@@ -154,7 +154,7 @@ def _swing_line(swing: dict[str, float | None]) -> str:
     own = "none, it leaves its arc" if period is None else f"{period:.9g} s"
     shown = "∞" if modulus is None else f"{modulus:.9g}"
     return (
-        f"          ω² = 2g/κρ = {swing['omega_squared']:.9g} 1/s², modulus k = {shown}; "
+        f"          ω² = 2g/κρ = {swing['omega_squared']:.9g} 1/s², elliptic modulus {shown}; "
         f"period of small swings {swing['small_period']:.9g} s, of this one {own}"
     )
 
