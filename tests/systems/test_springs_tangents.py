@@ -199,6 +199,19 @@ def test_at_a_singular_point_the_map_is_that_of_a_linear_oscillator(
     assert np.sum(found.sums) == pytest.approx(0.0, abs=1e-13)
 
 
+@pytest.mark.parametrize(("length", "time"), [(5.0, 3.0), (0.5, 20.0)], ids=["saddle", "centre"])
+def test_a_motion_beside_a_singular_point_is_as_exact_as_its_map_says(
+    length: float, time: float
+) -> None:
+    """The rounding of the energy, which is that of the spring, would show there."""
+    document = springs([disk(1e-6, 0.0, spring(6.0, length, 1.0, 0.0))], time=time)
+    found, _, whole = follow(document)
+    start, leads = stress.neighbours(SYSTEM.build(any_scenario_of(document)), whole)
+    error = end_of(document) - np.array([float(number) for number in leads(start)])
+    most = np.max(np.abs(found.matrix())) * 2.0**-53 * 1e-6
+    assert np.max(np.abs(error)) < 100.0 * most
+
+
 def test_nothing_goes_on_from_an_impact_that_is_not_carried_out() -> None:
     balls = [
         disk(-1.0, 2.0, spring(5.0, 2.0, 1.0, 0.0)),
