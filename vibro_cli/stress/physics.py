@@ -163,13 +163,19 @@ def jumps(run: Run, motion: Motion) -> list[Fault]:
 
 
 def standing(run: Run, motion: Motion) -> list[Fault]:
-    """Bodies that stand still with nothing to lean on."""
+    """Bodies that stand still with nothing to lean on.
+
+    Not those that move between two instants, and are stopped at each of them.
+    """
+    flights = run.flights()
     still = (motion.speed[:-1] == 0.0) & (motion.speed[1:] == 0.0)
     still &= np.diff(motion.t)[:, None] > 1.0e-6
     for row, body in np.argwhere(still).tolist():
         pull = _pull(run, motion, row, body)
         leans = _leans(run, motion, row, body, 1 if pull > 0.0 else -1)
-        if abs(pull) > 1.0e-9 * run.system.gravity and not leans:
+        between = (flights["t_end"] > motion.t[row]) & (flights["t_end"] < motion.t[row + 1])
+        moved = (between & (flights["ball"] == body + 1)).any()
+        if abs(pull) > 1.0e-9 * run.system.gravity and not leans and not moved:
             return [Fault("standing", f"body {body + 1} stands free at t = {motion.t[row]:.9g}")]
     return []
 

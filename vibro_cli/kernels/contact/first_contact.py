@@ -75,14 +75,18 @@ def contact_on_line(
     age_b: float,
     touching: int,
     limit: float,
+    between: float,
     contact: PairTrack,
     pair: PairData,
     clock: Clock,
 ) -> float:
-    """First contact of two bodies on one line, where the gap is a parabola in time."""
+    """First contact of two bodies on one line, where the gap is a parabola in time.
+
+    The line may be several pieces in a row, whose left ends are ``between`` (m) apart.
+    """
     a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
     clock.evaluations += 1
-    gap = max((b_s - a_s) - contact.sine, 0.0)
+    gap = max((b_s - a_s) + between - contact.sine, 0.0)
     rate = b_p - a_p
     second = tangential_acceleration(b, 0.0, b_s, b_c) - tangential_acceleration(a, 0.0, a_s, a_c)
     if touching != 0:
@@ -114,17 +118,18 @@ def contact_by_distance(
     piece_b: PieceData,
     track_b: TrackData,
     reach: float,
+    straight: bool,
     pair: PairData,
     clock: Clock,
 ) -> float:
     """First contact of two bodies by the distance of centres, from ``d'' >= -(|A_a| + |A_b|)``.
 
-    They touch at the distance ``reach`` (m). Other parameters and the result as for
-    :func:`kernels.contact.arc_contact.contact_on_arc`.
+    They touch at the distance ``reach`` (m); ``straight`` if both are on one line. Other parameters
+    and the result as for :func:`kernels.contact.arc_contact.contact_on_arc`.
     """
     bound = a.acceleration_bound + b.acceleration_bound
     span = min(a.exit_after - age_a, b.exit_after - age_b)
-    bound_3 = third_derivative_bound(a, b, track_a, track_b, age_a, age_b, reach, span)
+    bound_3 = third_derivative_bound(a, b, track_a, track_b, age_a, age_b, reach, straight, span)
     fastest = max(pace(a), pace(b))
     t = pair.searched
     while True:
@@ -187,6 +192,7 @@ def third_derivative_bound(
     age_a: float,
     age_b: float,
     distance: float,
+    straight: bool,
     span: float,
 ) -> float:
     """Bound on ``|d'''|`` (m/s^3) of the distance d of two bodies while they are apart.
@@ -197,7 +203,7 @@ def third_derivative_bound(
     """
     speed_a, jerk_a = speed_and_jerk(a, track_a, age_a + span)
     speed_b, jerk_b = speed_and_jerk(b, track_b, age_b + span)
-    if a.piece == b.piece and track_a.path_radius == 0.0:
+    if straight:
         return jerk_a + jerk_b
     speed = speed_a + speed_b
     turning = speed / distance

@@ -116,15 +116,25 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         if h > 0.0 and pair.touching == PARTING:
             t = sharpened_on_arc(a, b, age_a + h, contact, orientation, pair, clock)
             h = max(t - age_a, 0.0)
-    elif a.piece == b.piece and laps == 0 and a.form == LINE and b.form == LINE:
+    elif a.form == LINE and b.form == LINE and laps == 0 and _on_one_line(world, a, b):
         contact = world.contacts[j * settings.pieces + a.piece]
-        h = contact_on_line(a, b, age_a, age_b, pair.touching, limit, contact, pair, clock)
+        between = world.pieces[b.piece].start_s - piece.start_s
+        h = contact_on_line(a, b, age_a, age_b, touching, limit, between, contact, pair, clock)
     else:
         h = _contact_by_distance(world, j, touching, ahead, limit, age_a, age_b)
     if h >= 0.0:
         pair.contact_t, pair.contact_t_low = add_to_time(pair.begin_t, pair.begin_t_low, h)
         if settings.pairs == 2 and settings.bodies == 2 and a.piece != b.piece:
             _hand_over(world, pair, world.pairs[1 - j])
+
+
+@kernel
+def _on_one_line(world: World, a: Flight, b: Flight) -> bool:
+    """Tell whether two bodies are on one straight line: a piece, or several lines in a row."""
+    for piece in range(a.piece, b.piece + 1):
+        if world.pieces[piece].sign != 0.0:
+            return False
+    return a.piece <= b.piece
 
 
 @kernel
@@ -149,9 +159,9 @@ def _contact_by_distance(
     piece_a = world.pieces[a.piece]
     piece_b = world.pieces[b.piece]
     track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    alike = a.piece == b.piece
-    track_b = world.tracks[(pair.a if alike else pair.b) * settings.pieces + b.piece]
-    reach = world.contacts[j * settings.pieces + a.piece].sine if alike else pair.distance
+    straight = b.lap - a.lap + pair.seam == 0 and _on_one_line(world, a, b)
+    track_b = world.tracks[(pair.a if straight else pair.b) * settings.pieces + b.piece]
+    reach = world.contacts[j * settings.pieces + a.piece].sine if straight else pair.distance
     clock = world.clock[0]
     if _separated(a, piece_a, track_a, b, piece_b, track_b, reach):
         clock.skipped_apart += 1
@@ -159,7 +169,7 @@ def _contact_by_distance(
         return NONE_BEFORE_LIMIT
     h = contact_by_distance(
         a, b, age_a, age_b, touching, ahead, limit,
-        piece_a, track_a, piece_b, track_b, reach, pair, clock,
+        piece_a, track_a, piece_b, track_b, reach, straight, pair, clock,
     )  # fmt: skip
     if h > 0.0 and touching == PARTING:
         t = sharpened_by_distance(
