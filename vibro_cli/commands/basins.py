@@ -24,8 +24,8 @@ def basins(
         list[str],
         typer.Option(
             metavar="COLUMN",
-            help="Column of the summary that tells the outcome, of words or whole numbers; "
-            "repeatable: the outcome is what they say together [default: end_cause and, on a "
+            help="Column of the summary that states the outcome, in words or whole numbers; "
+            "repeatable: the outcome is their combination [default: end_cause and, on a "
             "trace of several pieces, arc_1, arc_2, …].",
             show_default=False,
         ),

@@ -32,7 +32,7 @@ class _BenchOptions:
 
 def bench(
     quick: Annotated[
-        bool, typer.Option("--quick", help="One scene, few repeats: to see that it works.")
+        bool, typer.Option("--quick", help="One scene, few repeats: a trial.")
     ] = False,
     full: Annotated[
         bool, typer.Option("--full", help="More repeats, up to 1e6 scenarios.")
@@ -209,7 +209,7 @@ def stress(
             "--cases",
             metavar="N",
             min=1,
-            help="How many scenes the checks drawn and digits draw (else as many as they think).",
+            help="How many scenes the checks drawn and digits draw [default: as many as each has].",
         ),
     ] = None,
     as_json: Annotated[

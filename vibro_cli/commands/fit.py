@@ -66,7 +66,7 @@ def fit(
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help="Standard deviation of the instants [default: what the residuals tell].",
+            help="Standard deviation of the instants [default: estimated from the residuals].",
         ),
     ] = None,
     overrides: Annotated[

@@ -287,7 +287,7 @@ def portrait(
         str | None,
         typer.Option(
             metavar="PATH=A,B,…",
-            help="A few portraits one over the other, e.g. --compare balls[1].body=particle,ball.",
+            help="A few portraits overlaid, e.g. --compare balls[1].body=particle,ball.",
         ),
     ] = None,
     output: Annotated[

@@ -48,7 +48,7 @@ Earlier = Annotated[
     typer.Option(
         "--continue",
         metavar="DIR",
-        help="Go on with the run in DIR, with a later stop (--set stop.time=…), as if it had "
+        help="Continue the run in DIR to a later stop (--set stop.time=…), as if it had "
         "never stopped; the results replace DIR unless -o says otherwise.",
     ),
 ]
@@ -59,7 +59,7 @@ FiguresWanted = Annotated[
         metavar="all|NAME,…",
         envvar="VIBRO_FIGURES",
         help="Draw these kinds of figures, or all there are; vibro help figures names them. "
-        "default: of a trace the phase portraits, of table and springs what shows their motion; "
+        "default: for traces the phase portraits, for tables and springs what shows the motion; "
         "0: none.",
     ),
 ]

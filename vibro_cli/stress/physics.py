@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
 from vibro_cli.mechanics.system import System
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
@@ -302,6 +303,9 @@ NEAR = 1.0e-9
 # The same under laws that do not act along the line of centres: what would come of bounces lower
 # than the rounding of the places (1e-7 m/s) is not known there.
 FAINT = 1.0e-7
+# Times the speed of bounces as high as that rounding: two bodies, in the motion and in its image,
+# part faster or slower by so much for what decides whether they are in contact.
+FEW = 8.0
 # From then on that a body turns at a wall, up to rounding, too: no change of the inputs shows it
 # where the body, or its row, has started from that wall at rest.
 # Rounding of a place, as a share of the size of its coordinates.
@@ -371,11 +375,28 @@ def first_graze(run: Run) -> float:
     return math.inf
 
 
+def _first_doubt(run: Run) -> tuple[float, float]:
+    """When rounding first decides what comes of impacts (s), and the speed that is open then (m/s).
+
+    Bounces as high as the rounding of places have that speed. They are in doubt, and so are
+    sequences of impacts at one instant, which are what is left of such bounces of several pairs.
+    """
+    places = run.sample([0.0])
+    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
+    size = 4.0 * max(*radii, *(float(np.abs(places[axis]).max()) for axis in ("x", "y")))
+    speed = math.sqrt(2.0 * run.system.gravity * CONTACT_ROUNDING * size)
+    t, approach = run.collisions["t"], run.collisions["approach_speed"]
+    doubtful = approach < FEW * speed
+    doubtful[1:] |= t[1:] == t[:-1]
+    return float(t[doubtful].min(initial=math.inf)), speed
+
+
 def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
     """How far (m) the motion of the mirror image is from the mirror image of the motion, and when.
 
-    Zero as long as it is no more than what the rounding of the inputs does, which changes of that
-    size of every input in turn tell: where contact begins or ends it grows with their square root.
+    Zero as long as it is no more than what rounding does. That of the inputs moves both of them by
+    what changes of that size of every input in turn do: where contact begins or ends it grows with
+    their square root. That of places leaves speeds open once bounces are as low.
     """
     system, length = run.system, run.system.trace.length
     image = solve(mirrored_system(system))
@@ -387,6 +408,8 @@ def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
     near = length * np.where(normal & (times < first_graze(run)), NEAR, FAINT)
     if not (off > near).any():
         return 0.0, 0.0
+    doubt, speed = _first_doubt(run)
+    faint = FEW * speed * np.maximum(times - doubt, 0.0)
     moved = np.zeros(len(times))
     for other in neighbouring(system, ROUNDING):
         changed = solve(other)
@@ -396,7 +419,9 @@ def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
         moved[known] = np.maximum(moved[known], places)
         if there < end * (1.0 - NEAR):
             moved[~known] = np.inf  # it ends otherwise: nothing is told of what comes later
-        bad = (off > near + moved) & (moved < LOST * length)
+        before = moved[times <= doubt].max(initial=ROUNDING * length)
+        grown = np.maximum.accumulate(np.clip(moved / before, 1.0, 1.0 / ROUNDING))
+        bad = (off > near + 2.0 * moved + faint * grown) & (moved < LOST * length)
         if not bad.any():
             return 0.0, 0.0
     row = int(np.argmax(bad))
