@@ -56,8 +56,10 @@ def shown_until(run: Recorded) -> float:
     flights = run.flights()
     starts = np.sort(np.asarray(flights["t_start"]))
     end = float(np.max(flights["t_end"]))
-    if len(starts) > MOST_FLIGHTS:
-        end = float(starts[MOST_FLIGHTS])
+    # Each flight on lines is an arc of its own; on circle arcs the periods have their limit.
+    most = 4 * MOST_PERIODS if math.isinf(_periods(run)) else MOST_FLIGHTS
+    if len(starts) > most:
+        end = float(starts[most])
     return min(end, _periods(run))
 
 

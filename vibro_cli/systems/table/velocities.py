@@ -31,7 +31,7 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall
 
 _IMPACTS = {"single": 2, "double": 4}
-_HIGH, _TOP, _WORDS = 36.0, 5.0, 14.0
+_HIGH, _TOP, _WORDS = 36.0, 5.0, 14.5
 _COLUMNS = (0.0, 17.0)
 _SYMBOL = 3.7
 _AROUND = 2.9
@@ -45,7 +45,7 @@ _PATH: dict[str, Any] = {"linewidth": 0.5, "linestyle": (0, (1, 1.2)), "zorder":
 _AXIS: dict[str, Any] = {
     "color": style.FRAME_GREY, "linewidth": 0.4, "linestyle": (0, (6, 1.5, 1, 1.5)), "zorder": 1.5,
 }  # fmt: skip
-_TANGENT: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
+_TANGENT: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.5}
 _SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 _LEGEND: list[Entry] = [
     (words, {"color": style.BLACK} | look)
@@ -268,7 +268,7 @@ def _say(axes: Axes, one: Met, when: int) -> None:
     wide, high = panel_size(axes)
 
     def write(left: float, line: int, text: str) -> None:
-        place = left / wide, 1.0 + (0.9 + 3.3 * line) / high
+        place = left / wide, 1.0 + (1.4 + 3.3 * line) / high
         axes.text(*place, text, transform=axes.transAxes, va="baseline", **_SAY)
 
     write(0.0, 3, f"{one.title}, {one.time:.4g} s: before" if when == 0 else "after")
