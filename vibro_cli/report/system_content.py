@@ -37,6 +37,8 @@ _ACCURACY = (
     ("Relative drift of the energy, where it should be kept", "energy_drift", ""),
     ("Corrections that keep the energy, sum of absolute values", "energy_correction", "J"),
 )
+_ROUNDING = ("max_gap", "energy_drift", "energy_correction")
+"""Columns whose numbers are those of rounding: their size is shown."""
 _LEFT_OUT = ("t_low", "law", "simultaneous", "grazing")
 """Columns of the tables that are not shown."""
 
@@ -62,7 +64,10 @@ def section(stored: StoredRun, name: str, beside: Path) -> dict[str, Any]:
 def _labelled(stored: StoredRun, wanted: Sequence[tuple[str, str, str]]) -> list[tuple[str, str]]:
     """Some columns of the summary in words, those that there are."""
     known = [one for one in wanted if stored.summary.get(one[1]) is not None]
-    return [(label, number(stored.summary[name], unit)) for label, name, unit in known]
+    return [
+        (label, number(stored.summary[name], unit, 2 if name in _ROUNDING else 6))
+        for label, name, unit in known
+    ]
 
 
 def _setting(stored: StoredRun) -> list[tuple[str, str]]:
