@@ -212,6 +212,7 @@ _WANTED: dict[str, Document] = {
     "": {},
     ", friction": {"output": {"friction": 0.3}},
     ", turning points": {"output": {"turning_points": True}},
+    ", exponents": {"analysis": {"lyapunov": True}},
 }
 DOCUMENTS: dict[str, Document] = {
     **{
@@ -220,6 +221,7 @@ DOCUMENTS: dict[str, Document] = {
         for wanted, output in _WANTED.items()
     },
     "rotating three arcs": _rotating(),
+    "rotating three arcs, exponents": _rotating() | _WANTED[", exponents"],
     **WHOLE,
 }
 
