@@ -108,6 +108,9 @@ def _impacts_left_open(told: Told, size: float) -> list[LeftOpen]:
             lost = min(float(abs(drawn)) * time, float(-bounce.before))
             closes = [e.t for e in begun(told) if (e.a, e.b) == bounce.bodies and e.t >= bounce.t]
             until = float(min(closes, default=mp.inf))
+            if not bounce.along and speed * (bounce.t - t) / 4 <= CONTACT_ROUNDING * size:
+                # What is one contact as well: the law may throw its bodies apart, or keep them.
+                lost, until = max(lost, abs(float(bounce.after))), math.inf
             found.append(LeftOpen(float(bounce.t), time, lost, until))
         parted[bounce.bodies] = (bounce.t, bounce.after)
     return found
