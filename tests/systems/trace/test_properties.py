@@ -264,9 +264,8 @@ def rounding_of_release(run: Run, row: int) -> float:
     mine = (events["event"] == "contact_opened") & (events["ball"] == a) & (events["t"] < t)
     opened = float(events["t"][mine].max(initial=0.0))
     before = np.flatnonzero(table["ball_a"][:row] == a)[-1:]
-    slow = before[abs(table["separation_speed"][before]) < 0.01 * speed]
-    parted = max(opened, float(table["t"][slow].max(initial=0.0)))
-    if parted == 0.0 or parted < table["t"][before].max(initial=0.0):
+    parted = max(opened, float(table["t"][before].max(initial=0.0)))
+    if parted == 0.0:
         return 0.0
     moved = speed * (t - parted) + float(table["s_a"][row])
     return moved / float(table["approach_speed"][row])
