@@ -103,6 +103,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     age_a = time_between(pair.begin_t, pair.begin_t_low, a.t, a.t_low)
     age_b = time_between(pair.begin_t, pair.begin_t_low, b.t, b.t_low)
     piece = world.pieces[a.piece]
+    straight = laps == 0 and _on_one_line(world, a, b)
     if a.piece == b.piece and piece.sign != 0.0:
         contact = world.contacts[j * settings.pieces + a.piece]
         orientation = 1.0 if laps == 0 else -1.0
@@ -116,12 +117,12 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         if h > 0.0 and pair.touching == PARTING:
             t = sharpened_on_arc(a, b, age_a + h, contact, orientation, pair, clock)
             h = max(t - age_a, 0.0)
-    elif a.form == LINE and b.form == LINE and laps == 0 and _on_one_line(world, a, b):
+    elif a.form == LINE and b.form == LINE and straight:
         contact = world.contacts[j * settings.pieces + a.piece]
         between = world.pieces[b.piece].start_s - piece.start_s
         h = contact_on_line(a, b, age_a, age_b, touching, limit, between, contact, pair, clock)
     else:
-        h = _contact_by_distance(world, j, touching, ahead, limit, age_a, age_b)
+        h = _contact_by_distance(world, j, touching, ahead, limit, age_a, age_b, straight)
     if h >= 0.0:
         pair.contact_t, pair.contact_t_low = add_to_time(pair.begin_t, pair.begin_t_low, h)
         if settings.pairs == 2 and settings.bodies == 2 and a.piece != b.piece:
@@ -146,6 +147,7 @@ def _contact_by_distance(
     limit: float,
     age_a: float,
     age_b: float,
+    straight: bool,
 ) -> float:
     """First contact of a pair on two pieces, or on one line, by the distance of the centres.
 
@@ -159,7 +161,6 @@ def _contact_by_distance(
     piece_a = world.pieces[a.piece]
     piece_b = world.pieces[b.piece]
     track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    straight = b.lap - a.lap + pair.seam == 0 and _on_one_line(world, a, b)
     track_b = world.tracks[(pair.a if straight else pair.b) * settings.pieces + b.piece]
     reach = world.contacts[j * settings.pieces + a.piece].sine if straight else pair.distance
     clock = world.clock[0]
