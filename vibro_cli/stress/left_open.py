@@ -7,6 +7,7 @@ the order of two impacts that are nearer to one another in time than the way it 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -19,6 +20,10 @@ from vibro_cli.systems.trace.run import Run
 # Times gravity: how fast the motion in contact and that of the bounces before it come apart.
 PUSH = 4.0
 STILL = 1.0e-20  # m/s: parting bodies that stay together
+
+
+Lasting = list[tuple[Bounce, Any]]
+"""Bounces with the time (s) to the next of the same bodies; 0 for one that ends in contact."""
 
 
 class LeftOpen(NamedTuple):
@@ -38,9 +43,15 @@ def begun(told: Told) -> list[Event]:
 
 def size_of(run: Run, told: Told) -> float:
     """Size (m) of the four coordinates, or twice the radii, of the places of a pair."""
-    places = [float(abs(x)) for row in told.samples for _, *xy in row for x in xy]
+    return size_of_places(
+        run, (float(abs(x)) for row in told.samples for _, *xy in row for x in xy)
+    )
+
+
+def size_of_places(run: Run, places: Iterable[float]) -> float:
+    """Return `size_of` of coordinates without their signs."""
     radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
-    return 4.0 * float(max([*places, *radii]))
+    return 4.0 * float(max(*places, *radii))
 
 
 def untold(told: Told, event: Event, size: float) -> float:
@@ -50,19 +61,23 @@ def untold(told: Told, event: Event, size: float) -> float:
     along its line of centres. An impact above them comes as much earlier or later as its bodies
     take for such a way.
     """
-    height = CONTACT_ROUNDING * size
-    lost = _lost_before(_lasting(told), event, height)
+    return _begin_and_time(_lasting(told), event, CONTACT_ROUNDING * size)[1]
+
+
+def _begin_and_time(lasting: Lasting, event: Event, height: float) -> tuple[float, float]:
+    """Return when the bounces that are lost before an event begin (s), and what is `untold` (s)."""
+    lost = _lost_before(lasting, event, height)
     first = min((bounce.t for bounce in lost), default=event.t)
     if first == event.t:
         fastest = max((-float(bounce.before) for bounce in lost), default=0.0)
-        return height / fastest if fastest > 0.0 else 0.0
+        return float(first), height / fastest if fastest > 0.0 else 0.0
     summed = len({bounce.bodies for bounce in lost}) == 1 and all(one.along for one in lost)
-    return 0.0 if summed else float(event.t - first)
+    return float(first), 0.0 if summed else float(event.t - first)
 
 
 def left_open(told: Told, size: float, gravity: float) -> list[LeftOpen]:
-    """What each event leaves open, in the order of time."""
-    return sorted(_bounces_left_open(told, size, gravity) + _impacts_left_open(told, size))
+    """What each event leaves open."""
+    return _bounces_left_open(told, size, gravity) + _impacts_left_open(told, size)
 
 
 def _bounces_left_open(told: Told, size: float, gravity: float) -> list[LeftOpen]:
@@ -75,14 +90,13 @@ def _bounces_left_open(told: Told, size: float, gravity: float) -> list[LeftOpen
     lasting = _lasting(told)
     ends = begun(told)
     for bounce, lasts in lasting:
-        if _is_low(bounce, lasts, height) and bounce.after > STILL:
+        if _is_low(bounce.after, lasts, height) and bounce.after > STILL:
             ends.append(Event(bounce.t, "impact", bounce.bodies[0], bounce.bodies[-1]))
     widest = dict[float, LeftOpen]()
     for event in ends:
-        begin = float(min((b.t for b in _lost_before(lasting, event, height)), default=event.t))
+        begin, time = _begin_and_time(lasting, event, height)
         if event.kind == "impact" and begin == float(event.t):
             continue  # what is left open here is told where the next ones have passed
-        time = untold(told, event, size)
         if begin not in widest or time > widest[begin].time:
             widest[begin] = LeftOpen(float(event.t), time, PUSH * gravity * time)
     return list(widest.values())
@@ -108,7 +122,7 @@ def _impacts_left_open(told: Told, size: float) -> list[LeftOpen]:
             lost = min(float(abs(drawn)) * time, float(-bounce.before))
             closes = [e.t for e in begun(told) if (e.a, e.b) == bounce.bodies and e.t >= bounce.t]
             until = float(min(closes, default=mp.inf))
-            if not bounce.along and speed * (bounce.t - t) / 4 <= CONTACT_ROUNDING * size:
+            if not bounce.along and _is_low(speed, bounce.t - t, CONTACT_ROUNDING * size):
                 # What is one contact as well: the law may throw its bodies apart, or keep them.
                 lost, until = max(lost, abs(float(bounce.after))), math.inf
             found.append(LeftOpen(float(bounce.t), time, lost, until))
@@ -131,7 +145,7 @@ def order_left_open(told: Told, size: float) -> float:
     return float("inf")
 
 
-def _lost_before(lasting: list[tuple[Bounce, Any]], event: Event, height: float) -> list[Bounce]:
+def _lost_before(lasting: Lasting, event: Event, height: float) -> list[Bounce]:
     """Bounces lower than the height that lead to an event, and those that end at it."""
     row, lost = {event.a, event.b}, list[Bounce]()
     high = -mp.inf  # when a bounce began that is not lost
@@ -140,7 +154,7 @@ def _lost_before(lasting: list[tuple[Bounce, Any]], event: Event, height: float)
             continue
         if bounce.t < high:
             break
-        if bounce.t < event.t and not _is_low(bounce, lasts, height):
+        if bounce.t < event.t and not _is_low(bounce.after, lasts, height):
             high = bounce.t
             continue
         row |= set(bounce.bodies)
@@ -148,12 +162,12 @@ def _lost_before(lasting: list[tuple[Bounce, Any]], event: Event, height: float)
     return lost
 
 
-def _is_low(bounce: Bounce, lasts: Any, height: float) -> bool:
-    """Whether bodies come no further apart until their next impact, 0 s later if they stay."""
-    return bool(lasts == 0 or bounce.after * lasts / 4 <= height)
+def _is_low(speed: Any, lasts: Any, height: float) -> bool:
+    """Whether parting bodies come no further apart until their next impact, 0 s later if held."""
+    return bool(lasts == 0 or speed * lasts / 4 <= height)
 
 
-def _lasting(told: Told) -> list[tuple[Bounce, Any]]:
+def _lasting(told: Told) -> Lasting:
     """Bounces with the time (s) to the next of the same bodies; 0 for one that ends in contact."""
     closed = {(event.t, event.a, event.b) for event in begun(told)}
     following: dict[tuple[int, ...], Any] = {}

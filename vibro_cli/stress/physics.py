@@ -19,6 +19,7 @@ from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
 from vibro_cli.mechanics.system import System
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
+from vibro_cli.stress.left_open import size_of_places
 from vibro_cli.stress.oracles.sensitivity import neighbouring
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
 from vibro_cli.systems.trace.run import Run, simulate_system
@@ -382,8 +383,7 @@ def _first_doubt(run: Run) -> tuple[float, float]:
     sequences of impacts at one instant, which are what is left of such bounces of several pairs.
     """
     places = run.sample([0.0])
-    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
-    size = 4.0 * max(*radii, *(float(np.abs(places[axis]).max()) for axis in ("x", "y")))
+    size = size_of_places(run, (float(np.abs(places[axis]).max()) for axis in ("x", "y")))
     speed = math.sqrt(2.0 * run.system.gravity * CONTACT_ROUNDING * size)
     t, approach = run.collisions["t"], run.collisions["approach_speed"]
     doubtful = approach < FEW * speed
