@@ -30,8 +30,7 @@ def symbol_of(column: str) -> str:
     Columns without a letter of their own are named by their words: `angle_a` is the angle of a.
     """
     found = _NAME.fullmatch(column)
-    if found is None:
-        return column
+    assert found is not None, column
     stem, body = found["stem"], found["body"] or ""
     side = _SIDES.get(found["side"] or "", "")
     symbol = _SYMBOLS.get(stem)

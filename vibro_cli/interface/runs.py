@@ -241,8 +241,6 @@ class Run:
             raise ValueError(f"found {len(quantities)} columns of impacts, expected two")
         wanted = {name: table[name] for name in (*names, *section.columns)}
         drawn = poincare(wanted, (quantities[0], quantities[1]), section, width)
-        if drawn is None:
-            raise ValueError(section.why_none())
         return Drawing("section", drawn)
 
     def figure(self, kind: str = "portrait", body: int = 1, width: str = "double") -> Drawing:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import stacked, value_axis
 from vibro_cli.figures.dots import draw_dots
-from vibro_cli.figures.grids.curves import place_column
+from vibro_cli.figures.grids.curves import PLACES, place_column
 from vibro_cli.figures.grids.parameter_map import Coordinate, Swept, lattice, set_axis
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.symbols import symbol_of
@@ -57,8 +57,9 @@ def own_columns(names: Container[str], one_arc: bool) -> list[str]:
 
     The angle on one arc; those of several arcs are not of one axis.
     """
-    places = (["angle_a"] if one_arc else []) + ["s_a", "x_a", "normal_angle"]
-    speeds = ["speed_a_pre", "approach_speed", "tangential_speed"]
+    places = (["angle_a"] if one_arc else []) + [name for name, _, _ in PLACES]
+    places.append("normal_angle")
+    speeds = [_SPEED[0], "approach_speed", "tangential_speed"]
     found = [next((one for one in some if one in names), None) for some in (places, speeds)]
     return [one for one in found if one is not None]
 
@@ -169,8 +170,8 @@ def bifurcation(
 
 def poincare(
     impacts: Impacts, quantities: tuple[Quantity, Quantity], section: Section, width: str
-) -> Figure | None:
-    """Return one column of the impacts of a run over another, None where none is shown.
+) -> Figure:
+    """Return one column of the impacts of a run over another.
 
     Parameters
     ----------
@@ -180,12 +181,17 @@ def poincare(
         Along and up.
     section, width
         Which impacts; "single" or "double".
+
+    Raises
+    ------
+    NothingToShow
+        If there is no such impact.
     """
     names = [name for name, _, _ in quantities]
     chosen = section.chosen(impacts, np.zeros(len(impacts[names[0]]), dtype=np.int64))
     x, y = (np.asarray(impacts[name], dtype=np.float64)[chosen] for name in names)
     if not np.any(np.isfinite(x) & np.isfinite(y)):
-        return None
+        raise NothingToShow(section.why_none())
     name, symbol, unit = quantities[0]
     along = Coordinate(name, unit, x, (), symbol)
     with style.journal():

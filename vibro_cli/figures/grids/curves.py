@@ -24,7 +24,7 @@ _DIAGRAM = {"single": 58.0, "double": 80.0}
 _WIDE_RANGE = 50.0
 FIRST = 20
 """Impacts of each run whose times are shown."""
-_PLACES = (
+PLACES = (
     ("s_a", "$s$ of the left body", "m"),
     ("x_a", "$x$ of the left body", "m"),
 )
@@ -113,7 +113,7 @@ def place_column(grid: Swept) -> tuple[str, str, str] | None:
     kept = grid.impact_columns()
     if len(grid.shapes) == 1 and grid.shapes[0] in _ANGLES and "angle_a" in kept:
         return "angle_a", _ANGLES[grid.shapes[0]], "rad"
-    return next((one for one in _PLACES if one[0] in kept), None)
+    return next((one for one in PLACES if one[0] in kept), None)
 
 
 def diagram(grid: Swept, width: str = "single") -> Figure | None:
