@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from tests.systems.springs_cases import FIGURE_FIVE, disk, solve, spring, springs
+from tests.systems.tangent_cases import follow
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.finding import Document, Plan
 from vibro_cli.stress.oracles.neighbours import map_error
 from vibro_cli.systems.springs import SYSTEM, stress
-from vibro_cli.systems.stream import Stretch
-from vibro_cli.systems.tangents import LoggedMap, followed
 
 Floats = Any
 PRESSED = [
@@ -24,14 +23,6 @@ PRESSED = [
     disk(2.4, 0.0, spring(8.0, 0.5, 1.0, 0.0), mass=0.7),
 ]
 """Springs that press the bodies together."""
-
-
-def follow(document: Document, engine: str = "compiled") -> tuple[LoggedMap, Any, Stretch]:
-    scenario = any_scenario_of(document)
-    found, columns, whole = followed(
-        SYSTEM, SYSTEM.build(scenario), SYSTEM.limits(scenario), engine
-    )
-    return found, columns["collisions"], whole
 
 
 def neighbours(document: Document, size: float = 1e-6) -> Floats:
@@ -59,13 +50,6 @@ def test_scenes_drawn_at_random_agree_with_50_digits() -> None:
     assert found.worst <= 1e-12, found
 
 
-def test_an_error_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    matrix = LoggedMap.matrix
-    monkeypatch.setattr(LoggedMap, "matrix", lambda own: matrix(own) * (1.0 + 1e-8))
-    (found,) = stress.check_tangent(Plan(seed=1, full=False, cases=2))
-    assert not found.met
-
-
 def test_lasting_contact_that_opens_by_its_force_agrees_with_50_digits() -> None:
     balls = [
         disk(-0.5, 3.0, spring(5.0, 0.5, 1.0, 0.0)),
@@ -74,7 +58,7 @@ def test_lasting_contact_that_opens_by_its_force_agrees_with_50_digits() -> None
     document = springs(balls, 0.0, time=6.0)
     found, columns, whole = follow(document)
     assert whole.logs["states"]["cause"][::2].tolist().count(3) >= 1
-    assert columns["smooth"].all()
+    assert columns["collisions"]["smooth"].all()
     assert np.isneginf(found.sums).sum() == 2
     error = map_error(document, stress.neighbours)
     assert error is not None
@@ -88,8 +72,8 @@ def test_both_engines_give_the_same_bits(k: float) -> None:
     other, same, _ = follow(document)
     np.testing.assert_array_equal(one.matrix(), other.matrix())
     np.testing.assert_array_equal(one.sums, other.sums)
-    for name, values in columns.items():
-        np.testing.assert_array_equal(values, same[name])
+    for name, values in columns["collisions"].items():
+        np.testing.assert_array_equal(values, same["collisions"][name])
 
 
 @pytest.mark.parametrize("law", ["hedrih", "translational", "normal-impulse"])
@@ -138,7 +122,7 @@ def test_lasting_contact_takes_the_gap_and_its_rate(k: float, count: int) -> Non
     document = springs(PRESSED[:count], k, time=6.0)
     found, columns, whole = follow(document)
     assert whole.clock["contacts"] == count - 1
-    assert not columns["smooth"].all() or (k, count) == (0.0, 2)
+    assert not columns["collisions"]["smooth"].all() or (k, count) == (0.0, 2)
     matrix = found.matrix()
     np.testing.assert_allclose(matrix, neighbours(document), rtol=0.0, atol=1e-8)
     np.testing.assert_array_equal(matrix[2:], np.tile(matrix[:2], (count - 1, 1)))
@@ -156,7 +140,7 @@ def test_a_blow_on_bodies_in_contact_has_the_derivative_of_neighbouring_runs(
     document = springs(balls, time=1.5)
     document["collision"] = {"k": k, "law": law}
     found, columns, _ = follow(document)
-    assert not columns["smooth"].all()
+    assert not columns["collisions"]["smooth"].all()
     np.testing.assert_allclose(found.matrix(), neighbours(document), rtol=0.0, atol=1e-8)
 
 
@@ -166,8 +150,8 @@ def test_joint_impacts_have_the_derivative_of_those_that_stay_joint() -> None:
     sides = [disk(-1.5, 2.0, held[0]), disk(0.0, 0.0, held[1]), disk(1.5, -2.0, held[2])]
     document = springs(sides, 0.7, time=1.0)
     found, columns, _ = follow(document)
-    assert columns["smooth"].tolist()[:2] == [False, False]
-    assert np.isfinite(columns["amplification"]).all()
+    assert columns["collisions"]["smooth"].tolist()[:2] == [False, False]
+    assert np.isfinite(columns["collisions"]["amplification"]).all()
     for name, vector in (("position", [1, 0, 0, 0, -1, 0]), ("speed", [0, 1, 0, 0, 0, -1])):
         ends = []
         for by in (1e-6, -1e-6):
@@ -233,5 +217,5 @@ def test_contact_from_the_start_has_no_derivative() -> None:
     far = disk(2.5, -3.0, spring(5.0, 0.5, 1.0, 2.0))
     found, columns, whole = follow(springs([*balls, far], 1.0, time=3.0, collisions=1))
     assert whole.logs["states"]["cause"][::3].tolist() == [0, 2, 1, 3]
-    assert columns["smooth"].tolist() == [False]
+    assert columns["collisions"]["smooth"].tolist() == [False]
     assert np.isneginf(found.sums).sum() == 2

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.grids.test_same_as_run import grid_of, plain
 from tests.systems.springs_cases import FIGURE_FIVE, springs
+from tests.systems.tangent_cases import solved_and_streamed
 from tests.systems.test_table_tangents import ELLIPSE, TWO, scene
 from vibro_cli.api import simulate, simulate_streamed
 from vibro_cli.figures.runs.kinds import draw_all
@@ -19,34 +19,25 @@ from vibro_cli.grids.solving import solver_of
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.storage.runs import write_run
 from vibro_cli.storage.stored import open_run
-from vibro_cli.stress.finding import Document
+from vibro_cli.stress.finding import Document, Plan
+from vibro_cli.systems.springs import stress as springs_stress
+from vibro_cli.systems.table import stress as table_stress
+from vibro_cli.systems.tangents import LoggedMap
 
 GROWN: Document = {"analysis": {"lyapunov": True}}
 DOCUMENTS: dict[str, Document] = {
     "table": scene(TWO, ELLIPSE, 0.95, stop={"collisions": 30}) | GROWN,
     "springs": springs(FIGURE_FIVE, 0.95, collisions=8) | GROWN,
 }
+STRESS = {"table": table_stress, "springs": springs_stress}
 SYSTEMS = pytest.mark.parametrize("system", DOCUMENTS)
 
 
 @SYSTEMS
 def test_a_run_tells_of_exponents_in_all_its_tables(system: str, tmp_path: Path) -> None:
     scenario = any_scenario_of(DOCUMENTS[system])
-    told: dict[str, list[Any]] = {}
-    streamed = simulate_streamed(
-        scenario, lambda name, columns: told.setdefault(name, []).append(columns)
-    )
-    run = simulate(scenario, "python")
-    assert run.exponents is not None
-    assert streamed.summary_record() == run.summary_record()
-    tables = {"collisions": run.collisions, "exponents": run.exponents}
-    if system == "table":
-        tables["bounces"] = run.bounces
-    for name, columns in tables.items():
-        (rows,) = [one for one in told[name] if len(one["n"])]
-        assert rows.keys() == columns.keys()
-        for key in rows.keys() & {"n", "amplification", "digits_left", "smooth", "lyapunov_1"}:
-            np.testing.assert_array_equal(rows[key], columns[key])
+    run, tables = solved_and_streamed(scenario)
+    assert ("bounces" in tables) == (system == "table")
     assert len(run.exponents["n"]) <= 256
     record = run.summary_record()
     rates = [value for name, value in record.items() if name.startswith("lyapunov_")]
@@ -58,6 +49,14 @@ def test_a_run_tells_of_exponents_in_all_its_tables(system: str, tmp_path: Path)
     assert stored.exponents is not None
     np.testing.assert_array_equal(stored.exponents["lyapunov_1"], run.exponents["lyapunov_1"])
     assert [one.name for one in draw_all(stored, ["exponents"])] == ["exponents"]
+
+
+@SYSTEMS
+def test_an_error_of_a_map_is_told(system: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    matrix = LoggedMap.matrix
+    monkeypatch.setattr(LoggedMap, "matrix", lambda own: matrix(own) * (1.0 + 1e-8))
+    (found,) = STRESS[system].check_tangent(Plan(seed=1, full=False, cases=2))
+    assert not found.met
 
 
 @SYSTEMS

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from vibro_cli.api import simulate, simulate_streamed
+from tests.systems.tangent_cases import solved_and_streamed
 from vibro_cli.kernels.flow.flight import root_of_state
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE
 from vibro_cli.kernels.numerics.elliptic import ThetaConstants, set_theta_constants
@@ -407,19 +407,7 @@ def test_digits_left_are_those_that_agree_with_50_digits() -> None:
 def test_a_run_tells_of_exponents_in_all_its_tables(tmp_path: Path) -> None:
     document = _with(SCENES["arcs"], stop={"collisions": 40}, analysis={"lyapunov": True})
     scenario = scenario_of(document)
-    told: dict[str, list[Any]] = {}
-    streamed = simulate_streamed(
-        scenario, lambda name, columns: told.setdefault(name, []).append(columns)
-    )
-    run = simulate(scenario, "python")
-    assert run.exponents is not None
-    assert streamed.summary_record() == run.summary_record()
-    for name, columns in (("collisions", run.collisions), ("exponents", run.exponents)):
-        (rows,) = [one for one in told[name] if len(one["n"])]
-        assert rows.keys() == columns.keys()
-        for key in ("n", "amplification", "digits_left", "smooth", "lyapunov_1", "lyapunov_error"):
-            if key in columns:
-                np.testing.assert_array_equal(rows[key], columns[key])
+    run, _ = solved_and_streamed(scenario)
     record = run.summary_record()
     assert record["lyapunov_1"] > 0.1
     assert sum(record[f"lyapunov_{n}"] for n in range(1, 5)) == pytest.approx(0.0, abs=1e-9)

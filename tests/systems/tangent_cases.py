@@ -1,0 +1,42 @@
+"""How tests of tangent maps solve a scene, and what the tables of every system have to tell."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.api import simulate, simulate_streamed
+from vibro_cli.scenario import any_scenario_of
+from vibro_cli.stress.finding import Document
+from vibro_cli.systems import system_named
+from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.tangents import LoggedMap, followed
+
+TOLD = {"n", "amplification", "digits_left", "smooth", "lyapunov_1", "lyapunov_error"}
+
+
+def follow(document: Document, engine: str = "compiled") -> tuple[LoggedMap, Any, Stretch]:
+    scenario = any_scenario_of(document)
+    system = system_named(scenario.system)
+    return followed(system, system.build(scenario), system.limits(scenario), engine)
+
+
+def solved_and_streamed(scenario: Any) -> tuple[Any, dict[str, dict[str, Any]]]:
+    """A run and its tables, once kept and once streamed, which tell the same of exponents."""
+    told: dict[str, list[Any]] = {}
+    streamed = simulate_streamed(
+        scenario, lambda name, columns: told.setdefault(name, []).append(columns)
+    )
+    run = simulate(scenario, "python")
+    assert run.exponents is not None
+    assert streamed.summary_record() == run.summary_record()
+    tables: dict[str, dict[str, Any]] = {"collisions": run.collisions, "exponents": run.exponents}
+    if "bounces" in told:
+        tables["bounces"] = run.bounces
+    for name, columns in tables.items():
+        (rows,) = [one for one in told[name] if len(one["n"])]
+        assert rows.keys() == columns.keys()
+        for key in rows.keys() & TOLD:
+            np.testing.assert_array_equal(rows[key], columns[key])
+    return run, tables
