@@ -15,7 +15,13 @@ from vibro_cli.mechanics.system import System
 from vibro_cli.stress import physics
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Plan
-from vibro_cli.stress.physics import check_drawn, distance_from_image, judge, mirrored_system
+from vibro_cli.stress.physics import (
+    check_drawn,
+    distance_from_image,
+    faults_of_document,
+    judge,
+    mirrored_system,
+)
 from vibro_cli.stress.scenes import VALLEY, GivenUp, Watched, ball, scene, solve, system_of
 from vibro_cli.stress.suite import line_of
 from vibro_cli.systems.trace.run import Run, simulate_system
@@ -151,6 +157,13 @@ def test_a_run_without_an_end_is_a_fault() -> None:
     endless = scene(VALLEY, [ball(-0.5), ball(0.5)], 1.0, time=1e9)
     assert kinds(judged(endless)) == ["failed"]
     assert judged({**endless, "stop": {"time": 1.0}}) == []
+
+
+def test_a_single_run_that_takes_too_long_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vibro_cli.stress.physics.SECONDS", 0.0)
+    (fault,) = faults_of_document(draw(1, 0))
+    assert fault.kind == "failed"
+    assert "a run took" in fault.text
 
 
 def test_so_many_scenes_as_asked_for() -> None:

@@ -9,6 +9,7 @@ of the motion. Scenes drawn at random are held to it: every run ends, in little 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -428,7 +429,8 @@ def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
     return float(off[row]), float(times[row])
 
 
-SECONDS = 10.0  # of the processor, for a scene, its mirror image and judging both
+SECONDS = 10.0  # of the processor, for a run
+JUDGING = 120.0  # for a scene, its mirror image and all runs that tell how far both may be apart
 MEMORY = 2**30
 
 
@@ -450,7 +452,7 @@ def check_drawn(plan: Plan) -> list[Finding]:
     ]
 
 
-def judge(seconds: float = SECONDS) -> Callable[[Document], list[Fault]]:
+def judge(seconds: float = JUDGING) -> Callable[[Document], list[Fault]]:
     """A function that tells what is wrong with the run of a document, which may not end."""
     watched = Watched(faults_of_document, MEMORY)
 
@@ -468,7 +470,11 @@ def faults_of_document(document: Document, engine: str = "compiled") -> list[Fau
     stop = document["stop"]
 
     def solve(system: System) -> Run:
-        return simulate_system(system, stop.get("time"), stop.get("collisions"))
+        begin = time.process_time()
+        run = simulate_system(system, stop.get("time"), stop.get("collisions"))
+        if (taken := time.process_time() - begin) > SECONDS:
+            raise TimeoutError(f"a run took {taken:.1f} s")
+        return run
 
     try:
         run = solve(system_of(document))
