@@ -420,7 +420,7 @@ def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
         moved[known] = np.maximum(moved[known], places)
         if there < end * (1.0 - NEAR):
             moved[~known] = np.inf  # it ends otherwise: nothing is told of what comes later
-        before = moved[times <= doubt].max(initial=ROUNDING * length)
+        before = min(moved[times <= doubt].max(initial=ROUNDING * length), length)
         grown = np.maximum.accumulate(np.clip(moved / before, 1.0, 1.0 / ROUNDING))
         bad = (off > near + 2.0 * moved + faint * grown) & (moved < LOST * length)
         if not bad.any():

@@ -14,7 +14,7 @@ from tests.systems.trace.test_continuing import assert_same_results
 from tests.systems.trace.test_properties import assert_bodies_touch, assert_mirrored_to_the_bit
 from vibro_cli.api import simulate
 from vibro_cli.scenario import load_scenario, scenario_of
-from vibro_cli.stress.physics import motion_of, standing
+from vibro_cli.stress.physics import motion_of, standing, walls
 
 pytestmark = pytest.mark.long
 
@@ -78,9 +78,11 @@ def test_no_two_bodies_are_in_one_another_and_all_keep_their_order(path: Path) -
 
 @pytest.mark.usefixtures("no_hang")
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_no_body_stands_where_nothing_keeps_it(path: Path) -> None:
+def test_no_body_is_beyond_a_wall_or_stands_where_nothing_keeps_it(path: Path) -> None:
     run = simulate(load_scenario(path), "python")
-    assert standing(run, motion_of(run, 500)) == []
+    motion = motion_of(run, 500)
+    assert walls(run, motion) == []
+    assert standing(run, motion) == []
 
 
 @pytest.mark.usefixtures("no_hang")

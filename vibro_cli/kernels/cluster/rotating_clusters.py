@@ -35,14 +35,11 @@ from vibro_cli.kernels.flow.rotating_line import (
 )
 from vibro_cli.kernels.flow.rotating_time_of_flight import half_way, time_to
 from vibro_cli.kernels.numerics.trigonometric_polynomial import (
-    NOWHERE,
     Harmonics,
     combined,
-    first_fall,
     harmonic_size,
     harmonic_value,
     least_value,
-    mirrored,
     turned,
 )
 from vibro_cli.kernels.numerics.weierstrass_motion import set_quartic_constants, squared_rate
@@ -134,26 +131,24 @@ def _set_bounds(flight: Flight, track: TrackData) -> None:
 def _choose_exit(flight: Flight, track: TrackData) -> None:
     """Find at which end of its piece a member leaves it, and when."""
     forward = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
-    square = square_harmonics(flight, pull_harmonics(flight))
     for turn in range(2):
         right = (forward > 0.0) == (turn == 0)
         side = 1.0 if right else -1.0
         end_s = track.right_s if right else track.left_s
         end_c = track.right_c if right else track.left_c
-        if is_at(flight.s, flight.c, end_s, end_c):
-            if turn == 0:
-                _leave(flight, side, flight.flow_p, 0.0)
-                return
-            sine = 0.0
-            cosine = 1.0
-        else:
+        sine = 0.0
+        cosine = 1.0
+        if not is_at(flight.s, flight.c, end_s, end_c):
             s, c = group_of_body(flight, end_s, end_c)
             sine = s * flight.flow_c - c * flight.flow_s
             cosine = c * flight.flow_c + s * flight.flow_s
-        way = 2.0 * half_way_to(side * math.atan2(sine, cosine))
-        ahead = square if right else mirrored(square)
+        half = half_way_to(side * math.atan2(sine, cosine))
+        if turn == 0 and half <= 0.0:
+            _leave(flight, side, flight.flow_p, 0.0)
+            return
         squared = squared_rate(flight, sine, cosine)
-        if squared > 0.0 and first_fall(ahead, way) == NOWHERE:
+        # The quartic knows a slow rate to all its digits, and so where the group turns back.
+        if squared > 0.0 and (flight.turns_over == 1 or half_way(flight, side) >= half):
             p = side * math.sqrt(squared)
             s = flight.flow_s * cosine + flight.flow_c * sine
             after = time_to(flight, s, flight.flow_c * cosine - flight.flow_s * sine, p)

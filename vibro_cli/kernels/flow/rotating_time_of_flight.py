@@ -41,7 +41,7 @@ def half_way(flight: Flight, side: float) -> float:
     """
     if flight.at_rest == 1:
         return 0.0
-    bound = 2.0 * (1.0 + abs(flight.tilt) + flight.spread + 2.0 * abs(flight.twist))
+    bound = 2.0 * (1.0 + abs(flight.tilt) + abs(flight.spread) + 2.0 * abs(flight.twist))
     square = flight.flow_p * flight.flow_p
     slope = 4.0 * flight.quartic_3 * side
     if square == 0.0:
