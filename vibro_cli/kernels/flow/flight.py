@@ -7,7 +7,7 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.compile.lanes import choose
 from vibro_cli.kernels.flow.flow import LINE
-from vibro_cli.kernels.flow.time_of_flight import time_to
+from vibro_cli.kernels.flow.time_of_flight import time_ahead, time_to
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.numerics.error_free import add_to_time
 from vibro_cli.kernels.structs import NEVER, BodyData, Flight, PieceData, TrackData
@@ -270,14 +270,18 @@ def choose_exit(
         # On the separatrix a body never turns: it leaves ahead or creeps up to the crest for ever.
         reaches_right = reaches_right and right
         reaches_left = reaches_left and not right
-    if (right and reaches_right) or (not right and not reaches_left and reaches_right):
-        flight.exit_side = 1
-        flight.exit_p = math.sqrt(squared_rate_at(flight, right_s, right_c))
-        flight.exit_after = time_to(flight, right_s, right_c, flight.exit_p)
-    elif reaches_left:
-        flight.exit_side = -1
-        flight.exit_p = -math.sqrt(squared_rate_at(flight, left_s, left_c))
-        flight.exit_after = time_to(flight, left_s, left_c, flight.exit_p)
+    to_right = reaches_right and (right or not reaches_left)
+    if not to_right and not reaches_left:
+        return
+    flight.exit_side = 1 if to_right else -1
+    s = right_s if to_right else left_s
+    c = right_c if to_right else left_c
+    p = flight.exit_side * math.sqrt(squared_rate_at(flight, s, c))
+    flight.exit_p = p
+    if to_right == right:
+        flight.exit_after = time_ahead(flight, s, c, p)
+    else:
+        flight.exit_after = time_to(flight, s, c, p)
 
 
 @kernel

@@ -18,6 +18,8 @@ from vibro_cli.kernels.structs import Flight
 TINY_PRODUCT = 1.0e-200
 # Above this parameter a path through the bottom is timed in two parts, from the bottom.
 SPLIT_PARAMETER = 0.9
+# No way ahead takes this share of the argument after which S and C return; most is one half.
+LONGEST_AHEAD = 0.75
 
 
 @kernel
@@ -38,6 +40,19 @@ def time_to(flight: Flight, s1: float, c1: float, p1: float) -> float:
     else:
         u = _argument_by_addition(flight, s1, c1, p1)
     return u / flight.frequency
+
+
+@kernel
+def time_ahead(flight: Flight, s1: float, c1: float, p1: float) -> float:
+    """Return the time (s) to a state that lies ahead, without a turn on the way.
+
+    The energy says where it is up to rounding: one that is reached within that is behind the start
+    for :func:`time_to`, a whole period away.
+    """
+    after = time_to(flight, s1, c1, p1)
+    if after * flight.frequency > LONGEST_AHEAD * _double_period(flight):
+        return 0.0
+    return after
 
 
 @kernel
