@@ -17,6 +17,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 )
 from vibro_cli.kernels.events.event_log import SPEED_ROUNDING, hold
 from vibro_cli.kernels.events.wall_rest import lost_height, stand_at_wall, touched_wall
+from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.impact.chattering import EPSILON, LOST_BOUNCE
 from vibro_cli.kernels.impact.impulse_chain import (
     contact_forces,
@@ -83,7 +84,7 @@ def _propose(world: World, j: int, fastest: float) -> None:
     parting = parting_speed(world, j)
     rounding = SPEED_ROUNDING * fastest
     if pair.held == 1:
-        rounding = max(rounding, HELD_ROUNDING * speed_of_pair(world, j))
+        rounding = max(rounding, held_rounding(world, j))
     pair.pressing = PROPOSED
     if abs(parting) <= rounding:
         if _is_released(world, pair):
@@ -98,6 +99,19 @@ def _propose(world: World, j: int, fastest: float) -> None:
     again = world.flights[pair.a].impacts > 0 and world.flights[pair.b].impacts > 0
     if again and parting > 0.0 and pair.struck > 0.0:
         pair.pressing = FREE  # its bounces have a sum, once the others are launched
+
+
+@kernel
+def held_rounding(world: World, j: int) -> float:
+    """Speed (m/s) between a pair that its flight in contact leaves by rounding.
+
+    That of its own speed, and of what forces give it on a segment, though they cancel.
+    """
+    flight = world.flights[world.pairs[j].a]
+    given = 0.0
+    if flight.form == POLYNOMIAL:
+        given = SPEED_ROUNDING * world.settings[0].gravity * flight.segment
+    return max(HELD_ROUNDING * speed_of_pair(world, j), given)
 
 
 @kernel

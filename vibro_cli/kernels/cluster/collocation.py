@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import SERIES_LENGTH, Series, kernel
+from vibro_cli.kernels.cluster.active_contacts import FORCE_ROUNDING
 from vibro_cli.kernels.cluster.cluster_forces import normal_force_now
 from vibro_cli.kernels.cluster.clusters import AT_END, half_way_to
 from vibro_cli.kernels.contact.contact_kinematics import free_acceleration, set_normals
@@ -76,7 +77,8 @@ def launch_across(world: World, first: int, count: int) -> None:
             pair = world.pairs[ball]
             pair.release_t = NEVER
             pair.release_t_low = 0.0
-            after = first_root_of_series(pair.series, h)
+            weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
+            after = first_root_of_series(pair.series, h, FORCE_ROUNDING * weights)
             if after < h:
                 pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
 
@@ -170,7 +172,7 @@ def _set_normal_forces(world: World, first: int, count: int, h: float) -> None:
 @kernel
 def _limit_by_lift_off(flight: Flight, h: float) -> None:
     """End a segment where a one-sided trace would have to pull."""
-    after = 0.0 if flight.normal[0] < 0.0 else first_root_of_series(flight.normal, h)
+    after = 0.0 if flight.normal[0] < 0.0 else first_root_of_series(flight.normal, h, 0.0)
     if after < min(h, flight.exit_after):
         flight.exit_kind = LIFT_OFF
         flight.exit_after = after
@@ -368,17 +370,18 @@ def _time_inside(flight: Flight, side: float, h: float, jerk: float) -> float:
 
 
 @kernel
-def first_root_of_series(series: Series, h: float) -> float:
+def first_root_of_series(series: Series, h: float, least: float) -> float:
     """First time (s) at which a force, positive at first, falls through zero; ``h`` if not before.
 
-    Its second derivative on the segment is bounded by ``sum k (k-1) |c_k|/h^2``.
+    One of at most ``least`` (N) all along is zero up to rounding. Its second derivative on the
+    segment is bounded by ``sum k (k-1) |c_k|/h^2``.
     """
     bound = 0.0
     size = 0.0
     for k in range(SERIES_LENGTH):
         bound += k * (k - 1.0) * abs(series[k])
         size += abs(series[k])
-    if size == 0.0:
+    if size <= least:
         return h
     t = 0.0
     while t < 1.0:

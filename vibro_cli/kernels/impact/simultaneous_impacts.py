@@ -7,14 +7,13 @@ close because of it follow at the same instant as impacts of their own, and so o
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.active_contacts import HELD_ROUNDING, settle
+from vibro_cli.kernels.cluster.active_contacts import held_rounding, settle
 from vibro_cli.kernels.cluster.contact_changes import close_accumulated, launch_chain
 from vibro_cli.kernels.contact.contact_kinematics import (
     lifted_body,
     parting_speed,
     set_normals,
     set_speed,
-    speed_of_pair,
 )
 from vibro_cli.kernels.events.event_log import SPEED_ROUNDING, log_impact, parts
 from vibro_cli.kernels.events.wall_rest import last_row_of, touched_wall, touches_dissipative_wall
@@ -234,7 +233,7 @@ def _impulses(world: World, first: int, count: int) -> tuple[float, bool]:
         least = rounding
         if pair.held == 1:
             # What a flight in contact leaves by rounding is no impact.
-            least = max(least, HELD_ROUNDING * speed_of_pair(world, number))
+            least = max(least, held_rounding(world, number))
         pair.closing = 1 if parting_speed(world, number) < -least else 0
     loss = 0.0
     admissible = True
