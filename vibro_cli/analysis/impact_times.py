@@ -156,7 +156,7 @@ def _arrivals(system: System, stretch: Any) -> Any:
     current = np.zeros((1, len(system.bodies)), dtype=np.int64)
     scratch = np.zeros(1, dtype=engine.dtype(Flight))
     find: Any = compiled(find_arrivals)
-    series = np.zeros((SERIES_ROWS, TERMS + 2))
+    series = np.zeros((SERIES_ROWS, TERMS + 1))
     find(world, arrivals, current, series, scratch)
     return arrivals
 

@@ -1,13 +1,21 @@
 """The derivative of a flight on a trace that turns, with respect to the state it starts from.
 
-On an arc, in units of 1/w, the angle and its change obey
+On an arc, in units of 1/w, the angle obeys
 
-``f'' = Q(f) = -sin f + tilt cos f + spread/2 sin 2f + twist cos 2f,    delta'' = Q'(f) delta``
+``f'' = Q(f) = -sin f + tilt cos f + spread/2 sin 2f + twist cos 2f``
 
-(``twist`` of a group only). Both are expanded in powers of time: ``sin f`` and ``cos f`` from
-``f'`` by ``(sin f)' = f' cos f``, those of 2f likewise. A step is as long as the last coefficients
-say. On a line the motion is linear in its start: ``s'' = a + b^2 s``. The kernels stand in for
-those of ``kernels.tangent.flight_jacobian`` and ``kernels.tangent.follow``.
+(``twist`` of a group only). Seen from a place ``f0`` of the motion, ``u = tan((f - f0)/2)`` moves
+under a quartic, and a small change ``delta`` of u goes with it:
+
+``u'' = 2 a0 u^3 + 6 a1 u^2 + 6 a2 u + 2 a3,
+delta'' = (6 a0 u^2 + 12 a1 u + 6 a2) delta + (u + u^3) dE``
+
+where ``dE = f' df' - Q df`` is the change of the energy, on which the quartic depends. One solution
+is ``delta = u'``, with dE = 0; so a single other one is left to solve for. Both are power series in
+time. A flight is cut into equal parts. The series of each begin in its middle, where the closed
+form tells the state, so that they need to hold for half its length. On a line the motion is linear
+in its start: ``s'' = a + b^2 s``. The kernels stand in for those of
+``kernels.tangent.flight_jacobian`` and ``kernels.tangent.follow``.
 """
 
 from __future__ import annotations
@@ -18,15 +26,21 @@ from vibro_cli.compile.kernel import FloatMatrix, kernel
 from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.flow.replay import recall_flight
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, pull_of
+from vibro_cli.kernels.numerics.weierstrass_motion import quartic_motion
 from vibro_cli.kernels.structs import Flight
 from vibro_cli.kernels.tangent.world import TERMS
 from vibro_cli.kernels.world import World
 
-# Rows of the series: sine and cosine of f and of 2f, f', Q'(f), and the change for one of the angle
-# and for one of the rate at the start.
-_SINE, _COSINE, _SINE_2, _COSINE_2, _RATE, _STIFFNESS, _OF_ANGLE, _OF_RATE = range(8)
-# The last terms of a step are at most this.
-REST = 1.0e-18
+# Rows of the series, in powers of the time from the middle over half the length of a part: u, its
+# square, the stiffness 6 a0 u^2 + 12 a1 u + 6 a2, and the change.
+_PLACE, _SQUARE, _STIFFNESS, _CHANGE = range(4)
+# The last terms of a part are at most this.
+REST = 1.0e-17
+# Half the length of a part, in units of the time in which a motion so strong and so fast changes:
+# longer parts need more terms, shorter ones are more parts. Most have 25 to 30 terms.
+HALF = 0.65
+# Rate of a body in equilibrium. However slow a motion is, the formulas hold; only 0/0 would not.
+SLOWEST = 1.0e-150
 
 
 @kernel
@@ -44,88 +58,193 @@ def flight_jacobian(
         sine = math.sinh(x)
         cosine = math.cosh(x)
         return cosine, sine / b, b * sine, cosine
-    w = flight.frequency
+    whole = flight.frequency * t
+    strength = 1.0 + flight.flow_p * flight.flow_p
+    strength += abs(flight.tilt) + abs(flight.spread) + abs(flight.twist)
+    parts = 1 + int(0.5 * whole * math.sqrt(strength) / HALF)
     one, two, three, four = 1.0, 0.0, 0.0, 1.0
-    sine = 2.0 * flight.flow_s * flight.flow_c
-    cosine = (flight.flow_c - flight.flow_s) * (flight.flow_c + flight.flow_s)
-    rate = 2.0 * flight.flow_p
-    left = w * t
-    while left > 0.0:
-        _expand(flight, sine, cosine, rate, series)
-        step = min(_reach(series), left)
-        left -= step
-        angle_angle, rate_angle = _sum(series, _OF_ANGLE, step)
-        angle_rate, rate_rate = _sum(series, _OF_RATE, step)
-        one, three = angle_angle * one + angle_rate * three, rate_angle * one + rate_rate * three
-        two, four = angle_angle * two + angle_rate * four, rate_angle * two + rate_rate * four
-        sine, _ = _sum(series, _SINE, step)
-        cosine, _ = _sum(series, _COSINE, step)
-        rate, _ = _sum(series, _RATE, step)
-    return one, two / w, w * three, four
+    done = 0
+    while done < parts:
+        half = 0.5 * whole / parts
+        terms, a, b, c, d = _over_part(flight, (2 * done + 1) * half, half, series)
+        if terms > 0:
+            one, three = a * one + b * three, c * one + d * three
+            two, four = a * two + b * four, c * two + d * four
+            done += 1
+        else:
+            parts *= 2
+            done = 0
+            one, two, three, four = 1.0, 0.0, 0.0, 1.0
+    unit = 0.5 * t / parts
+    return one, two * unit, three / unit, four
 
 
 @kernel
-def _expand(flight: Flight, sine: float, cosine: float, rate: float, series: FloatMatrix) -> None:
-    """Set the series of the motion from a state, and of its two changes."""
-    tilt = flight.tilt
-    half = 0.5 * flight.spread
-    twist = flight.twist
-    series[_SINE, 0] = sine
-    series[_COSINE, 0] = cosine
-    series[_SINE_2, 0] = 2.0 * sine * cosine
-    series[_COSINE_2, 0] = (cosine - sine) * (cosine + sine)
-    series[_RATE, 0] = rate
-    series[_OF_ANGLE, 0] = 1.0
-    series[_OF_ANGLE, 1] = 0.0
-    series[_OF_RATE, 0] = 0.0
-    series[_OF_RATE, 1] = 1.0
-    for k in range(TERMS):
-        s1 = series[_SINE, k]
-        c1 = series[_COSINE, k]
-        s2 = series[_SINE_2, k]
-        c2 = series[_COSINE_2, k]
-        series[_STIFFNESS, k] = 2.0 * (half * c2 - twist * s2) - c1 - tilt * s1
-        up, down, up_2, down_2, angle, speed = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(k + 1):
-            r = series[_RATE, k - i]
-            up += r * series[_COSINE, i]
-            down += r * series[_SINE, i]
-            up_2 += r * series[_COSINE_2, i]
-            down_2 += r * series[_SINE_2, i]
-            stiff = series[_STIFFNESS, k - i]
-            angle += stiff * series[_OF_ANGLE, i]
-            speed += stiff * series[_OF_RATE, i]
-        next_ = 1.0 / (k + 1)
-        series[_SINE, k + 1] = up * next_
-        series[_COSINE, k + 1] = -down * next_
-        series[_SINE_2, k + 1] = 2.0 * up_2 * next_
-        series[_COSINE_2, k + 1] = -2.0 * down_2 * next_
-        series[_RATE, k + 1] = (tilt * c1 - s1 + half * s2 + twist * c2) * next_
-        next_ /= k + 2
-        series[_OF_ANGLE, k + 2] = angle * next_
-        series[_OF_RATE, k + 2] = speed * next_
+def _over_part(
+    flight: Flight, middle: float, half: float, series: FloatMatrix
+) -> tuple[int, float, float, float, float]:
+    """Derivative of angle and rate at the end of a part to those at its beginning.
+
+    Half its length is the unit of time. First comes the greatest power of time that it needs, or 0
+    if there is no room for that: then the part is too long.
+    """
+    a0, a1, a2, a3, rate = _quartic_from(flight, middle, half)
+    size = abs(rate) + 2.0 * abs(a3)
+    terms = _expand(a0, a1, a2, a3, rate, size, series)
+    if terms == 0:
+        return 0, 1.0, 0.0, 0.0, 1.0
+    even, odd, slope, back = _sums(series, _PLACE, terms)
+    even_change, odd_change, slope_change, back_change = _sums(series, _CHANGE, terms)
+    u, rate = even + odd, slope + back
+    pull = 2.0 * (a3 + u * (3.0 * a2 + u * (3.0 * a1 + u * a0)))
+    a, c = _as_angle(u, rate, rate / size, pull / size)
+    b, d = _as_angle(u, rate, even_change + odd_change, slope_change + back_change)
+    u, rate = even - odd, slope - back
+    pull = 2.0 * (a3 + u * (3.0 * a2 + u * (3.0 * a1 + u * a0)))
+    e, g = _as_angle(u, rate, rate / size, pull / size)
+    f, h = _as_angle(u, rate, even_change - odd_change, slope_change - back_change)
+    # From the changes at the beginning to those at the end; both have the determinant 1.
+    return terms, a * h - b * g, b * e - a * f, c * h - d * g, d * e - c * f
 
 
 @kernel
-def _reach(series: FloatMatrix) -> float:
-    """Time up to which the last terms of the series are nothing, in units of 1/w."""
-    reach = math.inf
-    for k in range(TERMS - 1, TERMS + 1):
-        last = abs(series[_RATE, k]) + abs(series[_OF_ANGLE, k + 1]) + abs(series[_OF_RATE, k + 1])
-        if last > 0.0:
-            reach = min(reach, (REST / last) ** (1.0 / k))
-    return reach
+def _quartic_from(
+    flight: Flight, t: float, unit: float
+) -> tuple[float, float, float, float, float]:
+    """Return a0 to a3 as seen from the place at a time, and u' there, in a unit of time."""
+    s = flight.flow_s
+    c = flight.flow_c
+    p = 0.0
+    if flight.at_rest == 0:
+        sine, cosine, p = quartic_motion(flight, t)
+        s, c = s * cosine + c * sine, c * cosine - s * sine
+    sine = 2.0 * s * c
+    cosine = (c - s) * (c + s)
+    double_sine = sine * cosine
+    double_cosine = 0.5 * (cosine - sine) * (cosine + sine)
+    pull = flight.tilt * cosine - sine
+    bend = -cosine - flight.tilt * sine
+    double_pull = flight.spread * double_sine + 2.0 * flight.twist * double_cosine
+    double_bend = 2.0 * flight.spread * double_cosine - 4.0 * flight.twist * double_sine
+    square = unit * unit
+    a3 = 0.25 * square * (pull + double_pull)
+    return (
+        square * (p * p + bend),
+        0.25 * square * (pull - double_pull),
+        square * (2.0 * p * p + bend + double_bend) / 6.0,
+        a3,
+        SLOWEST if p == 0.0 and a3 == 0.0 else unit * p,
+    )
 
 
 @kernel
-def _sum(series: FloatMatrix, row: int, t: float) -> tuple[float, float]:
-    """Value and derivative of one of the series."""
-    value = 0.0
-    slope = 0.0
-    for k in range(TERMS, 0, -1):
-        value = value * t + series[row, k]
-        slope = slope * t + k * series[row, k]
-    return value * t + series[row, 0], slope
+def _expand(
+    a0: float, a1: float, a2: float, a3: float, rate: float, size: float, series: FloatMatrix
+) -> int:
+    """Set the series of a part; returns the power of their last terms, 0 if there is no room.
+
+    Two terms of each at once: that of t^(k + 2) follows from those up to t^k.
+    """
+    _begin(a1, a2, a3, rate, size, series)
+    for k in range(2, TERMS - 2, 2):
+        u = series[_PLACE, k]
+        u_next = series[_PLACE, k + 1]
+        square = series[_SQUARE, k]
+        square_next = series[_SQUARE, k + 1]
+        series[_STIFFNESS, k] = 6.0 * a0 * square + 12.0 * a1 * u
+        series[_STIFFNESS, k + 1] = 6.0 * a0 * square_next + 12.0 * a1 * u_next
+        force = 6.0 * (a1 * square + a2 * u)
+        force_next = 6.0 * (a1 * square_next + a2 * u_next)
+        cube, cube_next, square, square_next, change, change_next = _products(series, k)
+        share = 1.0 / ((k + 1) * (k + 2))
+        share_next = 1.0 / ((k + 2) * (k + 3))
+        change = (change + 4.0 * size * (u + cube)) * share
+        change_next = (change_next + 4.0 * size * (u_next + cube_next)) * share_next
+        u = (2.0 * a0 * cube + force) * share
+        u_next = (2.0 * a0 * cube_next + force_next) * share_next
+        series[_PLACE, k + 2] = u
+        series[_PLACE, k + 3] = u_next
+        series[_SQUARE, k + 2] = square
+        series[_SQUARE, k + 3] = square_next + 2.0 * rate * u
+        series[_CHANGE, k + 2] = change
+        series[_CHANGE, k + 3] = change_next
+        last = abs(change) + abs(change_next) + (k + 3) * (abs(u) + abs(u_next)) / size
+        if not last > REST:  # not a number, too
+            return k + 3
+    return 0
+
+
+@kernel
+def _begin(a1: float, a2: float, a3: float, rate: float, size: float, series: FloatMatrix) -> None:
+    """Set the first four terms of the series; the change is at right angles to (u', u'')."""
+    along = rate / size
+    pull = 2.0 * a3 / size
+    scale = 1.0 / (along * along + pull * pull)
+    place = -pull * scale
+    speed = along * scale
+    series[_PLACE, 0] = 0.0
+    series[_PLACE, 1] = rate
+    series[_PLACE, 2] = a3
+    series[_PLACE, 3] = a2 * rate
+    series[_SQUARE, 0] = 0.0
+    series[_SQUARE, 1] = 0.0
+    series[_SQUARE, 2] = rate * rate
+    series[_SQUARE, 3] = 2.0 * rate * a3
+    series[_STIFFNESS, 0] = 6.0 * a2
+    series[_STIFFNESS, 1] = 12.0 * a1 * rate
+    series[_CHANGE, 0] = place
+    series[_CHANGE, 1] = speed
+    series[_CHANGE, 2] = 3.0 * a2 * place
+    series[_CHANGE, 3] = a2 * speed + rate * (2.0 * a1 * place + size / 1.5)
+
+
+@kernel
+def _products(series: FloatMatrix, k: int) -> tuple[float, float, float, float, float, float]:
+    """Terms of products of series, pair by pair: six sums in one loop, none waits for another.
+
+    Returns
+    -------
+    Those of t^k and t^(k + 1) of u u^2, of t^(k + 2) and t^(k + 3) of u u (the latter without
+    u_1 u_(k + 2), twice, which is not known yet), and those of t^k and t^(k + 1) of the stiffness
+    and the change.
+    """
+    cube, cube_next = 0.0, 0.0
+    square, square_next = series[_PLACE, 1] * series[_PLACE, k + 1], 0.0
+    change = series[_CHANGE, 0] * series[_STIFFNESS, k]
+    change_next = series[_CHANGE, 0] * series[_STIFFNESS, k + 1]
+    change_next += series[_CHANGE, k + 1] * series[_STIFFNESS, 0]
+    for i in range(1, k + 1):
+        factor = series[_PLACE, i]
+        cube += factor * series[_SQUARE, k - i]
+        cube_next += factor * series[_SQUARE, k + 1 - i]
+        factor = series[_PLACE, i + 1]
+        square += factor * series[_PLACE, k + 1 - i]
+        square_next += factor * series[_PLACE, k + 2 - i]
+        factor = series[_CHANGE, i]
+        change += factor * series[_STIFFNESS, k - i]
+        change_next += factor * series[_STIFFNESS, k + 1 - i]
+    return cube, cube_next, square, square_next, change, change_next
+
+
+@kernel
+def _sums(series: FloatMatrix, row: int, terms: int) -> tuple[float, float, float, float]:
+    """Sums of the even and the odd terms, and of the derivatives of the odd and the even ones."""
+    even, odd, slope, back = 0.0, 0.0, 0.0, 0.0
+    for k in range(terms, 0, -2):
+        high = series[row, k]
+        low = series[row, k - 1]
+        even += low
+        odd += high
+        slope += k * high
+        back += (k - 1) * low
+    return even, odd, slope, back
+
+
+@kernel
+def _as_angle(u: float, rate: float, change: float, change_rate: float) -> tuple[float, float]:
+    """Half the changes of angle and rate, from those of u and u'."""
+    share = 1.0 / (1.0 + u * u)
+    return share * change, share * (change_rate - 2.0 * u * rate * share * change)
 
 
 @kernel

@@ -10,8 +10,8 @@ from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, struct
 # The product of the triangular factors is kept between this and its reciprocal.
 SCALE = 2.0**400
 # Rows of the series of a flight on a trace that turns, and the greatest power of time in them.
-SERIES_ROWS = 8
-TERMS = 24
+SERIES_ROWS = 4
+TERMS = 41
 
 
 @struct
