@@ -434,6 +434,28 @@ def test_the_figures_that_are_named_are_drawn(vibro: Vibro, tmp_path: Path, name
     assert drawn == set(wanted)
 
 
+def test_a_run_that_is_continued_has_the_same_kinds_of_figures(
+    vibro: Vibro, tmp_path: Path
+) -> None:
+    def drawn() -> list[str]:
+        return sorted(file.stem for file in tmp_path.glob("run/*.png"))
+
+    def to(stop: int, *options: str) -> int:
+        more = ("--set", f"stop.collisions={stop}", "-q", *options)
+        return vibro("run", "--continue", "run", *more).code
+
+    path = GALLERY / "springs/two_disks.toml"  # one with a table of its motion beside the figure
+    few = ("--set", "stop.collisions=2", "--set", "output.step=0.1", "-o", "run", "-q")
+    assert vibro("run", path, *few, "--figures", "portrait,energy").code == 0
+    assert (tmp_path / "run/motion.parquet").exists()
+    before = drawn()
+    assert before == ["energy", "portrait_1", "portrait_2"]
+    assert (to(3), drawn()) == (0, before)
+    assert (to(4, "--figures", "motion"), drawn()) == (0, ["motion"])
+    assert (to(5, "--no-figures"), drawn()) == (0, [])
+    assert (to(6), drawn()) == (0, [])
+
+
 def test_an_unknown_figure_is_refused_before_anything_runs(vibro: Vibro, tmp_path: Path) -> None:
     outcome = vibro("run", GALLERY / "one_circle.toml", "--figures", "velocity", "-o", "run")
     assert outcome.code == 2

@@ -49,11 +49,12 @@ Earlier = Annotated[
         "--continue",
         metavar="DIR",
         help="Continue the run in DIR to a later stop (--set stop.time=…), as if it had "
-        "never stopped; the results replace DIR unless -o says otherwise.",
+        "never stopped; the results replace DIR unless -o says otherwise, and the kinds of figures "
+        "that it holds are drawn again unless --figures does.",
     ),
 ]
 FiguresWanted = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--figures",
         metavar="all|NAME,…",
@@ -70,7 +71,7 @@ def run(
     output: OutputFolder = None,
     overrides: Overrides = [],  # noqa: B006
     earlier: Earlier = None,
-    figures: FiguresWanted = "default",
+    figures: FiguresWanted = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw nothing.")] = False,
     engine: Engine = "compiled",
     stream: CollisionStream = None,

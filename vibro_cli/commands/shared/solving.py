@@ -4,6 +4,7 @@ Tables are written while the solver goes on.
 """
 
 import contextlib
+import re
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -39,7 +40,7 @@ _NONE = ("0", "false", "none")
 
 @dataclass(frozen=True)
 class Wishes:
-    """What was asked of `vibro run`; `output` and `stream` are None where nothing was said."""
+    """What was asked of `vibro run`; None where nothing was said."""
 
     sources: Sequence[str]
     overrides: Sequence[str]
@@ -48,7 +49,7 @@ class Wishes:
     output: str | None
     stream: TableFormat | None
     summary_as_json: bool
-    figures: str
+    figures: str | None
     strict: bool
     fail_fast: bool
     force: bool
@@ -71,7 +72,7 @@ class Wishes:
         """
         from vibro_cli.systems import system_named
 
-        asked = self.figures.strip()
+        asked = _kinds_drawn(self.earlier) if self.figures is None else self.figures.strip()
         if asked.lower() in _NONE:
             return []
         if asked.lower() in ("default", "1", "true"):
@@ -105,6 +106,18 @@ class Wishes:
         return self.force or (
             self.earlier is not None and self.earlier.resolve() == folder.resolve()
         )
+
+
+def _kinds_drawn(earlier: Path | None) -> str:
+    """The kinds of figures that an earlier run has, as `--figures` takes them."""
+    from vibro_cli.storage.provenance import read_manifest
+
+    manifest = None if earlier is None else read_manifest(earlier)
+    if manifest is None:
+        return "default"
+    pictures = [Path(file).stem for file in manifest["files"] if file.endswith(".png")]
+    # Where there is a figure of each body, its number follows the kind: portrait_1.png.
+    return ",".join(re.sub(r"_\d+$", "", stem) for stem in pictures) or "0"
 
 
 def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
