@@ -23,6 +23,19 @@ values = [0.9, 2.0]
 collisions = true
 """
 
+EARLY = """
+base = "three_arcs.toml"
+[[axes]]
+path = "balls[1].speed"
+values = [-3.0, -6.0, -9.0]
+"""
+REFUSED = """
+base = "unequal_hedrih.toml"
+[[axes]]
+path = "collision.k"
+values = [0.9, 1.0]
+"""
+
 
 @pytest.fixture
 def grid(tmp_path: Path, scenario: Path) -> Path:
@@ -67,12 +80,49 @@ def test_the_summary_of_a_grid_gives_a_reason_and_the_next_command(
     lines = vibro("grid", grid).err.splitlines()
     assert lines[:4] == [
         "sweep: 6 points, 7 impacts",
-        "  points     3 invalid",
+        "  points     3 invalid; 1 came to an end of the trace",
         "  such as    scenario 2 is invalid: collision.k: found 2.0, expected a number",
         "             from 0 to 1",
     ]
     assert lines[4].startswith("  files      outputs/sweep (1 chunk, ")
     assert lines[5] == "  next       vibro report outputs/sweep"
+
+
+def test_the_summary_of_a_grid_counts_the_runs_that_end_early(vibro: Vibro, tmp_path: Path) -> None:
+    """With the hint that a run which ends so has."""
+    for name in ("unequal_hedrih", "three_arcs"):
+        assert vibro("new", name).code == 0
+    Path("early.toml").write_text(EARLY)
+    told = vibro("grid", "early.toml", "--set", "stop.time=2", "--json")
+    causes = told.lines[0]["end_causes"]
+    assert causes == {"end_of_trace": 2, "time": 1}
+    lines = told.err.splitlines()
+    assert (
+        lines[1] == "  points     all of them valid and admissible; 2 came to an end of the trace"
+    )
+    Path("refused.toml").write_text(REFUSED)
+    lines = vibro("grid", "refused.toml").err.splitlines()
+    assert lines[1] == "  points     1 inadmissible"
+    hint = [line for line in lines if line.startswith("  hint ")]
+    (alone,) = [
+        line
+        for line in vibro("run", "unequal_hedrih.toml", "--no-figures").err.splitlines()
+        if line.startswith("  hint ")
+    ]
+    assert hint == [alone]
+
+
+def test_a_grid_of_an_earlier_version_is_counted_anew(vibro: Vibro, grid: Path) -> None:
+    assert vibro("grid", grid).code == 0
+    folder = Path("outputs/sweep")
+    before = content(folder)
+    manifest = json.loads(before["manifest.json"])
+    for counts in manifest["chunks"]:
+        counts["inadmissible"] = 0
+        del counts["end_causes"]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    assert "complete already" in vibro("grid", grid).err
+    assert content(folder) == before
 
 
 def test_another_grid_is_refused_with_the_difference(vibro: Vibro, grid: Path) -> None:

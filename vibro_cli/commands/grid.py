@@ -1,5 +1,7 @@
 """`vibro grid`: sweep parameters of a scenario into a dataset, chunk by chunk."""
 
+import shlex
+from collections import Counter
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,6 +13,8 @@ from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, C
 from vibro_cli.commands.shared.options import Engine, Overrides, Strict, Task, scenario_files
 from vibro_cli.commands.shared.streams import json_text, printable
 from vibro_cli.commands.shared.terminal import (
+    EARLY_ENDS,
+    INADMISSIBLE_HINT,
     Progress,
     count,
     duration,
@@ -324,6 +328,7 @@ def _nothing_to_do(grid: "Grid", folder: Path, has_none: bool) -> dict[str, Any]
         "folder": str(folder),
         "complete": True,
         **dict.fromkeys(("chunks", "points", "impacts", "invalid", "failed", "inadmissible"), 0),
+        "end_causes": {},
         "bytes": 0,
     }
 
@@ -346,7 +351,11 @@ def _solve(wishes: "Wishes", dataset: "Dataset", workers: int) -> None:
 
     missing = dataset.missing
     if not missing:
-        say(f"{dataset.grid.name}: the folder is complete already; nothing is solved")
+        check = f"vibro verify {shlex.quote(printable(str(dataset.folder)))}"
+        say(
+            f"{dataset.grid.name}: the folder is complete already; nothing is solved "
+            f"({check} checks its files)"
+        )
     if 0 < len(missing) < len(dataset.wanted):
         done = len(dataset.wanted) - len(missing)
         say(f"vibro: going on after {done:,} of {len(dataset.wanted):,} chunks")
@@ -393,13 +402,16 @@ def _check_failures(wishes: "Wishes", dataset: "Dataset") -> None:
 
 def _state(dataset: "Dataset") -> dict[str, Any]:
     receipts = dataset.receipts.values()
-    names = ("points", "impacts", "invalid", "failed", "inadmissible")
+    names = ("points", "impacts", "invalid", "failed")
+    causes = sum((Counter(one.end_causes) for one in receipts), Counter[str]())
     return {
         "name": dataset.grid.name,
         "folder": str(dataset.folder),
         "complete": not dataset.missing,
         "chunks": len(dataset.receipts),
         **{name: sum(getattr(one, name) for one in receipts) for name in names},
+        "inadmissible": causes["inadmissible"],
+        "end_causes": dict(sorted(causes.items())),
         "bytes": sum(file["bytes"] for one in receipts for file in one.files.values()),
     }
 
@@ -408,13 +420,18 @@ def _tell(name: str, state: dict[str, Any], folder: Path, reason: str | None) ->
     odd = [
         f"{state[word]:,} {word}" for word in ("invalid", "failed", "inadmissible") if state[word]
     ]
-    items = {"points": ", ".join(odd) if odd else "all of them valid and admissible"}
+    sound = ", ".join(odd) or "all of them valid and admissible"
+    causes: dict[str, int] = state["end_causes"]
+    early = [f"{causes[cause]:,} {words}" for cause, words in EARLY_ENDS.items() if cause in causes]
+    items = {"points": "; ".join([sound, *early])}
     if reason is not None:
         items["such as"] = reason
     chunks = count(state["chunks"], "chunk", "chunks")
     items["files"] = f"{printable(str(folder))} ({chunks}, {size(state['bytes'])})"
     if state["complete"]:
         items["next"] = report_command(folder)
+    if state["inadmissible"]:
+        items["hint"] = INADMISSIBLE_HINT
     say(
         lines_of(f"{name}: {state['points']:,} points, {state['impacts']:,} impacts", items),
         name=name,

@@ -6,6 +6,7 @@ the same from any number of workers, in any order.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -145,11 +146,12 @@ class Receipt:
     impacts: int
     invalid: int
     failed: int
-    inadmissible: int
+    end_causes: dict[str, int]
+    """How many of its runs ended by each cause."""
     files: dict[str, dict[str, Any]]
     """Size and SHA-256 of each file, by its name in the folder of the grid."""
 
-    def counts(self) -> dict[str, int]:
+    def counts(self) -> dict[str, Any]:
         """Return the numbers alone."""
         return {name: value for name, value in asdict(self).items() if name != "files"}
 
@@ -169,6 +171,6 @@ def receipt_of(
         impacts=impacts,
         invalid=int(np.count_nonzero(status == "invalid")),
         failed=int(np.count_nonzero(status == "failed")),
-        inadmissible=int(np.count_nonzero(end_cause == "inadmissible")),
+        end_causes=dict(sorted(Counter(filter(None, end_cause.tolist())).items())),
         files=files,
     )

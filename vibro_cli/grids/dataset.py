@@ -253,7 +253,8 @@ def _receipts_of(manifest: dict[str, Any], grid: Grid) -> dict[int, Receipt]:
     receipts = {}
     for counts in manifest.get("chunks", ()):
         names = file_names(grid, counts["chunk"]).values()
-        if all(name in files for name in names):
+        is_known = "end_causes" in counts  # earlier versions kept less
+        if is_known and all(name in files for name in names):
             own = {name: files[name] for name in names}
             receipts[counts["chunk"]] = Receipt(**counts, files=own)
     return receipts

@@ -18,7 +18,7 @@ COLUMNS = 80
 """Width of what is said, which the narrowest usual terminal has."""
 
 _COPIED = ("files", "next")
-_INADMISSIBLE = (
+INADMISSIBLE_HINT = (
     "--set collision.inadmissible=normal-impulse goes on, with Newton's law for such impacts"
 )
 
@@ -34,6 +34,14 @@ END_CAUSES = {
     "wall_contact": "a ball comes to roll along the wall, which is not solved",
     "accumulation": "impacts follow one another without end in finite time, which is not solved",
 }
+
+EARLY_ENDS = {
+    "end_of_trace": "came to an end of the trace",
+    "lift_off": "left the trace",
+    "wall_contact": "came to roll along the wall",
+    "accumulation": "ended where impacts accumulate",
+}
+"""What runs of a grid did that end for good without an inadmissible impact."""
 
 
 def quantity(value: float | None, unit: str = "", digits: int = 6) -> str:
@@ -114,7 +122,7 @@ def summary_text(
     if folder is not None:
         items |= {"files": printable(str(folder)), "next": report_command(folder)}
     if record["end_cause"] == "inadmissible":
-        items["hint"] = _INADMISSIBLE
+        items["hint"] = INADMISSIBLE_HINT
     return lines_of(f"{name}: {_ending(record)}", items)
 
 
