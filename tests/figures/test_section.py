@@ -41,10 +41,36 @@ def test_a_grid_shows_the_impacts_after_the_transient() -> None:
     wanted = np.asarray(table["angle_a"])[np.asarray(table["n"]) > 40]
     assert sorted(points[:, 1]) == pytest.approx(sorted(wanted), abs=0.0)
     assert len(wanted) > 20
-    with pytest.raises(ValueError, match="there is no impact after the first 100000"):
-        grid.section(["angle_a"], transient=100000)
     with pytest.raises(ValueError, match="found the column 'angle'"):
         grid.section(["angle"])
+    with pytest.raises(
+        ValueError, match=r"after the first 100000; the most that a run has are \d+"
+    ):
+        grid.section(["angle_a"], transient=100000)
+
+
+def test_it_is_said_how_many_runs_of_a_grid_are_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    axes = {"collision.k": np.linspace(0.3, 0.9, 9)}
+    grid = sweep(example("one_circle"), axes, tmp_path / "grid", collisions=True)
+    counts = np.asarray(grid.summary["collisions"])
+    assert grid.impacts_of_runs().tolist() == counts.tolist()
+    assert grid.impacts_of_runs((1, 2)).tolist() == counts.tolist()
+    assert grid.impacts_of_runs((2, 3)).tolist() == [0] * 9
+    many = int((counts > 20).sum())
+    assert 1 < many < 9
+    arguments = ["section", str(tmp_path / "grid")]
+    assert run_command_line(arguments) == 0
+    told = f"{many} of 9 runs have more than 20 impacts; --transient 0 shows every impact\n"
+    assert capsys.readouterr().err.startswith(told)
+    assert run_command_line([*arguments, "--transient", str(counts.max() - 1)]) == 0
+    assert f"1 of 9 runs has more than {counts.max() - 1} impacts" in capsys.readouterr().err
+    assert run_command_line([*arguments, "--transient", "0"]) == 0
+    assert capsys.readouterr().err.startswith("section in ")
+    assert run_command_line([*arguments, "--transient", str(counts.max())]) == 2
+    most = f"after the first {counts.max()}; the most that a run has are {counts.max()}\n"
+    assert capsys.readouterr().err.endswith(most)
 
 
 def test_a_run_shows_one_column_over_another(
@@ -56,6 +82,9 @@ def test_a_run_shows_one_column_over_another(
     mine = np.asarray(run.collisions["ball_a"]) == 2
     wanted = np.asarray(run.collisions["s_a"])[mine][5:]
     assert points[:, 0].tolist() == wanted.tolist()
+    pair = int(mine.sum())
+    with pytest.raises(ValueError, match=f"after the first {pair}; the most .* are {pair}$"):
+        run.section(["s_a", "speed_a_pre"], pair=(2, 3), transient=pair)
     folder = run.save(tmp_path / "run")
     arguments = ["section", str(folder), "--column", "s_a", "--column", "speed_a_pre"]
     assert run_command_line([*arguments, "--pair", "2-3", "--json"]) == 0

@@ -4,13 +4,16 @@ import re
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
 from vibro_cli.commands.shared.options import Task
 from vibro_cli.commands.shared.streams import json_text
+
+if TYPE_CHECKING:
+    from vibro_cli.interface.grids import Grid
 
 FORMS = (".png", ".pdf", ".svg")
 
@@ -40,8 +43,8 @@ def section(
         typer.Option(
             min=0,
             metavar="N",
-            help="Impacts left out at the beginning of each run [default: none of a run; of a "
-            "grid all but the last 20, and runs with fewer].",
+            help="Impacts left out at the beginning of each run [default: a run shows every "
+            "impact, a grid the last 20 of each run that has more].",
         ),
     ] = None,
     output: Annotated[
@@ -89,8 +92,11 @@ def _section(
     from vibro_cli.storage.stored_grid import NotAGrid, is_grid
 
     try:
+        shown = ""
         if is_grid(folder):
-            drawn = open_grid(folder).section(columns, pair, transient, width)
+            grid = open_grid(folder)
+            drawn = grid.section(columns, pair, transient, width)
+            shown = _runs_shown(grid, pair, transient)
         else:
             drawn = open_run(folder).section(columns, pair, transient or 0, width)
     except (NotAGrid, NotContinuable) as error:  # they name the folder
@@ -100,5 +106,20 @@ def _section(
     drawn.save(target)
     if as_json:
         print(json_text({"file": str(target)}))
+    if shown:
+        say(shown)
     say(f"section in {target}")
     return DONE
+
+
+def _runs_shown(grid: "Grid", pair: tuple[int, int] | None, transient: int | None) -> str:
+    """How many runs of a grid are shown, empty where all of them are."""
+    from vibro_cli.figures.grids.bifurcation import LAST
+
+    impacts, least = grid.impacts_of_runs(pair), LAST if transient is None else transient
+    shown = int((impacts > least).sum())
+    if least == 0 or shown == len(impacts):
+        return ""
+    have = "has" if shown == 1 else "have"
+    more = f"{shown:,} of {len(impacts):,} runs {have} more than {least} impacts"
+    return f"{more}; --transient 0 shows every impact"

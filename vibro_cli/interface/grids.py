@@ -12,10 +12,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from vibro_cli import __version__
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.threads import solve_into
-from vibro_cli.interface.drawing import Drawing
+from vibro_cli.interface.drawing import Drawing, check_transient
 from vibro_cli.scenario.loading import Document
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored_grid import open_grid as open_stored_grid
@@ -23,6 +25,8 @@ from vibro_cli.storage.stored_grid import open_grid as open_stored_grid
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Any
+
+    from numpy.typing import NDArray
 
     from vibro_cli.figures.grids.basins import Mapped
     from vibro_cli.grids.document import Grid as GridDocument
@@ -122,8 +126,29 @@ class Grid:
         from vibro_cli.figures.grids.bifurcation import Section, bifurcation, quantities_of
 
         quantities = quantities_of(columns, self.stored.impact_units())
+        check_transient(transient, int(self.impacts_of_runs(pair).max(initial=0)))
         drawn = bifurcation(self.stored, width, quantities, Section(pair, transient))
         return Drawing("section", drawn)
+
+    def impacts_of_runs(self, pair: tuple[int, int] | None = None) -> NDArray[np.int64]:
+        """Return how many impacts each run of the bifurcation diagram has that were kept.
+
+        ``pair``: those of two bodies only, as for :meth:`section`.
+        """
+        from vibro_cli.figures.grids.parameter_map import lattice
+
+        shown, kept = lattice(self.stored, 1, numbers_first=True), self.stored.impact_columns()
+        bodies = () if pair is None else ("ball_a", "ball_b")
+        if shown is None or not {"scenario", *bodies} <= set(kept):
+            return np.zeros(0, dtype=np.int64)
+        scenarios = self.stored.summary["scenario"][shown.rows]
+        impacts = self.stored.impacts(["scenario", *bodies], scenarios)
+        of_pair = np.ones(len(impacts["scenario"]), dtype=np.bool_)
+        for name, body in zip(bodies, pair or (), strict=True):
+            of_pair &= impacts[name] == body
+        least = int(scenarios.max()) + 1
+        counts: NDArray[np.int64] = np.bincount(impacts["scenario"][of_pair], minlength=least)
+        return np.asarray(counts[scenarios])
 
     def basins(self, outcome: Sequence[str] = ()) -> Mapped:
         """Tell which outcome each point leads to, and how finely the outcomes are mixed.
