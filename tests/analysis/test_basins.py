@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -137,6 +138,11 @@ def test_the_command_writes_what_it_prints(
     assert run_command_line(["basins", str(tmp_path / "grid"), "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     folder = tmp_path / "grid-basins"
+    assert run_command_line(["basins", str(tmp_path / "grid")]) == 0
+    told = capsys.readouterr()
+    assert re.search(r"uncertainty exponent .*; from 3 distances\n", told.out)
+    stopped = 100.0 * np.mean(np.asarray(grid.summary["end_cause"]) == "time")
+    assert f"warning: {stopped:.3g} % of the runs were stopped" in told.err
     assert record == json.loads((folder / "basins.json").read_text())
     assert record["axes"] == ["balls[1].angle"]
     ended = Counter(
@@ -149,3 +155,12 @@ def test_the_command_writes_what_it_prints(
     assert (folder / "uncertainty.pdf").exists()
     assert run_command_line(["basins", str(tmp_path / "grid"), "-o", str(tmp_path)]) == 2
     assert "is no vibro basins; it is left as it is" in capsys.readouterr().err
+
+
+def test_what_is_found_is_worded_as_an_indication(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sweep(example("one_circle"), {"collision.k": np.linspace(0.3, 0.99, 40)}, tmp_path / "grid")
+    command = ["basins", str(tmp_path / "grid"), "--outcome", "collisions", "--no-figures"]
+    assert run_command_line(command) == 0
+    assert "; above ln 2 = 0.6931, a sign of a fractal boundary\n" in capsys.readouterr().out

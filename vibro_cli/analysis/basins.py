@@ -63,7 +63,7 @@ class Basins:
     entropy: Estimate
     """Basin entropy, nats: the mean of ``-sum p ln p`` over boxes of 5 cells a side"""
     boundary_entropy: Estimate | None
-    """The same over boxes with more than one outcome; above ln 2 the boundary is fractal"""
+    """The same over boxes with more than one outcome; above ln 2 a sign of a fractal boundary"""
     distances: Floats
     """Cells"""
     uncertain: Floats
@@ -73,7 +73,7 @@ class Basins:
 
     @property
     def fractal(self) -> bool:
-        """Whether the boundary basin entropy tells of a fractal boundary, by two errors."""
+        """Whether the boundary basin entropy is a sign of a fractal boundary, by two errors."""
         one = self.boundary_entropy
         if one is None or one.error is None:
             return False

@@ -14,6 +14,11 @@ from vibro_cli.commands.shared.streams import json_text
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
     from vibro_cli.figures.grids.basins import Mapped
+    from vibro_cli.storage.stored_grid import StoredGrid
+
+_STOPS = ("time", "collisions", "bounces")
+_MANY = 0.05
+"""A smaller share of runs that were stopped leaves the map as it is."""
 
 
 def basins(
@@ -70,8 +75,22 @@ def _basins(
         print(json_text(record))
     else:
         print("\n".join(_lines(stored.name, found)))
+    _warn_of_stops(stored, found)
     say(f"{stored.name}: files in {target}")
     return DONE
+
+
+def _warn_of_stops(stored: "StoredGrid", found: "Mapped") -> None:
+    """Say so where the outcome of many runs is only what there was when they were stopped."""
+    causes = stored.summary["end_cause"][found.shown.rows].tolist()
+    share = sum(cause in _STOPS for cause in causes) / len(causes)
+    if share > _MANY:
+        say(
+            f"{stored.name}: warning: {100.0 * share:.3g} % of the runs were stopped while the "
+            "bodies still moved: their outcome is that of this instant, and a later stop may "
+            "give another",
+            "warning",
+        )
 
 
 def record_of(found: "Basins", axes: Sequence[str]) -> dict[str, Any]:
@@ -109,10 +128,11 @@ def _lines(name: str, mapped: "Mapped") -> Iterator[str]:
         yield f"  {100.0 * share:6.2f} %  {outcome}"
     yield f"  basin entropy           {_shown(found.entropy)}"
     if found.boundary_entropy is not None:
-        fractal = "; above ln 2 = 0.6931: fractal" if found.fractal else ""
+        fractal = "; above ln 2 = 0.6931, a sign of a fractal boundary" if found.fractal else ""
         yield f"  boundary basin entropy  {_shown(found.boundary_entropy)}{fractal}"
     if found.exponent is not None:
-        yield f"  uncertainty exponent    {_shown(found.exponent)}"
+        number = f"; from {len(found.distances)} distances"
+        yield f"  uncertainty exponent    {_shown(found.exponent)}{number}"
         yield f"  boundary dimension      {found.boundary_dimension:.4f}"
 
 
