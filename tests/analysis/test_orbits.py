@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,38 @@ def _key(value: complex) -> tuple[float, float]:
 
 def _branch(low: float, high: float) -> Branch:
     return Family(_falling, find_orbit(_falling(), 1), 1.0, low, high).follow()
+
+
+def test_an_orbit_with_both_multipliers_at_one_is_neutral(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """They are 1 ± 1e-5i: the root of 1e-10, to which this orbit closes."""
+    path = FALLING.with_name("one_circle.toml")
+    assert run_command_line(["orbit", str(path), "--set", "collision.k=1"]) == 0
+    told = capsys.readouterr().out
+    assert re.search(r"\n  multipliers  .*: neutral\n", told)
+
+
+@pytest.mark.parametrize(
+    ("multipliers", "verdict"),
+    [
+        ([2.0, 0.5], "unstable"),
+        ([-1.001, -1.0 / 1.001], "unstable"),
+        ([0.6 + 0.8j, 0.6 - 0.8j], "stable"),
+        ([1.0 + 1e-5, 1.0 - 1e-5], "neutral"),
+        ([1.0 + 1e-5j, 1.0 - 1e-5j], "neutral"),
+        ([-1.0 + 1e-5j, -1.0 - 1e-5j], "neutral"),
+        ([1j, -1j, 1.0, 1.0], "neutral"),
+        ([2.0, 0.5, 1.0, 1.0], "unstable"),
+    ],
+)
+def test_the_verdict_on_multipliers(
+    monkeypatch: pytest.MonkeyPatch, multipliers: list[complex], verdict: str
+) -> None:
+    orbit = find_orbit(_falling(), 1)
+    monkeypatch.setattr(Orbit, "multipliers", np.array(multipliers))
+    assert orbit.verdict == verdict
+    assert orbit.stable == (verdict != "unstable")
 
 
 def _departure(orbit: Orbit, periods: int) -> float:

@@ -25,6 +25,9 @@ Floats = NDArray[np.float64]
 CLOSED = 1.0e-13
 # Rounding of a long or unstable orbit leaves more; beyond this it is none.
 NEARLY_CLOSED = 1.0e-10
+# Multipliers that coincide, at 1 or -1, part by the root of the error of the map, which is up to
+# about 1e-8 for an orbit that is nearly closed.
+PARTED = 1.0e-4
 MOST_STEPS = 40
 _LOSSY = "impacts take energy: found a coefficient of restitution of {:g}, expected 1"
 # Of a damped step no less than this share is tried.
@@ -87,7 +90,18 @@ class Orbit:
     @property
     def stable(self) -> bool:
         """Whether no small change grows as a power of a number."""
-        return bool(np.all(np.abs(self.multipliers) < 1.0 + 1.0e-6))
+        return bool(np.all(np.abs(self.multipliers) < 1.0 + PARTED))
+
+    @property
+    def verdict(self) -> str:
+        """``stable``, ``unstable`` or ``neutral``.
+
+        Neutral with multipliers at 1 or -1: a small change can grow as the number of periods.
+        """
+        if not self.stable:
+            return "unstable"
+        apart = np.minimum(np.abs(self.multipliers - 1.0), np.abs(self.multipliers + 1.0))
+        return "neutral" if np.any(apart < PARTED) else "stable"
 
 
 def scale_of(system: System) -> Floats:

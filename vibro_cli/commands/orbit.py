@@ -192,6 +192,7 @@ def _plain(one: "Orbit") -> dict[str, Any]:
         "energy": one.energy,
         "residual": one.residual,
         "stable": one.stable,
+        "verdict": one.verdict,
         "multipliers": [[float(mu.real), float(mu.imag)] for mu in one.multipliers],
         "start": [
             {"arc": state.piece + 1, "position": state.position, "speed": state.speed}
@@ -206,7 +207,7 @@ def _lines(name: str, found: "Orbit", branch: "Branch | None") -> Iterator[str]:
     yield f"  events       {' '.join(found.shot.word)}"
     yield f"  energy       {found.energy:.12g} J above the trace's left end"
     told = ", ".join(_complex(mu) for mu in found.multipliers)
-    yield f"  multipliers  {told}: {'stable' if found.stable else 'unstable'}"
+    yield f"  multipliers  {told}: {found.verdict}"
     for body, state in enumerate(found.system.initial, 1):
         unit = "m" if found.system.trace.pieces[state.piece].is_line else "rad"
         yield (
