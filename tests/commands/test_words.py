@@ -80,6 +80,13 @@ def test_every_end_cause_has_its_words(cause: str) -> None:
         ({"quiet_from": 12.5}, 1, "; none possible after t = 12.5 s"),
         ({"max_gap": None}, 3, "no impact to measure a gap at"),
         ({"min_normal_force": -2.0}, 4, "a normal force down to -2 N; a one-sided"),
+        ({"max_friction_demand": 1.0}, 4, "3.5 N; rolling needs a coefficient of friction of 1"),
+        (
+            {"max_friction_demand": 17.0712},
+            4,
+            "warning: rolling needs a coefficient of friction of 17.07, more than dry surfaces "
+            "have; normal force at least 3.5 N",
+        ),
         (
             {"max_friction_demand": None, "min_normal_force": 0.0},
             4,

@@ -9,6 +9,9 @@ from itertools import pairwise
 from vibro_cli.mechanics.system import Body, System
 from vibro_cli.numerics.elementwise import EPSILON
 
+DRY_FRICTION = 1.0
+"""A coefficient of friction that dry surfaces hardly exceed."""
+
 
 def mechanics_warnings(system: System, stop_time: float | None = None) -> tuple[str, ...]:
     """Return what a user should know about a sound system before running it, a sentence each.

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from vibro_cli.mechanics.model_warnings import DRY_FRICTION
 from vibro_cli.systems.contract import System
 
 END_CAUSES = {
@@ -120,7 +121,9 @@ def validity(
     elif force is not None:
         said.append(f"The normal force is at least {number(force, 'N')}: no body lifts off.")
     if friction is not None:
-        said.append(f"Rolling needs a coefficient of friction of {number(friction, digits=4)}.")
+        more = ", more than dry surfaces have" if friction > DRY_FRICTION else ""
+        needed = number(friction, digits=4)
+        said.append(f"Rolling needs a coefficient of friction of {needed}{more}.")
     elif rolls and force is not None and force <= 0.0:
         said.append("Where the normal force vanishes no friction is enough for rolling.")
     if refused:

@@ -178,6 +178,8 @@ def _exponents(record: Mapping[str, Any]) -> str:
 
 
 def _validity(record: Mapping[str, Any], one_sided: bool) -> str:
+    from vibro_cli.mechanics.model_warnings import DRY_FRICTION
+
     force, friction = record["min_normal_force"], record["max_friction_demand"]
     if force < 0:
         pulled = "warning: the trace has to hold the bodies back, with a normal force down to "
@@ -185,8 +187,10 @@ def _validity(record: Mapping[str, Any], one_sided: bool) -> str:
         return f"{pulled}{quantity(force, 'N')}{lost}"
     least = f"normal force at least {quantity(force, 'N')}"
     if friction is not None:
-        needed = quantity(friction, digits=4)
-        return f"{least}; rolling needs a coefficient of friction of {needed}"
+        needed = f"rolling needs a coefficient of friction of {quantity(friction, digits=4)}"
+        if friction > DRY_FRICTION:
+            return f"warning: {needed}, more than dry surfaces have; {least}"
+        return f"{least}; {needed}"
     # With a force everywhere some friction suffices: there is none to tell of where nothing rolls.
     return least if force > 0 else f"{least}; rolling is not possible everywhere"
 
