@@ -4,7 +4,9 @@ import json
 import logging
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import duckdb
 import numpy as np
@@ -28,9 +30,12 @@ from vibro_cli import (
     api,
     check,
     example,
+    fit,
     load_scenario,
     open_grid,
     open_run,
+    orbit,
+    portrait,
     simulate,
     simulate_many,
     sweep,
@@ -52,6 +57,29 @@ def run() -> Run:
 def data_of(name: str) -> dict[str, object]:
     """A scenario of the gallery as plain data."""
     return example(name).resolved() | {"system": example(name).system}
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        simulate,
+        check,
+        portrait,
+        orbit,
+        lambda one: simulate_many([one]),
+        lambda one: fit(one, [], []),
+    ],
+)
+@pytest.mark.parametrize("found", ["mine.toml", Path("mine.toml"), {"name": "mine"}])
+def test_what_is_no_scenario_is_told(use: Callable[[Any], object], found: object) -> None:
+    with pytest.raises(TypeError, match=r"found .*mine.*, expected a scenario: load_scenario\("):
+        use(found)
+
+
+def test_a_sweep_of_what_is_no_scenario_is_told() -> None:
+    found: Any = {"name": "mine"}
+    with pytest.raises(TypeError, match=r"'mine'\} \(dict\), expected a scenario"):
+        sweep(found, {"collision.k": [0.5, 0.6]})
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

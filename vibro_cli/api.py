@@ -53,9 +53,10 @@ def simulate(
     CannotContinue
         If the earlier run had ended for good, or is past the stop.
     """
+    system = build_any(scenario)
     kind = system_named(scenario.system)
     return run.simulate(
-        kind, build_any(scenario), kind.limits(scenario), engine, kind.wanted(scenario),
+        kind, system, kind.limits(scenario), engine, kind.wanted(scenario),
         checkpoint, history,
     )  # fmt: skip
 

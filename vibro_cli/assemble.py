@@ -24,7 +24,7 @@ from vibro_cli.mechanics.system import (
 )
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace
 from vibro_cli.numerics import elementwise
-from vibro_cli.scenario.base import AnyScenario, BodyTable, ScenarioTable
+from vibro_cli.scenario.base import AnyScenario, BodyTable, ScenarioTable, check_scenario
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
 from vibro_cli.scenario.problems import Problem, ScenarioError
@@ -442,8 +442,9 @@ AnySystem: TypeAlias = Any
 def build_any(scenario: AnyScenario) -> AnySystem:
     """Return the system of a scenario of whatever kind, checked against its mechanics.
 
-    Raises ScenarioError with everything that is wrong.
+    Raises ScenarioError with everything that is wrong, and TypeError for what is no scenario.
     """
+    check_scenario(scenario)
     return system_named(scenario.system).build(scenario)
 
 

@@ -250,12 +250,13 @@ def _grid_of(
     collisions: bool | Sequence[str],
 ) -> GridDocument:
     """The grid that was asked for."""
-    from vibro_cli.scenario.base import plain
+    from vibro_cli.scenario.base import check_scenario, plain
 
     if isinstance(source, str | Path):
         if axes is not None:
             raise TypeError("a grid file has its axes in it; expected a scenario with axes=")
         return load_grid(source)
+    check_scenario(source)
     kept = {"collisions": bool(collisions)}
     data = {
         "name": source.name,

@@ -212,6 +212,13 @@ def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, value
 
 
+def check_scenario(found: object) -> None:
+    """Raise ``TypeError`` for what is no scenario, such as the name of its file."""
+    if not isinstance(found, ScenarioTable):
+        shown = f"{found!r:.60} ({type(found).__name__})"
+        raise TypeError(f"found {shown}, expected a scenario: load_scenario(file) reads one")
+
+
 class AnyScenario(Protocol):
     """What the scenarios of every system have."""
 
