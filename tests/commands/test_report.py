@@ -53,6 +53,18 @@ def test_each_figure_can_be_had_as_a_file(vibro: Vibro) -> None:
     assert "notes.txt" in outcome.err
 
 
+def test_a_folder_of_that_name_in_outputs_is_suggested(vibro: Vibro) -> None:
+    vibro(*RUN)
+    for command in ("report", "section"):
+        outcome = vibro(command, "one_circle")
+        assert outcome.code == 2
+        assert outcome.err == (
+            "vibro: one_circle does not exist (did you mean 'outputs/one_circle'?); expected a "
+            "folder that `vibro run` wrote\n"
+        )
+    assert "did you mean" not in vibro("report", "two_circles").err
+
+
 def test_the_page_can_be_printed(vibro: Vibro) -> None:
     vibro(*RUN)
     outcome = vibro("report", "outputs/one_circle", "-o", "-")

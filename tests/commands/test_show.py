@@ -127,6 +127,12 @@ def test_a_file_that_is_no_table_is_one_line(
     assert outcome.err.count("\n") == 1
 
 
+def test_a_table_of_a_like_name_is_suggested(vibro: Vibro, table: Path) -> None:
+    missing = table.with_name("event.parquet")
+    outcome = vibro("show", missing)
+    assert outcome.err == f"{missing}: no such file (did you mean '{table}'?)\n"
+
+
 def test_an_unknown_column_is_named_with_those_there_are(vibro: Vibro, table: Path) -> None:
     outcome = vibro("show", table, "--columns", "t,speeed")
     assert outcome.code == 2

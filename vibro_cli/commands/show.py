@@ -13,6 +13,7 @@ from vibro_cli.commands.shared.error_handling import (
     DONE,
     FAILED,
     CommandError,
+    closest,
     reason,
     say,
     suggestion,
@@ -131,7 +132,10 @@ def _read(
             _check_columns(file, columns, column_names(file))
         return read_rows(file, slice(*rows), columns)
     except FileNotFoundError as error:
-        raise CommandError(f"{file}: no such file") from error
+        beside = {path.name: path for path in file.parent.glob("*.parquet")}
+        close = closest(file.name, beside)
+        hint = "" if close is None else f" (did you mean {str(beside[close])!r}?)"
+        raise CommandError(f"{file}: no such file{hint}") from error
     except OSError as error:
         raise CommandError(f"{file}: cannot be read: {reason(error)}", FAILED) from error
     except pyarrow.ArrowException as error:

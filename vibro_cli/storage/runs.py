@@ -211,7 +211,11 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     """
     found = read_manifest(folder)
     if not folder.exists():
-        raise NotContinuable(f"{folder} does not exist; expected a folder that `vibro run` wrote")
+        there = Path("outputs") / folder
+        hint = f" (did you mean {str(there)!r}?)" if there.is_dir() else ""
+        raise NotContinuable(
+            f"{folder} does not exist{hint}; expected a folder that `vibro run` wrote"
+        )
     if found is None or not found["schema"].startswith("vibro-run/"):
         raise NotContinuable(f"{folder} is no vibro run; expected a folder that `vibro run` wrote")
     version = found.get("program", {}).get("version")
