@@ -79,7 +79,8 @@ def run(
         bool,
         typer.Option(
             "--json",
-            help="Print a JSON line for each run: scenario, overrides, folder and summary.",
+            help="Print a JSON line for each run: scenario, overrides, folder and, at the same "
+            "level, the columns of its summary.",
         ),
     ] = False,
     strict: Strict = False,
