@@ -28,6 +28,8 @@ NEARLY_CLOSED = 1.0e-10
 # Multipliers that coincide, at 1 or -1, part by the root of the error of the map, which is up to
 # about 1e-8 for an orbit that is nearly closed.
 PARTED = 1.0e-4
+# Others have an error of the size of the map's.
+ROUNDING = 1.0e-6
 MOST_STEPS = 40
 _LOSSY = "impacts take energy: found a coefficient of restitution of {:g}, expected 1"
 # Of a damped step no less than this share is tried.
@@ -90,7 +92,8 @@ class Orbit:
     @property
     def stable(self) -> bool:
         """Whether no small change grows as a power of a number."""
-        return bool(np.all(np.abs(self.multipliers) < 1.0 + PARTED))
+        error = np.where(self._at_one, PARTED, ROUNDING)
+        return bool(np.all(np.abs(self.multipliers) < 1.0 + error))
 
     @property
     def verdict(self) -> str:
@@ -100,8 +103,13 @@ class Orbit:
         """
         if not self.stable:
             return "unstable"
+        return "neutral" if np.any(self._at_one) else "stable"
+
+    @property
+    def _at_one(self) -> NDArray[np.bool_]:
+        """Which multipliers are at 1 or -1."""
         apart = np.minimum(np.abs(self.multipliers - 1.0), np.abs(self.multipliers + 1.0))
-        return "neutral" if np.any(apart < PARTED) else "stable"
+        return apart < PARTED
 
 
 def scale_of(system: System) -> Floats:
