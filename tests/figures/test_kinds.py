@@ -182,7 +182,10 @@ def test_a_long_run_is_drawn_in_short_time_and_says_where_it_ends() -> None:
         assert_texts_are_apart(drawn.figure)
         if drawn.name == "space_time":
             period = 2.0 * np.pi * np.sqrt(1.0 / 9.81)
-            assert drawn.figure.axes[0].get_xlim()[1] == pytest.approx(60 * period)
+            (axes,) = drawn.figure.axes
+            assert axes.get_xlim()[1] == pytest.approx(60 * period)
+            part = rf"the first {60 * period:.3g} s of $2.139\times 10^{{4}}$ s"
+            assert axes.get_xlabel() == f"$t$ [s], {part}"
 
 
 def test_a_trace_that_turns_has_its_axis_on_the_scene() -> None:

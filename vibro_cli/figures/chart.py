@@ -12,7 +12,13 @@ from matplotlib.lines import Line2D
 
 from vibro_cli.figures import style
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.legend import LINE, Entry, draw_legend, rows_of
+from vibro_cli.figures.portraits.legend import (
+    LINE,
+    Entry,
+    draw_legend,
+    rows_of,
+    short_number,
+)
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import (
@@ -90,14 +96,25 @@ def stacked(
     return figure, panels, [inner] * len(heights)
 
 
-def time_axis(axes: Axes, end: float, width: float, labelled: bool, start: float = 0.0) -> None:
-    """Set the horizontal axis of time from `start` to `end` (s)."""
-    end = end if end > start else start + 1.0
-    axes.set_xlim(start, end)
-    ticks = number_ticks(start, end, width)
-    _number(axes, ticks, (start, end), width, labelled)
+def time_axis(
+    axes: Axes, end: float, width: float, labelled: bool, whole: float | None = None
+) -> None:
+    """Set the horizontal axis of time from 0 to `end` (s), of a run as long as `whole` (s).
+
+    Its label says which part is shown, where that is not the whole run.
+    """
+    end = end if end > 0.0 else 1.0
+    axes.set_xlim(0.0, end)
+    ticks = number_ticks(0.0, end, width)
+    _number(axes, ticks, (0.0, end), width, labelled)
     if labelled:
-        axes.set_xlabel(f"$t$ [{with_power('s', ticks)}]")
+        part = "" if whole is None or end >= whole else f", {_first_part(end, whole)}"
+        axes.set_xlabel(f"$t$ [{with_power('s', ticks)}]{part}")
+
+
+def _first_part(end: float, whole: float) -> str:
+    """Return in words that a run is shown up to a time (s)."""
+    return f"the first {short_number(end, 3)} s of {short_number(whole, 4)} s"
 
 
 def _number(

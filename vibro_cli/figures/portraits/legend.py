@@ -114,7 +114,9 @@ def text_width(text: str) -> float:
 
 def bar_width(path: Trajectory) -> float:
     """Return the room that the bar of time takes in the first row (mm)."""
-    return 2.0 * RIGHT + _BAR[0] + text_width(_BAR_WORDS) + text_width(_number(last_time(path)))
+    return (
+        2.0 * RIGHT + _BAR[0] + text_width(_BAR_WORDS) + text_width(short_number(last_time(path)))
+    )
 
 
 def draw_legend(
@@ -182,7 +184,7 @@ def wrapped_legend(
 
 def _draw_time(figure: Figure, width: float, height: float, end: float) -> None:
     """Draw the bar of time, from 0 to the last impact, at the right."""
-    until = _number(end)
+    until = short_number(end)
     left = width - RIGHT - _BAR[0] - text_width(until) - 1.0
     middle = height - _MIDDLE
     bar = figure.add_axes(
@@ -197,10 +199,10 @@ def _draw_time(figure: Figure, width: float, height: float, end: float) -> None:
     figure.text((left + _BAR[0] + 0.8) / width, middle / height, until, **after)
 
 
-def _number(value: float) -> str:
-    """Return a number with four digits as text."""
-    plain = f"{value:.4g}"
+def short_number(value: float, digits: int = 4) -> str:
+    """Return a number with a few digits as text."""
+    plain = f"{value:.{digits}g}"
     if "e" not in plain:
         return plain
-    digits, power = plain.split("e")
-    return rf"${digits}\times 10^{{{int(power)}}}$"
+    factor, power = plain.split("e")
+    return rf"${factor}\times 10^{{{int(power)}}}$"

@@ -55,12 +55,17 @@ def shown_until(run: Recorded) -> float:
     """Return the time (s) up to which the motion is drawn: the end, unless it would be a stain."""
     flights = run.flights()
     starts = np.sort(np.asarray(flights["t_start"]))
-    end = float(np.max(flights["t_end"]))
+    end = _end(run)
     # Each flight on lines is an arc of its own; on circle arcs the periods have their limit.
     most = 4 * MOST_PERIODS if math.isinf(_periods(run)) else MOST_FLIGHTS
     if len(starts) > most:
         end = float(starts[most])
     return min(end, _periods(run))
+
+
+def _end(run: Recorded) -> float:
+    """Return the time (s) at which a run ended."""
+    return float(np.max(run.flights()["t_end"]))
 
 
 def timeline(run: Recorded, ball: int, until: float) -> Timeline:
@@ -102,7 +107,7 @@ def calm_until(run: Recorded) -> float:
     told apart.
     """
     flights = run.flights()
-    end = float(np.max(flights["t_end"]))
+    end = _end(run)
     struck = np.asarray(run.collisions["t"], dtype=np.float64)
     contact = np.asarray(flights["contact"], dtype=np.bool_)
     begun = np.asarray(flights["t_start"])[contact & (np.asarray(flights["t_end"]) == end)]
@@ -241,7 +246,7 @@ def energies(run: Recorded, width: str = "single") -> Figure | None:
     until, lines = _courses(run)
     table = run.collisions
     losses = np.asarray(table["t"]), np.asarray(table["energy_loss"], dtype=np.float64)
-    return energy_chart(run, lines, losses, contact_times(run), until, width)
+    return energy_chart(run, lines, losses, contact_times(run), (until, _end(run)), width)
 
 
 @kept
@@ -285,14 +290,16 @@ def energy_chart(
     lines: EnergyLines,
     losses: tuple[Array, Array],
     contacts: Sequence[tuple[float, float]],
-    until: float,
+    times: tuple[float, float],
     width: str,
 ) -> Figure:
-    """Return energies of bodies and of all against time up to one (s), and losses below if any.
+    """Return energies of bodies and of all against time, and losses below if any.
 
-    `losses` are times and losses of the impacts (J), `contacts` when there is lasting contact.
-    Raises ValueError for an unknown width.
+    `times` are until when energies are drawn and how long the run is (s), `losses` times and losses
+    of the impacts (J), `contacts` when there is lasting contact. Raises ValueError for an unknown
+    width.
     """
+    until, whole = times
     within = (losses[0] <= until) & (losses[1] > 0.0)
     shown = within & (losses[1] >= EPSILON * lines.start)
     lossy, hidden = bool(np.any(shown)), int(np.sum(within & ~shown))
@@ -307,11 +314,11 @@ def energy_chart(
             draw_contacts(axes, [span for span in contacts if span[0] < until])
         _draw_energies(panels[0], lines)
         end = _room_after(until, losses[0])
-        time_axis(panels[0], end, across[0], labelled=not lossy)
+        time_axis(panels[0], end, across[0], labelled=not lossy, whole=whole)
         value_axis(panels[0], 0.0, lines.highest, HIGH[width][0], "$E$", "J")
         if lossy:
             _draw_losses(panels[1], losses[0][shown], losses[1][shown], HIGH[width][1])
-            time_axis(panels[1], end, across[1], labelled=True)
+            time_axis(panels[1], end, across[1], labelled=True, whole=whole)
     return figure
 
 
@@ -399,7 +406,7 @@ def space_time(run: Recorded, width: str = "single") -> Figure | None:
             drawn.set_rasterized(len(line.time) > MOST_VECTOR_POINTS)
             low, high_s = min(low, float(np.nanmin(line.s))), max(high_s, float(np.nanmax(line.s)))
         _draw_impacts(axes, run, until)
-        time_axis(axes, until, across[0], labelled=True)
+        time_axis(axes, until, across[0], labelled=True, whole=_end(run))
         value_axis(axes, low, high_s, high, "$s$", "m")
     return figure
 

@@ -62,7 +62,7 @@ def springs_energies(run: Run, width: str = "single") -> Figure:
     until, lines = _courses(run)
     lost = rows["t"], rows["energy_loss"]
     every = [motions(run, body) for body in range(len(run.system.bodies))]
-    return energy_chart(run, lines, lost, _contacts(every), until, width)
+    return energy_chart(run, lines, lost, _contacts(every), (until, run.end_time), width)
 
 
 @kept
@@ -176,7 +176,7 @@ def springs_places(run: Run, width: str = "single") -> Figure:
             low = min(low, float(np.min(place)), spring.foot)
             top = max(top, float(np.max(place)), spring.foot)
         _draw_impacts(axes, run, until)
-        time_axis(axes, until, across[0], labelled=True)
+        time_axis(axes, until, across[0], labelled=True, whole=run.end_time)
         value_axis(axes, low, top, high, "$x$", "m")
     return figure
 

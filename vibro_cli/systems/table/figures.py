@@ -25,7 +25,8 @@ def table_energies(run: Run, width: str = "single") -> Figure | None:
     t, lost = (np.concatenate([table[name] for table in tables]) for name in ("t", "energy_loss"))
     if len(run.system.bodies) == 1 and not np.any(lost > 0.0):
         return None
-    return energy_chart(run, _lines(run), (t, lost), [], run.end_time, width)
+    times = run.end_time, run.end_time
+    return energy_chart(run, _lines(run), (t, lost), [], times, width)
 
 
 @kept
