@@ -17,6 +17,7 @@ from vibro_cli.figures.output import render
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.portraits.trajectory import trajectory
+from vibro_cli.figures.runs.contact_points import contact_points
 from vibro_cli.figures.runs.kinds import KINDS, PORTRAIT, draw_all
 from vibro_cli.figures.runs.over_impacts import impact_map
 from vibro_cli.figures.runs.over_time import energy_course, energy_residuals, timeline
@@ -186,6 +187,22 @@ def test_a_long_run_is_drawn_in_short_time_and_says_where_it_ends() -> None:
             assert axes.get_xlim()[1] == pytest.approx(60 * period)
             part = rf"the first {60 * period:.3g} s of $2.139\times 10^{{4}}$ s"
             assert axes.get_xlabel() == f"$t$ [s], {part}"
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize(("second", "views"), [("disk", 2), ("hoop", 2), ("ball", 3)])
+def test_flat_bodies_have_contact_points_from_the_side_only(
+    second: str, views: int, width: str
+) -> None:
+    run = run_of("disk_on_arcs", f"balls[2].body={second}", "stop.collisions=1")
+    figure = contact_points(run, width)
+    assert figure is not None
+    assert_texts_are_apart(figure)
+    shown = [text.get_text() for text in texts(figure)]
+    assert len(figure.axes) == views
+    assert shown.count("from above") == views - 2
+    assert "$T_0$" in shown
+    assert not any("T_{1" in text for text in shown)
 
 
 def test_a_trace_that_turns_has_its_axis_on_the_scene() -> None:

@@ -3,7 +3,7 @@
 Bodies touch at one height. In a central impact that is at T₀, straight ahead; in a skew one at a
 point of the level circle through it, by an angle α to either side (T₂, T₃). There the velocity is
 that of the centre, the translator part, and what rolling adds: ω times the distance from the axis
-of rotation through the centre, in a vertical plane.
+of rotation through the centre, in a vertical plane. Disks and hoops roll upright: they touch at T₀.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from vibro_cli.figures.runs.velocities import (
 )
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.mechanics.system import Body
+from vibro_cli.mechanics.system import DISK, HOOP, Body
 
 ASIDE = math.radians(35.0)
 """The angle α of the points beside, where an impact is central."""
@@ -41,7 +41,8 @@ POINTS_TITLE = "Possible contact points"
 POINTS_CAPTION = (
     "The bodies before their first impact, from the side and from above: the contact point T₀ of a "
     "central impact and those at the same height by an angle α beside it, with the velocities "
-    "there and their parts, that of the centre and what rolling adds."
+    "there and their parts, that of the centre and what rolling adds. Disks and hoops have T₀ "
+    "alone, and are shown from the side."
 )
 _HIGH = 36.0
 _WORDS = 7.4
@@ -89,11 +90,17 @@ class Rolling:
         """Angular velocity (rad/s); 0 of a particle, which slides."""
         return 0.0 if self.body.kind == "particle" else self.speed / self.body.radius
 
+    @property
+    def is_flat(self) -> bool:
+        """Whether it has no points beside T₀."""
+        return self.body.kind in (DISK, HOOP)
+
     def points(self) -> Array:
-        """Return T₀, T₂ and T₃: ahead, to the left and above, shape (3, 3)."""
-        angles = np.array([0.0, self.aside, -self.aside])
+        """Return T₀, T₂ and T₃, of a flat body T₀: ahead, to the left and above, shape (n, 3)."""
+        angles = np.array([0.0] if self.is_flat else [0.0, self.aside, -self.aside])
         left = abs(self.ahead) * np.sin(angles)
-        return np.column_stack([self.ahead * np.cos(angles), left, np.full(3, self.above)])
+        above = np.full(len(angles), self.above)
+        return np.column_stack([self.ahead * np.cos(angles), left, above])
 
     def rolling_part(self, point: Array) -> Array:
         """Return what rolling adds to the velocity there (m/s): ahead, to the left and above."""
@@ -134,27 +141,31 @@ def figure_of(bodies: Sequence[Rolling], width: str) -> Figure | None:
         return None
     with style.journal():
         lines = rows_of(_LEGEND, WIDTHS[width])
-        figure, panels = _sheet(width, len(bodies), _TOP + LINE * (len(lines) - 1))
-        for number, one in enumerate(bodies):
-            elevation, above = panels[2 * number : 2 * number + 2]
-            _draw_elevation(elevation, one, _LONGEST / fastest)
-            _draw_plan(above, one, _LONGEST / fastest)
+        figure, panels = _sheet(width, bodies, _TOP + LINE * (len(lines) - 1))
+        for one, views in zip(bodies, panels, strict=True):
+            for axes, draw in zip(views, (_draw_elevation, _draw_plan), strict=False):
+                draw(axes, one, _LONGEST / fastest)
         draw_legend(figure, lines)
     return figure
 
 
-def _sheet(width: str, bodies: int, top: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure with an elevation and a plan for each body."""
+def _sheet(width: str, bodies: Sequence[Rolling], top: float) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure with an elevation and, unless it is flat, a plan for each body."""
     wide = WIDTHS[width]
-    beside = 2 if width == "single" else 2 * bodies
-    rows = math.ceil(2 * bodies / beside)
+    views = 1 if all(one.is_flat for one in bodies) else 2
+    beside = min(2 if width == "single" else 4, views * len(bodies))
+    rows = math.ceil(views * len(bodies) / beside)
     cell = (wide - _GAP) / (4 if width == "double" else 2) - _GAP
+    edge = 0.5 * (wide + _GAP - beside * (cell + _GAP))
     total = top + rows * (_WORDS + _HIGH + _GAP) + _BOTTOM
     figure = Figure(figsize=(wide * MM, total * MM))
-    panels = []
-    for place in range(2 * bodies):
+    panels: list[list[Axes]] = [[] for _ in bodies]
+    for place in range(views * len(bodies)):
+        body, view = divmod(place, views)
+        if view == 1 and bodies[body].is_flat:
+            continue
         row, column = divmod(place, beside)
-        left = _GAP + column * (cell + _GAP)
+        left = edge + column * (cell + _GAP)
         bottom = total - top - (row + 1) * (_WORDS + _HIGH) - row * _GAP
         axes = figure.add_axes((left / wide, bottom / total, cell / wide, _HIGH / total))
         axes.set_xticks([])
@@ -162,7 +173,7 @@ def _sheet(width: str, bodies: int, top: float) -> tuple[Figure, list[Axes]]:
         across = _AROUND * cell / _HIGH
         axes.set_xlim(-across, across)
         axes.set_ylim(-_AROUND, _AROUND)
-        panels.append(axes)
+        panels[body].append(axes)
     return figure, panels
 
 
@@ -193,7 +204,7 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
         Named(rf"$P_{{{one.number}}}$", (0.0, -1.0)),
         Named(first, _pair(points[0])),
     ]
-    if abs(points[0, 0] - points[1, 0]) > _APART:
+    if len(points) > 1 and abs(points[0, 0] - points[1, 0]) > _APART:
         named.append(Named(rf"$T_{{{one.number}2,{one.number}3}}$", _pair(points[1])))
     _dots(axes, [name.point for name in named])
     write_names(axes, named, np.concatenate([*drawn, _RING]), panel_size(axes))
