@@ -29,11 +29,19 @@ def test_it_shows_the_rows_of_the_table(width: str, impacts: int) -> None:
     figure = exponents(run, width)
     assert figure is not None
     assert run.exponents is not None
-    curves = [line for line in figure.axes[0].lines if len(np.asarray(line.get_xdata())) == impacts]
-    for n, curve in enumerate(curves[-4:], 1):
-        np.testing.assert_array_equal(curve.get_ydata(), run.exponents[f"lyapunov_{n}"])
-    low, high = figure.axes[0].get_ylim()
-    assert low < run.exponents["lyapunov_4"][-1] < run.exponents["lyapunov_1"][-1] < high
+    t = run.exponents["t"]
+    shown = t >= min(t[0] + 0.1 * (t[-1] - t[0]), t[-2])
+    (axes,) = figure.axes
+    low, high = axes.get_ylim()
+    for n, curve in enumerate(axes.lines[-4:], 1):
+        drawn = np.asarray(curve.get_ydata())
+        np.testing.assert_array_equal(curve.get_xdata(), t[shown])
+        np.testing.assert_array_equal(drawn, run.exponents[f"lyapunov_{n}"][shown])
+        assert low < np.min(drawn) <= np.max(drawn) < high
+    (band,) = axes.collections
+    edges = np.concatenate([np.zeros((1, 2)), *(path.vertices for path in band.get_paths())])[:, 1]
+    assert low < np.min(edges) <= np.max(edges) < high
+    assert axes.get_xlim()[1] > t[-1]
     assert_texts_are_apart(figure)
 
 

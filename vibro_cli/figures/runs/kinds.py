@@ -82,7 +82,7 @@ EXPONENTS: Kind[Any] = Kind(
     exponents,
     "Lyapunov exponents",
     "The exponents of the run until each of its impacts, the greatest first, and twice the "
-    "standard error of the greatest. In the first tenth of the run curves may leave the figure.",
+    "standard error of the greatest. The first tenth of the run, where they jump, is left out.",
 )
 KINDS: dict[str, Kind[Recorded] | KindOfBody] = {
     "scene": Kind(

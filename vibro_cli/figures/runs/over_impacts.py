@@ -28,7 +28,7 @@ from vibro_cli.figures.chart import (
 from vibro_cli.figures.dots import MOST_MARKS, draw_marks, told_apart
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.legend import Entry
-from vibro_cli.figures.runs.over_time import energy_residuals
+from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, kept
 from vibro_cli.figures.ticks import angle_ticks, number_ticks, with_power
 from vibro_cli.mechanics.trace import VALLEY, Piece
@@ -219,7 +219,7 @@ def _draw_dots(
 
 _ERRORS = 2.0
 _SETTLED = 0.1
-"""From this share of the run on the whole curves are shown."""
+"""The share of the time of the impacts after which curves are drawn: before it they jump."""
 
 
 class Converging(Protocol):
@@ -233,15 +233,19 @@ class Converging(Protocol):
 def exponents(run: Converging, width: str = "single") -> Figure | None:
     """Return the exponents of the run until each of its impacts, and the error of the greatest.
 
-    None for a run that was not asked for them, or without two impacts.
+    Without the transient at the beginning. None for a run that was not asked for them, or without
+    two impacts.
     """
     table = run.exponents
     if table is None or len(table["t"]) < 2:
         return None
     t = np.asarray(table["t"], dtype=np.float64)
+    first = min(int(np.searchsorted(t, t[0] + _SETTLED * (t[-1] - t[0]))), len(t) - 2)
+    t = t[first:]
     names = [name for name in table if name.startswith("lyapunov_") and name != "lyapunov_error"]
-    rates = [np.asarray(table[name], dtype=np.float64) for name in names]
-    error = _ERRORS * np.asarray(table["lyapunov_error"], dtype=np.float64)
+    rates = [np.asarray(table[name], dtype=np.float64)[first:] for name in names]
+    error = _ERRORS * np.asarray(table["lyapunov_error"], dtype=np.float64)[first:]
+    band_edges = rates[0] - error, rates[0] + error
     look = {"color": BAND["color"], "linewidth": 4.0, "solid_capstyle": "butt"}
     band: Entry = (r"$\lambda_1\pm 2$ standard errors", look)
     entries = [
@@ -251,13 +255,12 @@ def exponents(run: Converging, width: str = "single") -> Figure | None:
     ]
     with style.journal():
         figure, (axes,), (across,) = stacked(width, [_HIGH[width]], entries=[*entries, band])
-        axes.fill_between(t, rates[0] - error, rates[0] + error, **BAND)
+        axes.fill_between(t, *band_edges, **BAND)
         axes.axhline(0.0, color=style.FRAME_GREY, linewidth=0.4)
         for n, rate in enumerate(rates, 1):
             axes.plot(t, rate, **body_look(n))
-        late = t >= t[0] + _SETTLED * (t[-1] - t[0])
-        shown = np.concatenate([rate[late] for rate in rates] + [(rates[0] + error)[late]])
+        shown = np.concatenate([*rates, *band_edges])
         shown = np.append(shown[np.isfinite(shown)], 0.0)
         value_axis(axes, float(shown.min()), float(shown.max()), _HIGH[width], r"$\lambda$", "1/s")
-        time_axis(axes, float(t[-1]), across, labelled=True)
+        time_axis(axes, room_after(float(t[-1]), t), across, labelled=True)
     return figure

@@ -313,7 +313,7 @@ def energy_chart(
         for axes in panels:
             draw_contacts(axes, [span for span in contacts if span[0] < until])
         _draw_energies(panels[0], lines)
-        end = _room_after(until, losses[0])
+        end = room_after(until, losses[0])
         time_axis(panels[0], end, across[0], labelled=not lossy, whole=whole)
         value_axis(panels[0], 0.0, lines.highest, HIGH[width][0], "$E$", "J")
         if lossy:
@@ -322,7 +322,7 @@ def energy_chart(
     return figure
 
 
-def _room_after(until: float, impacts: Array) -> float:
+def room_after(until: float, impacts: Array) -> float:
     """Return the end (s) of the axis of time, so that an impact at the end is not cut in half."""
     return until * (1.0 + _ROOM) if len(impacts) and np.max(impacts) == until else until
 
