@@ -15,9 +15,11 @@ from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.portrait_type import portrait_of
 from vibro_cli.assemble import build_system
+from vibro_cli.figures.numbering import LEADER
 from vibro_cli.figures.portraits.background import background
 from vibro_cli.figures.portraits.structure import structure
 from vibro_cli.figures.portraits.trace_phase_plane import curves_of, family, highest_energy
+from vibro_cli.figures.style import MM
 from vibro_cli.scenario import load_scenario
 
 pytestmark = pytest.mark.long
@@ -151,6 +153,33 @@ def test_a_family_has_a_panel_for_each_member(number: int, width: str) -> None:
     figure = family(members, width)
     assert len(figure.axes) == (number if number <= 12 else 10)
     assert_texts_are_apart(figure)
+
+
+@pytest.mark.parametrize("rate", [3.5, 4.5, 5.5])
+def test_names_of_a_family_belong_to_their_points(rate: float) -> None:
+    """Inside the frame, beside the point or with a line to it; the legend says what is drawn."""
+    path = Path(__file__).parents[2] / "scenarios" / "turning_valley.toml"
+    scenario = load_scenario(path, [f"trace.turning.rate={rate}"])
+    portrait = portrait_of(Landscape.of(build_system(scenario), 1))
+    figure = family([("fast", portrait)], "double")
+    assert_texts_are_apart(figure)
+    eight = ["figure eight"] if rate == 3.5 else []
+    (legend,) = figure.legends
+    shown = [text.get_text() for text in legend.get_texts()]
+    assert shown == [*eight, "separatrix", "level", "centre", "saddle"]
+    (axes,) = figure.axes
+    places = dict(zip(portrait.names, (point.s for point in portrait.points), strict=True))
+    names = {text.get_text(): text for text in axes.texts}
+    assert names.keys() == places.keys()
+    leaders = [np.asarray(line.get_xydata()) for line in axes.lines if line.zorder == 4.5]
+    tied = np.concatenate([np.zeros((0, 2)), *(ends[1:] for ends in leaders)])
+    for name, text in names.items():
+        assert axes.bbox.contains(*text.get_window_extent().min)
+        assert axes.bbox.contains(*text.get_window_extent().max)
+        point = np.array([places[name], 0.0])
+        reach = axes.transData.transform(point) - axes.transData.transform(text.get_position())
+        near = np.hypot(*reach) / figure.dpi < LEADER * MM * 1.001
+        assert near or np.any(np.all(np.isclose(tied, point, atol=1e-9), axis=1))
 
 
 def test_an_empty_family_is_refused() -> None:

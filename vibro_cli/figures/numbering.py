@@ -20,6 +20,8 @@ _HIGH = 2.5
 """Height of a figure (mm)."""
 LEADER = 3.9
 """A number further than this from its point (mm) wants a line to it."""
+_CLEAR = 0.5
+"""Room between two numbers side by side, and between a number and the frame (mm)."""
 _DISTANCES = (1.9, 2.6, 3.4, 4.4, 5.8, 7.4)
 """Distances of a number from its point that are tried (mm)."""
 _DIRECTIONS = 12
@@ -56,7 +58,7 @@ def place_numbers(
         costs += _AMBIGUOUS * _nearer_to(candidates, others, points)
         costs += _FORBIDDEN * _outside(candidates, half, size)
         for x, y, other in taken:
-            near = (np.abs(candidates[:, 0] - x) < half + other) & (
+            near = (np.abs(candidates[:, 0] - x) < half + other + _CLEAR) & (
                 np.abs(candidates[:, 1] - y) < _HIGH
             )
             costs += _FORBIDDEN * near
@@ -114,7 +116,7 @@ def _covered(candidates: Array, half: float, obstacles: Array) -> Array:
 
 
 def _outside(candidates: Array, half: float, size: tuple[float, float]) -> Array:
-    margin = np.array([half, 0.5 * _HIGH])
+    margin = np.array([half + _CLEAR, 0.5 * _HIGH + _CLEAR])
     beyond = (candidates < margin) | (candidates > np.array(size) - margin)
     outside: Array = beyond.any(axis=1).astype(np.float64)
     return outside

@@ -12,7 +12,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -21,10 +20,10 @@ from vibro_cli.analysis.levels import SpeedCurve, speed_curves, through_saddles
 from vibro_cli.analysis.portrait_type import Portrait
 from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE
 from vibro_cli.figures import style
-from vibro_cli.figures.numbering import place_numbers
+from vibro_cli.figures.numbering import Named, write_names
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.background import level_energies, saddle_energies, saddles_of
-from vibro_cli.figures.portraits.legend import text_width
+from vibro_cli.figures.portraits.legend import LINE, Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits.panels import BOTTOM, LEFT, RIGHT
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
@@ -37,6 +36,8 @@ _DARK = 6
 """How much rather a name covers a level curve than a separatrix."""
 _NEVER = 20
 """How much rather a name covers a level curve than the mark of a point."""
+_STEP = 0.4
+"""Distance of the points of a curve that names keep clear of (mm)."""
 _MARK = 0.6
 """Half the size of such a mark (mm)."""
 EIGHT: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.0, "linestyle": "solid"}
@@ -148,30 +149,28 @@ def _ticks(axes: Axes, length: float, size: tuple[float, float]) -> None:
 
 def name_points(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float, float]) -> None:
     """Write the name of each singular point beside it."""
-    top, length = axes.get_ylim()[1], portrait.landscape.trace.length
-    scale = np.array([size[0] / length, 0.5 * size[1] / top])
-
-    def millimetres(s: Array, v: Array) -> Array:
-        points: Array = np.column_stack([s, v + top]) * scale
-        return points
-
-    named = [(name, p) for name, p in zip(portrait.names, portrait.points, strict=True)]
-    named = [(name, p) for name, p in named if p.kind in _POINT]
-    texts = [name for name, _ in named]
-    anchors = [millimetres(np.array([p.s]), np.zeros(1)) for _, p in named]
-    if not texts:
+    scale = np.array([size[0], size[1]]) / [np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())]
+    points = zip(portrait.names, portrait.points, strict=True)
+    named = [Named(name, (point.s, 0.0)) for name, point in points if point.kind in _POINT]
+    if not named:
         return
     dark = (*curves.eights, *curves.separatrices) * _DARK
-    shown = [*dark, *curves.levels]
-    obstacles = [millimetres(c.s, sign * c.speed) for c in shown for sign in (1, -1)]
-    marks = np.concatenate(anchors)
+    lines = [
+        np.column_stack([curve.s, sign * curve.speed]) * scale
+        for curve in (*dark, *curves.levels)
+        for sign in (1, -1)
+    ]
+    marks = np.array([one.point for one in named]) * scale
     on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
-    obstacles += on_marks * _NEVER
-    places = place_numbers(texts, anchors, np.concatenate(obstacles), size)
-    halo = [patheffects.withStroke(linewidth=1.6, foreground="white")]
-    for text, (x, y) in zip(texts, places, strict=True):
-        where = x / scale[0], y / scale[1] - top
-        axes.text(*where, text, path_effects=halo, zorder=3.0, **layers.NUMBER)
+    obstacles = np.concatenate([*map(_evenly, lines), *on_marks * _NEVER])
+    write_names(axes, named, obstacles / scale, size)
+
+
+def _evenly(line: Array) -> Array:
+    """Return points of a line (mm) at even distances: how many it has is to say how long it is."""
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    at = np.arange(0.0, along[-1], _STEP)
+    return np.column_stack([np.interp(at, along, values) for values in line.T])
 
 
 MOST_MEMBERS = 12
@@ -192,30 +191,49 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
         raise ValueError("a family needs at least one portrait")
     step = math.ceil(len(members) / MOST_MEMBERS)
     shown = members[::step]
+    drawn = [curves_of(portrait, 65) for _, portrait in shown]
+    legend = rows_of(_entries([portrait for _, portrait in shown], drawn), WIDTHS[width] - RIGHT)
     columns = min(_COLUMNS[width], len(shown))
     rows = math.ceil(len(shown) / columns)
     cell = _TITLE + _HIGH + BOTTOM
-    wide, high = WIDTHS[width], rows * cell
+    above_all = LINE * len(legend) + 1.0
+    wide, high = WIDTHS[width], above_all + rows * cell
     size = (wide / columns - LEFT - RIGHT, _HIGH)
     with style.journal():
-        too_long = any(text_width(portrait.type) > size[0] for _, portrait in shown)
         figure = Figure(figsize=(wide * MM, high * MM))
-        for number, (title, portrait) in enumerate(shown):
+        draw_legend(figure, legend)
+        for number, ((title, portrait), curves) in enumerate(zip(shown, drawn, strict=True)):
             row, column = divmod(number, columns)
             left = column * wide / columns + LEFT
-            bottom = high - row * cell - _TITLE - _HIGH
+            bottom = high - above_all - row * cell - _TITLE - _HIGH
             axes = figure.add_axes((left / wide, bottom / high, size[0] / wide, size[1] / high))
-            curves = curves_of(portrait, 65)
             draw_along(axes, portrait, curves, size)
             name_points(axes, portrait, curves, size)
             over = (bottom + _HIGH + 1.0) / high
-            words = _named_points(portrait) if too_long else portrait.type
+            words = _named_points(portrait)
             figure.text(left / wide, over, words, fontsize=style.SMALL, va="baseline")
             above = over + _LINE / high
             figure.text(left / wide, above, title, fontsize=style.TEXT, va="baseline")
     return figure
 
 
+def _entries(portraits: Sequence[Portrait], drawn: Sequence[Curves]) -> list[Entry]:
+    """Return the legend of what is drawn in some panel."""
+    points = [point for portrait in portraits for point in portrait.points]
+    kinds = {point.kind for point in points}
+    entries = [
+        (any(curves.eights for curves in drawn), ("figure eight", EIGHT)),
+        (any(curves.separatrices for curves in drawn), ("separatrix", layers.SEPARATRIX)),
+        (any(curves.levels for curves in drawn), ("level", layers.LEVEL)),
+        *(
+            (kind in kinds, (kind, layers.POINT | {"marker": marker}))
+            for kind, marker in _POINT.items()
+        ),
+        (any(point.extent for point in points), ("level line", REST)),
+    ]
+    return [entry for is_drawn, entry in entries if is_drawn]
+
+
 def _named_points(portrait: Portrait) -> str:
-    """Return the type with names for kinds of points."""
+    """Return the type with names for kinds of points, which are written beside them."""
     return "; ".join([", ".join(portrait.names), *portrait.type.split("; ")[1:]])
