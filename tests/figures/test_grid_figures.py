@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
 from vibro_cli.figures.grids.curves import FIRST, curves, diagram, first_times, place_column
-from vibro_cli.figures.grids.kinds import draw_grid
+from vibro_cli.figures.grids.kinds import CONTACT_WORDS, draw_grid, draw_grid_kind
 from vibro_cli.figures.grids.maps import ending_map, quantity_map
 from vibro_cli.figures.grids.parameter_map import COLOURS, lattice, words_of
 from vibro_cli.figures.output import has_rasters, render
@@ -69,7 +69,7 @@ def test_no_text_is_cut_off_or_overlaps_another(made: Any, name: str, width: str
 
 @pytest.mark.parametrize("width", ["single", "double"])
 @pytest.mark.parametrize("largest", [1e-7, 0.03, 1.0, 12345.0, 3e9])
-@pytest.mark.parametrize("words", ["last impact [s]", "impacts"])
+@pytest.mark.parametrize("words", [CONTACT_WORDS, "impacts"])
 def test_the_bar_of_a_map_has_room_for_its_numbers(
     made: Any, words: str, largest: float, width: str
 ) -> None:
@@ -149,6 +149,17 @@ def test_the_map_of_a_quantity_has_its_values_and_leaves_out_what_is_not_there(m
     assert isinstance(mesh(figure).norm, LogNorm)
     assert figure.axes[1].get_ylabel() == "it"
     assert quantity_map(grid, "single", np.full(15, np.nan), "it") is None
+
+
+def test_the_map_of_contact_says_what_it_shows(made: Any) -> None:
+    grid = made(TWO)
+    changes = {"contacts": np.arange(15) % 2, "last_collision_time": np.linspace(1.0, 9.0, 15)}
+    grid.summary.update(changes)
+    figure = draw_grid_kind(grid, "contact", "single")
+    assert figure is not None
+    assert figure.axes[1].get_ylabel() == CONTACT_WORDS
+    shown = cells_of(figure).compressed()
+    assert sorted(shown) == pytest.approx(changes["last_collision_time"][1::2])
 
 
 def test_further_axes_are_held_and_named(made: Any) -> None:

@@ -15,6 +15,8 @@ from vibro_cli.figures.grids.parameter_map import Swept, lattice
 from vibro_cli.figures.runs.kinds import Drawn, Kind
 from vibro_cli.figures.symbols import symbol_of
 
+CONTACT_WORDS = "last impact, where contact begins [s]"
+
 
 def _impacts(grid: Swept, width: str, counted: str = "collisions") -> Figure | None:
     """How many impacts of one kind there are, where there can be any."""
@@ -35,7 +37,7 @@ def _contact(grid: Swept, width: str) -> Figure | None:
     """When the last impact was, of the runs in which lasting contact began."""
     begun = np.asarray(grid.summary.get("contacts", 0.0), dtype=np.float64) > 0.0
     last = np.asarray(grid.summary["last_collision_time"], dtype=np.float64)
-    return quantity_map(grid, width, np.where(begun, last, np.nan), "last impact [s]")
+    return quantity_map(grid, width, np.where(begun, last, np.nan), CONTACT_WORDS)
 
 
 def _bifurcation(grid: Swept, width: str) -> Figure | None:
@@ -86,9 +88,9 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
     ),
     "contact": Kind(
         _contact,
-        "Time to lasting contact",
-        f"{_OVER_TWO}: the last impact of each run in which lasting contact began; white where "
-        "none did.",
+        "Last impact where lasting contact begins",
+        f"{_OVER_TWO}: the time of the last impact of each run in which lasting contact began, "
+        "which is when it began, unless bodies part again; white where it never began.",
     ),
     "curves": Kind(
         curves,
