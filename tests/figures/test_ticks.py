@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
+from vibro_cli.figures.grids.parameter_map import Coordinate
 from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,
@@ -33,6 +35,18 @@ def test_angles_are_parts_of_pi(
     ticks = angle_ticks(low, high, width)
     assert ticks.labels == labels
     assert all(low - 1e-9 <= place <= high + 1e-9 for place in ticks.places)
+
+
+@pytest.mark.parametrize("vertical", [False, True])
+@pytest.mark.parametrize("unit", ["rad", "m"])
+@pytest.mark.parametrize("length", [52.0, 72.0, 140.0])
+def test_an_axis_of_a_grid_has_three_labels(length: float, unit: str, vertical: bool) -> None:
+    """Angles as they are given in degrees, everywhere on the circle."""
+    for start in range(-180, 180, 5):
+        for wide in (2, 5, 10, 20, 30, 45, 60, 90, 120, 180, 360):
+            low, high = math.radians(start), math.radians(start + wide)
+            axis = Coordinate("angle", unit, np.array([low, high]), ())
+            assert len(axis.ticks(low, high, length, vertical).labels) >= 3
 
 
 def test_small_angles_are_decimal() -> None:

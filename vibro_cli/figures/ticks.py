@@ -32,6 +32,8 @@ _PARTS_OF_PI = (
     Fraction(1, 8),
 )
 _ENOUGH = 4
+LEAST = 3
+"""Labels from which a scale can be read, where there is room for them."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,10 @@ def number_ticks(low: float, high: float, width: float, whole: bool = False) -> 
     largest = max(abs(low), abs(high))
     power = 0 if _PLAIN[0] <= largest < _PLAIN[1] or not largest else _power(largest)
     chosen = Ticks((), ())
-    for bins in range(1, max(6, round(width / _INTERVAL) + 1)):
+    usual = max(5, round(width / _INTERVAL))
+    for bins in range(1, 2 * usual):
+        if bins > usual and len(chosen.places) >= LEAST:
+            break
         ticks = _round_numbers(low, high, bins, whole, power)
         step = ticks.places[1] - ticks.places[0] if len(ticks.places) > 1 else high - low
         if chosen.places and not _fits(ticks.labels, step * width / (high - low)):

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from vibro_cli.figures.portraits.legend import text_width
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.ticks import (
+    LEAST,
     Ticks,
     angle_ticks,
     number_ticks,
@@ -130,9 +131,11 @@ class Coordinate:
         """Return ticks for a figure's axis of a length (mm)."""
         if self.words:
             return Ticks(tuple(map(float, range(len(self.words)))), self.words)
-        if self.unit == "rad":
-            return (vertical_angle_ticks if vertical else angle_ticks)(low, high, length)
-        return (vertical_ticks if vertical else number_ticks)(low, high, length)
+        numbers = (vertical_ticks if vertical else number_ticks)(low, high, length)
+        if self.unit != "rad":
+            return numbers
+        parts = (vertical_angle_ticks if vertical else angle_ticks)(low, high, length)
+        return parts if len(parts.places) >= LEAST else numbers
 
     def label_width(self, ticks: Ticks) -> float:
         """Return how wide the numbers or words of an axis are (mm)."""
