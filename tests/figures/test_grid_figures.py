@@ -239,7 +239,26 @@ def test_the_first_times_are_those_of_the_first_impacts(made: Any) -> None:
     ]
     np.testing.assert_allclose(np.asarray(dots(figure).get_offsets()), expected)
     assert taken == [("scenario", "n", "t")]
+    assert not figure.legends
     assert first_times(Several(grid, ("n", "s_a"))) is None
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+def test_runs_that_were_cut_short_have_their_ends_among_the_times(made: Any, width: str) -> None:
+    class Few(Several):
+        def impacts(self, columns: Any, scenarios: Any) -> dict[str, Any]:
+            return {"scenario": scenarios, "n": np.ones(5), "t": np.arange(5.0)}
+
+    grid = made(ONE)
+    grid.summary.update(end_time=np.arange(5.0) + 7.0, collisions=np.array([1, 1, 1, FIRST, 1]))
+    figure = first_times(Few(grid, ("n", "t")), width)
+    assert figure is not None
+    assert_texts_are_apart(figure)
+    (cross,) = figure.axes[0].lines
+    assert CAUSES[2:] == ("end_of_trace", "inadmissible")
+    np.testing.assert_array_equal(np.asarray(cross.get_xydata()), [[ANGLES[2], 9.0]])
+    assert figure.axes[0].get_ylim()[1] > 9.0
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["run ended"]
 
 
 def test_a_panel_of_one_value_is_left_out(made: Any) -> None:

@@ -218,8 +218,11 @@ def legend(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]]) -> Non
     )
 
 
-def number_bar(figure: Figure, last: int) -> None:
-    """Draw the bar of colours over the panels: from the first impact to the last."""
+def number_bar(figure: Figure, last: int, beside: Sequence[Entry] = ()) -> None:
+    """Draw the bar of colours over the panels, from the first impact to the last.
+
+    `beside` is the legend of other marks, at its left.
+    """
     wide, high = figure.get_size_inches() / MM
     width, thick, middle = 0.25, 1.6 / high, 1.0 - 2.4 / high
     axes = figure.add_axes((0.42, middle - 0.5 * thick, width, thick))
@@ -229,6 +232,10 @@ def number_bar(figure: Figure, last: int) -> None:
     look: dict[str, Any] = {"va": "center_baseline", "fontsize": style.SMALL}
     figure.text(0.42 - 1.0 / wide, middle, "impact 1", ha="right", **look)
     figure.text(0.42 + width + 1.0 / wide, middle, str(last), ha="left", **look)
+    if beside:
+        handles = [Line2D([], [], label=text, **entry) for text, entry in beside]
+        figure.legend(handles=handles, loc="center left", bbox_to_anchor=(0.0, middle),
+                      borderaxespad=0.15, handlelength=1.0, handletextpad=0.4)  # fmt: skip
 
 
 def contact_times(run: Recorded) -> list[tuple[float, float]]:

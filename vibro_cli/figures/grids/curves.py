@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS, log_axis, number_bar, stacked, value_axis
 from vibro_cli.figures.dots import draw_dots
-from vibro_cli.figures.grids.parameter_map import Endings, Lattice, Swept, lattice, set_axis
+from vibro_cli.figures.grids.parameter_map import Endings, Lattice, Swept, ended, lattice, set_axis
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.legend import LINE, wrapped_legend
 from vibro_cli.figures.source import Array
@@ -24,6 +24,16 @@ _DIAGRAM = {"single": 58.0, "double": 80.0}
 _WIDE_RANGE = 50.0
 FIRST = 20
 """Impacts of each run whose times are shown."""
+_EARLY = ("inadmissible", "end_of_trace", "lift_off", "wall_contact", "accumulation")
+"""Causes that end a run before its impacts do, or what was asked for."""
+ENDED: dict[str, Any] = {
+    "marker": "x",
+    "markersize": 3.0,
+    "markeredgewidth": 0.7,
+    "color": style.VERMILLION,
+    "linestyle": "none",
+    "zorder": 2.5,
+}
 PLACES = (
     ("s_a", "$s$ of the left body", "m"),
     ("x_a", "$x$ of the left body", "m"),
@@ -127,7 +137,8 @@ def diagram(grid: Swept, width: str = "single") -> Figure | None:
 def first_times(grid: Swept, width: str = "single") -> Figure | None:
     """Return the times of the first impacts of each run over the axis with most values.
 
-    None where no impact was kept with its number and time, or no axis of numbers changes.
+    With the ends of runs that were cut short before. None where no impact was kept with its number
+    and time, or no axis of numbers changes.
     """
     time = ("t", "$t$ of the impact", "s") if "t" in grid.impact_columns() else None
     return _impacts_over(grid, width, time, FIRST)
@@ -151,15 +162,27 @@ def _impacts_over(
     order = np.argsort(scenarios)
     row = order[np.searchsorted(scenarios, impacts["scenario"][kept], sorter=order)]
     number, values = number[kept], values[kept]
+    places, ends = _early_ends(grid, shown, most) if name == "t" else (np.empty(0), np.empty(0))
+    every = np.concatenate([values, ends])
     with style.journal():
         figure, (axes,), across = stacked(width, [_DIAGRAM[width]])
-        value_axis(
-            axes, float(np.min(values)), float(np.max(values)), _DIAGRAM[width], symbol, unit
-        )
+        value_axis(axes, float(np.min(every)), float(np.max(every)), _DIAGRAM[width], symbol, unit)
         set_axis(axes, shown.coordinates[0], across[0], vertical=False)
         size = float(np.clip(6000.0 / len(values), 0.15, 4.0))
         norm = Normalize(float(np.min(number)), float(np.max(number)))
         along = shown.coordinates[0].place[row]
         draw_dots(axes, along, values, number, layers.time_colours(), norm, size)
-        number_bar(figure, int(np.max(number)))
+        if len(ends):
+            axes.plot(places, ends, **ENDED)
+        number_bar(figure, int(np.max(number)), [("run ended", ENDED)] if len(ends) else [])
     return figure
+
+
+def _early_ends(grid: Swept, shown: Lattice, most: int | None) -> tuple[Array, Array]:
+    """Return places and times (s) of the ends of runs that were cut short, with few impacts."""
+    early = np.isin(ended(grid)[shown.rows].astype(str), _EARLY)
+    if most is not None:
+        early &= np.asarray(grid.summary["collisions"])[shown.rows] < most
+    times = np.asarray(grid.summary["end_time"], dtype=np.float64)[shown.rows]
+    early &= np.isfinite(times)
+    return shown.coordinates[0].place[early], times[early]

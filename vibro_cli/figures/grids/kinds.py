@@ -108,7 +108,8 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
         first_times,
         "Times of the first impacts",
         f"Times of the first {FIRST} impacts of each run, over one axis, coloured by the number of "
-        "the impact.",
+        "the impact; crosses are ends of runs that were cut short before so many impacts, by an "
+        "inadmissible one, the end of the trace, lift-off, a wall or an accumulation.",
     ),
     "bifurcation": Kind(
         _bifurcation,
