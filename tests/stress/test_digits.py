@@ -21,7 +21,7 @@ HARD = Path(__file__).parents[1] / "hard_cases"
 NAMES = (
     "hit_on_a_group_across", "three_against_a_wall", "contact_on_a_turning_line",
     "wall_hit_while_others_close", "bounces_on_a_held_row", "hedrih_stopped_as_it_bounces",
-    "turning_slow_crossing", "closes_up_to_rounding",
+    "turning_slow_crossing", "closes_up_to_rounding", "hit_again_and_again_under_translational",
 )  # fmt: skip
 
 

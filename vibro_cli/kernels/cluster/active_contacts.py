@@ -23,6 +23,7 @@ from vibro_cli.kernels.impact.impulse_chain import (
     contact_forces,
     share_fastest,
 )
+from vibro_cli.kernels.impact.laws import TRANSLATIONAL
 from vibro_cli.kernels.impact.plastic_limit import (
     FORCED,
     FREE,
@@ -92,6 +93,9 @@ def _propose(world: World, j: int, fastest: float) -> None:
             pair.closing = RELEASED
         return
     pair.closing = PARTING if parting > 0.0 else CLOSING
+    if parting < 0.0 and _keeps_small_impacts(world):
+        pair.pressing = FREE
+        return
     # Pressed by all bodies together it would bounce lowest.
     pull = world.settings[0].gravity * world.settings[0].bodies
     if _bounce_force(world, j, parting) > pull:
@@ -102,12 +106,23 @@ def _propose(world: World, j: int, fastest: float) -> None:
 
 
 @kernel
+def _keeps_small_impacts(world: World) -> bool:
+    """Tell whether an impact, however slow, leaves other speeds than a contact that closes would.
+
+    What ``translational`` balances is not what making normal speeds equal does.
+    """
+    return world.settings[0].law == TRANSLATIONAL
+
+
+@kernel
 def held_rounding(world: World, j: int) -> float:
     """Speed (m/s) between a pair that its flight in contact leaves by rounding.
 
     That of its own speed, and of what forces give it on a segment, though they cancel.
     """
     flight = world.flights[world.pairs[j].a]
+    if _keeps_small_impacts(world) and flight.impacts > 1:
+        return 0.0  # it has not flown since their speeds were made equal
     given = 0.0
     if flight.form == POLYNOMIAL:
         given = SPEED_ROUNDING * world.settings[0].gravity * flight.segment
