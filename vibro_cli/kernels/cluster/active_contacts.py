@@ -38,6 +38,9 @@ from vibro_cli.kernels.world import World
 
 # Bodies in contact have equal normal speeds up to the rounding of a whole flight.
 HELD_ROUNDING = 1.0e-9
+# Impacts slower than this share of the greatest speeds of an instant are rounding, which grows if
+# a law gives more speed than it takes.
+SLOWEST = 1.0e-11
 # A force above -this share of the weights presses or is zero up to rounding.
 FORCE_ROUNDING = 1.0e-12
 # Below this share of the weights a pulling force is one that has just become zero.
@@ -93,7 +96,7 @@ def _propose(world: World, j: int, fastest: float) -> None:
             pair.closing = RELEASED
         return
     pair.closing = PARTING if parting > 0.0 else CLOSING
-    if parting < 0.0 and _keeps_small_impacts(world):
+    if parting < -SLOWEST * fastest and _keeps_small_impacts(world):
         pair.pressing = FREE
         return
     # Pressed by all bodies together it would bounce lowest.
@@ -122,7 +125,7 @@ def held_rounding(world: World, j: int) -> float:
     """
     flight = world.flights[world.pairs[j].a]
     if _keeps_small_impacts(world) and flight.impacts > 1:
-        return 0.0  # it has not flown since their speeds were made equal
+        return SLOWEST * flight.fastest  # it has not flown since their speeds were made equal
     given = 0.0
     if flight.form == POLYNOMIAL:
         given = SPEED_ROUNDING * world.settings[0].gravity * flight.segment
