@@ -33,7 +33,7 @@ from vibro_cli.kernels.impact.plastic_limit import (
     lean,
     pressing_from,
 )
-from vibro_cli.kernels.structs import CLOSING, PARTING, RELEASED, PairData
+from vibro_cli.kernels.structs import CLOSING, PARTING, RELEASED, Flight, PairData
 from vibro_cli.kernels.world import World
 
 # Bodies in contact have equal normal speeds up to the rounding of a whole flight.
@@ -96,7 +96,7 @@ def _propose(world: World, j: int, fastest: float) -> None:
             pair.closing = RELEASED
         return
     pair.closing = PARTING if parting > 0.0 else CLOSING
-    if parting < -SLOWEST * fastest and _keeps_small_impacts(world):
+    if parting < -SLOWEST * fastest and _keeps_small_impacts(world, world.flights[pair.a]):
         pair.pressing = FREE
         return
     # Pressed by all bodies together it would bounce lowest.
@@ -109,12 +109,12 @@ def _propose(world: World, j: int, fastest: float) -> None:
 
 
 @kernel
-def _keeps_small_impacts(world: World) -> bool:
-    """Tell whether an impact, however slow, leaves other speeds than a contact that closes would.
+def _keeps_small_impacts(world: World, flight: Flight) -> bool:
+    """Tell whether slow impacts of a body that has just had others are carried out as well.
 
     What ``translational`` balances is not what making normal speeds equal does.
     """
-    return world.settings[0].law == TRANSLATIONAL
+    return world.settings[0].law == TRANSLATIONAL and flight.impacts > 1
 
 
 @kernel
@@ -124,7 +124,7 @@ def held_rounding(world: World, j: int) -> float:
     That of its own speed, and of what forces give it on a segment, though they cancel.
     """
     flight = world.flights[world.pairs[j].a]
-    if _keeps_small_impacts(world) and flight.impacts > 1:
+    if _keeps_small_impacts(world, flight):
         return SLOWEST * flight.fastest  # it has not flown since their speeds were made equal
     given = 0.0
     if flight.form == POLYNOMIAL:
