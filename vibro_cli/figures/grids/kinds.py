@@ -88,7 +88,7 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
     ),
     "contact": Kind(
         _contact,
-        "Last impact where lasting contact begins",
+        "Last impact before contact",
         f"{_OVER_TWO}: the time of the last impact of each run in which lasting contact began, "
         "which is when it began, unless bodies part again; white where it never began.",
     ),
