@@ -4,9 +4,14 @@ import signal
 from collections.abc import Iterator
 from typing import Any
 
+import hypothesis
 import pytest
 
 from tests.strategies import EXAMPLES
+
+# How long a call takes depends on what else the machine does.
+hypothesis.settings.register_profile("tests", deadline=None)
+hypothesis.settings.load_profile("tests")
 
 _ACTIONS: dict[signal.Signals, Any] = {
     signal.SIGINT: signal.default_int_handler,
