@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, reject
+from hypothesis import example, given, reject
 from hypothesis import strategies as st
 
 from tests.strategies import ENGINE, FEWER, SETTINGS, mirrored, possible, scenarios
@@ -281,8 +281,33 @@ def rounding_of_release(run: Run, row: int) -> float:
     return moved / float(table["approach_speed"][row])
 
 
+def _in_a_row(bodies: list[tuple[str, float]], start: float, end: float) -> dict[str, Any]:
+    """Bodies at rest at some angles in a valley, which come to one another at one instant."""
+    return {
+        "gravity": 9.81,
+        "trace": {
+            "start_slope": start,
+            "arcs": [{"shape": "valley", "radius": 1.0, "end_slope": end}],
+        },
+        "balls": [
+            {"body": body, "radius": 0.05, "mass": 1.0, "arc": 1, "speed": 0.0, "angle": angle}
+            for body, angle in bodies
+        ],
+        "collision": {"law": "translational", "k": 0.05, "inadmissible": "normal-impulse"},
+        "stop": {"time": 6.0, "collisions": 40},
+    }
+
+
+# Two contacts close at one instant, of which one takes energy that the other does not.
+CLOSING_TOGETHER = _in_a_row([("ball", -1.825), ("ball", -1.65), ("particle", -1.3875)], -2.0, 1.5)
+# A contact closes while the pair beside it, which touches too, comes nearer.
+HIT_AGAIN = _in_a_row([("ball", -1.91875), ("disk", -1.7125), ("ball", -1.50625)], -2.125, 2.0)
+
+
 @SETTINGS
 @given(document=scenarios(pieces=1, collisions=40))
+@example(document=CLOSING_TOGETHER)
+@example(document=HIT_AGAIN)
 def test_mirror_image_on_one_arc_to_the_bit(document: dict[str, Any]) -> None:
     """Through joint impacts and lasting contact, pair by pair."""
     run, image = run_of(document), run_of(mirrored(document))

@@ -177,20 +177,22 @@ def close_accumulated(world: World, first: int, count: int) -> bool:
     for step in range(count):
         pair = world.pairs[(first + step) % pairs]
         pair.closing = pair.touching
+        pair.nodal[0] = 0.0
         pair.solution = NOT_YET
         if pair.held == 0 and pair.touching == PARTING:
             pair.solution = time_to_rest(world, first, count, (first + step) % pairs)
             closed = closed or pair.solution >= 0.0
     if not closed:
         return False
-    taken = 0.0
     for step in range(count):
         pair = world.pairs[(first + step) % pairs]
         if pair.held == 0 and pair.solution >= 0.0:
             pair.closing = 0
-            taken += carry_drift(world, (first + step) % pairs, pair.solution)
+            pair.nodal[0] = carry_drift(world, (first + step) % pairs, pair.solution)
             hold(world, (first + step) % pairs, 1, pair.solution)
     equalise(world, first, count)
-    world.pairs[first].closing_loss += taken
+    for step in range(count):
+        pair = world.pairs[(first + step) % pairs]
+        pair.closing_loss += pair.nodal[0]
     launch_chain(world, first, count, CONTACT_CLOSED)
     return True

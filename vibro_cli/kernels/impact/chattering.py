@@ -329,5 +329,7 @@ def _earliest_contact(world: World, j: int) -> float:
         tangential_acceleration(b, track_b.path_radius, b_s, b_c),
         pair.distance,
     )  # fmt: skip
+    if pair.touching != 0:
+        gap = 0.0  # whatever the rounding of their places says
     bound = a.acceleration_bound + b.acceleration_bound
     return safe_step_second_order(max(gap, 0.0), rate, bound)
