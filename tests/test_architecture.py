@@ -38,6 +38,21 @@ LAYERS = (
     "compile",
     "errors",
 )
+# The stages of the event loop and what is around them, likewise from top to bottom.
+STAGES = (
+    "rotating",
+    "ensemble",
+    "tangent",
+    "statistics",
+    "events",
+    "cluster",
+    "impact",
+    "contact",
+    "flow",
+    "world",
+    "structs",
+    "numerics",
+)
 STRANGERS = {
     "scenario": {"systems", "mechanics", "numerics"},
     "systems": {"scenario"},
@@ -134,6 +149,24 @@ def test_imports_go_down_only(path: Path) -> None:
         return
     below = set(LAYERS[LAYERS.index(here) :]) - STRANGERS.get(here, set())
     assert own_layers(path) <= below
+
+
+KERNELS = sorted((PACKAGE / "kernels").rglob("*.py"))
+
+
+def _stage(name: str) -> str:
+    """The stage of the event loop that a module of the kernels belongs to."""
+    return name.split(".")[2]
+
+
+@pytest.mark.parametrize("path", KERNELS, ids=str)
+def test_stages_of_the_event_loop_import_those_below_only(path: Path) -> None:
+    stage = _stage(".".join(path.relative_to(ROOT).with_suffix("").parts))
+    if stage not in STAGES:
+        return  # another system, with an event loop of its own
+    below = STAGES[STAGES.index(stage) :]
+    used = {_stage(name) for name in imports(path) if name.startswith("vibro_cli.kernels.")}
+    assert used <= set(below), used - set(below)
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -240,7 +273,7 @@ def _is_of_the_kernels(node: ast.stmt) -> bool:
     return isinstance(node, plain) or ast.unparse(node).startswith(("'", '"'))
 
 
-@pytest.mark.parametrize("path", sorted((PACKAGE / "kernels").rglob("*.py")), ids=str)
+@pytest.mark.parametrize("path", KERNELS, ids=str)
 def test_kernels_hold_nothing_but_kernels_and_structs(path: Path) -> None:
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         assert _is_of_the_kernels(node), f"{path}:{node.lineno}"

@@ -8,42 +8,49 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import Overrides, kernel
-from vibro_cli.kernels.cluster import cluster_forces as group_forces
-from vibro_cli.kernels.cluster import clusters as groups
-from vibro_cli.kernels.cluster import rotating_clusters as turning_groups
-from vibro_cli.kernels.cluster import rotating_forces, trace_forces
+from vibro_cli.kernels.cluster import (
+    cluster_forces,
+    clusters,
+    rotating_clusters,
+    rotating_forces,
+    trace_forces,
+)
 from vibro_cli.kernels.cluster.rotating_clusters import recall_group_motion
-from vibro_cli.kernels.contact import arc_contact, bounce
-from vibro_cli.kernels.contact import contact_kinematics as touching
-from vibro_cli.kernels.contact import first_contact as contact
-from vibro_cli.kernels.contact import libration_contact as swing_contact
-from vibro_cli.kernels.contact import rotating_contact as turning_contact
+from vibro_cli.kernels.contact import (
+    arc_contact,
+    bounce,
+    contact_kinematics,
+    first_contact,
+    libration_contact,
+    rotating_contact,
+)
 from vibro_cli.kernels.contact.contact_kinematics import supported
 from vibro_cli.kernels.contact.gap import centre_position
-from vibro_cli.kernels.events import event_detection as search
-from vibro_cli.kernels.events import event_handlers as changes
-from vibro_cli.kernels.events import liftoff_slip, rotating_passages
+from vibro_cli.kernels.events import (
+    event_detection,
+    event_handlers,
+    liftoff_slip,
+    rotating_passages,
+)
 from vibro_cli.kernels.events.event_detection import CAUTION
-from vibro_cli.kernels.flow import begin_flight as flights
-from vibro_cli.kernels.flow import flight as launching
-from vibro_cli.kernels.flow import flow as flowing
-from vibro_cli.kernels.flow import replay as recall
-from vibro_cli.kernels.flow import rotating_flight as turning_flight
-from vibro_cli.kernels.flow import rotating_flow as turning_flow
-from vibro_cli.kernels.flow import rotating_time_of_flight as turning_passage
-from vibro_cli.kernels.flow import time_of_flight as passage
+from vibro_cli.kernels.flow import (
+    begin_flight,
+    flight,
+    flow,
+    replay,
+    rotating_flight,
+    rotating_flow,
+    rotating_time_of_flight,
+    time_of_flight,
+)
 from vibro_cli.kernels.flow.begin_flight import launch_and_log, take_energy
 from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_head
 from vibro_cli.kernels.flow.rotating_flow import pull
 from vibro_cli.kernels.flow.rotating_time_of_flight import half_way
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
-from vibro_cli.kernels.statistics import cluster_statistics as tally_contact
-from vibro_cli.kernels.statistics import rotating_statistics as turning_tally
-from vibro_cli.kernels.statistics import run_statistics as tally
+from vibro_cli.kernels.statistics import cluster_statistics, rotating_statistics, run_statistics
 from vibro_cli.kernels.structs import NEVER, Flight, PairTrack, PieceData, TrackData
-from vibro_cli.kernels.tangent import flight_jacobian as changes_of_flight
-from vibro_cli.kernels.tangent import follow as following
-from vibro_cli.kernels.tangent import rotating_jacobian as turning_changes
+from vibro_cli.kernels.tangent import flight_jacobian, follow, rotating_jacobian
 from vibro_cli.kernels.world import FlightRow, World
 
 
@@ -71,7 +78,7 @@ def never_swings(flight: Flight) -> bool:
 
 
 @kernel
-def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
+def begin_rotating_flight(world: World, ball: int, cause: int, from_state: int) -> None:
     """Launch and log the flight whose state is set; its constants follow from its start."""
     world.flights[ball].anchor = -1
     if from_state == 1:
@@ -83,9 +90,9 @@ def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
 def begin_two_flights(
     world: World, ball: int, other: int, cause: int, from_state: int, other_from_state: int
 ) -> None:
-    """Do what :func:`begin_flight` does for two bodies, one after the other."""
-    begin_flight(world, ball, cause, from_state)
-    begin_flight(world, other, cause, other_from_state)
+    """Do what :func:`begin_rotating_flight` does for two bodies, one after the other."""
+    begin_rotating_flight(world, ball, cause, from_state)
+    begin_rotating_flight(world, other, cause, other_from_state)
 
 
 @kernel
@@ -166,38 +173,38 @@ def recall_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
 TURNING = Overrides(
     "turning",
     {
-        flowing.flow: turning_flow.flow,
-        flowing.angular_acceleration: turning_flow.angular_acceleration,
-        flowing.angular_jerk: turning_flow.angular_jerk,
-        flowing.tangential_acceleration: turning_flow.tangential_acceleration,
-        flowing.nudge: turning_flow.nudge,
-        flowing.swings: never_swings,
-        passage.time_to: turning_passage.time_to,
-        bounce.displacement: turning_flow.displacement,
-        launching.launch_on_piece: turning_flight.launch_on_piece,
-        launching.head_from_state: turning_flight.head_from_state,
-        launching.anchor_at_crest: turning_flight.anchor_at_crest,
-        launching.set_arc_energy: turning_flight.set_arc_energy,
-        contact.speed_and_jerk: turning_flight.speed_and_jerk,
-        arc_contact.both_swing: turning_contact.are_alone,
-        swing_contact.fastest_return: turning_contact.fastest_return,
-        swing_contact.guessed_frequency: turning_contact.guessed_frequency,
-        swing_contact.uneven_pull: turning_contact.uneven_pull,
-        arc_contact.released_step: turning_flight.released_step,
-        flights.begin_flight: begin_flight,
-        flights.begin_two_flights: begin_two_flights,
-        flights.project: project,
-        changes.rate_by_energy: rate_by_energy,
-        touching.free_acceleration: free_acceleration,
-        touching.parts_of_weight: parts_of_weight,
-        groups.launch_group_on_line: turning_groups.launch_group_on_line,
-        groups.set_group_flow: turning_groups.set_group_flow,
-        group_forces.set_release: turning_groups.set_release,
-        group_forces.limit_by_lift_off: turning_groups.limit_by_lift_off,
-        search.kept_apart: kept_apart,
-        search.horizontal_extent: horizontal_extent,
-        recall.recall_flow: recall_flow,
-        recall.energy_of_row: turning_flight.energy_of_row,
+        flow.flow: rotating_flow.flow,
+        flow.angular_acceleration: rotating_flow.angular_acceleration,
+        flow.angular_jerk: rotating_flow.angular_jerk,
+        flow.tangential_acceleration: rotating_flow.tangential_acceleration,
+        flow.nudge: rotating_flow.nudge,
+        flow.swings: never_swings,
+        time_of_flight.time_to: rotating_time_of_flight.time_to,
+        bounce.displacement: rotating_flow.displacement,
+        flight.launch_on_piece: rotating_flight.launch_on_piece,
+        flight.head_from_state: rotating_flight.head_from_state,
+        flight.anchor_at_crest: rotating_flight.anchor_at_crest,
+        flight.set_arc_energy: rotating_flight.set_arc_energy,
+        first_contact.speed_and_jerk: rotating_flight.speed_and_jerk,
+        arc_contact.both_swing: rotating_contact.are_alone,
+        libration_contact.fastest_return: rotating_contact.fastest_return,
+        libration_contact.guessed_frequency: rotating_contact.guessed_frequency,
+        libration_contact.uneven_pull: rotating_contact.uneven_pull,
+        arc_contact.released_step: rotating_flight.released_step,
+        begin_flight.begin_flight: begin_rotating_flight,
+        begin_flight.begin_two_flights: begin_two_flights,
+        begin_flight.project: project,
+        event_handlers.rate_by_energy: rate_by_energy,
+        contact_kinematics.free_acceleration: free_acceleration,
+        contact_kinematics.parts_of_weight: parts_of_weight,
+        clusters.launch_group_on_line: rotating_clusters.launch_group_on_line,
+        clusters.set_group_flow: rotating_clusters.set_group_flow,
+        cluster_forces.set_release: rotating_clusters.set_release,
+        cluster_forces.limit_by_lift_off: rotating_clusters.limit_by_lift_off,
+        event_detection.kept_apart: kept_apart,
+        event_detection.horizontal_extent: horizontal_extent,
+        replay.recall_flow: recall_flow,
+        replay.energy_of_row: rotating_flight.energy_of_row,
         trace_forces.pendulum_at: rotating_forces.pendulum_at,
         trace_forces.fit_forces: rotating_forces.fit_forces,
         liftoff_slip.rotates: rotating_passages.rotates,
@@ -206,11 +213,11 @@ TURNING = Overrides(
         liftoff_slip.look_at_one: rotating_passages.look_at_one,
         liftoff_slip.normal_of_one: rotating_passages.normal_of_one,
         liftoff_slip.limit_courses: rotating_passages.limit_courses,
-        tally.tally_alone: turning_tally.tally_alone,
-        tally_contact.turning_time: turning_tally.turning_time_on_line,
-        tally_contact.pendulum_range: turning_tally.pendulum_range,
-        tally_contact.extremes_on_arc: turning_tally.extremes_on_arc,
-        changes_of_flight.flight_jacobian: turning_changes.flight_jacobian,
-        following.leans: turning_changes.leans,
+        run_statistics.tally_alone: rotating_statistics.tally_alone,
+        cluster_statistics.turning_time: rotating_statistics.turning_time_on_line,
+        cluster_statistics.pendulum_range: rotating_statistics.pendulum_range,
+        cluster_statistics.extremes_on_arc: rotating_statistics.extremes_on_arc,
+        flight_jacobian.flight_jacobian: rotating_jacobian.flight_jacobian,
+        follow.leans: rotating_jacobian.leans,
     },
 )

@@ -11,7 +11,7 @@ piece.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import Series, struct
-from vibro_cli.kernels.impact.tridiagonal import ChainRow
+from vibro_cli.kernels.numerics.tridiagonal import ChainRow
 from vibro_cli.kernels.numerics.weierstrass_motion import QuarticConstants
 
 PARTING = 1  # after an impact, with a speed

@@ -15,10 +15,10 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     present_gap,
     speed_of_pair,
 )
-from vibro_cli.kernels.events.event_log import SPEED_ROUNDING, hold
-from vibro_cli.kernels.events.wall_rest import lost_height, stand_at_wall, touched_wall
+from vibro_cli.kernels.contact.wall_contact import lost_height, stand_at_wall, touched_wall
 from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.impact.chattering import EPSILON, LOST_BOUNCE
+from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING, hold
 from vibro_cli.kernels.impact.impulse_chain import (
     contact_forces,
     share_fastest,

@@ -20,6 +20,7 @@ from vibro_cli.kernels.cluster.cluster_forces import (
 from vibro_cli.kernels.flow.flight import (
     BOUNDARY,
     choose_exit,
+    is_at,
     launch_on_line,
     set_flow_energy,
 )
@@ -27,9 +28,6 @@ from vibro_cli.kernels.flow.flow import body_of_group, group_of_body
 from vibro_cli.kernels.numerics.error_free import add_to_time
 from vibro_cli.kernels.structs import NEVER, Flight, TrackData
 from vibro_cli.kernels.world import World
-
-# A state within this of an end of its piece, in S C - C S, is at that end.
-AT_END = 1.0e-14
 
 
 @kernel
@@ -199,21 +197,6 @@ def _moments(world: World, first: int, count: int) -> tuple[float, float, float,
         x += left_x + right_x
         y += left_y + right_y
     return inertia, momentum, x, y
-
-
-@kernel
-def is_at(s: float, c: float, end_s: float, end_c: float) -> bool:
-    """Tell whether a place on an arc is an end of it, and not the other end of a full circle."""
-    return abs(s * end_c - c * end_s) < AT_END and s * end_s + c * end_c > 0.0
-
-
-@kernel
-def half_way_to(half: float) -> float:
-    """Half the angle (rad) from a place on an arc to an end of it, in (-pi, pi] by an arc tangent.
-
-    Beyond the end it is by rounding only; from the other end of a full circle it is pi.
-    """
-    return half + 2.0 * math.pi if half < -0.5 * math.pi else half
 
 
 @kernel

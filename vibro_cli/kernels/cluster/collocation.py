@@ -14,9 +14,8 @@ import math
 from vibro_cli.compile.kernel import SERIES_LENGTH, Series, kernel
 from vibro_cli.kernels.cluster.active_contacts import FORCE_ROUNDING
 from vibro_cli.kernels.cluster.cluster_forces import normal_force_now
-from vibro_cli.kernels.cluster.clusters import AT_END, half_way_to
 from vibro_cli.kernels.contact.contact_kinematics import free_acceleration, set_normals
-from vibro_cli.kernels.flow.flight import BOUNDARY, LIFT_OFF
+from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_to
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, path_on_segment, polynomial_flow
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order

@@ -12,10 +12,10 @@ from vibro_cli.kernels.cluster.active_contacts import settle
 from vibro_cli.kernels.cluster.clusters import launch_group
 from vibro_cli.kernels.cluster.collocation import launch_across
 from vibro_cli.kernels.contact.contact_kinematics import set_normals, set_speed
-from vibro_cli.kernels.events.event_log import hold
-from vibro_cli.kernels.events.wall_rest import rest
+from vibro_cli.kernels.contact.wall_contact import rest
 from vibro_cli.kernels.flow.begin_flight import begin_flight, log_flight
 from vibro_cli.kernels.impact.chattering import NOT_YET, carry_drift, time_to_rest
+from vibro_cli.kernels.impact.event_log import hold
 from vibro_cli.kernels.impact.impulse_chain import held_from
 from vibro_cli.kernels.impact.plastic_limit import equalise
 from vibro_cli.kernels.structs import PARTING, RELEASED

@@ -20,9 +20,9 @@ from vibro_cli.kernels.cluster.cluster_forces import (
     lever_of,
     moments_of_body,
 )
-from vibro_cli.kernels.cluster.clusters import clear, half_way_to, is_at
+from vibro_cli.kernels.cluster.clusters import clear
 from vibro_cli.kernels.contact.contact_kinematics import line_of_centres, tangent
-from vibro_cli.kernels.flow.flight import LIFT_OFF
+from vibro_cli.kernels.flow.flight import LIFT_OFF, half_way_to, is_at
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body
 from vibro_cli.kernels.flow.rotating_flight import launch_on_line
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE

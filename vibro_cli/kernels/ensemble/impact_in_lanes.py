@@ -18,7 +18,6 @@ from vibro_cli.kernels.contact.libration_contact_lanes import (
     SwingLanes,
     contact_in_lanes,
 )
-from vibro_cli.kernels.events.event_log import do_part
 from vibro_cli.kernels.flow.begin_flight import LEAST_SIZE, projected
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
@@ -28,6 +27,7 @@ from vibro_cli.kernels.flow.flight import (
     widest_pull,
 )
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
+from vibro_cli.kernels.impact.event_log import do_part
 from vibro_cli.kernels.impact.laws import impact_of_pair
 from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_librations
 from vibro_cli.kernels.numerics.error_free import add_to_time, time_between

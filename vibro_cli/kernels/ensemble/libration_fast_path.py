@@ -10,7 +10,6 @@ from __future__ import annotations
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.compile.lanes import Two, any_lane, either, in_lane, two_lanes
 from vibro_cli.kernels.contact.two_librations import TwoBodies, TwoSwings, TwoTracks, contact_of_two
-from vibro_cli.kernels.events.event_log import do_part, log_impact
 from vibro_cli.kernels.events.event_loop import drop_rows, proceed
 from vibro_cli.kernels.flow.begin_flight import LEAST_SIZE, log_flight, place_at, projected
 from vibro_cli.kernels.flow.flight import (
@@ -24,6 +23,7 @@ from vibro_cli.kernels.flow.flight import (
 )
 from vibro_cli.kernels.flow.flow import swings
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
+from vibro_cli.kernels.impact.event_log import do_part, log_impact
 from vibro_cli.kernels.impact.laws import impact_of_pair
 from vibro_cli.kernels.numerics.elliptic import (
     PARAMETER_SPLIT,

@@ -15,8 +15,12 @@ from vibro_cli.kernels.cluster.contact_changes import (
     relaunch_run,
 )
 from vibro_cli.kernels.contact.contact_kinematics import lifted_body, set_normals, set_speed
-from vibro_cli.kernels.events.event_log import log_impact, parts
-from vibro_cli.kernels.events.wall_rest import bounce_is_lost, last_row_of
+from vibro_cli.kernels.contact.wall_contact import bounce_is_lost, last_row_of
+from vibro_cli.kernels.events.simultaneous_impacts import (
+    collide_jointly,
+    complete_inadmissible,
+    energy_of_chain,
+)
 from vibro_cli.kernels.flow.begin_flight import (
     begin_flight,
     begin_two_flights,
@@ -26,14 +30,10 @@ from vibro_cli.kernels.flow.begin_flight import (
     project,
 )
 from vibro_cli.kernels.flow.flight import LIFT_OFF, anchor_at_crest, head_from_state, set_arc_energy
+from vibro_cli.kernels.impact.event_log import log_impact, parts
 from vibro_cli.kernels.impact.impulse_chain import chain_of_contacts, held_run, row_from
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, impact_of_pair
 from vibro_cli.kernels.impact.plastic_limit import FORCED
-from vibro_cli.kernels.impact.simultaneous_impacts import (
-    collide_jointly,
-    complete_inadmissible,
-    energy_of_chain,
-)
 from vibro_cli.kernels.structs import PARTING, RELEASED, Flight, PairData, TrackData
 from vibro_cli.kernels.world import (
     COLLISION,

@@ -13,7 +13,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 )
 from vibro_cli.kernels.events.event_detection import first_contact
 from vibro_cli.kernels.events.event_handlers import collide, leave_piece, release
-from vibro_cli.kernels.events.event_log import log_contacts
+from vibro_cli.kernels.impact.event_log import log_contacts
 from vibro_cli.kernels.numerics.error_free import time_between
 from vibro_cli.kernels.structs import NEVER, Clock
 from vibro_cli.kernels.world import (

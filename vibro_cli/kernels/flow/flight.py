@@ -22,6 +22,8 @@ END_ROUNDING = 1.0e-9
 BEYOND_END = 1.0e-12
 # ... or, short of it, this share of what its sine is the difference of.
 SHORT_OF_END = 4.0 * 2.220446049250313e-16
+# A state within this of an end of its piece, in S C - C S, is at that end.
+AT_END = 1.0e-14
 
 
 @kernel
@@ -351,3 +353,18 @@ def _lift_off_now(flight: Flight) -> None:
     flight.exit_kind = LIFT_OFF
     flight.exit_after = 0.0
     flight.exit_p = flight.p
+
+
+@kernel
+def is_at(s: float, c: float, end_s: float, end_c: float) -> bool:
+    """Tell whether a place on an arc is an end of it, and not the other end of a full circle."""
+    return abs(s * end_c - c * end_s) < AT_END and s * end_s + c * end_c > 0.0
+
+
+@kernel
+def half_way_to(half: float) -> float:
+    """Half the angle (rad) from a place on an arc to an end of it, in (-pi, pi] by an arc tangent.
+
+    Beyond the end it is by rounding only; from the other end of a full circle it is pi.
+    """
+    return half + 2.0 * math.pi if half < -0.5 * math.pi else half

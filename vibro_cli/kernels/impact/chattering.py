@@ -18,10 +18,10 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     speed_of_pair,
 )
 from vibro_cli.kernels.contact.gap import distance_gap
-from vibro_cli.kernels.events.event_log import SPEED_ROUNDING
-from vibro_cli.kernels.events.wall_rest import touched_wall
+from vibro_cli.kernels.contact.wall_contact import touched_wall
 from vibro_cli.kernels.flow.begin_flight import state_at
 from vibro_cli.kernels.flow.flow import angular_jerk, tangential_acceleration
+from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING
 from vibro_cli.kernels.impact.impulse_chain import held_run, joins
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import parting_speed
-from vibro_cli.kernels.events.event_log import SPEED_ROUNDING
-from vibro_cli.kernels.events.wall_rest import touched_wall
+from vibro_cli.kernels.contact.wall_contact import touched_wall
 from vibro_cli.kernels.impact.chattering import closing_law
+from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING
 from vibro_cli.kernels.impact.impulse_chain import (
     apply_impulses,
     held_from,

@@ -19,7 +19,7 @@ from vibro_cli.kernels.impact.laws import (
     loss_of_impulse,
     weight_and_response,
 )
-from vibro_cli.kernels.impact.tridiagonal import solve_from_both_ends
+from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.logging import log_states, renew_energies
 from vibro_cli.kernels.springs.search import gap_of, is_in_contact
 from vibro_cli.kernels.springs.series import acceleration_of

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL, weight_and_response
-from vibro_cli.kernels.impact.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.numerics.error_free import add_to_time, time_between
+from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.contact import common_acceleration
 from vibro_cli.kernels.springs.impacts import approach_before, inclination, set_chain_row
 from vibro_cli.kernels.springs.replay import go_on, restore

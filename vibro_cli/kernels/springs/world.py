@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import struct
-from vibro_cli.kernels.impact.tridiagonal import ChainRow
+from vibro_cli.kernels.numerics.tridiagonal import ChainRow
 from vibro_cli.kernels.structs import BodyData
 
 ORDER = 24  # of the Taylor series of a body's place

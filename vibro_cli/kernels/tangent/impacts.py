@@ -20,7 +20,7 @@ from __future__ import annotations
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.gap import centre_position, centre_tangent
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, weight_and_response
-from vibro_cli.kernels.impact.tridiagonal import solve_from_both_ends
+from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.tangent.world import Tangents
 from vibro_cli.kernels.world import ImpactRow, World
 

@@ -7,9 +7,9 @@ what decides on the contact of two bodies (see ``kernels.cluster.active_contacts
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.clusters import AT_END, is_at
 from vibro_cli.kernels.contact.contact_kinematics import free_acceleration, set_speed
 from vibro_cli.kernels.contact.gap import centre_position
+from vibro_cli.kernels.flow.flight import AT_END, is_at
 from vibro_cli.kernels.structs import NEVER
 from vibro_cli.kernels.world import FlightRow, World
 

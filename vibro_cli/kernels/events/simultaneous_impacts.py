@@ -15,11 +15,15 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_normals,
     set_speed,
 )
-from vibro_cli.kernels.events.event_log import SPEED_ROUNDING, log_impact, parts
-from vibro_cli.kernels.events.wall_rest import last_row_of, touched_wall, touches_dissipative_wall
+from vibro_cli.kernels.contact.wall_contact import (
+    last_row_of,
+    touched_wall,
+    touches_dissipative_wall,
+)
 from vibro_cli.kernels.flow.begin_flight import bring_to
 from vibro_cli.kernels.flow.flight import head_from_state
 from vibro_cli.kernels.impact.chattering import closing_law, repeats
+from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING, log_impact, parts
 from vibro_cli.kernels.impact.impulse_chain import apply_impulses, joint_impulses, share_fastest
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, loss_of_impulse
 from vibro_cli.kernels.impact.plastic_limit import FREE, PRESSING, half_approach, press_speeds
