@@ -9,6 +9,7 @@ sense of least squares: the shift along the orbit (``f dz = 0``), and the energy
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -83,7 +84,7 @@ class Orbit:
         matrix: Floats = basis.T @ ((self.shot.matrix * scale[:, None] / scale) @ basis)
         return matrix
 
-    @property
+    @cached_property
     def multipliers(self) -> NDArray[np.complex128]:
         """Of the map across the orbit on its level of energy, the largest first."""
         values = np.linalg.eigvals(self.reduced).astype(np.complex128)
