@@ -14,7 +14,7 @@ from vibro_cli.compile.kernel import Overrides
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
 from vibro_cli.systems.rows import Log, plain_rows, set_rows
-from vibro_cli.systems.wanted import Limits, tell
+from vibro_cli.systems.wanted import FINAL, Limits, tell
 
 # Interpreted, the kernels are the reference of every bit; compiled they are faster.
 ENGINES = ("compiled", "python")
@@ -273,8 +273,6 @@ def compiled_world(loop: EventLoop, world: Any, logs_of: Any = None) -> Any:
 
 
 CHECKPOINT_FORMAT = 4
-# Ends after which nothing can follow, whatever the stop.
-FINAL = ("inadmissible", "end_of_trace", "lift_off", "wall_contact", "accumulation")
 # What stops count, in words.
 COUNTED = {"collisions": "impacts", "bounces": "bounces on the wall"}
 

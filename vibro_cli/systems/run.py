@@ -231,7 +231,7 @@ def simulate(
     ValueError
         For an unknown engine, without a limit, and for a checkpoint of another system.
     CannotContinue
-        If the earlier run had ended for good (see ``continuing.FINAL``), or is past the stop.
+        If the earlier run had ended for good (see ``systems.wanted.FINAL``), or is past the stop.
     TooQuiet
         If there is no impact for very long.
     """

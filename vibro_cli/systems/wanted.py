@@ -20,6 +20,9 @@ Instants = NDArray[np.float64]
 UNLIMITED = 2**62
 """The count of a stop that is not set."""
 
+FINAL = ("inadmissible", "end_of_trace", "lift_off", "wall_contact", "accumulation")
+"""Ends after which nothing can follow, whatever the stop."""
+
 # A time beyond the end by its rounding is the end.
 ROUNDING = 1.0e-12
 

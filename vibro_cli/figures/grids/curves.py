@@ -18,14 +18,13 @@ from vibro_cli.figures.portraits.legend import LINE, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import WIDTHS
 from vibro_cli.mechanics.trace import HUMP, VALLEY
+from vibro_cli.systems.wanted import FINAL
 
 _HIGH = {"single": (26.0,) * 4, "double": (34.0,) * 4}
 _DIAGRAM = {"single": 58.0, "double": 80.0}
 _WIDE_RANGE = 50.0
 FIRST = 20
 """Impacts of each run whose times are shown."""
-_EARLY = ("inadmissible", "end_of_trace", "lift_off", "wall_contact", "accumulation")
-"""Causes that end a run before its impacts do, or what was asked for."""
 ENDED: dict[str, Any] = {
     "marker": "x",
     "markersize": 3.0,
@@ -180,7 +179,7 @@ def _impacts_over(
 
 def _early_ends(grid: Swept, shown: Lattice, most: int | None) -> tuple[Array, Array]:
     """Return places and times (s) of the ends of runs that were cut short, with few impacts."""
-    early = np.isin(ended(grid)[shown.rows].astype(str), _EARLY)
+    early = np.isin(ended(grid)[shown.rows].astype(str), FINAL)
     if most is not None:
         early &= np.asarray(grid.summary["collisions"])[shown.rows] < most
     times = np.asarray(grid.summary["end_time"], dtype=np.float64)[shown.rows]
