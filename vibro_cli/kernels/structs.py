@@ -192,7 +192,7 @@ class PairData(ChainRow):
     closing: int  # scratch of an instant: ``touching`` to be; 1: takes part in a joint impact
     pressing: int  # scratch of an instant: see kernels.cluster.active_contacts
     series: Series  # contact force on a segment across pieces, in powers of t/segment (N)
-    nodal: Series  # scratch: force at the nodes
+    nodal: Series  # scratch: force at the nodes; its first also energy (J) that closing takes
 
 
 @struct

@@ -177,7 +177,6 @@ def close_accumulated(world: World, first: int, count: int) -> bool:
     for step in range(count):
         pair = world.pairs[(first + step) % pairs]
         pair.closing = pair.touching
-        pair.nodal[0] = 0.0
         pair.solution = NOT_YET
         if pair.held == 0 and pair.touching == PARTING:
             pair.solution = time_to_rest(world, first, count, (first + step) % pairs)
@@ -186,6 +185,7 @@ def close_accumulated(world: World, first: int, count: int) -> bool:
         return False
     for step in range(count):
         pair = world.pairs[(first + step) % pairs]
+        pair.nodal[0] = 0.0
         if pair.held == 0 and pair.solution >= 0.0:
             pair.closing = 0
             pair.nodal[0] = carry_drift(world, (first + step) % pairs, pair.solution)
