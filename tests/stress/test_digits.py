@@ -13,7 +13,7 @@ from vibro_cli.stress import digits
 from vibro_cli.stress.finding import Document
 from vibro_cli.stress.oracles.oracle import Told
 from vibro_cli.stress.oracles.taylor import mp
-from vibro_cli.stress.scenes import VALLEY, ball, scene
+from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
 from vibro_cli.systems.trace.run import Run
 
 HARD = Path(__file__).parents[1] / "hard_cases"
@@ -90,3 +90,16 @@ def test_every_number_of_a_document_is_changed() -> None:
     changed = list(digits.changed_documents(two_balls()))
     assert len(changed) == 1 + 2 * 3 + 1 + 1
     assert all(one != two_balls() for one in changed)
+
+
+def test_bodies_that_touch_and_part_at_once_are_changed_by_a_gap() -> None:
+    def parted(document: Document) -> list[Document]:
+        return list(digits.parted_documents(document, digits._solved(document)))
+
+    # The second one rolls away from the first; at rest beside it, it leans on it.
+    row = [ball(0.1, mass=2.0), {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}]
+    apart = scene(VALLEY, [row[0], {**row[1], "speed": 1.0}], 0.5, time=1.0)
+    (changed,) = parted(apart)
+    assert system_of(changed).initial[1].position > system_of(apart).initial[1].position
+    assert parted(scene(VALLEY, [row[0], {**row[1], "speed": -1.0}], 0.5, time=1.0)) == []
+    assert parted(scene(VALLEY, row, 0.5, time=1.0)) == []

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from vibro_cli.stress.left_open import left_open, order_left_open, untold
+from vibro_cli.stress.left_open import left_open, order_left_open, throw_left_open, untold
 from vibro_cli.stress.oracles.oracle import Bounce, Event, Told
 from vibro_cli.stress.oracles.taylor import mp
 
@@ -64,3 +64,26 @@ def test_a_body_hit_from_two_sides_at_once_leaves_their_order_open() -> None:
     apart = [bounce(1.0, 1.0), bounce(1.0 + 0.5 * way, 1.0, (2, 3))]
     assert order_left_open(Told([], joint), SIZE) == math.inf
     assert order_left_open(Told([], apart), SIZE) == math.inf
+
+
+def test_contact_without_force_may_as_well_have_lasted() -> None:
+    opened, closed = (
+        Event(mp.mpf(t), f"contact_{kind}", 0, 1) for t, kind in ((1, "opened"), (1.5, "closed"))
+    )
+    alone = Told([opened, closed], [])
+    assert untold(alone, opened, SIZE) == untold(alone, closed, SIZE) == 0.5
+    # Bodies that meet again with an impact have been apart.
+    met = Event(mp.mpf(1.5), "impact", 0, 1)
+    assert untold(Told([opened, met, closed], [bounce(1.5, 0.0)]), closed, SIZE) < 1e-12
+
+
+def test_motion_that_a_law_grows_out_of_bounces_lost_in_rounding_may_as_well_be_none() -> None:
+    growing = [
+        Bounce(mp.mpf(1.0 + t), (0, 1), mp.mpf(-v), mp.mpf(2.0 * v), along=False)
+        for t, v in ((0.0, 1e-13), (1e-13, 2e-13), (3e-13, 4e-13), (7e-13, 1.0), (0.5, 2.0))
+    ]
+    assert throw_left_open(Told([], growing), SIZE) == float(growing[3].t)
+    # Not if the law acts along the line of centres, nor if no bounce was lost.
+    along = [one._replace(along=True) for one in growing]
+    assert throw_left_open(Told([], along), SIZE) == math.inf
+    assert throw_left_open(Told([], growing[3:]), SIZE) == math.inf

@@ -23,7 +23,15 @@ from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.left_open import LeftOpen, begun, left_open, order_left_open, size_of, untold
+from vibro_cli.stress.left_open import (
+    LeftOpen,
+    begun,
+    left_open,
+    order_left_open,
+    size_of,
+    throw_left_open,
+    untold,
+)
 from vibro_cli.stress.oracles.oracle import Oracle, Told
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import mp
@@ -95,7 +103,7 @@ def compared(document: Document, engine: str = "compiled") -> Verdict:
         return Verdict(why=f"the run ends at once: {run.end_cause}")
     times = np.linspace(0.0, end, INSTANTS + 2)[1:-1]
     ours = motion_at(run, times)
-    grown = amplification(document, times, ours)
+    grown = amplification(document, run, times, ours)
     lost = (grown.max(axis=(1, 2)) > LOST) | (times >= first_graze(run))
     known = int(np.argmax(np.append(lost, True)))
     if known == 0:
@@ -149,11 +157,32 @@ def changed_documents(document: Document) -> Iterator[Document]:
             yield changed
 
 
-def amplification(document: Document, times: Floats, ours: Floats) -> Floats:
+def parted_documents(document: Document, run: Run) -> Iterator[Document]:
+    """The document with a gap before each body in turn that parts from its neighbour at once.
+
+    No other change does that. Bodies that are pressed together, or hit one another at once, are
+    left: the rounding of their places does not make bounces of a contact.
+    """
+    hit = run.collisions["ball_b"][run.collisions["t"] == 0.0]
+    held = run.events["other"][run.events["t"] == 0.0]  # no other event of that instant has one
+    together = {*np.asarray(hit).tolist(), *np.ma.filled(held, 0).tolist()}
+    for number, state in enumerate(run.system.initial):
+        if "touching" not in document["balls"][number] or number + 1 in together:
+            continue
+        changed = deepcopy(document)
+        ball = changed["balls"][number]
+        del ball["touching"]
+        ball["arc"] = state.piece + 1
+        key = "position" if run.system.trace.pieces[state.piece].is_line else "angle"
+        ball[key] = state.position + CHANGE * max(abs(state.position), 1.0)
+        yield changed
+
+
+def amplification(document: Document, run: Run, times: Floats, ours: Floats) -> Floats:
     """What a relative change of 1 of an input would do to the motion, at least its own size."""
     size = np.abs(ours).max(axis=0)
     grown = np.broadcast_to(np.maximum(size, 1.0), ours.shape).copy()
-    for other in changed_documents(document):
+    for other in (*changed_documents(document), *parted_documents(document, run)):
         try:
             theirs = motion_at(_solved(other), times)
         except (ScenarioError, ArithmeticError, ValueError):
@@ -181,10 +210,11 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
     ours_closed = run.events["t"][run.events["event"] == "contact_closed"]
     first = min([*closings, *ours_closed.tolist()], default=np.inf)
     motion, after = 0.0, None
-    amid = _amid_bounces(run, times)
+    thrown = throw_left_open(told, size_of(run, told))
+    compared = (times < thrown) & ~_amid_bounces(run, times)
     growth = _Growth(told, times, grown.max(axis=(1, 2)), run)
     for row, bodies in enumerate(told.samples):
-        if amid[row]:
+        if not compared[row]:
             continue
         pushed = growth.left_open(times[row]).speed
         for ball, (state, x, y) in enumerate(bodies):
@@ -195,7 +225,7 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
                     motion = max(motion, (off - pushed) / unit)
                 else:
                     after = max(after or 0.0, off - MARK * unit - pushed)
-    end = min(float(times[-1]), order_left_open(told, size_of(run, told)))
+    end = min(float(times[-1]), order_left_open(told, size_of(run, told)), thrown)
     return Verdict(motion, after, _contacts_off(run, told, end, growth))
 
 

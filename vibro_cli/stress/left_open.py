@@ -20,6 +20,7 @@ from vibro_cli.systems.trace.run import Run
 # Times gravity: how fast the motion in contact and that of the bounces before it come apart.
 PUSH = 4.0
 STILL = 1.0e-20  # m/s: parting bodies that stay together
+INTERRUPTED = ("contact_opened", "contact_closed")
 
 
 Lasting = list[tuple[Bounce, Any]]
@@ -59,9 +60,20 @@ def untold(told: Told, event: Event, size: float) -> float:
 
     Bounces lower than it are one contact, unless they have a sum: those of one pair under a law
     along its line of centres. An impact above them comes as much earlier or later as its bodies
-    take for such a way.
+    take for such a way. Where contact opens and closes again without an impact, nothing has moved
+    the bodies apart: it may as well have lasted, or close later from such a distance.
     """
-    return _begin_and_time(_lasting(told), event, CONTACT_ROUNDING * size)[1]
+    lost = _begin_and_time(_lasting(told), event, CONTACT_ROUNDING * size)[1]
+    return max(lost, _without_force(told, event))
+
+
+def _without_force(told: Told, event: Event) -> float:
+    """How long (s) contact of the bodies is interrupted at an event, with no impact at its end."""
+    alike = [e for e in told.events if (e.a, e.b) == (event.a, event.b)]
+    for one, other in pairwise(alike):
+        if event in (one, other) and (one.kind, other.kind) == INTERRUPTED:
+            return float(other.t - one.t)
+    return 0.0
 
 
 def _begin_and_time(lasting: Lasting, event: Event, height: float) -> tuple[float, float]:
@@ -143,6 +155,23 @@ def order_left_open(told: Told, size: float) -> float:
         if shared and 0 < apart < height / max(abs(other.before), STILL):
             return float(one.t)
     return float("inf")
+
+
+def throw_left_open(told: Told, size: float) -> float:
+    """The first instant (s) from which bodies that a law throws apart may stay together.
+
+    A law that does not act along the line of centres may make each bounce higher than the one
+    before: motion grows out of bounces that are one contact for the program. Infinite if none does.
+    """
+    height = CONTACT_ROUNDING * size
+    lost = dict[tuple[int, ...], bool]()
+    for bounce, lasts in _lasting(told):
+        is_low = _is_low(bounce.after, lasts, height)
+        grows = not bounce.along and STILL < -bounce.before < bounce.after
+        if grows and lost.get(bounce.bodies) and not is_low:
+            return float(bounce.t)
+        lost[bounce.bodies] = is_low
+    return math.inf
 
 
 def _lost_before(lasting: Lasting, event: Event, height: float) -> list[Bounce]:
