@@ -10,14 +10,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def check_transient(transient: int | None, impacts: int) -> None:
-    """Raise ``ValueError`` where a section would leave out all impacts, the most that a run has."""
-    if transient is not None and 0 < impacts <= transient:
-        raise ValueError(
-            f"there is no impact after the first {transient}; the most that a run has are {impacts}"
-        )
-
-
 @dataclass(frozen=True)
 class Drawing:
     """A figure at journal standard, shown as it is in a notebook."""

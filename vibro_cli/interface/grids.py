@@ -17,7 +17,7 @@ import numpy as np
 from vibro_cli import __version__
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.threads import solve_into
-from vibro_cli.interface.drawing import Drawing, check_transient
+from vibro_cli.interface.drawing import Drawing
 from vibro_cli.scenario.loading import Document
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored_grid import open_grid as open_stored_grid
@@ -126,7 +126,6 @@ class Grid:
         from vibro_cli.figures.grids.bifurcation import Section, bifurcation, quantities_of
 
         quantities = quantities_of(columns, self.stored.impact_units())
-        check_transient(transient, int(self.impacts_of_runs(pair).max(initial=0)))
         drawn = bifurcation(self.stored, width, quantities, Section(pair, transient))
         return Drawing("section", drawn)
 
@@ -135,20 +134,16 @@ class Grid:
 
         ``pair``: those of two bodies only, as for :meth:`section`.
         """
+        from vibro_cli.figures.grids.bifurcation import Section
         from vibro_cli.figures.grids.parameter_map import lattice
 
-        shown, kept = lattice(self.stored, 1, numbers_first=True), self.stored.impact_columns()
-        bodies = () if pair is None else ("ball_a", "ball_b")
-        if shown is None or not {"scenario", *bodies} <= set(kept):
+        shown, section = lattice(self.stored, 1, numbers_first=True), Section(pair)
+        wanted = ["scenario", *section.columns]
+        if shown is None or not set(wanted) <= set(self.stored.impact_columns()):
             return np.zeros(0, dtype=np.int64)
         scenarios = self.stored.summary["scenario"][shown.rows]
-        impacts = self.stored.impacts(["scenario", *bodies], scenarios)
-        of_pair = np.ones(len(impacts["scenario"]), dtype=np.bool_)
-        for name, body in zip(bodies, pair or (), strict=True):
-            of_pair &= impacts[name] == body
-        least = int(scenarios.max()) + 1
-        counts: NDArray[np.int64] = np.bincount(impacts["scenario"][of_pair], minlength=least)
-        return np.asarray(counts[scenarios])
+        impacts = self.stored.impacts(wanted, scenarios)
+        return section.counts(impacts, impacts["scenario"], int(scenarios.max()) + 1)[scenarios]
 
     def basins(self, outcome: Sequence[str] = ()) -> Mapped:
         """Tell which outcome each point leads to, and how finely the outcomes are mixed.

@@ -14,7 +14,7 @@ from vibro_cli import __version__, api
 from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.grids.threads import available_cores
-from vibro_cli.interface.drawing import Drawing, check_transient
+from vibro_cli.interface.drawing import Drawing
 from vibro_cli.storage import runs
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.schema import table_named
@@ -240,7 +240,6 @@ class Run:
         if len(quantities) != 2:
             raise ValueError(f"found {len(quantities)} columns of impacts, expected two")
         wanted = {name: table[name] for name in (*names, *section.columns)}
-        check_transient(transient, _number_of(table, pair))
         drawn = poincare(wanted, (quantities[0], quantities[1]), section, width)
         return Drawing("section", drawn)
 
@@ -351,13 +350,6 @@ _FORMS = ("png", "pdf")
 
 _SECONDS = 30.0
 """Length of a film (s) where no end is asked for."""
-
-
-def _number_of(impacts: Table, pair: tuple[int, int] | None) -> int:
-    """How many impacts a table has, those of a pair of bodies if one is named."""
-    if pair is None:
-        return impacts.rows
-    return int(((impacts["ball_a"] == pair[0]) & (impacts["ball_b"] == pair[1])).sum())
 
 
 def _in_words(run: Run) -> str:

@@ -82,23 +82,40 @@ class Section:
         """Columns of the impacts that it asks for."""
         return () if self.pair is None else ("ball_a", "ball_b")
 
-    def why_none(self, held: str = "") -> str:
-        """Return why no impact is shown; `held` says at which values other axes are held."""
+    def why_none(self, counts: NDArray[np.int64], held: str = "") -> str:
+        """Return why no impact is shown.
+
+        Parameters
+        ----------
+        counts
+            How many impacts each run has (see `counts`).
+        held
+            At which values other axes are held.
+        """
         whose = "" if self.pair is None else f" of bodies {self.pair[0]} and {self.pair[1]}"
         where = f" (held: {held})" if held else ""
         if self.transient is None:
             few = f"no run has more than {LAST} impacts{whose}{where}"
             return f"{few}; with a transient of 0 every impact is shown"
         after = f" after the first {self.transient}" if self.transient else ""
-        return f"there is no impact{whose}{after}{where}"
+        most = int(counts.max(initial=0))
+        known = f"; the most that a run has are {most}" if 0 < most <= self.transient else ""
+        return f"there is no impact{whose}{after}{where}{known}"
+
+    def _of_pair(self, impacts: Impacts, run: NDArray[np.int64]) -> NDArray[np.bool_]:
+        if self.pair is None:
+            return np.ones(len(run), dtype=np.bool_)
+        shown = (impacts["ball_a"] == self.pair[0]) & (impacts["ball_b"] == self.pair[1])
+        return np.asarray(shown)
+
+    def counts(self, impacts: Impacts, run: NDArray[np.int64], runs: int = 0) -> NDArray[np.int64]:
+        """Return how many impacts each run has, the transient's too; `runs` at least."""
+        least = max(runs, int(run.max(initial=-1)) + 1)
+        return np.bincount(run[self._of_pair(impacts, run)], minlength=least)
 
     def chosen(self, impacts: Impacts, run: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which impacts are shown, given the number of the run that each belongs to."""
-        shown = np.ones(len(run), dtype=np.bool_)
-        if self.pair is not None:
-            shown = (impacts["ball_a"] == self.pair[0]) & (impacts["ball_b"] == self.pair[1])
-        size = int(run.max(initial=-1)) + 1
-        count = np.bincount(run[shown], minlength=size)
+        shown, count = self._of_pair(impacts, run), self.counts(impacts, run)
         before = np.cumsum(shown) - np.concatenate([[0], np.cumsum(count)])[run]
         if self.transient is not None:
             shown &= before > self.transient
@@ -155,7 +172,8 @@ def bifurcation(
     impacts, row = {name: column[sorting] for name, column in impacts.items()}, row[sorting]
     chosen = section.chosen(impacts, row)
     if not np.any(chosen):
-        raise NothingToShow(section.why_none(shown.held if shown.fixed else ""))
+        held = shown.held if shown.fixed else ""
+        raise NothingToShow(section.why_none(section.counts(impacts, row), held))
     across = shown.coordinates[0]
     with style.journal():
         figure, drawn, wide = stacked(width, [_HIGH[width]] * len(panels), 2.0)
@@ -188,10 +206,11 @@ def poincare(
         If there is no such impact.
     """
     names = [name for name, _, _ in quantities]
-    chosen = section.chosen(impacts, np.zeros(len(impacts[names[0]]), dtype=np.int64))
+    run = np.zeros(len(impacts[names[0]]), dtype=np.int64)
+    chosen = section.chosen(impacts, run)
     x, y = (np.asarray(impacts[name], dtype=np.float64)[chosen] for name in names)
     if not np.any(np.isfinite(x) & np.isfinite(y)):
-        raise NothingToShow(section.why_none())
+        raise NothingToShow(section.why_none(section.counts(impacts, run)))
     name, symbol, unit = quantities[0]
     along = Coordinate(name, unit, x, (), symbol)
     with style.journal():
