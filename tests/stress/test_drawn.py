@@ -210,3 +210,21 @@ def test_a_pair_that_parts_by_rounding_only_does_not_jump() -> None:
     document = tomllib.loads((HARD / "launched_without_parting.toml").read_text(encoding="utf-8"))
     run = simulate_system(system_of(document), document["stop"]["time"], None)
     assert physics.jumps(run, physics.motion_of(run, 500)) == []
+
+
+def test_a_row_whose_order_rounding_decides_has_no_mirror_image_from_there_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A body bounces between its neighbours, in the last gaps 1e-15 m wide."""
+    document = draw(20261125, 44921)
+    run = simulate_system(system_of(document), document["stop"]["time"], None)
+    assert physics._order_in_doubt(run) == pytest.approx(1.13506404189, rel=1e-9)
+    assert physics.faults_of_document(document) == []
+    monkeypatch.setattr(physics, "_order_in_doubt", lambda _: np.inf)
+    assert kinds(physics.faults_of_document(document)) == ["mirror"]
+
+
+def test_the_order_of_impacts_with_gaps_between_is_in_no_doubt() -> None:
+    document = draw(20261125, 44921)
+    run = simulate_system(system_of(document), 1.13, None)
+    assert physics._order_in_doubt(run) == np.inf

@@ -377,19 +377,43 @@ def first_graze(run: Run) -> float:
     return math.inf
 
 
+def _size(run: Run) -> float:
+    """Return `size_of_places` of where the bodies start."""
+    places = run.sample([0.0])
+    return size_of_places(run, (float(np.abs(places[axis]).max()) for axis in ("x", "y")))
+
+
 def _first_doubt(run: Run) -> tuple[float, float]:
     """When rounding first decides what comes of impacts (s), and the speed that is open then (m/s).
 
     Bounces as high as the rounding of places have that speed. They are in doubt, and so are
     sequences of impacts at one instant, which are what is left of such bounces of several pairs.
     """
-    places = run.sample([0.0])
-    size = size_of_places(run, (float(np.abs(places[axis]).max()) for axis in ("x", "y")))
-    speed = math.sqrt(2.0 * run.system.gravity * CONTACT_ROUNDING * size)
+    speed = math.sqrt(2.0 * run.system.gravity * CONTACT_ROUNDING * _size(run))
     t, approach = run.collisions["t"], run.collisions["approach_speed"]
     doubtful = approach < FEW * speed
     doubtful[1:] |= t[1:] == t[:-1]
     return float(t[doubtful].min(initial=math.inf)), speed
+
+
+def _order_in_doubt(run: Run) -> float:
+    """When bodies first meet again from a gap lost in rounding, one of them hit meanwhile (s).
+
+    Which impact of such a row comes before which is then decided by rounding, and what comes of
+    it differs by as much as the speeds of the impacts. Infinite if there is no such row.
+    """
+    height = CONTACT_ROUNDING * _size(run)
+    parted = dict[tuple[int, int], tuple[float, float]]()  # of each pair: when, and how fast
+    disturbed = set[tuple[int, int]]()  # those of which another pair has hit a body since
+    names = ("t", "ball_a", "ball_b", "approach_speed", "separation_speed")
+    for t, a, b, came, left in zip(*(run.collisions[name].tolist() for name in names), strict=True):
+        since, speed = parted.get((a, b), (t, 0.0))
+        if (a, b) in disturbed and since < t and min(speed, came) * (t - since) < height:
+            return float(since)
+        parted[a, b] = t, left
+        disturbed.discard((a, b))
+        disturbed |= {pair for pair in parted if len({a, b} & set(pair)) == 1}
+    return math.inf
 
 
 def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
@@ -407,6 +431,7 @@ def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
     off = _distances(run, ours, length - _places(image, times)[:, ::-1])
     normal = system.law == "normal-impulse"
     near = length * np.where(normal & (times < first_graze(run)), NEAR, FAINT)
+    near[times > min(map(_order_in_doubt, (run, image)))] = math.inf
     if not (off > near).any():
         return 0.0, 0.0
     doubt, speed = _first_doubt(run)
