@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import dots
 from vibro_cli.figures.grids.bifurcation import LAST, bifurcation
 from vibro_cli.figures.grids.kinds import GRID_KINDS, column_map, draw_grid, mapped_columns
-from vibro_cli.figures.portraits.layers import time_colours
+from vibro_cli.figures.style import time_colours
 
 RUNS = 12
 IMPACTS = 30  # of the first run; each further one has one more

@@ -25,6 +25,7 @@ from tests.figures.runs import (
 )
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.singular import singular_points
+from vibro_cli.figures import style
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.portraits.trajectory import MOST_BRANCHES, MOST_NUMBERS, trajectory
@@ -286,7 +287,7 @@ def test_colours_differ_in_grey_too() -> None:
         for look in (layers.SEPARATRIX, layers.BRANCH, layers.JUMP)
     ]
     assert len(set(styles)) == 3
-    colours = layers.time_colours()(np.linspace(0.0, 1.0, 64))[:, :3]
+    colours = style.time_colours()(np.linspace(0.0, 1.0, 64))[:, :3]
     grey = colours @ [0.2126, 0.7152, 0.0722]
     assert np.all(np.diff(grey) > 0.0)
 

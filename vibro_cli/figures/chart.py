@@ -11,14 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vibro_cli.figures import style
-from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.legend import (
-    LINE,
-    Entry,
-    draw_legend,
-    rows_of,
-    short_number,
-)
+from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of, short_number
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import (
@@ -226,7 +219,7 @@ def number_bar(figure: Figure, last: int, beside: Sequence[Entry] = ()) -> None:
     wide, high = figure.get_size_inches() / MM
     width, thick, middle = 0.25, 1.6 / high, 1.0 - 2.4 / high
     axes = figure.add_axes((0.42, middle - 0.5 * thick, width, thick))
-    axes.imshow(np.arange(256)[None, :], aspect="auto", cmap=layers.time_colours())
+    axes.imshow(np.arange(256)[None, :], aspect="auto", cmap=style.time_colours())
     axes.set_xticks([])
     axes.set_yticks([])
     look: dict[str, Any] = {"va": "center_baseline", "fontsize": style.SMALL}

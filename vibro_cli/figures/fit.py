@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import BAND, count_axis, stacked, value_axis
-from vibro_cli.figures.portraits.legend import Entry
+from vibro_cli.figures.legend import Entry
 
 _HIGH = {"single": 24.0, "double": 32.0}
 _POINT: dict[str, Any] = {

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import stacked, value_axis
-from vibro_cli.figures.portraits.legend import Entry
+from vibro_cli.figures.legend import Entry
 from vibro_cli.figures.ticks import number_ticks
 
 _HIGH = {"single": 32.0, "double": 42.0}

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from typing import Any
 
 import matplotlib
+import numpy as np
+from matplotlib.colors import Colormap, ListedColormap
 
 WIDTHS = {"single": 85.0, "double": 170.0}
 """Width of a figure (mm) for one column or two columns of a journal."""
@@ -79,3 +81,8 @@ def journal(larger: float = 1.0) -> Iterator[None]:
         sizes = {name: size * larger for name, size in _RC.items() if name in _SIZES}
         matplotlib.rcParams.update(_RC | sizes)
         yield
+
+
+def time_colours() -> Colormap:
+    """Return the colours of time, dark to light: viridis without its palest end."""
+    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, 256)))

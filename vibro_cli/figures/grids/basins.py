@@ -21,7 +21,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import log_axis, stacked
 from vibro_cli.figures.grids.maps import category_map
 from vibro_cli.figures.grids.parameter_map import Categories, Lattice, Swept, ended, lattice
-from vibro_cli.figures.portraits.legend import Entry
+from vibro_cli.figures.legend import Entry
 
 # Told apart in grey too.
 _COLOURS = (

@@ -13,8 +13,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS, log_axis, number_bar, stacked, value_axis
 from vibro_cli.figures.dots import draw_dots
 from vibro_cli.figures.grids.parameter_map import Endings, Lattice, Swept, ended, lattice, set_axis
-from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.legend import LINE, wrapped_legend
+from vibro_cli.figures.legend import LINE, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import WIDTHS
 from vibro_cli.mechanics.trace import HUMP, VALLEY
@@ -170,7 +169,7 @@ def _impacts_over(
         size = float(np.clip(6000.0 / len(values), 0.15, 4.0))
         norm = Normalize(float(np.min(number)), float(np.max(number)))
         along = shown.coordinates[0].place[row]
-        draw_dots(axes, along, values, number, layers.time_colours(), norm, size)
+        draw_dots(axes, along, values, number, style.time_colours(), norm, size)
         if len(ends):
             axes.plot(places, ends, **ENDED)
         number_bar(figure, int(np.max(number)), [("run ended", ENDED)] if len(ends) else [])

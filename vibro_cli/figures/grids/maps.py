@@ -21,8 +21,7 @@ from vibro_cli.figures.grids.parameter_map import (
     lattice,
     set_axis,
 )
-from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.legend import LINE, text_width, wrapped_legend
+from vibro_cli.figures.legend import LINE, text_width, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import Ticks, vertical_ticks
@@ -90,7 +89,7 @@ def quantity_map(
             words = f"{quantity} [$10^{{{ticks.power}}}${' ' + unit if unit else ']'}"
         room = _BAR + max(text_width(text) for text in ticks.labels)
         figure, axes = _panel(shown, width, 0.0, room)
-        colours = layers.time_colours()
+        colours = style.time_colours()
         _fill(axes, shown, own, colours, norm)
         _draw_bar(figure, axes, ScalarMappable(norm, colours), words, ticks)
     return figure

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from numpy.typing import NDArray
 
-from vibro_cli.figures.portraits.legend import text_width
+from vibro_cli.figures.legend import text_width
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.ticks import (
     LEAST,

@@ -19,9 +19,10 @@ from vibro_cli.analysis.levels import LevelCurve, SpeedCurve
 from vibro_cli.analysis.portrait_type import Portrait, portrait_of
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import LEFT, stacked
+from vibro_cli.figures.legend import LINE, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.background import Background
-from vibro_cli.figures.portraits.legend import LINE, draw_legend, last_time
+from vibro_cli.figures.portraits.entries import last_time
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
 from vibro_cli.figures.portraits.trace_phase_plane import EIGHT, JUNCTION, curves_of
@@ -136,7 +137,7 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
                 panel.axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
         limit_energies(lower, *_limits(energies, below, 1e-3 * float(np.max(values))))
         _label(upper, lower, ball)
-        draw_legend(figure, rows, None if few(path) else path)
+        draw_legend(figure, rows, None if few(path) else last_time(path))
     return figure
 
 

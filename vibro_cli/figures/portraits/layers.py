@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Colormap, ListedColormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.patches import Rectangle
 
 from vibro_cli.analysis.singular import CENTRE, SADDLE
@@ -81,16 +81,9 @@ POINT: dict[str, Any] = {
 MARKER = {CENTRE: "+", SADDLE: "x"}
 
 
-def time_colours() -> Colormap:
-    """Return the colours of time, dark to light: viridis without its palest end."""
-    import matplotlib
-
-    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, 256)))
-
-
 def by_time(look: dict[str, Any], times: Array, until: float) -> dict[str, Any]:
     """Return the look of lines in the colours of their times (s), from 0 to a last one."""
-    coloured = {"array": times, "cmap": time_colours(), "norm": Normalize(0.0, until)}
+    coloured = {"array": times, "cmap": style.time_colours(), "norm": Normalize(0.0, until)}
     return {name: value for name, value in look.items() if name != "color"} | coloured
 
 

@@ -9,17 +9,10 @@ from matplotlib.figure import Figure
 
 from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.figures import style
+from vibro_cli.figures.legend import LINE, Entry, bar_width, draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.background import Background, background
-from vibro_cli.figures.portraits.legend import (
-    LINE,
-    Entry,
-    bar_width,
-    draw_legend,
-    last_time,
-    legend_of,
-    rows_of,
-)
+from vibro_cli.figures.portraits.entries import last_time, legend_of
 from vibro_cli.figures.portraits.panels import RIGHT, Panel, label, lay_out
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Trajectory, trajectory
 from vibro_cli.figures.portraits.view_limits import seen, windows
@@ -47,7 +40,7 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str =
         figure, panels = lay_out(shown, width, legend=LINE * (len(rows) - 1))
         draw_motion(panels, path, behind)
         label(panels, ball)
-        draw_legend(figure, rows, None if few(path) else path)
+        draw_legend(figure, rows, None if few(path) else last_time(path))
     return figure
 
 
@@ -56,7 +49,9 @@ def legend_rows(
 ) -> list[list[Entry]]:
     """Return the rows of the legend of a portrait; the first has room for the bar of time."""
     entries = legend_of(path, behind, few(path), others)
-    return rows_of(entries, WIDTHS.get(width, 0.0) - RIGHT, 0.0 if few(path) else bar_width(path))
+    return rows_of(
+        entries, WIDTHS.get(width, 0.0) - RIGHT, 0.0 if few(path) else bar_width(last_time(path))
+    )
 
 
 def few(path: Trajectory) -> bool:

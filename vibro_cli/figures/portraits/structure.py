@@ -18,6 +18,7 @@ from vibro_cli.analysis.portrait_type import Portrait, condition
 from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.legend import line_of_entries
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.background import (
     Background,
@@ -25,7 +26,6 @@ from vibro_cli.figures.portraits.background import (
     both_halves,
     saddle_energies,
 )
-from vibro_cli.figures.portraits.legend import line_of_entries
 from vibro_cli.figures.portraits.panels import BOTTOM, LEFT, RIGHT, Panel, Window, label, lay_out
 from vibro_cli.figures.portraits.trace_phase_plane import (
     EIGHT,

@@ -26,8 +26,8 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.dots import MOST_MARKS, draw_marks, told_apart
+from vibro_cli.figures.legend import Entry
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.legend import Entry
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, kept
 from vibro_cli.figures.ticks import angle_ticks, number_ticks, with_power
@@ -83,14 +83,14 @@ def speed_map(
         figure, (axes,), (across,) = stacked(width, [_HIGH[width]])
         size = _dot(len(number))
         if len(number) <= MOST_VECTOR_POINTS:
-            axes.scatter(place, speed, c=number, cmap=layers.time_colours(), s=size, zorder=2.0)
+            axes.scatter(place, speed, c=number, cmap=style.time_colours(), s=size, zorder=2.0)
         if not np.all(made):
             axes.plot(place[~made], speed[~made], zorder=2.2, label="inadmissible", **REFUSED)
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
         positive_axis(axes, speed, _HIGH[width], "approach speed", "m/s")
         set_places(axes, place, across)
         if len(number) > MOST_VECTOR_POINTS:
-            draw_marks(axes, place, speed, math.sqrt(size), layers.time_colours())
+            draw_marks(axes, place, speed, math.sqrt(size), style.time_colours())
         number_bar(figure, len(number))
     return figure
 

@@ -194,6 +194,7 @@ def _force_members(world: World, first: int, count: int, t: float) -> None:
 def _iterate(world: World, first: int, count: int, h: float) -> float:
     """One sweep over the nodes; returns the largest relative change of an acceleration."""
     bodies = world.settings[0].bodies
+    size = _acceleration_size(world, first, count)
     for k in range(SERIES_LENGTH):
         _force_members(world, first, count, NODES[k] * h)
         for step in range(count):
@@ -205,7 +206,6 @@ def _iterate(world: World, first: int, count: int, h: float) -> float:
     for step in range(count):
         ball = (first + step) % bodies
         flight = world.flights[ball]
-        size = world.tracks[ball * world.settings[0].pieces + flight.piece].gravity_rate
         for i in range(SERIES_LENGTH):
             value = 0.0
             force = 0.0
@@ -249,13 +249,26 @@ def _acceleration(world: World, first: int, count: int, step: int) -> float:
 
 
 @kernel
-def _resolved(world: World, first: int, count: int) -> bool:
-    """Tell whether the last coefficients no longer matter for the places."""
+def _acceleration_size(world: World, first: int, count: int) -> float:
+    """Size (m/s^2) of the members' accelerations: those of one are given to the others.
+
+    On a trace that turns, a level line next to the axis has hardly any of its own.
+    """
     settings = world.settings[0]
+    size = 0.0
     for step in range(count):
         ball = (first + step) % settings.bodies
-        flight = world.flights[ball]
-        size = world.tracks[ball * settings.pieces + flight.piece].gravity_rate
+        piece = world.flights[ball].piece
+        size = max(size, world.tracks[ball * settings.pieces + piece].gravity_rate)
+    return size
+
+
+@kernel
+def _resolved(world: World, first: int, count: int) -> bool:
+    """Tell whether the last coefficients no longer matter for the places."""
+    size = _acceleration_size(world, first, count)
+    for step in range(count):
+        flight = world.flights[(first + step) % world.settings[0].bodies]
         # The last powers, as they enter the place at the end of the segment.
         last = abs(flight.series[SERIES_LENGTH - 1]) + abs(flight.series[SERIES_LENGTH - 2])
         if last > 1.0e-5 * size:

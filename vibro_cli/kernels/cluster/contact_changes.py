@@ -143,9 +143,13 @@ def open_contacts(world: World, j: int, first: int, count: int) -> None:
     for step in range(count + 1):
         set_speed(world, (first + step) % settings.bodies)
     for step in range(count):
+        set_normals(world, (first + step) % settings.pairs)
+    # What the flight has left of speed between them by rounding would be an impact once it is free.
+    equalise(world, first, count)
+    count_corrections(world, first, count)
+    for step in range(count):
         number = (first + step) % settings.pairs
         pair = world.pairs[number]
-        set_normals(world, number)
         pair.closing_loss = 0.0
         if pair.release_t == t and pair.release_t_low == t_low:
             hold(world, number, 0, 0.0)

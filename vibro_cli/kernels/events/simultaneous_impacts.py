@@ -293,6 +293,7 @@ def _limit(world: World, first: int, count: int) -> float:
             row = world.impacts[clock.impact_rows - 1]
             row.head_a_pre = world.flights[pair.a].head
             row.head_b_pre = world.flights[pair.b].head
+            row.simultaneous = 1  # it stands for all that would follow, on walls too
             row.loss = half_approach(world, (first + step) % settings.pairs, law)
     apply_impulses(world, first, count, law)
     for number in range(start_row, clock.impact_rows):

@@ -21,6 +21,7 @@ from vibro_cli.analysis.levels import LevelCurve
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import LEFT
+from vibro_cli.figures.legend import Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.background import (
     Background,
@@ -29,13 +30,7 @@ from vibro_cli.figures.portraits.background import (
     saddle_energies,
 )
 from vibro_cli.figures.portraits.energies import draw_energies, limit_energies, panels_over
-from vibro_cli.figures.portraits.legend import (
-    Entry,
-    behind_entries,
-    draw_legend,
-    last_time,
-    rows_of,
-)
+from vibro_cli.figures.portraits.entries import behind_entries, last_time
 from vibro_cli.figures.portraits.panels import BOTTOM, RIGHT, Panel, Window
 from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
 from vibro_cli.figures.portraits.trace_phase_plane import EIGHT
@@ -249,7 +244,7 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
         draw_energies(lower, path, energies, None if few(path) else last_time(path))
         limit_energies(lower, 1.15 * float(np.max(energies)))
         _label(upper, lower, ball)
-        draw_legend(figure, rows, None if few(path) else path)
+        draw_legend(figure, rows, None if few(path) else last_time(path))
     return figure
 
 

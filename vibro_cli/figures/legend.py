@@ -1,4 +1,4 @@
-"""The line above a portrait that says what its marks and colours mean."""
+"""The lines above a figure that say what its marks and colours mean."""
 
 from __future__ import annotations
 
@@ -13,10 +13,6 @@ from matplotlib.lines import Line2D
 from matplotlib.textpath import TextPath
 
 from vibro_cli.figures import style
-from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.background import Background
-from vibro_cli.figures.portraits.panels import RIGHT
-from vibro_cli.figures.portraits.trajectory import Trajectory
 from vibro_cli.figures.style import MM
 
 _MIDDLE = 2.2
@@ -29,6 +25,8 @@ LINE = 3.4
 """Height of a line of a legend (mm)."""
 _BAR = (16.0, 1.6)
 """Width and height of the bar of colours (mm)."""
+_RIGHT = 2.5
+"""Room at the right of the bar (mm)."""
 _BAR_WORDS = "$t$ [s]: 0"
 
 _SHARES = (0.9, 0.8, 0.7, 0.6)
@@ -36,46 +34,6 @@ _SHARES = (0.9, 0.8, 0.7, 0.6)
 
 Entry = tuple[str, dict[str, Any]]
 """What is written, and the looks of its line or mark."""
-
-
-def legend_of(
-    path: Trajectory, behind: Background, marked: bool, others: Sequence[Entry] = ()
-) -> list[Entry]:
-    """Return names and looks of everything on a portrait, `others` after what is of the run."""
-    jumps = path.jumps
-    entries = [("start", layers.START)]
-    if np.any(path.first.made):
-        first = "" if marked else f" 1–{path.first.number[-1]}"
-        entries += [("before", layers.BEFORE), (f"after impact{first}", layers.AFTER)]
-    if not marked and np.any(jumps.made):
-        share = f" (1 in {path.every})" if path.every > 1 else ""
-        entries.append((f"jump{share}", layers.many_jumps(1)))
-    if not np.all(jumps.made):
-        entries.append(("inadmissible", layers.NOT_MADE))
-    if any(np.any(branches.contact) for branches in path.branches):
-        entries.append(("lasting contact", layers.CONTACT))
-    return [*entries, *others, *behind_entries(behind)]
-
-
-def behind_entries(behind: Background) -> list[Entry]:
-    """Return names and looks of what stands behind the branches."""
-    entries: list[Entry] = []
-    if behind.separatrices:
-        entries.append(("separatrix", layers.SEPARATRIX))
-    if behind.arc_separatrices:
-        entries.append(("separatrix of the full circle", layers.ARC_SEPARATRIX))
-    if behind.levels:
-        entries.append(("level", layers.LEVEL))
-    for kind, marker in layers.MARKER.items():
-        if any(point.kind == kind for point in behind.points):
-            entries.append((kind, layers.POINT | {"marker": marker}))
-    return entries
-
-
-def last_time(path: Trajectory) -> float:
-    """Return the time (s) with which the colours of time end: of the body's last impact."""
-    made = path.jumps.time[path.jumps.made]
-    return float(np.max(made)) if len(made) else path.end
 
 
 def rows_of(entries: Sequence[Entry], width: float, bar: float = 0.0) -> list[list[Entry]]:
@@ -112,20 +70,21 @@ def text_width(text: str) -> float:
     return points * 25.4 / 72.0
 
 
-def bar_width(path: Trajectory) -> float:
-    """Return the room that the bar of time takes in the first row (mm)."""
-    return (
-        2.0 * RIGHT + _BAR[0] + text_width(_BAR_WORDS) + text_width(short_number(last_time(path)))
-    )
+def bar_width(until: float) -> float:
+    """Return the room that the bar of time, up to an instant (s), takes in the first row (mm)."""
+    return 2.0 * _RIGHT + _BAR[0] + text_width(_BAR_WORDS) + text_width(short_number(until))
 
 
 def draw_legend(
-    figure: Figure, rows: Sequence[Sequence[Entry]], path: Trajectory | None = None
+    figure: Figure, rows: Sequence[Sequence[Entry]], until: float | None = None
 ) -> None:
-    """Draw the rows of a legend over the panels, with the bar of time of a path at the right."""
+    """Draw the rows of a legend over the panels.
+
+    At the right of the first is the bar of time from 0 to an instant (s), if there is one.
+    """
     width, height = figure.get_size_inches() / MM
     for number, row in enumerate(rows):
-        beside = path is not None and number == 0
+        beside = until is not None and number == 0
         middle = _MIDDLE + number * LINE
         figure.legend(
             handles=[Line2D([], [], label=text, **look) for text, look in row],
@@ -138,8 +97,8 @@ def draw_legend(
             handletextpad=0.4,
             columnspacing=0.7,
         )
-    if path is not None:
-        _draw_time(figure, width, height, last_time(path))
+    if until is not None:
+        _draw_time(figure, width, height, until)
 
 
 def line_of_entries(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]]) -> None:
@@ -182,21 +141,21 @@ def wrapped_legend(
     return -(-len(entries) // columns)
 
 
-def _draw_time(figure: Figure, width: float, height: float, end: float) -> None:
-    """Draw the bar of time, from 0 to the last impact, at the right."""
-    until = short_number(end)
-    left = width - RIGHT - _BAR[0] - text_width(until) - 1.0
+def _draw_time(figure: Figure, width: float, height: float, until: float) -> None:
+    """Draw the bar of time at the right."""
+    end = short_number(until)
+    left = width - _RIGHT - _BAR[0] - text_width(end) - 1.0
     middle = height - _MIDDLE
     bar = figure.add_axes(
         (left / width, (middle - 0.5 * _BAR[1]) / height, _BAR[0] / width, _BAR[1] / height)
     )
-    bar.imshow(np.arange(256)[None, :], aspect="auto", cmap=layers.time_colours())
+    bar.imshow(np.arange(256)[None, :], aspect="auto", cmap=style.time_colours())
     bar.set_xticks([])
     bar.set_yticks([])
     before: dict[str, Any] = {"ha": "right", "va": "center_baseline", "fontsize": style.SMALL}
     figure.text((left - 0.8) / width, middle / height, _BAR_WORDS, **before)
     after = before | {"ha": "left"}
-    figure.text((left + _BAR[0] + 0.8) / width, middle / height, until, **after)
+    figure.text((left + _BAR[0] + 0.8) / width, middle / height, end, **after)
 
 
 def short_number(value: float, digits: int = 4) -> str:
