@@ -92,7 +92,7 @@ def test_every_number_of_a_document_is_changed() -> None:
     assert all(one != two_balls() for one in changed)
 
 
-def test_bodies_that_touch_and_part_at_once_are_changed_by_a_gap() -> None:
+def test_bodies_that_touch_without_a_force_are_changed_by_a_gap() -> None:
     def parted(document: Document) -> list[Document]:
         return list(digits.parted_documents(document, digits._solved(document)))
 
@@ -101,5 +101,5 @@ def test_bodies_that_touch_and_part_at_once_are_changed_by_a_gap() -> None:
     apart = scene(VALLEY, [row[0], {**row[1], "speed": 1.0}], 0.5, time=1.0)
     (changed,) = parted(apart)
     assert system_of(changed).initial[1].position > system_of(apart).initial[1].position
-    assert parted(scene(VALLEY, [row[0], {**row[1], "speed": -1.0}], 0.5, time=1.0)) == []
+    assert len(parted(scene(VALLEY, [row[0], {**row[1], "speed": -1.0}], 0.5, time=1.0))) == 1
     assert parted(scene(VALLEY, row, 0.5, time=1.0)) == []

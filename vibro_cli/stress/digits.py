@@ -158,16 +158,15 @@ def changed_documents(document: Document) -> Iterator[Document]:
 
 
 def parted_documents(document: Document, run: Run) -> Iterator[Document]:
-    """The document with a gap before each body in turn that parts from its neighbour at once.
+    """The document with a gap before each body in turn that touches its neighbour at the start.
 
-    No other change does that. Bodies that are pressed together, or hit one another at once, are
-    left: the rounding of their places does not make bounces of a contact.
+    No other change does that. Bodies that are pressed together are left: the rounding of their
+    places does not make bounces of a contact.
     """
-    hit = run.collisions["ball_b"][run.collisions["t"] == 0.0]
-    held = run.events["other"][run.events["t"] == 0.0]  # no other event of that instant has one
-    together = {*np.asarray(hit).tolist(), *np.ma.filled(held, 0).tolist()}
+    begun = run.events["t"] == 0.0
+    held = set(np.ma.filled(run.events["other"][begun], 0).tolist())  # crossings have no other
     for number, state in enumerate(run.system.initial):
-        if "touching" not in document["balls"][number] or number + 1 in together:
+        if "touching" not in document["balls"][number] or number + 1 in held:
             continue
         changed = deepcopy(document)
         ball = changed["balls"][number]
@@ -182,13 +181,22 @@ def amplification(document: Document, run: Run, times: Floats, ours: Floats) -> 
     """What a relative change of 1 of an input would do to the motion, at least its own size."""
     size = np.abs(ours).max(axis=0)
     grown = np.broadcast_to(np.maximum(size, 1.0), ours.shape).copy()
-    for other in (*changed_documents(document), *parted_documents(document, run)):
-        try:
-            theirs = motion_at(_solved(other), times)
-        except (ScenarioError, ArithmeticError, ValueError):
-            continue  # a closed trace does not close any more, bodies overlap, or it ends before
-        grown = np.maximum(grown, np.abs(theirs - ours) / CHANGE)
+    for other in changed_documents(document):
+        grown = np.maximum(grown, _growth_to(other, times, ours))
+    for other in parted_documents(document, run):
+        change = _growth_to(other, times, ours)
+        if change.max() < LOST:  # else what was one impact of several is another sequence
+            grown = np.maximum(grown, change)
     return np.maximum.accumulate(grown.max(axis=1, keepdims=True), axis=0) + 0.0 * grown
+
+
+def _growth_to(document: Document, times: Floats, ours: Floats) -> Floats:
+    """How far a changed motion is, in units of the change; 0 where there is none."""
+    try:
+        theirs = motion_at(_solved(document), times)
+    except (ScenarioError, ArithmeticError, ValueError):
+        return 0.0 * ours  # a closed trace does not close any more, bodies overlap, it ends before
+    return np.abs(theirs - ours) / CHANGE
 
 
 def _decided_by_rounding(run: Run, told: Told) -> bool:
