@@ -26,6 +26,9 @@ def test_bounces_lower_than_the_rounding_of_places_leave_an_instant_open() -> No
     beside = [bounce(0.5, 1.0), bounce(1 - 1e-8, 1e-8), bounce(1, 0.0, (1, 2)), bounce(1, 0.0)]
     row = Told([closed], [bounce(0.4, 1.0, (1, 2)), *beside])
     assert untold(row, closed, SIZE) == pytest.approx(1e-8, rel=1e-6)
+    # Nor at the start, where others may touch the pair.
+    start = Event(mp.mpf(1e-8), "contact_closed", 0, 1)
+    assert untold(Told([start], [bounce(0, 1e-8), bounce(1e-8, 0.0)]), start, SIZE) == 1e-8
     # An impact with a speed is known up to the rounding of the way that it takes.
     hit = Told([closed], [bounce(1, 0.0)])
     assert untold(hit, closed, SIZE) == pytest.approx(64 * EPSILON, rel=1e-6)

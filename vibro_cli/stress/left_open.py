@@ -84,6 +84,7 @@ def _begin_and_time(lasting: Lasting, event: Event, height: float) -> tuple[floa
         fastest = max((-float(bounce.before) for bounce in lost), default=0.0)
         return float(first), height / fastest if fastest > 0.0 else 0.0
     summed = len({bounce.bodies for bounce in lost}) == 1 and all(one.along for one in lost)
+    summed = summed and first > 0  # at the start others may touch the pair: a row has no sum
     return float(first), 0.0 if summed else float(event.t - first)
 
 
