@@ -218,11 +218,12 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
     ours_closed = run.events["t"][run.events["event"] == "contact_closed"]
     first = min([*closings, *ours_closed.tolist()], default=np.inf)
     motion, after = 0.0, None
-    thrown = throw_left_open(told, size_of(run, told))
-    compared = (times < thrown) & ~_amid_bounces(run, times)
-    growth = _Growth(told, times, grown.max(axis=(1, 2)), run)
+    size = size_of(run, told)
+    thrown = throw_left_open(told, size)
+    decided = (times < thrown) & ~_amid_bounces(run, times)
+    growth = _Growth(told, times, grown.max(axis=(1, 2)), size, run.system.gravity)
     for row, bodies in enumerate(told.samples):
-        if not compared[row]:
+        if not decided[row]:
             continue
         pushed = growth.left_open(times[row]).speed
         for ball, (state, x, y) in enumerate(bodies):
@@ -233,15 +234,17 @@ def _verdict(run: Run, told: Told, ours: Floats, grown: Floats, times: Floats) -
                     motion = max(motion, (off - pushed) / unit)
                 else:
                     after = max(after or 0.0, off - MARK * unit - pushed)
-    end = min(float(times[-1]), order_left_open(told, size_of(run, told)), thrown)
-    return Verdict(motion, after, _contacts_off(run, told, end, growth))
+    end = min(float(times[-1]), order_left_open(told, size), thrown)
+    return Verdict(motion, after, _contacts_off(run, told, end, size, growth))
 
 
 class _Growth:
     """How what events leave open has grown later: as changes of the inputs do from then on."""
 
-    def __init__(self, told: Told, times: Floats, grown: Floats, run: Run) -> None:
-        self._events = left_open(told, size_of(run, told), run.system.gravity)
+    def __init__(
+        self, told: Told, times: Floats, grown: Floats, size: float, gravity: float
+    ) -> None:
+        self._events = left_open(told, size, gravity)
         self._times = times
         self._grown = grown[: len(times)]
 
@@ -266,7 +269,7 @@ def _amid_bounces(run: Run, times: Floats) -> Floats:
     return ((end - lasted <= times) & (times < end)).any(axis=0)
 
 
-def _contacts_off(run: Run, told: Told, end: float, growth: _Growth) -> float | None:
+def _contacts_off(run: Run, told: Told, end: float, size: float, growth: _Growth) -> float | None:
     """How far apart (s) contacts begin and end in both, beyond what doubles can tell.
 
     Where no force presses (two alike on a line) contact and none are one motion, and only one of
@@ -274,7 +277,6 @@ def _contacts_off(run: Run, told: Told, end: float, growth: _Growth) -> float | 
     """
     events = run.events
     theirs = np.array([float(event.t) for event in told.events])
-    size = size_of(run, told)
     worst: float | None = None
     for n in np.flatnonzero(np.isin(events["event"], CONTACT_KINDS) & (events["t"] < end)):
         one = (events["event"][n], int(events["ball"][n]) - 1, int(events["other"][n]) - 1)

@@ -431,7 +431,8 @@ def distance_from_image(run: Run, solve: Solve) -> tuple[float, float]:
     off = _distances(run, ours, length - _places(image, times)[:, ::-1])
     normal = system.law == "normal-impulse"
     near = length * np.where(normal & (times < first_graze(run)), NEAR, FAINT)
-    near[times > min(map(_order_in_doubt, (run, image)))] = math.inf
+    if (off > near).any():
+        near[times > min(map(_order_in_doubt, (run, image)))] = math.inf
     if not (off > near).any():
         return 0.0, 0.0
     doubt, speed = _first_doubt(run)

@@ -110,18 +110,23 @@ class Section:
 
     def counts(self, impacts: Impacts, run: NDArray[np.int64], runs: int = 0) -> NDArray[np.int64]:
         """Return how many impacts each run has, the transient's too; `runs` at least."""
-        least = max(runs, int(run.max(initial=-1)) + 1)
-        return np.bincount(run[self._of_pair(impacts, run)], minlength=least)
+        return _numbers(self._of_pair(impacts, run), run, runs)
 
     def chosen(self, impacts: Impacts, run: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which impacts are shown, given the number of the run that each belongs to."""
-        shown, count = self._of_pair(impacts, run), self.counts(impacts, run)
+        shown = self._of_pair(impacts, run)
+        count = _numbers(shown, run)
         before = np.cumsum(shown) - np.concatenate([[0], np.cumsum(count)])[run]
         if self.transient is not None:
             shown &= before > self.transient
         else:
             shown &= (count[run] > LAST) & (before > count[run] - LAST)
         return shown
+
+
+def _numbers(shown: NDArray[np.bool_], run: NDArray[np.int64], runs: int = 0) -> NDArray[np.int64]:
+    """How many impacts of each run are shown."""
+    return np.bincount(run[shown], minlength=max(runs, int(run.max(initial=-1)) + 1))
 
 
 def _check_kept(kept: Container[str], needed: Sequence[str]) -> None:

@@ -80,14 +80,19 @@ def _launch_together(world: World, first: int, count: int, cause: int) -> None:
 @kernel
 def relaunch_run(world: World, first: int, count: int, cause: int) -> None:
     """Launch a run of held pairs anew after a change, as far as their forces still press."""
+    _set_speeds_and_normals(world, first, count)
+    settle(world, first, count)
+    count_corrections(world, first, count)
+    _launch_unhit(world, first, count, cause)
+
+
+@kernel
+def _set_speeds_and_normals(world: World, first: int, count: int) -> None:
     settings = world.settings[0]
     for step in range(count + 1):
         set_speed(world, (first + step) % settings.bodies)
     for step in range(count):
         set_normals(world, (first + step) % settings.pairs)
-    settle(world, first, count)
-    count_corrections(world, first, count)
-    _launch_unhit(world, first, count, cause)
 
 
 @kernel
@@ -140,10 +145,7 @@ def open_contacts(world: World, j: int, first: int, count: int) -> None:
     settings = world.settings[0]
     t = world.pairs[j].release_t
     t_low = world.pairs[j].release_t_low
-    for step in range(count + 1):
-        set_speed(world, (first + step) % settings.bodies)
-    for step in range(count):
-        set_normals(world, (first + step) % settings.pairs)
+    _set_speeds_and_normals(world, first, count)
     # What the flight has left of speed between them by rounding would be an impact once it is free.
     equalise(world, first, count)
     count_corrections(world, first, count)
