@@ -8,10 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from vibro_cli.figures import style
-from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of, short_number
+from vibro_cli.figures.legend import LINE, Entry, draw_legend, handles_of, rows_of, short_number
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import (
@@ -199,7 +198,7 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
 def legend(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]]) -> None:
     """Write what the lines and marks mean in one line above the panels."""
     figure.legend(
-        handles=[Line2D([], [], label=text, **look) for text, look in entries],
+        handles=handles_of(entries),
         loc="upper center",
         bbox_to_anchor=(0.5, 1.0),
         ncols=max(len(entries), 1),
@@ -226,7 +225,7 @@ def number_bar(figure: Figure, last: int, beside: Sequence[Entry] = ()) -> None:
     figure.text(0.42 - 1.0 / wide, middle, "impact 1", ha="right", **look)
     figure.text(0.42 + width + 1.0 / wide, middle, str(last), ha="left", **look)
     if beside:
-        handles = [Line2D([], [], label=text, **entry) for text, entry in beside]
+        handles = handles_of(beside)
         figure.legend(handles=handles, loc="center left", bbox_to_anchor=(0.0, middle),
                       borderaxespad=0.15, handlelength=1.0, handletextpad=0.4)  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import Any
 
@@ -62,6 +62,11 @@ def _filled(entries: Sequence[Entry], first: float, width: float) -> list[list[E
     return rows
 
 
+def handles_of(entries: Iterable[Entry]) -> list[Line2D]:
+    """Return the marks of a legend with their names."""
+    return [Line2D([], [], label=text, **look) for text, look in entries]
+
+
 @cache
 def text_width(text: str) -> float:
     """Return the width of a text of a legend (mm)."""
@@ -87,7 +92,7 @@ def draw_legend(
         beside = until is not None and number == 0
         middle = _MIDDLE + number * LINE
         figure.legend(
-            handles=[Line2D([], [], label=text, **look) for text, look in row],
+            handles=handles_of(row),
             loc="center left" if beside else "center",
             bbox_to_anchor=(0.0 if beside else 0.5, 1.0 - middle / height),
             ncols=len(row),
@@ -101,10 +106,10 @@ def draw_legend(
         _draw_time(figure, width, height, until)
 
 
-def line_of_entries(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]]) -> None:
+def line_of_entries(figure: Figure, entries: Sequence[Entry]) -> None:
     """Draw a legend of names and looks in one line over the panels."""
     figure.legend(
-        handles=[Line2D([], [], label=text, **look) for text, look in entries],
+        handles=handles_of(entries),
         loc="upper center",
         bbox_to_anchor=(0.5, 1.0),
         ncols=len(entries),
@@ -116,9 +121,7 @@ def line_of_entries(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]
     )
 
 
-def wrapped_legend(
-    figure: Figure | None, entries: Sequence[tuple[str, dict[str, Any]]], width: float
-) -> int:
+def wrapped_legend(figure: Figure | None, entries: Sequence[Entry], width: float) -> int:
     """Draw marks and names over the panels in lines of a width (mm); return how many lines.
 
     Without a figure nothing is drawn, but the lines are counted.
@@ -127,7 +130,7 @@ def wrapped_legend(
     columns = min(len(entries), max(1, int(width / widest)))
     if figure is not None:
         figure.legend(
-            handles=[Line2D([], [], label=text, **look) for text, look in entries],
+            handles=handles_of(entries),
             loc="upper center",
             bbox_to_anchor=(0.5, 1.0),
             ncols=columns,

@@ -8,11 +8,11 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.figures import style
+from vibro_cli.figures.legend import handles_of
 from vibro_cli.figures.style import MM, WIDTHS
 
 _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _TITLE = 12.0, 2.5, 4.0, 9.0, 5.0
@@ -81,7 +81,7 @@ def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
             panel.tick_params(labelleft=first)
             panel.set_xlabel("relative error of the times")
         figure.legend(
-            handles=[Line2D([], [], label=method, **look(method)) for method in methods],
+            handles=handles_of((method, look(method)) for method in methods),
             loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=_LEGEND_COLUMNS[width],
             borderaxespad=0.2, handlelength=1.6, handletextpad=0.4, columnspacing=1.2,
         )  # fmt: skip
