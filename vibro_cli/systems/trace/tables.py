@@ -105,7 +105,10 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
         LAW,
         flag("admissible", "whether the bodies separate after the law of the scenario"),
         flag("substituted", "whether the normal-impulse law stood in for an inadmissible impact"),
-        flag("simultaneous", "whether other pairs collide at the same instant"),
+        flag(
+            "simultaneous",
+            "whether other pairs collide at the same instant, or the row stands for all that would",
+        ),
         flag("grazing", "whether the contact cannot be told from a touch in double precision"),
         flag("contact", "whether lasting contact of the pair begins here"),
         *_before_and_after("kinetic_energy", "J", KINETIC),
