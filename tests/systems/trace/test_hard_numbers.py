@@ -205,3 +205,24 @@ def test_a_passage_of_a_rotation_is_one_event() -> None:
     lifts = events["t"][events["event"] == "lift_off"]
     assert len(lifts) > 0
     assert len(set(lifts.tolist())) == len(lifts)
+
+
+def test_a_contact_outlasts_the_opening_of_the_one_beside_it() -> None:
+    run = run_of("opened_with_a_speed_of_rounding")
+    opened = run.events["t"][run.events["event"] == "contact_opened"]
+    # By the oracle of 40 digits.
+    assert opened == pytest.approx([0.35641071639856453, 0.374530161009445], abs=1e-12)
+    assert len(run.collisions["t"]) == 0
+
+
+def test_a_group_over_the_end_of_a_level_line_takes_few_flights() -> None:
+    run = run_of("turning_group_on_a_level_line")
+    # It took millions, 1e-17 s each, from t = 3.5714 on.
+    assert len(run.flights()["t_start"]) < 1000
+
+
+def test_the_row_that_stands_for_the_rest_of_a_sequence_is_marked() -> None:
+    impacts = impacts_of(run_of("limit_of_a_sequence_at_a_wall"))
+    at_rest = (impacts["separation_speed"] == 0.0) & (impacts["speed_a_post"] == 0.0)
+    assert at_rest.sum() == 1
+    assert impacts["simultaneous"][at_rest].all()
