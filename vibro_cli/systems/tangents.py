@@ -50,7 +50,7 @@ def room_for(
         "step": (size, size), "sums": (1, size),
         "arriving": (size // 2, 2), "delay": (1, size), "turning": (pairs or size // 2, WIDTH),
         "amplification": (1, impacts), "times": (impacts if times else 0, size),
-        "growth": (impacts, size), "series": (SERIES_ROWS, TERMS + 1),
+        "growth": (impacts, size), "series": (SERIES_ROWS + size // 2, TERMS + 1),
     }  # fmt: skip
     room: dict[str, Any] = {name: np.zeros(shape) for name, shape in floats.items()}
     whole = {"current": (1, size // 2), "smooth": (1, impacts)}

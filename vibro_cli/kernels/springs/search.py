@@ -84,16 +84,22 @@ def _opening(world: World, pair: int, step: float) -> float:
 @kernel
 def move(world: World, time: float) -> None:
     """Move all bodies on by a time (s) within the step of their series."""
-    rows = world.series
     for body in range(world.settings[0].bodies):
-        base = body * BODY_ROWS + PLACE
-        spring = world.springs[body]
-        speed = 0.0
-        for k in range(ORDER, 0, -1):
-            speed = speed * time + k * rows[base + k]
-        spring.v = speed
-        # The change apart from the place, so that a short step does not lose it.
-        spring.x = rows[base] + time * value_of(rows, base + 1, base + ORDER, time)
+        move_body(world, body, ORDER, time)
+
+
+@kernel
+def move_body(world: World, body: int, last: int, time: float) -> None:
+    """Move a body on by a time (s), along its series up to the power ``last``."""
+    rows = world.series
+    base = body * BODY_ROWS + PLACE
+    spring = world.springs[body]
+    speed = 0.0
+    for k in range(last, 0, -1):
+        speed = speed * time + k * rows[base + k]
+    spring.v = speed
+    # The change apart from the place, so that a short step does not lose it.
+    spring.x = rows[base] + time * value_of(rows, base + 1, base + last, time)
 
 
 @kernel

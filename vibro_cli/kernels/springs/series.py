@@ -58,10 +58,35 @@ def expand(world: World) -> float:
     first = 0
     while first < world.settings[0].bodies:
         count = group_size(world, first)
-        _expand_group(world, first, count)
-        step = min(step, STEP * _radius(world, first, count))
+        step = min(step, begin_group(world, first, count))
+        for k in range(ORDER - 1):
+            extend_group(world, first, count, k)
         first += count
     return step
+
+
+@kernel
+def begin_group(world: World, first: int, count: int) -> float:
+    """Set the first two terms of the series of a group; return the step (s) they hold for."""
+    for body in range(first, first + count):
+        place = body * BODY_ROWS + PLACE
+        world.series[place] = world.springs[body].x
+        world.series[place + 1] = world.springs[first].v
+    return STEP * _radius(world, first, count)
+
+
+@kernel
+def extend_group(world: World, first: int, count: int, k: int) -> None:
+    """Set coefficient k of the accelerations of a group, and with it k + 2 of its places."""
+    if count == 1:
+        common = _next_force(world, first, k)
+    else:
+        common = 0.0
+        for body in range(first, first + count):
+            common += world.bodies[body].rolling_mass * _next_force(world, body, k)
+        common /= mass_of_group(world, first, count)
+    for body in range(first, first + count):
+        world.series[body * BODY_ROWS + PLACE + k + 2] = common / ((k + 1) * (k + 2))
 
 
 @kernel
@@ -80,27 +105,6 @@ def _radius(world: World, first: int, count: int) -> float:
         acceleration = max(acceleration, spring.square * (abs(spring.x) + reach) * factor)
     speed = abs(world.springs[first].v)
     return 2.0 * reach / (speed + math.sqrt(speed * speed + 2.0 * acceleration * reach))
-
-
-@kernel
-def _expand_group(world: World, first: int, count: int) -> None:
-    """Set the series of the bodies of a group."""
-    rows = world.series
-    mass = mass_of_group(world, first, count)
-    for body in range(first, first + count):
-        base = body * BODY_ROWS
-        rows[base + PLACE] = world.springs[body].x
-        rows[base + PLACE + 1] = world.springs[first].v
-    for k in range(ORDER - 1):
-        common = 0.0
-        for body in range(first, first + count):
-            force = _next_force(world, body, k)
-            common += world.bodies[body].rolling_mass * force
-        common /= mass
-        if count == 1:
-            common = rows[first * BODY_ROWS + FORCE + k]
-        for body in range(first, first + count):
-            rows[body * BODY_ROWS + PLACE + k + 2] = common / ((k + 1) * (k + 2))
 
 
 @kernel

@@ -1,7 +1,7 @@
 """The tangent map of a run of bodies on springs, from the logs of its event loop.
 
 Of each body the place and the speed of its centre. Between events the motion is gone through again
-by the solver's own steps, and tangent vectors along its series (see `variation`). Where a gap
+with tangent vectors, along as much of its series as they need (see `variation`). Where a gap
 closes, ``dx^+ = dx^- + (v^- - v^+) dt`` and ``dv^+ = dv^- - (a^+ - a^-) dt + (change of v^+ -
 v^-)``, ``dt = -dg/g'``; the accelerations a jump where bodies come into lasting contact, or out of
 it by an impact. Impulses are those of `impacts`, their changes one linear system with the same
@@ -16,9 +16,9 @@ from vibro_cli.kernels.numerics.error_free import add_to_time, time_between
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.contact import common_acceleration
 from vibro_cli.kernels.springs.impacts import approach_before, inclination, set_chain_row
-from vibro_cli.kernels.springs.replay import go_on, restore
-from vibro_cli.kernels.springs.series import expand, group_size
-from vibro_cli.kernels.springs.variation import carry_vectors
+from vibro_cli.kernels.springs.replay import restore
+from vibro_cli.kernels.springs.series import group_size
+from vibro_cli.kernels.springs.variation import carry_on
 from vibro_cli.kernels.springs.world import CONTACT_CLOSED, RUNNING, ImpactRow, World
 from vibro_cli.kernels.tangent.frame import begin_frame, orthogonalise
 from vibro_cli.kernels.tangent.impact_rows import (
@@ -154,9 +154,7 @@ def _carry(world: World, tangents: Tangents, t: float, t_low: float) -> None:
         steps += 1
         if steps % STEPS == 0:
             orthogonalise(tangents)
-        step = min(expand(world), left)
-        carry_vectors(world, tangents, step)
-        go_on(world, step)
+        step = carry_on(world, tangents, left)
         clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
         left = 0.0 if step == left else time_between(t, t_low, clock.t, clock.t_low)
     clock.t = t

@@ -10,77 +10,121 @@ within R < s of that at the start of the step, the length stays above s - R, and
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.springs.series import group_size, mass_of_group
-from vibro_cli.kernels.springs.world import BODY_ROWS, LENGTH, ORDER, World
+from vibro_cli.kernels.springs.search import move_body
+from vibro_cli.kernels.springs.series import (
+    begin_group,
+    extend_group,
+    group_size,
+    keep_energy,
+    mass_of_group,
+)
+from vibro_cli.kernels.springs.world import BODY_ROWS, LENGTH, ORDER, PLACE, World
 from vibro_cli.kernels.tangent.world import Tangents
 
-# Rows of the scratch: c of a body, g of its group, and d that begins as a way or as a speed of 1.
-_CUBE, _SLOPE, _WAY, _SPEED = 0, 1, 2, 3
+# Terms of the series are left out that are below this: of changes as they are, of a place over b.
+REST = 1.0e-17
+# Rows of the scratch: g of a group, d that begins as a way or as a speed of 1, and c of each body.
+_SLOPE, _WAY, _SPEED, _CUBE = 0, 1, 2, 3
 
 
 @kernel
-def carry_vectors(world: World, tangents: Tangents, time: float) -> None:
-    """Carry the tangent vectors of all bodies on by a time (s) within the step of their series."""
-    series = tangents.series
+def carry_on(world: World, tangents: Tangents, left: float) -> float:
+    """Carry bodies and tangent vectors on by one step, at most ``left`` (s), and return it."""
+    bodies = world.settings[0].bodies
+    step = left
     first = 0
-    while first < world.settings[0].bodies:
+    while first < bodies:
         count = group_size(world, first)
-        for k in range(ORDER - 1):
-            series[_SLOPE, k] = 0.0
-        mass = mass_of_group(world, first, count)
-        for body in range(first, first + count):
-            _add_slope(world, series, body, world.bodies[body].rolling_mass / mass)
-        _expand(series)
-        one, three = _at(series, _WAY, time)
-        two, four = _at(series, _SPEED, time)
+        step = min(step, begin_group(world, first, count))
+        first += count
+    first = 0
+    while first < bodies:
+        count = group_size(world, first)
+        last = _expand(world, tangents.series, first, count, step)
+        one, three = _at(tangents.series, _WAY, last, step)
+        two, four = _at(tangents.series, _SPEED, last, step)
         for body in range(first, first + count):
             _carry(tangents, body, one, two, three, four)
+            move_body(world, body, last, step)
+        keep_energy(world, first, count)
         first += count
+    return step
 
 
 @kernel
-def _add_slope(world: World, series: FloatMatrix, body: int, share: float) -> None:
-    """Add the share of a body to g of its group."""
-    spring = world.springs[body]
-    length = body * BODY_ROWS + LENGTH
-    start = world.series[length]
-    ratio = spring.height / start
-    series[_CUBE, 0] = ratio * ratio * ratio
-    for k in range(1, ORDER - 1):
-        total = 0.0
-        for i in range(1, k + 1):
-            total += (k + 2 * i) * world.series[length + i] * series[_CUBE, k - i]
-        series[_CUBE, k] = -total / (k * start)
-    pull = share * spring.square
-    softer = pull * spring.length / spring.height
-    series[_SLOPE, 0] -= pull
-    for k in range(ORDER - 1):
-        series[_SLOPE, k] += softer * series[_CUBE, k]
+def _expand(world: World, series: FloatMatrix, first: int, count: int, step: float) -> int:
+    """Set the series of a group and of changes; return the power of the last terms needed.
 
-
-@kernel
-def _expand(series: FloatMatrix) -> None:
-    """Set the series of changes that begin with a way and with a speed."""
+    Two in succession have to be small, since every second one vanishes where a body is at rest.
+    """
+    mass = mass_of_group(world, first, count)
+    place = first * BODY_ROWS + PLACE
+    height = world.springs[first].height
     series[_WAY, 0] = 1.0
     series[_WAY, 1] = 0.0
     series[_SPEED, 0] = 0.0
     series[_SPEED, 1] = 1.0
+    power = 1.0
+    small = 0
     for k in range(ORDER - 1):
-        way = 0.0
-        speed = 0.0
-        for i in range(k + 1):
-            way += series[_SLOPE, k - i] * series[_WAY, i]
-            speed += series[_SLOPE, k - i] * series[_SPEED, i]
-        series[_WAY, k + 2] = way / ((k + 1) * (k + 2))
-        series[_SPEED, k + 2] = speed / ((k + 1) * (k + 2))
+        extend_group(world, first, count, k)
+        slope = 0.0
+        for body in range(first, first + count):
+            share = world.bodies[body].rolling_mass / mass
+            slope += share * _next_slope(world, series, body, k)
+        series[_SLOPE, k] = slope
+        way, speed = _next_changes(series, k)
+        power *= step
+        size = abs(way) * step + abs(speed) + abs(world.series[place + k + 2]) * step / height
+        small = small + 1 if (k + 2) * size * power < REST else 0
+        if small == 2:
+            return k + 2
+    return ORDER
 
 
 @kernel
-def _at(series: FloatMatrix, row: int, time: float) -> tuple[float, float]:
+def _next_slope(world: World, series: FloatMatrix, body: int, k: int) -> float:
+    """Return the k-th coefficient of g of a body on its own; set that of c."""
+    spring = world.springs[body]
+    length = body * BODY_ROWS + LENGTH
+    start = world.series[length]
+    softer = spring.square * spring.length / spring.height
+    if k == 0:
+        ratio = spring.height / start
+        cube = ratio * ratio * ratio
+        series[_CUBE + body, 0] = cube
+        return softer * cube - spring.square
+    total = 0.0
+    weight = 3.0 * k
+    for i in range(k):
+        total += weight * world.series[length + k - i] * series[_CUBE + body, i]
+        weight -= 2.0
+    cube = -total / (k * start)
+    series[_CUBE + body, k] = cube
+    return softer * cube
+
+
+@kernel
+def _next_changes(series: FloatMatrix, k: int) -> tuple[float, float]:
+    """Set and return coefficient k + 2 of the changes that begin as a way and as a speed."""
+    way = 0.0
+    speed = 0.0
+    for i in range(k + 1):
+        way += series[_SLOPE, i] * series[_WAY, k - i]
+        speed += series[_SLOPE, i] * series[_SPEED, k - i]
+    way /= (k + 1) * (k + 2)
+    speed /= (k + 1) * (k + 2)
+    series[_WAY, k + 2] = way
+    series[_SPEED, k + 2] = speed
+    return way, speed
+
+
+@kernel
+def _at(series: FloatMatrix, row: int, last: int, time: float) -> tuple[float, float]:
     """Value and derivative of a series (Horner)."""
     value = 0.0
     slope = 0.0
-    for k in range(ORDER, -1, -1):
+    for k in range(last, -1, -1):
         slope = slope * time + value
         value = value * time + series[row, k]
     return value, slope
