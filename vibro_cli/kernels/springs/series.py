@@ -5,9 +5,11 @@ from those of x^2, of y = x/s from x = s y. Bodies in lasting contact move as on
 share ``M_i/M`` of the acceleration.
 
 How far: for complex places within R of the present one, R < s, the length stays above s - R, the
-acceleration below ``A = w^2 (|x| + R)(1 + l/(s - R))``. So for complex times up to T, ``|v| T +
-A T^2/2 = R``, the place stays within R, and by Cauchy the coefficients of its series are at most
-``R/T^k``: what a step ``h = q T`` leaves out is below ``R q^(N+1)/(1 - q)``.
+acceleration below ``w^2 (|x| + R)(1 + l/(s - R))``, its derivative to the place (see `variation`)
+below ``w^2 (1 + l b^2/(s - R)^3)``, and so the acceleration also below what it is now and R times
+that. With A, the lower of the two bounds: for complex times up to T, ``|v| T + A T^2/2 = R``, the
+place stays within R, and by Cauchy the coefficients of its series are at most ``R/T^k``: what a
+step ``h = q T`` leaves out is below ``R q^(N+1)/(1 - q)``.
 """
 
 from __future__ import annotations
@@ -85,8 +87,9 @@ def extend_group(world: World, first: int, count: int, k: int) -> None:
         for body in range(first, first + count):
             common += world.bodies[body].rolling_mass * _next_force(world, body, k)
         common /= mass_of_group(world, first, count)
+    divided = 1.0 / ((k + 1) * (k + 2))
     for body in range(first, first + count):
-        world.series[body * BODY_ROWS + PLACE + k + 2] = common / ((k + 1) * (k + 2))
+        world.series[body * BODY_ROWS + PLACE + k + 2] = common * divided
 
 
 @kernel
@@ -101,38 +104,50 @@ def _radius(world: World, first: int, count: int) -> float:
     for body in range(first, first + count):
         spring = world.springs[body]
         length = math.sqrt(spring.height * spring.height + spring.x * spring.x)
-        factor = 1.0 + spring.length / (length - reach)
-        acceleration = max(acceleration, spring.square * (abs(spring.x) + reach) * factor)
+        shortest = length - reach
+        direct = (abs(spring.x) + reach) * (1.0 + spring.length / shortest)
+        ratio = spring.height / shortest
+        slope = 1.0 + spring.length / spring.height * ratio * ratio * ratio
+        along = abs(spring.x / length * (length - spring.length)) + reach * slope
+        acceleration = max(acceleration, spring.square * min(direct, along))
     speed = abs(world.springs[first].v)
     return 2.0 * reach / (speed + math.sqrt(speed * speed + 2.0 * acceleration * reach))
 
 
 @kernel
 def _next_force(world: World, body: int, k: int) -> float:
-    """Set and return the k-th coefficient of the free acceleration of a body, m/s^(2 + k)."""
+    """Set and return the k-th coefficient of the free acceleration of a body, m/s^(2 + k).
+
+    The latest coefficients come last in the sums, so that the others are not waited for.
+    """
     rows = world.series
     spring = world.springs[body]
     base = body * BODY_ROWS
     place, length, ratio = base + PLACE, base + LENGTH, base + RATIO
-    square = 0.0
-    for i in range(k + 1):
-        square += rows[place + i] * rows[place + k - i]
     if k == 0:
-        start = math.sqrt(spring.height * spring.height + square)
+        x = rows[place]
+        start = math.sqrt(spring.height * spring.height + x * x)
         rows[length] = start
-        rows[ratio] = rows[place] / start
+        rows[ratio] = x / start
+        # Without cancellation where the spring is nearly unstressed.
+        force = -spring.square * rows[ratio] * (start - spring.length)
     else:
-        start = rows[length]
-        for i in range(1, k):
-            square -= rows[length + i] * rows[length + k - i]
-        rows[length + k] = square / (2.0 * start)
-        rest = rows[place + k]
-        for i in range(1, k + 1):
-            rest -= rows[length + i] * rows[ratio + k - i]
-        rows[ratio + k] = rest / start
-    force = -spring.square * (rows[place + k] - spring.length * rows[ratio + k])
-    if k == 0:  # without cancellation where the spring is nearly unstressed
-        force = -spring.square * rows[ratio] * (rows[length] - spring.length)
+        inverse = 1.0 / rows[length]
+        half = 0.0
+        for i in range((k - 1) // 2, 0, -1):
+            square = rows[place + i] * rows[place + k - i]
+            half += square - rows[length + i] * rows[length + k - i]
+        if k % 2 == 0:
+            x = rows[place + k // 2]
+            s = rows[length + k // 2]
+            half += 0.5 * (x * x - s * s)
+        rows[length + k] = (half + rows[place] * rows[place + k]) * inverse
+        product = 0.0
+        for i in range(k - 1, 0, -1):
+            product += rows[length + i] * rows[ratio + k - i]
+        rest = rows[place + k] - product - rows[length + k] * rows[ratio]
+        rows[ratio + k] = rest * inverse
+        force = -spring.square * (rows[place + k] - spring.length * rows[ratio + k])
     rows[base + FORCE + k] = force
     return force
 

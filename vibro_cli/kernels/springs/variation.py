@@ -1,9 +1,9 @@
 """The derivative of the bodies' motion within a step, along the Taylor series of that motion.
 
-A change d of a place goes on by ``d'' = g d``, ``g = -w^2 (1 - (l/b) c)``, ``c = (b/s)^3``, the
-derivative of the acceleration; c follows from the series of the length s by ``s c' = -3 s' c``.
-Bodies in lasting contact move as one; each adds its share ``M_i/M`` of g. While the place stays
-within R < s of that at the start of the step, the length stays above s - R, and |g| below
+A change d of a place goes on by ``d'' = g d``, ``g = -w^2 (1 - l h)``, ``h = b^2/s^3``, the
+derivative of the acceleration; h, that of y = x/s, follows from ``s h = 1 - y^2`` and the series of
+s and y. Bodies in lasting contact move as one; each adds its share ``M_i/M`` of g. While the place
+stays within R < s of that at the start of the step, the length stays above s - R, and |g| below
 ``w^2 (1 + l b^2/(s - R)^3)``: the series of d hold for the step that those of the places do.
 """
 
@@ -18,13 +18,13 @@ from vibro_cli.kernels.springs.series import (
     keep_energy,
     mass_of_group,
 )
-from vibro_cli.kernels.springs.world import BODY_ROWS, LENGTH, ORDER, PLACE, World
+from vibro_cli.kernels.springs.world import BODY_ROWS, LENGTH, ORDER, PLACE, RATIO, World
 from vibro_cli.kernels.tangent.world import Tangents
 
-# Terms of the series are left out that are below this: of changes as they are, of a place over b.
-REST = 1.0e-17
-# Rows of the scratch: g of a group, d that begins as a way or as a speed of 1, and c of each body.
-_SLOPE, _WAY, _SPEED, _CUBE = 0, 1, 2, 3
+# Terms of a step are left out that are below this: those of changes, and of a place over b.
+REST = 1.0e-18
+# Rows of the scratch: g of a group, d that begins as a way or as a speed of 1, and h of each body.
+_SLOPE, _WAY, _SPEED, _STEEPNESS = 0, 1, 2, 3
 
 
 @kernel
@@ -76,7 +76,7 @@ def _expand(world: World, series: FloatMatrix, first: int, count: int, step: flo
         way, speed = _next_changes(series, k)
         power *= step
         size = abs(way) * step + abs(speed) + abs(world.series[place + k + 2]) * step / height
-        small = small + 1 if (k + 2) * size * power < REST else 0
+        small = small + 1 if size * power < REST else 0
         if small == 2:
             return k + 2
     return ORDER
@@ -84,24 +84,26 @@ def _expand(world: World, series: FloatMatrix, first: int, count: int, step: flo
 
 @kernel
 def _next_slope(world: World, series: FloatMatrix, body: int, k: int) -> float:
-    """Return the k-th coefficient of g of a body on its own; set that of c."""
+    """Return the k-th coefficient of g of a body on its own; set that of h."""
     spring = world.springs[body]
     length = body * BODY_ROWS + LENGTH
-    start = world.series[length]
-    softer = spring.square * spring.length / spring.height
+    ratio = body * BODY_ROWS + RATIO
+    row = _STEEPNESS + body
+    inverse = 1.0 / world.series[length]
     if k == 0:
-        ratio = spring.height / start
-        cube = ratio * ratio * ratio
-        series[_CUBE + body, 0] = cube
-        return softer * cube - spring.square
+        cosine = spring.height * inverse
+        steepness: float = cosine * cosine * inverse
+        series[row, 0] = steepness
+        return spring.square * (spring.length * steepness - 1.0)
     total = 0.0
-    weight = 3.0 * k
-    for i in range(k):
-        total += weight * world.series[length + k - i] * series[_CUBE + body, i]
-        weight -= 2.0
-    cube = -total / (k * start)
-    series[_CUBE + body, k] = cube
-    return softer * cube
+    for i in range(k - 1, 0, -1):
+        square = world.series[ratio + i] * world.series[ratio + k - i]
+        total += world.series[length + i] * series[row, k - i] + square
+    square = 2.0 * world.series[ratio] * world.series[ratio + k]
+    total += world.series[length + k] * series[row, 0] + square
+    steepness = -total * inverse
+    series[row, k] = steepness
+    return spring.square * spring.length * steepness
 
 
 @kernel
@@ -112,8 +114,9 @@ def _next_changes(series: FloatMatrix, k: int) -> tuple[float, float]:
     for i in range(k + 1):
         way += series[_SLOPE, i] * series[_WAY, k - i]
         speed += series[_SLOPE, i] * series[_SPEED, k - i]
-    way /= (k + 1) * (k + 2)
-    speed /= (k + 1) * (k + 2)
+    divided = 1.0 / ((k + 1) * (k + 2))
+    way *= divided
+    speed *= divided
     series[_WAY, k + 2] = way
     series[_SPEED, k + 2] = speed
     return way, speed
