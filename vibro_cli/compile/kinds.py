@@ -169,7 +169,7 @@ def declaration(kind: Kind) -> str:
 def _in_struct(name: str, kind: Kind) -> str:
     if kind == SERIES:
         return f"double {name}[{SERIES_LENGTH}]"
-    return f"{f'Unaligned<{kind.size}>' if kind.form == 'lanes' else kind.cpp} {name}"
+    return f"{kind.cpp} {name}"
 
 
 def symbol_of(kernel: Kernel, overrides: Overrides | None = None) -> str:

@@ -43,89 +43,147 @@ struct Array {
   }
 };
 
-// Numbers in lanes: vectors that the compiler keeps in registers.
-template <int count>
-struct Vectors {
-  typedef double Real __attribute__((vector_size(8 * count)));
-  typedef int64_t Truth __attribute__((vector_size(8 * count)));
-  typedef double Field __attribute__((vector_size(8 * count), aligned(8)));
+// Numbers in lanes, in as many registers of the processor as they take: where a vector is longer
+// than one of them, g++ makes comparisons, choices and roots number by number.
+#if defined(__AVX512F__)
+static constexpr int REGISTER = 8;
+#elif defined(__AVX__)
+static constexpr int REGISTER = 4;
+#else
+static constexpr int REGISTER = 2;
+#endif
+template <class Number, int count>
+struct InLanes {
+  static constexpr int width = count < REGISTER ? count : REGISTER, parts = count / width;
+  typedef Number Part __attribute__((vector_size(8 * width), aligned(8)));
+  Part part[parts];
+  Number operator[](int64_t lane) const { return part[lane / width][lane % width]; }
 };
 template <int count>
-using Lanes = typename Vectors<count>::Real;
+using Lanes = InLanes<double, count>;
 template <int count>
-using Mask = typename Vectors<count>::Truth;
+using Mask = InLanes<int64_t, count>;  // of each lane all bits, or none
+
+template <class Result, class Function>
+static inline Result by_parts(Function part) {
+  Result result;
+  for (int at = 0; at < Result::parts; at++) result.part[at] = part(at);
+  return result;
+}
+#define BY_PARTS(Result, sign, Given)                                                   \
+  template <int count>                                                                  \
+  static inline Result<count> operator sign(Given<count> a, Given<count> b) {           \
+    return by_parts<Result<count>>([&](int at) { return a.part[at] sign b.part[at]; }); \
+  }
+BY_PARTS(Lanes, +, Lanes)
+BY_PARTS(Lanes, -, Lanes)
+BY_PARTS(Lanes, *, Lanes)
+BY_PARTS(Lanes, /, Lanes)
+BY_PARTS(Mask, <, Lanes)
+BY_PARTS(Mask, <=, Lanes)
+BY_PARTS(Mask, >, Lanes)
+BY_PARTS(Mask, >=, Lanes)
+BY_PARTS(Mask, ==, Lanes)
+BY_PARTS(Mask, !=, Lanes)
+BY_PARTS(Mask, &, Mask)
+BY_PARTS(Mask, |, Mask)
+BY_PARTS(Mask, ==, Mask)
 template <int count>
-using Unaligned = typename Vectors<count>::Field;  // as a field of a struct in an array
+static inline Lanes<count> operator-(Lanes<count> a) {
+  return by_parts<Lanes<count>>([&](int at) { return -a.part[at]; });
+}
 
 namespace py {
 
 template <int count>
 static inline Lanes<count> in_all(double value) {
-  return value - Lanes<count>{};  // which is the value, -0.0 too
+  typedef typename Lanes<count>::Part Part;
+  return by_parts<Lanes<count>>([&](int) { return value - Part{}; });  // -0.0 too
 }
 template <int count>
 static inline Mask<count> in_all(bool value) {
-  return Mask<count>{} - (int64_t)value;
+  typedef typename Mask<count>::Part Part;
+  return by_parts<Mask<count>>([&](int) { return Part{} - (int64_t)value; });
 }
-template <class Real>
-static constexpr int count_of = sizeof(Real) / sizeof(double);
+template <class Number>
+static inline Number choose(bool condition, Number yes, Number no) {
+  return condition ? yes : no;
+}
+template <int count>
+static inline Lanes<count> choose(Mask<count> condition, Lanes<count> yes, Lanes<count> no) {
+  return by_parts<Lanes<count>>(
+      [&](int at) { return condition.part[at] ? yes.part[at] : no.part[at]; });
+}
 static inline double sqrt(double value) { return __builtin_sqrt(value); }
-template <class Real>
-static inline Real sqrt(Real lanes) {
+template <class Part>
+static inline Part root_of(Part part) {
 #if __has_builtin(__builtin_elementwise_sqrt)  // clang, and g++, make scalar roots of the loop
-  return __builtin_elementwise_sqrt(lanes);
+  return __builtin_elementwise_sqrt(part);
 #else
 #ifdef __AVX512F__
-  if constexpr (sizeof(Real) == 64) return (Real)_mm512_sqrt_pd((__m512d)lanes);
+  if constexpr (sizeof(Part) == 64) return (Part)_mm512_sqrt_pd((__m512d)part);
 #endif
 #ifdef __AVX__
-  if constexpr (sizeof(Real) == 32) return (Real)_mm256_sqrt_pd((__m256d)lanes);
+  if constexpr (sizeof(Part) == 32) return (Part)_mm256_sqrt_pd((__m256d)part);
 #endif
-  for (int lane = 0; lane < count_of<Real>; lane++) lanes[lane] = __builtin_sqrt(lanes[lane]);
-  return lanes;
+  for (int at = 0; at < int(sizeof part / 8); at++) part[at] = __builtin_sqrt(part[at]);
+  return part;
 #endif
+}
+template <int count>
+static inline Lanes<count> sqrt(Lanes<count> lanes) {
+  return by_parts<Lanes<count>>([&](int at) { return root_of(lanes.part[at]); });
 }
 static inline double abs(double value) { return std::fabs(value); }
 static inline int64_t abs(int64_t value) { return value < 0 ? -value : value; }
-template <class Real>
-static inline Real abs(Real lanes) {
-  typedef Mask<count_of<Real>> Bits;
-  return (Real)((Bits)lanes & ~(Bits)in_all<count_of<Real>>(-0.0));
+template <int count>
+static inline Lanes<count> abs(Lanes<count> lanes) {
+  typedef typename Lanes<count>::Part Part;
+  typedef typename Mask<count>::Part Bits;
+  return by_parts<Lanes<count>>(
+      [&](int at) { return (Part)((Bits)lanes.part[at] & ~(Bits)(-0.0 - Part{})); });
 }
 static inline bool has_bit(double value, int64_t bit) { return ((int64_t)value & bit) != 0; }
-template <class Real>
-static inline auto has_bit(Real lanes, int64_t bit) {
-  typedef Mask<count_of<Real>> Bits;
-  return (__builtin_convertvector(lanes, Bits) & (Bits{} + bit)) != Bits{};
+template <int count>
+static inline Mask<count> has_bit(Lanes<count> lanes, int64_t bit) {
+  typedef typename Mask<count>::Part Bits;
+  return by_parts<Mask<count>>([&](int at) {
+    return (__builtin_convertvector(lanes.part[at], Bits) & (Bits{} + bit)) != Bits{};
+  });
 }
-template <class Real>
-static inline Real with_lane(Real lanes, int64_t number, double value) {
-  lanes[number] = value;
+template <int count>
+static inline Lanes<count> with_lane(Lanes<count> lanes, int64_t number, double value) {
+  lanes.part[number / lanes.width][number % lanes.width] = value;
   return lanes;
 }
+static inline Lanes<2> two_lanes(double first, double second) {
+  return by_parts<Lanes<2>>([&](int) { return Lanes<2>::Part{first, second}; });
+}
 static inline bool any_lane(bool value) { return value; }
-template <class Truth>
-static inline bool any_lane(Truth mask) {
+template <int count>
+static inline bool any_lane(Mask<count> mask) {
+  auto any = mask.part[0];
+  for (int at = 1; at < mask.parts; at++) any |= mask.part[at];
 #ifdef __AVX512F__
-  if constexpr (sizeof(Truth) == 64) {
-    return _mm512_test_epi64_mask((__m512i)mask, (__m512i)mask) != 0;
+  if constexpr (sizeof any == 64) {
+    return _mm512_test_epi64_mask((__m512i)any, (__m512i)any) != 0;
   }
 #endif
-  int64_t any = 0;
-  for (int lane = 0; lane < count_of<Truth>; lane++) any |= mask[lane];
-  return any != 0;
+  int64_t bits = 0;
+  for (int lane = 0; lane < mask.width; lane++) bits |= any[lane];
+  return bits != 0;
 }
 
 // min and max as Python has them: the first one unless another is beyond it.
 template <class Number, class... More>
 static inline Number min(Number one, Number other, More... more) {
-  Number least = other < one ? other : one;
+  Number least = py::choose(other < one, other, one);
   if constexpr (sizeof...(more) > 0) least = py::min<Number>(least, more...);
   return least;
 }
 template <class Number, class... More>
 static inline Number max(Number one, Number other, More... more) {
-  Number greatest = other > one ? other : one;
+  Number greatest = py::choose(other > one, other, one);
   if constexpr (sizeof...(more) > 0) greatest = py::max<Number>(greatest, more...);
   return greatest;
 }
