@@ -9,7 +9,7 @@ from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, struct
 
 # The product of the triangular factors is kept between this and its reciprocal.
 SCALE = 2.0**400
-# Rows of the series of a flight on a trace that turns, and the greatest power of time in them.
+# Rows of the series of a flight that are not of one body, and the greatest power of time in them.
 SERIES_ROWS = 4
 TERMS = 41
 
@@ -54,7 +54,8 @@ class Tangents(NamedTuple):
     turning: FloatMatrix
     """[pair, ...] scratch: what the rows of a joint impact need, see kernels.tangent.impacts"""
     series: FloatMatrix
-    """scratch of flights on a trace that turns, see kernels.tangent.rotating_jacobian"""
+    """scratch of flights on a trace that turns, see kernels.tangent.rotating_jacobian, and on
+    springs, see kernels.springs.variation: SERIES_ROWS, and one for each body"""
     amplification: FloatMatrix
     """[0, impact] filled in: growth of one rounding of the start"""
     smooth: IntMatrix
