@@ -9,8 +9,8 @@ from vibro_cli.kernels.numerics.error_free import add_to_time
 from vibro_cli.kernels.springs.contact import open_contact, settle_contacts, touches_at_start
 from vibro_cli.kernels.springs.impacts import collide_approaching
 from vibro_cli.kernels.springs.logging import log_states, renew_energies
-from vibro_cli.kernels.springs.search import first_event, forget, move
-from vibro_cli.kernels.springs.series import expand, group_size, keep_energy
+from vibro_cli.kernels.springs.search import first_event, forget
+from vibro_cli.kernels.springs.series import expand, group_size, keep_energy, move
 from vibro_cli.kernels.springs.world import (
     COLLIDED,
     DECISION,

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.numerics.error_free import add_to_time
 from vibro_cli.kernels.springs.logging import renew_energies
-from vibro_cli.kernels.springs.search import move
-from vibro_cli.kernels.springs.series import energy_of, expand, group_size, keep_energy
+from vibro_cli.kernels.springs.series import energy_of, expand, group_size, keep_energy, move
 from vibro_cli.kernels.springs.world import SpringBody, World
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.polynomial import NO_ROOT, first_fall, value_of
+from vibro_cli.kernels.numerics.polynomial import NO_ROOT, first_fall
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
     FORCE,
@@ -79,27 +79,6 @@ def _opening(world: World, pair: int, step: float) -> float:
     if rows[base] <= 0.0:
         return 0.0
     return first_fall(rows, base, base + ORDER - 2, step)
-
-
-@kernel
-def move(world: World, time: float) -> None:
-    """Move all bodies on by a time (s) within the step of their series."""
-    for body in range(world.settings[0].bodies):
-        move_body(world, body, ORDER, time)
-
-
-@kernel
-def move_body(world: World, body: int, last: int, time: float) -> None:
-    """Move a body on by a time (s), along its series up to the power ``last``."""
-    rows = world.series
-    base = body * BODY_ROWS + PLACE
-    spring = world.springs[body]
-    speed = 0.0
-    for k in range(last, 0, -1):
-        speed = speed * time + k * rows[base + k]
-    spring.v = speed
-    # The change apart from the place, so that a short step does not lose it.
-    spring.x = rows[base] + time * value_of(rows, base + 1, base + last, time)
 
 
 @kernel

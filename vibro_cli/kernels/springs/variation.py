@@ -10,13 +10,13 @@ stays within R < s of that at the start of the step, the length stays above s - 
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.springs.search import move_body
 from vibro_cli.kernels.springs.series import (
     begin_group,
     extend_group,
     group_size,
     keep_energy,
     mass_of_group,
+    move_body,
 )
 from vibro_cli.kernels.springs.world import BODY_ROWS, LENGTH, ORDER, PLACE, RATIO, World
 from vibro_cli.kernels.tangent.world import Tangents
