@@ -195,21 +195,6 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     axes.set_ylabel(f"{symbol} [{unit}]" if unit else symbol, labelpad=1.0)
 
 
-def legend(figure: Figure, entries: Sequence[tuple[str, dict[str, Any]]]) -> None:
-    """Write what the lines and marks mean in one line above the panels."""
-    figure.legend(
-        handles=handles_of(entries),
-        loc="upper center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=max(len(entries), 1),
-        borderaxespad=0.15,
-        borderpad=0.15,
-        handlelength=1.8 if len(entries) < _MOST_NAMED else 1.4,
-        handletextpad=0.4 if len(entries) < _MOST_NAMED else 0.25,
-        columnspacing=1.1 if len(entries) < _MOST_NAMED else 0.6,
-    )
-
-
 def number_bar(figure: Figure, last: int, beside: Sequence[Entry] = ()) -> None:
     """Draw the bar of colours over the panels, from the first impact to the last.
 

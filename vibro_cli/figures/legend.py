@@ -21,6 +21,8 @@ _CHARACTER = 1.25
 """Mean width of a character of a legend (mm)."""
 _HANDLE = 6.7
 """Width of a mark of a legend with the room around it (mm)."""
+_WIDELY = 5
+"""So many entries stand in one line with room between them."""
 LINE = 3.4
 """Height of a line of a legend (mm)."""
 _BAR = (16.0, 1.6)
@@ -107,17 +109,18 @@ def draw_legend(
 
 
 def line_of_entries(figure: Figure, entries: Sequence[Entry]) -> None:
-    """Draw a legend of names and looks in one line over the panels."""
+    """Draw a legend of names and looks in one line over the panels; of many, closer together."""
+    many = len(entries) > _WIDELY
     figure.legend(
         handles=handles_of(entries),
         loc="upper center",
         bbox_to_anchor=(0.5, 1.0),
-        ncols=len(entries),
-        borderaxespad=0.2,
-        borderpad=0.2,
-        handlelength=1.6,
-        handletextpad=0.4,
-        columnspacing=1.0,
+        ncols=max(len(entries), 1),
+        borderaxespad=0.15,
+        borderpad=0.15,
+        handlelength=1.4 if many else 1.8,
+        handletextpad=0.25 if many else 0.4,
+        columnspacing=0.6 if many else 1.1,
     )
 
 

@@ -17,7 +17,6 @@ from vibro_cli.figures.chart import (
     MOST_VECTOR_POINTS,
     body_look,
     count_axis,
-    legend,
     log_axis,
     number_bar,
     positive_axis,
@@ -26,7 +25,7 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.dots import MOST_MARKS, draw_marks, told_apart
-from vibro_cli.figures.legend import Entry
+from vibro_cli.figures.legend import Entry, line_of_entries
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, kept
@@ -141,7 +140,7 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
         _draw_dots(axes, number, np.where(between > 0.0, between, math.nan))
         together = int(np.sum(between == 0.0))
         text = f"time since the impact before ({together} that are 0 not shown)" if together else ""
-        legend(figure, [(text or "time since the impact before", DOT)])
+        line_of_entries(figure, [(text or "time since the impact before", DOT)])
     return figure
 
 
@@ -169,7 +168,7 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
             _residuals(panels[-1], time, error, r"$|\delta E|/E_0$", "", flights)
             panels[-1].axhline(EPSILON, zorder=1.0, **ROUNDING)
         entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
-        legend(figure, entries[: 1 + bool(flights)])
+        line_of_entries(figure, entries[: 1 + bool(flights)])
     return figure
 
 

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look, legend
+from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.legend import line_of_entries
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.mechanics.system import System
@@ -90,7 +91,7 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
         number = len(radii)
         if number > 1:
             entries = [(f"body {n}", _dot(n)) for n in range(1, min(number, 5) + 1)]
-            legend(figure, entries)
+            line_of_entries(figure, entries)
     return figure
 
 
