@@ -10,7 +10,7 @@ from vibro_cli.kernels.springs.contact import open_contact, settle_contacts, tou
 from vibro_cli.kernels.springs.impacts import collide_approaching
 from vibro_cli.kernels.springs.logging import log_states, renew_energies
 from vibro_cli.kernels.springs.search import first_event, forget
-from vibro_cli.kernels.springs.series import expand, group_size, keep_energy, move
+from vibro_cli.kernels.springs.series import expand, go_on
 from vibro_cli.kernels.springs.world import (
     COLLIDED,
     DECISION,
@@ -128,12 +128,11 @@ def _step(world: World) -> int:
 def _go_on(world: World, step: float) -> None:
     """Move all bodies on by a time (s) within the step of their series, energies kept."""
     clock = world.clock[0]
-    move(world, step)
+    go_on(world, step)
     clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
     if step > 0.0:
         forget(world)
         clock.at_once = 0
-    _keep_energies(world)
 
 
 @kernel
@@ -147,15 +146,6 @@ def _finish(world: World) -> int:
         _go_on(world, left)
     clock.t, clock.t_low = end, 0.0
     return END_TIME
-
-
-@kernel
-def _keep_energies(world: World) -> None:
-    first = 0
-    while first < world.settings[0].bodies:
-        count = group_size(world, first)
-        keep_energy(world, first, count)
-        first += count
 
 
 @kernel

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.numerics.error_free import add_to_time
 from vibro_cli.kernels.springs.logging import renew_energies
-from vibro_cli.kernels.springs.series import energy_of, expand, group_size, keep_energy, move
+from vibro_cli.kernels.springs.series import energy_of, expand, go_on
 from vibro_cli.kernels.springs.world import SpringBody, World
 
 
@@ -88,14 +88,3 @@ def restore(world: World, row: int, way: float) -> None:
     world.clock[0].t = world.states[row].t
     world.clock[0].t_low = world.states[row].t_low
     renew_energies(world)
-
-
-@kernel
-def go_on(world: World, time: float) -> None:
-    """Move all bodies on by a time (s) within the step of their series, energies kept."""
-    move(world, time)
-    first = 0
-    while first < world.settings[0].bodies:
-        count = group_size(world, first)
-        keep_energy(world, first, count)
-        first += count

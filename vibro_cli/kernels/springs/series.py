@@ -154,13 +154,6 @@ def _next_force(world: World, body: int, k: int) -> float:
 
 
 @kernel
-def move(world: World, time: float) -> None:
-    """Move all bodies on by a time (s) within the step of their series."""
-    for body in range(world.settings[0].bodies):
-        move_body(world, body, ORDER, time)
-
-
-@kernel
 def move_body(world: World, body: int, last: int, time: float) -> None:
     """Move a body on by a time (s), along its series up to the power ``last``."""
     rows = world.series
@@ -222,3 +215,15 @@ def keep_energy(world: World, first: int, count: int) -> None:
         world.springs[body].x -= back * rise / square
         world.springs[body].v -= back * spring.v if body > first else 0.0
     spring.v -= back * spring.v
+
+
+@kernel
+def go_on(world: World, time: float) -> None:
+    """Move all bodies on by a time (s) within the step of their series, energies kept."""
+    first = 0
+    while first < world.settings[0].bodies:
+        count = group_size(world, first)
+        for body in range(first, first + count):
+            move_body(world, body, ORDER, time)
+        keep_energy(world, first, count)
+        first += count
