@@ -10,18 +10,16 @@ import sys
 from vibro_cli.compile.build import BuildError, build
 from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.translate import Program
-from vibro_cli.kernels.ensemble.followed import follow_points
 from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
-from vibro_cli.kernels.ensemble.points import run_points
-from vibro_cli.kernels.ensemble.stacks import fill_stacked, run_stacked
+from vibro_cli.kernels.ensemble.points import fill_stacked, follow_points, run_points, run_stacked
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.events.liftoff_slip import find_passages
 from vibro_cli.kernels.flow.replay import sample_flights
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.statistics.impact_columns import fill_columns
 from vibro_cli.kernels.statistics.run_statistics import tally
-from vibro_cli.kernels.tangent.arrivals import find_arrivals
+from vibro_cli.kernels.tangent.flight_jacobian import find_arrivals
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.stress.kernels import find_first_contacts, follow_all
 from vibro_cli.stress.oracles.interval_oracle import judge_flights

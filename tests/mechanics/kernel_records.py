@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from tests.bare_system import bare_system
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
-from vibro_cli.kernels.structs import BodyData, Flight, PairTrack, PieceData, TrackData
+from vibro_cli.kernels.world import BodyData, Flight, PairTrack, PieceData, TrackData
 from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.systems.trace.world import make_world

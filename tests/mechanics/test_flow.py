@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 
 from tests.mechanics.kernel_records import flight_on_arc
 from vibro_cli.kernels.contact.bounce import displacement
-from vibro_cli.kernels.flow.flow import LINE, advance_slightly, flow
-from vibro_cli.kernels.flow.time_of_flight import time_to
+from vibro_cli.kernels.flow.flow import LINE, advance_slightly, flow, time_to
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
-from vibro_cli.kernels.structs import Flight
+from vibro_cli.kernels.world import Flight
 from vibro_cli.stress.oracles.taylor import ArcMotion, Real, mp
 
 EPSILON = 2.0**-52

@@ -16,7 +16,7 @@ from vibro_cli.kernels.impact.laws import (
     impact_of_pair,
     separation_speed,
 )
-from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.world import BodyData
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=300)
 EPSILON = 2.0**-52

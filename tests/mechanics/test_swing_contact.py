@@ -18,7 +18,7 @@ from vibro_cli.kernels.numerics.elliptic import (
     set_theta_constants,
     set_two_theta_constants,
 )
-from vibro_cli.kernels.structs import Flight
+from vibro_cli.kernels.world import Flight
 from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.systems.trace.run import Run, simulate_system

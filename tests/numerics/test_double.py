@@ -7,7 +7,7 @@ from fractions import Fraction
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibro_cli.kernels.numerics.error_free import add_to_time, time_between
+from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=500)
 

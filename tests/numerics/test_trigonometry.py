@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import MPContext
 
-from vibro_cli.kernels.numerics.trigonometry import REDUCTION_LIMIT, sine_cosine
+from vibro_cli.kernels.numerics.elliptic import REDUCTION_LIMIT, sine_cosine
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=500)
 EPSILON = 2.0**-52

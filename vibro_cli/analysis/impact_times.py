@@ -28,10 +28,9 @@ from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
 from vibro_cli.grids.points import changed
 from vibro_cli.kernels.impact.laws import weight_and_response
-from vibro_cli.kernels.structs import Flight
-from vibro_cli.kernels.tangent.arrivals import Arrival, find_arrivals
-from vibro_cli.kernels.tangent.world import SERIES_ROWS, TERMS
-from vibro_cli.kernels.world import CAUSE_NAMES, COLLISION, CROSSING, END_NAMES, START, WALL
+from vibro_cli.kernels.tangent.flight_jacobian import Arrival, find_arrivals
+from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
+from vibro_cli.kernels.world import CAUSE_NAMES, COLLISION, CROSSING, END_NAMES, START, WALL, Flight
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.system import InitialState, System, body_record
 from vibro_cli.mechanics.trace import Piece, sine_cosine

@@ -14,7 +14,7 @@ from vibro_cli import __version__
 from vibro_cli.grids.axes import Array, Model, kind_of, type_of, unit_of
 from vibro_cli.grids.buffers import Lease
 from vibro_cli.grids.document import Grid
-from vibro_cli.kernels.ensemble.stacks import Stack
+from vibro_cli.kernels.ensemble.points import Stack
 from vibro_cli.kernels.statistics.impact_columns import WORDS
 from vibro_cli.kernels.world import ImpactRow, World
 from vibro_cli.mechanics.system import System

@@ -28,10 +28,8 @@ from vibro_cli.grids.columns import (
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.points import Point, Reader, document_at, is_quick, reason_of
 from vibro_cli.grids.system_template import Setting, Starts, Systems, is_of_system
-from vibro_cli.kernels.ensemble.points import Points, Results
-from vibro_cli.kernels.ensemble.stacks import Stack
-from vibro_cli.kernels.structs import NEVER
-from vibro_cli.kernels.world import LOG_FULL, World
+from vibro_cli.kernels.ensemble.points import Points, Results, Stack
+from vibro_cli.kernels.world import LOG_FULL, NEVER, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.scenario.problems import KeyPath

@@ -8,24 +8,16 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import Overrides, kernel
-from vibro_cli.kernels.cluster import (
-    cluster_forces,
-    clusters,
-    rotating_clusters,
-    rotating_forces,
-    trace_forces,
-)
+from vibro_cli.kernels.cluster import clusters, rotating_clusters, trace_forces
 from vibro_cli.kernels.cluster.rotating_clusters import recall_group_motion
 from vibro_cli.kernels.contact import (
     arc_contact,
     bounce,
     contact_kinematics,
     first_contact,
-    libration_contact,
     rotating_contact,
 )
-from vibro_cli.kernels.contact.contact_kinematics import supported
-from vibro_cli.kernels.contact.gap import centre_position
+from vibro_cli.kernels.contact.contact_kinematics import centre_position, supported
 from vibro_cli.kernels.events import (
     event_detection,
     event_handlers,
@@ -33,25 +25,14 @@ from vibro_cli.kernels.events import (
     rotating_passages,
 )
 from vibro_cli.kernels.events.event_detection import CAUTION
-from vibro_cli.kernels.flow import (
-    begin_flight,
-    flight,
-    flow,
-    replay,
-    rotating_flight,
-    rotating_flow,
-    rotating_time_of_flight,
-    time_of_flight,
-)
-from vibro_cli.kernels.flow.begin_flight import launch_and_log, take_energy
+from vibro_cli.kernels.flow import flight, flow, replay, rotating_flight, rotating_flow
+from vibro_cli.kernels.flow.flight import launch_and_log, take_energy
 from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_head
-from vibro_cli.kernels.flow.rotating_flow import pull
-from vibro_cli.kernels.flow.rotating_time_of_flight import half_way
+from vibro_cli.kernels.flow.rotating_flow import half_way, pull
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
-from vibro_cli.kernels.statistics import cluster_statistics, rotating_statistics, run_statistics
-from vibro_cli.kernels.structs import NEVER, Flight, PairTrack, PieceData, TrackData
+from vibro_cli.kernels.statistics import rotating_statistics, run_statistics
 from vibro_cli.kernels.tangent import flight_jacobian, follow, rotating_jacobian
-from vibro_cli.kernels.world import FlightRow, World
+from vibro_cli.kernels.world import NEVER, Flight, FlightRow, PairTrack, PieceData, TrackData, World
 
 
 @kernel
@@ -179,7 +160,7 @@ TURNING = Overrides(
         flow.tangential_acceleration: rotating_flow.tangential_acceleration,
         flow.nudge: rotating_flow.nudge,
         flow.swings: never_swings,
-        time_of_flight.time_to: rotating_time_of_flight.time_to,
+        flow.time_to: rotating_flow.time_to,
         bounce.displacement: rotating_flow.displacement,
         flight.launch_on_piece: rotating_flight.launch_on_piece,
         flight.head_from_state: rotating_flight.head_from_state,
@@ -187,26 +168,26 @@ TURNING = Overrides(
         flight.set_arc_energy: rotating_flight.set_arc_energy,
         first_contact.speed_and_jerk: rotating_flight.speed_and_jerk,
         arc_contact.both_swing: rotating_contact.are_alone,
-        libration_contact.fastest_return: rotating_contact.fastest_return,
-        libration_contact.guessed_frequency: rotating_contact.guessed_frequency,
-        libration_contact.uneven_pull: rotating_contact.uneven_pull,
+        arc_contact.fastest_return: rotating_contact.fastest_return,
+        arc_contact.guessed_frequency: rotating_contact.guessed_frequency,
+        arc_contact.uneven_pull: rotating_contact.uneven_pull,
         arc_contact.released_step: rotating_flight.released_step,
-        begin_flight.begin_flight: begin_rotating_flight,
-        begin_flight.begin_two_flights: begin_two_flights,
-        begin_flight.project: project,
+        flight.begin_flight: begin_rotating_flight,
+        flight.begin_two_flights: begin_two_flights,
+        flight.project: project,
         event_handlers.rate_by_energy: rate_by_energy,
         contact_kinematics.free_acceleration: free_acceleration,
         contact_kinematics.parts_of_weight: parts_of_weight,
         clusters.launch_group_on_line: rotating_clusters.launch_group_on_line,
         clusters.set_group_flow: rotating_clusters.set_group_flow,
-        cluster_forces.set_release: rotating_clusters.set_release,
-        cluster_forces.limit_by_lift_off: rotating_clusters.limit_by_lift_off,
+        clusters.set_release: rotating_clusters.set_release,
+        clusters.limit_by_lift_off: rotating_clusters.limit_by_lift_off,
         event_detection.kept_apart: kept_apart,
         event_detection.horizontal_extent: horizontal_extent,
         replay.recall_flow: recall_flow,
         replay.energy_of_row: rotating_flight.energy_of_row,
-        trace_forces.pendulum_at: rotating_forces.pendulum_at,
-        trace_forces.fit_forces: rotating_forces.fit_forces,
+        trace_forces.pendulum_at: rotating_clusters.pendulum_at,
+        trace_forces.fit_forces: rotating_clusters.fit_forces,
         liftoff_slip.rotates: rotating_passages.rotates,
         liftoff_slip.orbit_period: rotating_passages.orbit_period,
         liftoff_slip.turning_courses: rotating_passages.turning_courses,
@@ -214,9 +195,9 @@ TURNING = Overrides(
         liftoff_slip.normal_of_one: rotating_passages.normal_of_one,
         liftoff_slip.limit_courses: rotating_passages.limit_courses,
         run_statistics.tally_alone: rotating_statistics.tally_alone,
-        cluster_statistics.turning_time: rotating_statistics.turning_time_on_line,
-        cluster_statistics.pendulum_range: rotating_statistics.pendulum_range,
-        cluster_statistics.extremes_on_arc: rotating_statistics.extremes_on_arc,
+        run_statistics.turning_time: rotating_statistics.turning_time_on_line,
+        run_statistics.pendulum_range: rotating_statistics.pendulum_range,
+        run_statistics.extremes_on_arc: rotating_statistics.extremes_on_arc,
         flight_jacobian.flight_jacobian: rotating_jacobian.flight_jacobian,
         follow.leans: rotating_jacobian.leans,
     },

@@ -1,4 +1,12 @@
-"""What the event loop works on: one tuple of records, and the logs that it fills."""
+"""What the kernels work on: records of pieces, bodies, flights and pairs, in one tuple, and logs.
+
+Half-angle variables. On an arc the place of a body is ``(S, C) = (sin f/2, cos f/2)`` and its
+motion ``P = f'/(2w)`` with ``w^2 = g/(kappa rho)``; ``f = phi`` in a valley and ``f = psi + pi``
+on a hump, where ``C = -sin(psi/2)`` keeps its relative accuracy at the crest. ``S^2 + C^2 = 1``
+and ``S^2 + P^2 = m`` is the energy. On a line ``S`` is the distance from the line's left end,
+``P`` the speed and ``C`` is unused. The speed of the centre is ``v = speed_factor P`` on every
+piece.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +14,266 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from vibro_cli.compile.kernel import Series, struct
-from vibro_cli.kernels.structs import (
-    BodyData,
-    BodyForces,
-    Clock,
-    Flight,
-    PairData,
-    PairTrack,
-    PieceData,
-    Settings,
-    TrackData,
-)
+from vibro_cli.kernels.numerics.tridiagonal import ChainRow
+from vibro_cli.kernels.numerics.weierstrass_motion import QuarticConstants
+
+PARTING = 1  # after an impact, with a speed
+RELEASED = 2  # after lasting contact, with neither speed nor acceleration
+CLOSING = 3  # in contact and approaching: an impact now, whatever the rounding of the gap
+
+NEVER = 1.0e303  # a time, s, after the end of every run (a stop.time is at most 1e300)
+
+
+@struct
+class PieceData:
+    """One piece of the trace."""
+
+    sign: float  # +1 valley, -1 hump, 0 line
+    x: float  # centre of the arc; left end of a line, m
+    y: float
+    tangent_x: float  # of a line
+    tangent_y: float
+    length: float  # m
+    radius: float  # R, m; 0 on a line
+    start_s: float  # arc length of the left end, m
+    angle_start: float  # phi or psi of the ends, rad; on a line their distance from the left one, m
+    angle_end: float
+    turn: float  # whole turns between phi or psi and the angle that S and C are of, rad
+
+
+@struct
+class TrackData:
+    """One body on one piece: the path of its centre."""
+
+    path_radius: float  # rho, m; 0 on a line
+    frequency: float  # w, rad/s; 0 on a line
+    speed_factor: float  # v = speed_factor P
+    bottom: float  # height of the centre at f = 0 above the body's lowest place, m; line: left end
+    top: float  # at f = pi; line: unused
+    twice_radius: float  # 2 rho: height = bottom + twice_radius m; line: unused
+    gravity_rate: float  # g/kappa, m/s^2; on a turning trace the most that pulls there
+    line_acceleration: float  # -(g/kappa) sin(alpha), m/s^2
+    line_rise: float  # sin(alpha) of a line
+    left_s: float  # the ends, as (S, C) or distance
+    left_c: float
+    right_s: float
+    right_c: float
+    lowest_s2: float  # extremes of S^2 over the piece
+    highest_s2: float
+    line_x: float  # centre of the body at the left end of a line, m
+    line_y: float
+    tilt: float  # of a turning trace, see mechanics.turning: sign Omega^2 (O_x - x0)/g
+    spread: float  # Omega^2 rho/g
+    line_growth: float  # Omega cos(alpha)/sqrt(kappa) of a line, 1/s
+    line_press: float  # N/(m g) at the left end of a line, and how it grows along it, 1/m
+    line_press_growth: float
+    lowest_potential: float  # least value of V on an arc
+    most_angular: float  # bounds on an arc: |f''| (rad/s^2), its first two derivatives with f
+    most_stiffness: float
+    most_bending: float
+    steepest: float  # greatest fall of f'' with f on an arc, 1/s^2
+    crests: int  # maxima of V inside an arc, as (S, C)
+    crest_s: float
+    crest_c: float
+    other_crest_s: float
+    other_crest_c: float
+    highest_potential: float  # greatest value of V on the full circle
+    extremes: Series  # (S, C) of the places inside an arc where its force on a body is extreme
+    extreme_count: int
+    least_press: float  # least sign (N/(m g)) on an arc at P^2 = -V, and at P = 0
+    least_still: float
+
+
+@struct
+class BodyData:
+    """One body."""
+
+    radius: float  # m
+    kappa: float  # 1 + J_C/(m r^2)
+    mass: float  # kg
+    rolling_mass: float  # M = kappa m, kg
+    weight: float  # m g, N
+
+
+@struct
+class Flight(QuarticConstants):
+    """The motion of one body between two of its events, and its place at the start of it."""
+
+    piece: int
+    lap: int  # turns of a closed trace made so far
+    t: float  # start, in two doubles, s
+    t_low: float
+    s: float  # (S, C, P) at the start
+    c: float
+    p: float
+    before_s: float  # (S, C, P) at the end of the flight before this one, on its piece
+    before_c: float
+    before_p: float
+    flow_s: float  # state of the pendulum whose flow it is: its own, or that of its group
+    flow_c: float
+    flow_p: float
+    grouped: int  # 1: rolls in lasting contact with a neighbour
+    group_first: int  # leftmost body of its group, and number of its bodies
+    group_count: int
+    shift_s: float  # sine and cosine of half the angle from the group's pendulum to the body
+    shift_c: float
+    rate_ratio: float  # P of the body over P of the group
+    frequency: float  # w of the flow, rad/s; 0 on a line
+    own_frequency: float  # w of the body alone on this piece
+    at_rest: int  # 1: in equilibrium
+    wall_side: int  # +1, -1: pressed at rest to the wall on the right or left, else 0
+    pressing: int  # scratch of an instant: at a wall, see kernels.cluster.active_contacts
+    impacts: int  # of the body, or a body in its chain, at the instant when its flight began
+    fastest: float  # size (m/s) of the greatest speeds in its chain at that instant
+    brief: float  # time (s) in which a body at rest falls no farther than rounding
+    line_acceleration: float
+    head: float  # energy/(m g), m above the body's lowest place
+    anchor: int  # piece whose crest the energy is measured from, or -1
+    anchor_root: float  # root_complement on that piece
+    exit_after: float  # time from the start to the end of the flight, s
+    exit_side: int  # +1 right end, -1 left end, 0 none
+    exit_kind: int  # BOUNDARY or LIFT_OFF
+    exit_p: float  # P at the exit
+    exit_t: float  # instant of the exit, in two doubles
+    exit_t_low: float
+    angular_bound: float  # bounds on the second (rad/s^2) and third (rad/s^3) derivative of f
+    jerk_bound: float
+    acceleration_bound: float  # and on the acceleration of the centre, m/s^2
+    speed: float  # scratch of an instant: speed of the centre, m/s
+    half_curvature: float  # 1/(2 rho), 0 on a line
+    segment: float  # length in time of a segment across pieces, s
+    series: Series  # acceleration along the path on it, in powers of t/segment (m/s^2)
+    nodal: Series  # scratch: acceleration at the nodes
+    normal: Series  # normal force on it (N), where the trace is one-sided
+    tilt: float  # on a turning trace those of its track, and bounds on the speed of the centre
+    spread: float  # (m/s) and on the fourth derivative of f (rad/s^4)
+    twist: float  # of a group: tilt, spread and twist of its pull
+    line_growth: float
+    crests: int
+    most_speed: float
+    steepest: float  # greatest fall of f'' with f on its arc (1/s^2)
+    snap_bound: float
+
+
+@struct
+class PairData(ChainRow):
+    """Two neighbours, ``a`` left of ``b``.
+
+    Across the seam of a closed trace ``a`` is the last body.
+    """
+
+    a: int
+    b: int
+    seam: int  # 1: b is one lap ahead
+    restitution: float
+    law: int  # of its last impact
+    distance: float  # r_a + r_b, m
+    begin_t: float  # when the later of the two flights began (two doubles)
+    begin_t_low: float
+    touching: int  # in contact at that instant: PARTING, RELEASED or CLOSING, else 0
+    searched: float  # no contact for so long from then: the end of a step of the search, s
+    held: int  # 1: in lasting contact
+    logged: int  # what of it has been logged: 1 closed, 0 open
+    change_t: float  # when ``held`` last changed (two doubles)
+    change_t_low: float
+    delay: float  # time from then to the end of the accumulation, s
+    closing_loss: float  # energy that equal speeds took when it last closed or went on, J
+    struck: float  # speed (m/s) at which it alone came together at this instant, or 0
+    release_t: float  # when the contact force changes sign, or NEVER (two doubles)
+    release_t_low: float
+    contact_t: float  # first contact, or NEVER
+    contact_t_low: float
+    a_s: float  # (S, C, P) of both there
+    a_c: float
+    a_p: float
+    b_s: float
+    b_c: float
+    b_p: float
+    apart: int  # 1: proved that the two flights never meet
+    normal_a: float  # scratch of an instant: n t of both bodies
+    normal_b: float
+    closing: int  # scratch of an instant: ``touching`` to be; 1: takes part in a joint impact
+    pressing: int  # scratch of an instant: see kernels.cluster.active_contacts
+    series: Series  # contact force on a segment across pieces, in powers of t/segment (N)
+    nodal: Series  # scratch: force at the nodes; its first also energy (J) that closing takes
+
+
+@struct
+class BodyForces:
+    """What the trace bears of one body (scratch, see ``kernels.cluster.trace_forces``)."""
+
+    x: float  # centre, m
+    y: float
+    sine: float  # of the slope
+    cosine: float
+    bend: float  # v^2/rho, positive in a valley, m/s^2
+    acceleration: float  # along the path, m/s^2
+    normal: float  # N
+    friction: float
+    start_normal: float  # at both ends of a motion
+    start_friction: float
+    end_normal: float
+    end_friction: float
+    press: Series  # normal force in the angle or the way of the motion, N
+    drag: Series  # friction, with its sign
+
+
+@struct
+class PairTrack:
+    """Two neighbours on the same piece: constants of their contact."""
+
+    sine: float  # sin(beta/2), cos(beta/2); on a line the distance along it
+    cosine: float
+    far_gap: float  # pi - beta
+    normal_a: float  # n t_a, n t_b in contact
+    normal_b: float
+
+
+@struct
+class Settings:
+    """What holds for the whole run."""
+
+    gravity: float
+    bodies: int
+    pieces: int
+    pairs: int
+    closed: int
+    one_sided: int
+    law: int
+    substitute: int  # 1: an inadmissible impact is replaced by the normal-impulse law
+    left_wall: float  # restitution, or -1 for a stop
+    right_wall: float
+    axis_x: float  # where the trace turns, m, and the square of its rate, 1/s^2 (0: it does not)
+    turning_square: float
+    stop_t: float
+    stop_collisions: int
+    room: int  # rows of the logs that may be used; they hold twice as many
+    keep: int  # 0: rows that fill the logs are dropped
+
+
+@struct
+class Clock:
+    """The state of the run as a whole."""
+
+    t: float
+    t_low: float
+    collisions: int
+    crossings: int
+    contacts: int
+    held_pairs: int  # pairs in lasting contact now
+    unlogged: int  # 1: some contact may have changed since it was logged
+    last_ball: int  # body of the last boundary event
+    quiet_t: float
+    energy_correction: float  # sum of |corrections|, J
+    impact_rows: int  # rows used in the logs
+    flight_rows: int
+    contact_rows: int
+    segment_rows: int
+    flights_before: int  # flight rows handed over so far
+    searches: int  # what was done, for the benchmark and -v
+    evaluations: int
+    skipped_apart: int
+
 
 # Why a flight began.
 START = 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.world import BodyData
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.trace import Trace
 from vibro_cli.numerics import elementwise

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.structs import NEVER
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.world import NEVER, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.stress import kernels
 from vibro_cli.stress.finding import Document, Finding, Plan

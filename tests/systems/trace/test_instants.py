@@ -15,9 +15,9 @@ from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.contact.contact_kinematics import set_normals
 from vibro_cli.kernels.events.simultaneous_impacts import MOST_ROUNDS
+from vibro_cli.kernels.impact.chattering import press_speeds
 from vibro_cli.kernels.impact.impulse_chain import apply_impulses
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE
-from vibro_cli.kernels.impact.plastic_limit import press_speeds
 from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import load_scenario, scenario_of

@@ -9,8 +9,7 @@ import pytest
 
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.ensemble.points import Points, Results
-from vibro_cli.kernels.structs import NEVER
-from vibro_cli.kernels.world import LOG_FULL
+from vibro_cli.kernels.world import LOG_FULL, NEVER
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems.trace.ensemble import Batch, make_points

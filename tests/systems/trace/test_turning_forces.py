@@ -18,12 +18,14 @@ from tests.systems.trace.turning_scenes import (
     over_the_hump,
 )
 from vibro_cli.compile.kernel import Overrides, kernel
-from vibro_cli.kernels.cluster.cluster_forces import (
+from vibro_cli.kernels.cluster.clusters import (
+    launch_group,
+    launch_group_on_line,
     limit_by_lift_off,
     normal_force_now,
+    set_group_flow,
     set_release,
 )
-from vibro_cli.kernels.cluster.clusters import launch_group, launch_group_on_line, set_group_flow
 from vibro_cli.kernels.cluster.collocation import launch_across
 from vibro_cli.kernels.cluster.rotating_clusters import normal_harmonics
 from vibro_cli.kernels.contact.contact_kinematics import set_normals, set_speed

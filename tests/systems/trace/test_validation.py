@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL, impact_of_pair
-from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.world import BodyData
 from vibro_cli.mechanics.system import System
 from vibro_cli.stress.scenes import ball, scene, system_of, valley
 from vibro_cli.systems.trace.run import simulate_system

@@ -10,8 +10,7 @@ import pytest
 
 from vibro_cli.api import simulate
 from vibro_cli.kernels.cluster.trace_forces import AT_TIME, set_forces
-from vibro_cli.kernels.structs import Flight
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.world import Flight, World
 from vibro_cli.mechanics.system import InitialState
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems.trace.run import Run, simulate_system

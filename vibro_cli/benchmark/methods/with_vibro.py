@@ -10,7 +10,7 @@ from vibro_cli.benchmark.methods.motion import Motion
 from vibro_cli.benchmark.methods.runner import Course, Lost, Method, Runner, Setting, course_of
 from vibro_cli.benchmark.scenes import Scene
 from vibro_cli.kernels.ensemble.points import Points
-from vibro_cli.kernels.structs import NEVER
+from vibro_cli.kernels.world import NEVER
 from vibro_cli.mechanics.system import System
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.trace.ensemble import Batch, make_points

@@ -12,20 +12,20 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import SERIES_LENGTH, Series, kernel
-from vibro_cli.kernels.cluster.active_contacts import FORCE_ROUNDING
-from vibro_cli.kernels.cluster.cluster_forces import normal_force_now
+from vibro_cli.kernels.cluster.clusters import normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import free_acceleration, set_normals
 from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_to
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, path_on_segment, polynomial_flow
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
-from vibro_cli.kernels.numerics.error_free import add_to_time
-from vibro_cli.kernels.structs import NEVER, Flight, TrackData
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.numerics.double_double import add_to_time
+from vibro_cli.kernels.world import NEVER, Flight, TrackData, World
 
 Row = tuple[float, ...]
 
 
+# A force above -this share of the weights presses or is zero up to rounding.
+FORCE_ROUNDING = 1.0e-12
 # Gauss nodes on [0, 1]: the zeros of the Legendre polynomial of degree 8, moved there.
 NODES = (
     0.01985507175123188, 0.10166676129318664, 0.23723379504183550, 0.40828267875217510,

@@ -1,4 +1,7 @@
-"""When lasting contact begins, goes on and ends.
+"""When lasting contact begins, goes on and ends: which contacts of a chain and of its walls last.
+
+Those that have no speed, or one whose bounces are lost in rounding, may; those of them that the
+contact forces press do. A wall is a body of infinite mass: what it presses rests.
 
 Contact is kept where the contact force presses. A pair held before keeps its contact through a
 change of piece if the force still presses there; a pair that bounces with k < 1 closes when the
@@ -8,18 +11,288 @@ sum of its remaining bounces can be taken in closed form to rounding (accumulati
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.active_contacts import settle
 from vibro_cli.kernels.cluster.clusters import launch_group
-from vibro_cli.kernels.cluster.collocation import launch_across
-from vibro_cli.kernels.contact.contact_kinematics import set_normals, set_speed
-from vibro_cli.kernels.contact.wall_contact import rest
-from vibro_cli.kernels.flow.begin_flight import begin_flight, log_flight
-from vibro_cli.kernels.impact.chattering import NOT_YET, carry_drift, time_to_rest
-from vibro_cli.kernels.impact.event_log import hold
-from vibro_cli.kernels.impact.impulse_chain import held_from
-from vibro_cli.kernels.impact.plastic_limit import equalise
-from vibro_cli.kernels.structs import PARTING, RELEASED
-from vibro_cli.kernels.world import CONTACT_CLOSED, CONTACT_OPENED, World
+from vibro_cli.kernels.cluster.collocation import FORCE_ROUNDING, launch_across
+from vibro_cli.kernels.contact.contact_kinematics import (
+    free_acceleration,
+    free_approach,
+    lost_height,
+    mobility,
+    parting_speed,
+    present_gap,
+    rest,
+    set_normals,
+    set_speed,
+    speed_of_pair,
+    stand_at_wall,
+    touched_wall,
+)
+from vibro_cli.kernels.flow.flight import begin_flight, log_flight
+from vibro_cli.kernels.flow.flow import POLYNOMIAL
+from vibro_cli.kernels.impact.chattering import (
+    EPSILON,
+    FORCED,
+    FREE,
+    LOST_BOUNCE,
+    NOT_YET,
+    PRESSING,
+    PROPOSED,
+    carry_drift,
+    equalise,
+    lean,
+    pressing_from,
+    time_to_rest,
+)
+from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING, hold
+from vibro_cli.kernels.impact.impulse_chain import (
+    contact_forces,
+    held_from,
+    share_fastest,
+)
+from vibro_cli.kernels.impact.laws import TRANSLATIONAL
+from vibro_cli.kernels.world import (
+    CLOSING,
+    CONTACT_CLOSED,
+    CONTACT_OPENED,
+    PARTING,
+    RELEASED,
+    Flight,
+    PairData,
+    World,
+)
+
+# Bodies in contact have equal normal speeds up to the rounding of a whole flight.
+HELD_ROUNDING = 1.0e-9
+# Impacts slower than this share of the greatest speeds of an instant are rounding, which grows if
+# a law gives more speed than it takes.
+SLOWEST = 1.0e-11
+# Below this share of the weights a pulling force is one that has just become zero.
+JUST_ZERO = 1.0e-6
+
+
+@kernel
+def settle(world: World, first: int, count: int) -> None:
+    """Decide for a chain of ``count`` touching pairs which of them stay in contact.
+
+    States, speeds and normals of the bodies must be set. ``held`` then says which pairs roll on in
+    contact, ``wall_side`` which bodies rest at a wall, ``closing`` keeps how the other pairs part
+    (the ``touching`` to be set after the launch), and ``closing_loss`` the energy (J) that
+    equalising the speeds of held bodies has taken. Pairs and walls whose ``pressing`` is
+    ``FORCED`` are held whatever the rounding of their forces says.
+    """
+    settings = world.settings[0]
+    pairs = settings.pairs
+    fastest = share_fastest(world, first, count)
+    for step in range(count + 1):
+        world.flights[(first + step) % settings.bodies].wall_side = 0
+    _propose_wall(world, first, fastest)
+    if count > 0:
+        _propose_wall(world, (first + count) % settings.bodies, fastest)
+    for step in range(count):
+        _propose(world, (first + step) % pairs, fastest)
+    while _press(world, first, count):
+        pass
+    for step in range(count):
+        _decide(world, first, count, step)
+    equalise(world, first, count)
+
+
+@kernel
+def _propose(world: World, j: int, fastest: float) -> None:
+    """Propose a pair to be held if it has no speed, or one whose bounces may be lost in rounding.
+
+    ``closing`` says which speed it has if it is not zero.
+    """
+    pair = world.pairs[j]
+    pair.closing = 0
+    if pair.pressing == FORCED:
+        pair.pressing = PRESSING
+        return
+    parting = parting_speed(world, j)
+    rounding = SPEED_ROUNDING * fastest
+    if pair.held == 1:
+        rounding = max(rounding, held_rounding(world, j))
+    pair.pressing = PROPOSED
+    if abs(parting) <= rounding:
+        if _is_released(world, pair):
+            pair.pressing = FREE
+            pair.closing = RELEASED
+        return
+    pair.closing = PARTING if parting > 0.0 else CLOSING
+    if parting < -SLOWEST * fastest and _keeps_small_impacts(world, world.flights[pair.a]):
+        pair.pressing = FREE
+        return
+    # Pressed by all bodies together it would bounce lowest.
+    pull = world.settings[0].gravity * world.settings[0].bodies
+    if _bounce_force(world, j, parting) > pull:
+        pair.pressing = FREE
+    again = world.flights[pair.a].impacts > 0 and world.flights[pair.b].impacts > 0
+    if again and parting > 0.0 and pair.struck > 0.0:
+        pair.pressing = FREE  # its bounces have a sum, once the others are launched
+
+
+@kernel
+def _keeps_small_impacts(world: World, flight: Flight) -> bool:
+    """Tell whether slow impacts of a body that has just had others are carried out as well.
+
+    What ``translational`` balances is not what making normal speeds equal does.
+    """
+    return world.settings[0].law == TRANSLATIONAL and flight.impacts > 1
+
+
+@kernel
+def held_rounding(world: World, j: int) -> float:
+    """Speed (m/s) between a pair that its flight in contact leaves by rounding.
+
+    That of its own speed, and of what forces give it on a segment, though they cancel.
+    """
+    flight = world.flights[world.pairs[j].a]
+    if _keeps_small_impacts(world, flight):
+        return SLOWEST * flight.fastest  # it has not flown since their speeds were made equal
+    given = 0.0
+    if flight.form == POLYNOMIAL:
+        given = SPEED_ROUNDING * world.settings[0].gravity * flight.segment
+    return max(HELD_ROUNDING * speed_of_pair(world, j), given)
+
+
+@kernel
+def _is_released(world: World, pair: PairData) -> bool:
+    """Tell whether a contact has opened at this instant; ``touching`` is 0 after an impact."""
+    clock = world.clock[0]
+    now = pair.begin_t == clock.t and pair.begin_t_low == clock.t_low
+    return now and pair.held == 0 and pair.touching == RELEASED
+
+
+@kernel
+def _propose_wall(world: World, ball: int, fastest: float) -> None:
+    """Propose that an end of a chain rests at the wall it touches, if it may; see ``_propose``."""
+    flight = world.flights[ball]
+    side = touched_wall(world, ball)
+    if side == 0:
+        flight.pressing = FREE
+        return
+    stand_at_wall(world, ball, side)
+    if abs(flight.speed) <= SPEED_ROUNDING * fastest:
+        flight.speed = 0.0
+    if flight.pressing == FORCED:
+        lean(flight, side)
+        return
+    pull = world.settings[0].gravity * world.settings[0].bodies
+    lost = flight.speed * flight.speed <= 2.0 * pull * lost_height(world, ball)
+    flight.pressing = PROPOSED if lost else FREE
+
+
+@kernel
+def _bounce_force(world: World, j: int, parting: float) -> float:
+    """Acceleration (m/s^2) under which a bounce is lost in the rounding of the places."""
+    _, size = present_gap(world, j)
+    return parting * parting / (2.0 * LOST_BOUNCE * EPSILON * size)
+
+
+@kernel
+def _ease(world: World, j: int) -> float:
+    """Acceleration along the line of centres that one newton between a pair gives (m/s^2)."""
+    pair = world.pairs[j]
+    ease_a = pair.normal_a * pair.normal_a * mobility(world, pair.a)
+    return ease_a + pair.normal_b * pair.normal_b * mobility(world, pair.b)
+
+
+@kernel
+def _press(world: World, first: int, count: int) -> bool:
+    """Add to the pressing contacts of a chain those that their forces press too; False if none.
+
+    A force between two bodies presses each of them more against its other neighbour, or its wall:
+    what presses once does so in the end, and no contact has to be taken away again (a linear
+    complementarity problem whose matrix has no positive element beside its diagonal,
+    Chandrasekaran 1970).
+    """
+    pairs = world.settings[0].pairs
+    start = 0
+    while start < count:
+        length = pressing_from(world, first, count, start)
+        if length > 0:
+            contact_forces(world, (first + start) % pairs, length)
+        start += length + 1
+    found = False
+    for step in range(count):
+        pair = world.pairs[(first + step) % pairs]
+        if pair.pressing == PROPOSED and _surplus(world, first, count, step) >= 0.0:
+            pair.pressing = PRESSING
+            found = True
+    return _press_walls(world, first, count) or found
+
+
+@kernel
+def _press_walls(world: World, first: int, count: int) -> bool:
+    """Let the ends of a chain lean on their walls if they are pressed to them; False if none."""
+    bodies = world.settings[0].bodies
+    found = False
+    for end in range(2):
+        ball = first if end == 0 else (first + count) % bodies
+        flight = world.flights[ball]
+        side = touched_wall(world, ball)
+        if side == 0 or flight.pressing != PROPOSED:
+            continue
+        pull = free_acceleration(world, ball) * side
+        if count > 0:
+            pull += _push(world, ball if side < 0 else ball - 1, ball)
+        need = -FORCE_ROUNDING * world.settings[0].gravity
+        if flight.speed != 0.0:
+            need = 0.5 * flight.speed * flight.speed / lost_height(world, ball)
+        if pull >= need:
+            lean(flight, side)
+            found = True
+    return found
+
+
+@kernel
+def _push(world: World, j: int, ball: int) -> float:
+    """Acceleration (m/s^2) that the force of a pair (``solution``) gives to one of its bodies."""
+    pair = world.pairs[j]
+    normal = pair.normal_a if pair.a == ball else pair.normal_b
+    return normal * pair.solution * mobility(world, ball)
+
+
+@kernel
+def _surplus(world: World, first: int, count: int, step: int) -> float:
+    """What presses a free pair of a chain beyond what it needs to stay, as a share of the weights.
+
+    The forces between its neighbours and theirs are their ``solution``.
+    """
+    pairs = world.settings[0].pairs
+    j = (first + step) % pairs
+    pair = world.pairs[j]
+    ease = _ease(world, j)
+    if ease == 0.0:
+        return FORCE_ROUNDING
+    from_left = 0.0
+    from_right = 0.0
+    if step > 0:
+        left = world.pairs[(j - 1) % pairs]
+        from_left = pair.normal_a * left.normal_b * mobility(world, pair.a) * left.solution
+    if step < count - 1:
+        right = world.pairs[(j + 1) % pairs]
+        from_right = pair.normal_b * right.normal_a * mobility(world, pair.b) * right.solution
+    approach = (from_left + from_right) - free_approach(world, j)
+    weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
+    if pair.closing == 0:
+        return approach / (ease * weights) + FORCE_ROUNDING
+    return (approach - _bounce_force(world, j, parting_speed(world, j))) / (ease * weights)
+
+
+@kernel
+def _decide(world: World, first: int, count: int, step: int) -> None:
+    """Hold a pair of a chain if it presses; else ``closing`` says how it parts."""
+    j = (first + step) % world.settings[0].pairs
+    pair = world.pairs[j]
+    held = 1 if pair.pressing == PRESSING else 0
+    if pair.pressing == PROPOSED and pair.closing == 0:
+        just_zero = _surplus(world, first, count, step) > -JUST_ZERO
+        pair.closing = RELEASED if just_zero else PARTING
+    if held != pair.held:
+        hold(world, j, held, 0.0)
+    if held == 1:
+        pair.closing = 0
 
 
 @kernel

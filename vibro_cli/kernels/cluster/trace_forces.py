@@ -13,12 +13,10 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.contact.contact_kinematics import parts_of_weight
-from vibro_cli.kernels.contact.gap import centre_position
+from vibro_cli.kernels.contact.contact_kinematics import centre_position, parts_of_weight
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, acceleration_at, body_of_group, flow
 from vibro_cli.kernels.flow.replay import recall_flight
-from vibro_cli.kernels.structs import BodyForces, Flight
-from vibro_cli.kernels.world import FlightRow, World
+from vibro_cli.kernels.world import BodyForces, Flight, FlightRow, World
 
 # Angles of a motion at which forces are fitted, halved: the thirds of a turn, and after them the
 # fifths, for a rotating trace.

@@ -11,11 +11,15 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.contact.contact_kinematics import (
+    centre_position,
+    centre_tangent,
+    half_gap_sine,
+)
 from vibro_cli.kernels.contact.first_contact import pace
-from vibro_cli.kernels.contact.gap import centre_position, centre_tangent, half_gap_sine
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow
 from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, theta_functions
-from vibro_cli.kernels.structs import Clock, Flight, PairData, PairTrack, PieceData, TrackData
+from vibro_cli.kernels.world import Clock, Flight, PairData, PairTrack, PieceData, TrackData
 
 # A flight whose relative rate times its length is more than this (rad, or a share of the bodies'
 # places) is timed well enough by places.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.contact.gap import distance_gap
+from vibro_cli.kernels.contact.contact_kinematics import distance_gap
 from vibro_cli.kernels.flow.flow import (
     LINE,
     POLYNOMIAL,
@@ -25,7 +25,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_third_order,
     unresolved_step,
 )
-from vibro_cli.kernels.structs import (
+from vibro_cli.kernels.world import (
     PARTING,
     RELEASED,
     Clock,

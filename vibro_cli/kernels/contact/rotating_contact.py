@@ -1,6 +1,6 @@
 """The first contact of two bodies alone on one arc of a turning trace, guessed and certified.
 
-The kernels stand in for those of ``kernels.contact.libration_contact``. The difference y of their
+The kernels stand in for those of ``kernels.contact.arc_contact``. The difference y of their
 angles
 obeys ``y'' >= -W^2 y`` with the steepest fall of the pull on the arc: ``W^2 = w^2 max(-pull')``.
 """
@@ -14,7 +14,7 @@ from vibro_cli.kernels.flow.flow import angular_acceleration
 from vibro_cli.kernels.flow.rotating_flow import pull
 from vibro_cli.kernels.numerics.conservative_advancement import first_return
 from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY
-from vibro_cli.kernels.structs import Flight
+from vibro_cli.kernels.world import Flight
 
 # The frequency of a difference of angles is taken as no less than this share of the greatest one.
 LEAST_SHARE = 0.2

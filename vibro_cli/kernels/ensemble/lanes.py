@@ -1,25 +1,367 @@
-"""Batches of two bodies with several scenarios in lanes: all go from impact to impact at once.
+"""Runs of several scenarios in the lanes of registers: from impact to impact, with their summaries.
+
+The sums of ``kernels.statistics.run_statistics`` for librations that one impact after the other
+ends; what bounds
+do not decide there is left to it: the lane fails.
+
+The operations of ``kernels.events.event_handlers`` and ``kernels.flow.flight`` for an impact
+between librations
+that are not near a crest or an end of the arc, and whose bounces are not small, without jumps.
 
 In lanes are the runs whose bodies both swing on one arc, from one impact to the next (see
-``kernels.ensemble.impact_in_lanes``). All else, and each event that fails there, is done by the
+``kernels.ensemble.lanes``). All else, and each event that fails there, is done by the
 kernels of
 single runs, after which the run goes back into its lane. The bits are those of single runs.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from vibro_cli.compile.kernel import kernel
-from vibro_cli.compile.lanes import LANES, any_lane, in_lane, with_lane
-from vibro_cli.kernels.ensemble.impact_in_lanes import LaneGroup, next_impact
+from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.compile.lanes import (
+    LANES,
+    Lanes,
+    any_lane,
+    both,
+    choose,
+    either,
+    in_lane,
+    opposite,
+    with_lane,
+)
+from vibro_cli.kernels.contact.libration_contact_lanes import (
+    BodyLanes,
+    SwingLanes,
+    contact_in_lanes,
+)
 from vibro_cli.kernels.ensemble.libration_fast_path import LONGEST_STAY, fits
 from vibro_cli.kernels.ensemble.points import Points, Results, prepare_point, tally_point
 from vibro_cli.kernels.events.event_loop import proceed
-from vibro_cli.kernels.flow.begin_flight import launch_and_log
-from vibro_cli.kernels.numerics.elliptic import set_theta_constants
-from vibro_cli.kernels.structs import NEVER, PARTING, Flight
-from vibro_cli.kernels.world import COLLISION, END_COLLISIONS, LOG_FULL, RUNNING, World
+from vibro_cli.kernels.flow.flight import (
+    CREST_NEIGHBOURHOOD,
+    LEAST_SIZE,
+    head_on_arc,
+    launch_and_log,
+    most_of_swings,
+    projected,
+    size_of_root,
+    widest_pull,
+)
+from vibro_cli.kernels.flow.replay import CAUTION
+from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
+from vibro_cli.kernels.impact.event_log import do_part
+from vibro_cli.kernels.impact.laws import impact_of_pair
+from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
+from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_librations, set_theta_constants
+from vibro_cli.kernels.statistics.run_statistics import (
+    BELOW,
+    arc_force,
+    gap_on_arc,
+    half_angle_on_arc,
+)
+from vibro_cli.kernels.world import (
+    COLLISION,
+    END_COLLISIONS,
+    LOG_FULL,
+    NEVER,
+    PARTING,
+    RUNNING,
+    Flight,
+    PieceData,
+    TrackData,
+    World,
+)
+
+
+@kernel
+def range_in_lanes(
+    swing: SwingLanes, duration: Lanes, s: Lanes, p: Lanes
+) -> tuple[Lanes, Lanes, bool]:
+    """Extremes of ``S^2`` over a flight that ends in a state; in which lanes they are not sure.
+
+    How often a half period and its half fit into the flight is decided by bounds of the quarter
+    period K: it is ``pi/2`` over a mean of 1 and k' (see ``kernels.flow.replay.half_period``).
+    """
+    start = swing.flow_s * swing.flow_s
+    end = s * s
+    low = min(start, end)
+    high = max(start, end)
+    argument = swing.frequency * duration
+    root = math.sqrt(swing.root_complement)
+    above = argument * ((1.0 + root) * (1.0 + root))
+    below = argument * math.sqrt(2.0 * (1.0 + swing.root_complement) * root)
+    none = above < 2.0 * math.pi * (1.0 - 2.0 * CAUTION)
+    half = both(
+        below > math.pi * (1.0 + 2.0 * CAUTION), above < 4.0 * math.pi * (1.0 - 2.0 * CAUTION)
+    )
+    whole = below > 2.0 * math.pi * (1.0 + 2.0 * CAUTION)
+    turned = both(swing.flow_p * p <= 0.0, abs(swing.flow_p) > 0.0)
+    high = choose(either(whole, turned), swing.parameter, high)
+    inward = both(swing.flow_s * swing.flow_c * swing.flow_p < 0.0, half)
+    low = choose(either(either(whole, swing.flow_s * s < 0.0), inward), 0.0, low)
+    return low, high, opposite(either(either(none, half), whole))
+
+
+@kernel
+def force_in_lanes(body: BodyLanes, piece: PieceData, m: Lanes, low: Lanes, high: Lanes) -> Lanes:
+    """Least normal force (N) of a flight of parameter ``m`` over a range of ``S^2``."""
+    return min(arc_force(body, piece, m, low), arc_force(body, piece, m, high))
+
+
+@kernel
+def demand_in_lanes(
+    body: BodyLanes, piece: PieceData, m: Lanes, low: Lanes, high: Lanes, most: Lanes
+) -> Lanes:
+    """Greatest demand of friction so far and of a flight over a range of ``S^2``."""
+    most = max(most, _demand(body, piece, m, low, most))
+    most = max(most, _demand(body, piece, m, high, most))
+    # Where the demand is stationary (see kernels.statistics.run_statistics).
+    b = 1.0 + 2.0 / body.kappa
+    a = 4.0 * m / body.kappa - 2.0 / body.kappa
+    if any_lane(abs(a) > b):
+        stationary = 0.5 * (1.0 + b / a)
+        within = both(both(abs(a) > b, low <= stationary), stationary <= high)
+        there = _demand(body, piece, m, choose(within, stationary, low), most)
+        most = max(most, choose(within, there, 0.0))
+    return most
+
+
+@kernel
+def _demand(body: BodyLanes, piece: PieceData, m: Lanes, s2: Lanes, most: Lanes) -> Lanes:
+    """Demand of friction where a flight passes ``S^2``, or 0 if that is below ``most``."""
+    normal = arc_force(body, piece, m, s2)
+    square = max(s2 * (1.0 - s2), 0.0)
+    share = 1.0 - 1.0 / body.kappa
+    pull = 2.0 * body.weight * share
+    held = most * normal
+    less = both(normal > 0.0, pull * pull * square <= BELOW * (held * held))
+    if not any_lane(opposite(less)):
+        return 0.0 * normal
+    force = body.weight * (2.0 * math.sqrt(square)) * share
+    demand = choose(normal > 0.0, force / normal, math.inf)
+    demand = choose(force == 0.0, choose(normal >= 0.0, 0.0, math.inf), demand)
+    return choose(less, 0.0, demand)
+
+
+@struct
+class RunLanes:
+    """The run in every lane, fields as of ``Clock``, ``Settings`` and ``Outcome``."""
+
+    piece: int  # the arc
+    t: Lanes  # of the last impact, when both flights began
+    t_low: Lanes
+    restitution: Lanes
+    stop_t: Lanes
+    stop_collisions: Lanes
+    collisions: Lanes
+    impacts: Lanes  # made in the lane
+    energy_correction: Lanes
+    max_gap: Lanes
+    least_force: Lanes
+    most_demand: Lanes
+    failed: Lanes  # 1: the next impact is not one for lanes
+
+
+@struct
+class LaneSlot:
+    """The run that a lane works on."""
+
+    point: int  # -1: none
+    crossings: int  # so far, and lasting contacts
+    contacts: int
+
+
+class LaneGroup(NamedTuple):
+    """What a group of lanes works on."""
+
+    runs: Sequence[RunLanes]  # one
+    bodies: Sequence[BodyLanes]  # two
+    swings: Sequence[SwingLanes]  # two
+    slots: Sequence[LaneSlot]  # one for each lane
+
+
+@kernel
+def next_impact(world: World, group: LaneGroup) -> bool:
+    """Go on to the next impact in every lane; one that fails stays where it is.
+
+    Returns
+    -------
+    Which lanes have failed or are at their last impact.
+    """
+    run = group.runs[0]
+    a = group.swings[0]
+    b = group.swings[1]
+    track_a = world.tracks[run.piece]
+    track_b = world.tracks[world.settings[0].pieces + run.piece]
+    set_librations(a, a.parameter, a.root_complement, b, b.parameter, b.root_complement)
+    if a.frequency != b.frequency:
+        a.angular_bound = widest_pull(a.frequency, a.parameter)
+        b.angular_bound = widest_pull(b.frequency, b.parameter)
+    h, failed = contact_in_lanes(a, b, world.contacts[run.piece])
+    t, t_low = add_to_time(run.t, run.t_low, h)
+    failed = either(failed, time_between(t, t_low, run.stop_t, 0.0) >= 0.0)
+    failed = either(failed, _project(a))
+    failed = either(failed, _project(b))
+    excess, lost = _collide(world, group)
+    failed = either(failed, lost)
+    failed = either(failed, either(_is_other(a, track_a), _is_other(b, track_b)))
+    duration = (t - run.t) + (t_low - run.t_low)
+    failed = either(failed, _count(world, group, duration, failed))
+    run.t = choose(failed, run.t, t)
+    run.t_low = choose(failed, run.t_low, t_low)
+    done = choose(failed, 0.0, 1.0)
+    run.failed = 1.0 - done
+    run.collisions += done
+    run.impacts += done
+    run.energy_correction += choose(failed, 0.0, abs(excess))
+    _take(a, failed)
+    _take(b, failed)
+    return either(failed, run.collisions >= run.stop_collisions)
+
+
+@kernel
+def _project(swing: SwingLanes) -> bool:
+    """Project the state of contact (see ``kernels.flow.begin_flight.project``); where that
+    fails."""
+    s = swing.contact_s
+    c = swing.contact_c
+    p = swing.contact_p
+    scale = 1.5 - 0.5 * (s * s + c * c)
+    s *= scale
+    c *= scale
+    sc = s * c
+    size = p * p + sc * sc
+    s, c, p = projected(swing, s, c, p, sc, size)
+    swing.contact_s = s
+    swing.contact_c = c
+    swing.contact_p = p
+    return size < LEAST_SIZE
+
+
+@kernel
+def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
+    """Carry out the impact: states, energies and parameters after it.
+
+    Returns
+    -------
+    What the energy lacked before it was shared (J), and in which lanes the impact is of another
+    kind.
+    """
+    settings = world.settings[0]
+    run = group.runs[0]
+    a = group.swings[0]
+    b = group.swings[1]
+    body_a = group.bodies[0]
+    body_b = group.bodies[1]
+    contact = world.contacts[run.piece]
+    track_a = world.tracks[run.piece]
+    track_b = world.tracks[settings.pieces + run.piece]
+    speed_a = track_a.speed_factor * a.contact_p
+    speed_b = track_b.speed_factor * b.contact_p
+    wa, wb, loss = impact_of_pair(
+        settings.law, run.restitution, body_a, body_b,
+        contact.normal_a, contact.normal_b, speed_a, speed_b,
+    )  # fmt: skip
+    size = abs(speed_a) + abs(speed_b)
+    parts = do_part(contact.normal_a, contact.normal_b, wa, wb, size)
+    u = contact.normal_b * wb - contact.normal_a * wa
+    small = u * u <= SMALL_BOUNCE * settings.gravity * world.pairs[0].distance
+    a.next_p = wa / track_a.speed_factor
+    b.next_p = wb / track_b.speed_factor
+    total = body_a.weight * a.head + body_b.weight * b.head - loss
+    head_a = head_on_arc(track_a, a.contact_s, a.contact_c, a.next_p)
+    head_b = head_on_arc(track_b, b.contact_s, b.contact_c, b.next_p)
+    energy_a = body_a.weight * head_a
+    energy_b = body_b.weight * head_b
+    less = energy_a < energy_b
+    # The body with less energy takes it from its state, the other one the rest.
+    head = (total - choose(less, energy_a, energy_b)) / choose(less, body_b.weight, body_a.weight)
+    a.next_head = choose(less, head_a, head)
+    b.next_head = choose(less, head, head_b)
+    m, root = _energy_of_state(a, b, less)
+    rest, rest_root = _energy_of_head(track_a, track_b, less, head)
+    a.next_m = choose(less, m, rest)
+    b.next_m = choose(less, rest, m)
+    a.next_root = choose(less, root, rest_root)
+    b.next_root = choose(less, rest_root, root)
+    sure = both(parts, either(less, energy_b < energy_a))
+    return total - (energy_a + energy_b), either(small, opposite(sure))
+
+
+@kernel
+def _energy_of_state(a: SwingLanes, b: SwingLanes, of_a: bool) -> tuple[Lanes, Lanes]:
+    """Parameter, and root of its complement, of one body in its state after the impact."""
+    s = choose(of_a, a.contact_s, b.contact_s)
+    c = choose(of_a, a.contact_c, b.contact_c)
+    p = choose(of_a, a.next_p, b.next_p)
+    root = size_of_root(c, p)
+    return s * s + p * p, choose(abs(p) < abs(c), root, -1.0)
+
+
+@kernel
+def _energy_of_head(
+    track_a: TrackData, track_b: TrackData, of_b: bool, head: Lanes
+) -> tuple[Lanes, Lanes]:
+    """Parameter, and root of its complement, of one body with an energy."""
+    twice = choose(of_b, track_b.twice_radius, track_a.twice_radius)
+    complement = (choose(of_b, track_b.top, track_a.top) - head) / twice
+    m = max((head - choose(of_b, track_b.bottom, track_a.bottom)) / twice, 0.0)
+    root = math.sqrt(abs(complement))
+    return choose(complement < 0.5, 1.0 - complement, m), choose(complement > 0.0, root, -1.0)
+
+
+@kernel
+def _is_other(swing: SwingLanes, track: TrackData) -> bool:
+    """Tell where the next flight is no libration far from a crest and the ends of the arc."""
+    crest = swing.contact_c * swing.contact_c + swing.next_p * swing.next_p < CREST_NEIGHBOURHOOD
+    most = min(PARAMETER_SPLIT, most_of_swings(track))
+    swings = both(both(swing.next_m > 0.0, swing.next_m < most), swing.next_root > 0.0)
+    return either(crest, opposite(swings))
+
+
+@kernel
+def _count(world: World, group: LaneGroup, duration: Lanes, failed: bool) -> bool:
+    """Count in the flights that end, and the gap of the impact; where that is not sure."""
+    run = group.runs[0]
+    a = group.swings[0]
+    b = group.swings[1]
+    body_a = group.bodies[0]
+    body_b = group.bodies[1]
+    piece = world.pieces[run.piece]
+    low_a, high_a, open_a = range_in_lanes(a, duration, a.contact_s, a.contact_p)
+    low_b, high_b, open_b = range_in_lanes(b, duration, b.contact_s, b.contact_p)
+    failed = either(failed, either(open_a, open_b))
+    force = min(
+        force_in_lanes(body_a, piece, a.parameter, low_a, high_a),
+        force_in_lanes(body_b, piece, b.parameter, low_b, high_b),
+    )
+    run.least_force = choose(failed, run.least_force, min(run.least_force, force))
+    most = demand_in_lanes(body_a, piece, a.parameter, low_a, high_a, run.most_demand)
+    most = demand_in_lanes(body_b, piece, b.parameter, low_b, high_b, most)
+    run.most_demand = choose(failed, run.most_demand, most)
+    rho_a = world.tracks[run.piece].path_radius
+    rho_b = world.tracks[world.settings[0].pieces + run.piece].path_radius
+    sine, cosine = half_angle_on_arc(rho_a * rho_b, body_a.radius, body_b.radius)
+    gap = gap_on_arc(
+        rho_a * rho_b, body_a.radius + body_b.radius,
+        a.contact_s, a.contact_c, b.contact_s, b.contact_c, sine, cosine,
+    )  # fmt: skip
+    run.max_gap = choose(failed, run.max_gap, max(run.max_gap, abs(gap)))
+    return failed
+
+
+@kernel
+def _take(swing: SwingLanes, failed: bool) -> None:
+    """Begin the next flight, but for the lanes that have failed."""
+    swing.flow_s = choose(failed, swing.flow_s, swing.contact_s)
+    swing.flow_c = choose(failed, swing.flow_c, swing.contact_c)
+    swing.flow_p = choose(failed, swing.flow_p, swing.next_p)
+    swing.head = choose(failed, swing.head, swing.next_head)
+    swing.parameter = choose(failed, swing.parameter, swing.next_m)
+    swing.root_complement = choose(failed, swing.root_complement, swing.next_root)
 
 
 @kernel

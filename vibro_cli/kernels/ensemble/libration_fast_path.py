@@ -9,15 +9,23 @@ from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.compile.lanes import Two, any_lane, either, in_lane, two_lanes
-from vibro_cli.kernels.contact.two_librations import TwoBodies, TwoSwings, TwoTracks, contact_of_two
+from vibro_cli.kernels.contact.libration_contact_lanes import (
+    TwoBodies,
+    TwoSwings,
+    TwoTracks,
+    contact_of_two,
+)
 from vibro_cli.kernels.events.event_loop import drop_rows, proceed
-from vibro_cli.kernels.flow.begin_flight import LEAST_SIZE, log_flight, place_at, projected
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
+    LEAST_SIZE,
     energy_on_piece,
     head_on_arc,
     launch,
+    log_flight,
     most_of_swings,
+    place_at,
+    projected,
     size_of_root,
     widest_pull,
 )
@@ -25,18 +33,19 @@ from vibro_cli.kernels.flow.flow import swings
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
 from vibro_cli.kernels.impact.event_log import do_part, log_impact
 from vibro_cli.kernels.impact.laws import impact_of_pair
+from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import (
     PARAMETER_SPLIT,
     TRIGONOMETRIC,
     set_libration,
     set_two_theta_constants,
 )
-from vibro_cli.kernels.numerics.error_free import add_to_time, time_between
-from vibro_cli.kernels.structs import NEVER, PARTING
 from vibro_cli.kernels.world import (
     COLLISION,
     END_COLLISIONS,
     LOG_FULL,
+    NEVER,
+    PARTING,
     RUNNING,
     World,
 )

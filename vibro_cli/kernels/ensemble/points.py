@@ -1,8 +1,12 @@
-"""The kernel of batches: many runs of one system one after another.
+"""Many runs one after another: their summaries, their impacts as columns, their tangent maps.
 
 The runs differ in where the bodies start, in their masses, in the coefficients of restitution and
 in the stop. Each is the run that ``systems.trace.run`` would make, to the bit: the same kernels
 work on the same records.
+
+The numbers of a system may be arrays (see ``numerics.elementwise``); so are those of its records,
+which are made by the same functions as those of a single one. Here they become rows of records,
+from which a batch takes what the system of its next run needs.
 """
 
 from __future__ import annotations
@@ -10,11 +14,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.compile.kernel import FloatMatrix, kernel, struct
 from vibro_cli.kernels.events.event_loop import proceed
+from vibro_cli.kernels.statistics.impact_columns import Columns, Runs, fill_run
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
-from vibro_cli.kernels.structs import NEVER, Flight
-from vibro_cli.kernels.world import END_TIME, LOG_FULL, ImpactRow, World
+from vibro_cli.kernels.tangent.follow import follow_tangents
+from vibro_cli.kernels.tangent.frame import Tangents
+from vibro_cli.kernels.world import (
+    END_TIME,
+    LOG_FULL,
+    NEVER,
+    RUNNING,
+    BodyData,
+    Flight,
+    ImpactRow,
+    PairTrack,
+    PieceData,
+    TrackData,
+    World,
+)
 
 
 @struct
@@ -150,3 +168,199 @@ def prepare_point(world: World, fresh: World, points: Points, point: int) -> Non
         flight.s = given.s
         flight.c = given.c
         flight.p = given.p
+
+
+@struct
+class SettingNumbers:
+    """What of the settings of a run differs from system to system."""
+
+    gravity: float
+    left_wall: float
+    right_wall: float
+
+
+@struct
+class PairNumbers:
+    """And of two neighbours."""
+
+    distance: float  # r_a + r_b, m
+
+
+@struct
+class SystemNumber:
+    """Which of the systems a run is of, from 0."""
+
+    number: int
+
+
+class Stack(NamedTuple):
+    """The records of the systems, system by system, and which system each run is of."""
+
+    settings: Sequence[SettingNumbers]
+    bodies: Sequence[BodyData]
+    pieces: Sequence[PieceData]
+    tracks: Sequence[TrackData]
+    contacts: Sequence[PairTrack]
+    pairs: Sequence[PairNumbers]
+    of_runs: Sequence[SystemNumber]
+
+
+@kernel
+def run_stacked(
+    world: World,
+    fresh: World,
+    scratch: Sequence[Flight],
+    points: Points,
+    results: Results,
+    stack: Stack,
+    first: int,
+    last: int,
+    filled: int,
+) -> tuple[int, int]:
+    """Run some of the points, each with its own system; see
+    ``kernels.ensemble.points.run_points``."""
+    at = first
+    while at < last:
+        system = stack.of_runs[at].number
+        until = at + 1
+        while until < last and stack.of_runs[until].number == system:
+            until += 1
+        install(world, stack, system)
+        for j in range(len(world.pairs)):
+            fresh.pairs[j].distance = world.pairs[j].distance
+        reached, filled = run_points(world, fresh, scratch, points, results, at, until, filled)
+        if reached < until:
+            return reached, filled
+        at = until
+    return last, filled
+
+
+@kernel
+def install(world: World, stack: Stack, system: int) -> None:
+    """Put the records of a system in place."""
+    numbers = stack.settings[system]
+    settings = world.settings[0]
+    settings.gravity = numbers.gravity
+    settings.left_wall = numbers.left_wall
+    settings.right_wall = numbers.right_wall
+    for j in range(len(world.bodies)):
+        world.bodies[j] = stack.bodies[system * len(world.bodies) + j]  # type: ignore[index]
+    for j in range(len(world.pieces)):
+        world.pieces[j] = stack.pieces[system * len(world.pieces) + j]  # type: ignore[index]
+    for j in range(len(world.tracks)):
+        world.tracks[j] = stack.tracks[system * len(world.tracks) + j]  # type: ignore[index]
+    for j in range(len(world.contacts)):
+        world.contacts[j] = stack.contacts[system * len(world.contacts) + j]  # type: ignore[index]
+    for j in range(len(world.pairs)):
+        world.pairs[j].distance = stack.pairs[system * len(world.pairs) + j].distance
+
+
+@kernel
+def fill_stacked(
+    world: World,
+    log: Sequence[ImpactRow],
+    runs: Runs,
+    columns: Columns,
+    around: float,
+    stack: Stack,
+) -> int:
+    """Fill the columns of runs, each of its own system; see ``impact_columns.fill_columns``."""
+    row = 0
+    installed = -1
+    for run in range(len(runs.counts)):
+        system = stack.of_runs[run].number
+        if system != installed and runs.counts[run] > 0:
+            install(world, stack, system)
+            installed = system
+        row = fill_run(world, log, row, runs, run, columns, around)
+    return row
+
+
+@kernel
+def follow_points(
+    world: World,
+    fresh: World,
+    scratch: Sequence[Flight],
+    points: Points,
+    results: Results,
+    stack: Stack,
+    tangents: Tangents,
+    sums: FloatMatrix,
+) -> None:
+    """Run all points of a batch; impacts are not kept.
+
+    Parameters
+    ----------
+    world, fresh, scratch, points, results
+        As of ``kernels.ensemble.points.run_points``.
+    stack
+        The systems of the points; of a single one, no number of a system.
+    tangents
+        With room for as many impacts as the log of the world; ``state`` has a row for each point,
+        with its scale of time, of which the first is worked on.
+    sums
+        [point, direction] filled in: logarithms of the growth of the frame's vectors.
+    """
+    installed = -1
+    for point in range(len(points.own)):
+        if len(stack.of_runs) > 0 and stack.of_runs[point].number != installed:
+            installed = stack.of_runs[point].number
+            install(world, stack, installed)
+            for j in range(len(world.pairs)):
+                fresh.pairs[j].distance = world.pairs[j].distance
+        prepare_point(world, fresh, points, point)
+        tangents.state[0].time_scale = tangents.state[point + 1].time_scale
+        proceed(world, True)
+        cause = LOG_FULL
+        known = 0
+        while cause == LOG_FULL:
+            cause = proceed(world, False)
+            if cause == LOG_FULL and world.clock[0].segment_rows > 0:
+                break
+            now = RUNNING if cause == LOG_FULL else cause
+            tally_point(world, known, now, points, results, point, scratch)
+            _follow_point(world, known, now, points, point, tangents, scratch)
+            known = _keep_under_way(world)
+        results.outcomes[point].end_cause = cause
+        for column in range(len(tangents.frame)):
+            sums[point, column] = tangents.sums[0, column]
+
+
+@kernel
+def _follow_point(
+    world: World,
+    known: int,
+    cause: int,
+    points: Points,
+    point: int,
+    tangents: Tangents,
+    scratch: Sequence[Flight],
+) -> None:
+    """Follow the tangent map through a part of a run, or to its end."""
+    end_t = world.clock[0].t
+    end_low = world.clock[0].t_low
+    if cause == END_TIME and points.own[point].stop_t < NEVER:
+        end_t = points.own[point].stop_t
+        end_low = 0.0
+    follow_tangents(world, known, cause, end_t, end_low, tangents, scratch)
+
+
+@kernel
+def _keep_under_way(world: World) -> int:
+    """Empty the logs but for the flights that bodies are in; returns how many they are.
+
+    A flight that is one of the first rows already is its body's own.
+    """
+    clock = world.clock[0]
+    bodies = world.settings[0].bodies
+    for ball in range(bodies):
+        last = clock.flight_rows - 1
+        while world.log[last].body != ball:
+            last -= 1
+        if last != ball:
+            world.log[ball] = world.log[last]  # type: ignore[index]
+    clock.flight_rows = bodies
+    clock.impact_rows = 0
+    clock.contact_rows = 0
+    clock.segment_rows = 0
+    return bodies

@@ -7,17 +7,17 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.arc_contact import contact_on_arc
 from vibro_cli.kernels.contact.bounce import sharpened_by_distance, sharpened_on_arc, short_bounce
+from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
 from vibro_cli.kernels.contact.first_contact import (
     NONE_BEFORE_LIMIT,
     contact_by_distance,
     contact_on_line,
     keep_states,
 )
-from vibro_cli.kernels.contact.gap import centre_position, centre_tangent
-from vibro_cli.kernels.flow.begin_flight import state_at
+from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.flow.flow import LINE
-from vibro_cli.kernels.numerics.error_free import add_to_time, time_between
-from vibro_cli.kernels.structs import (
+from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
+from vibro_cli.kernels.world import (
     CLOSING,
     NEVER,
     PARTING,
@@ -26,8 +26,8 @@ from vibro_cli.kernels.structs import (
     PairTrack,
     PieceData,
     TrackData,
+    World,
 )
-from vibro_cli.kernels.world import World
 
 # Cosines of bounds are compared with room for their rounding.
 CAUTION = 1.0e-12

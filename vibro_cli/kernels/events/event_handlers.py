@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.active_contacts import settle
 from vibro_cli.kernels.cluster.collocation import SEGMENT_END
 from vibro_cli.kernels.cluster.contact_changes import (
     close_accumulated,
@@ -13,28 +12,36 @@ from vibro_cli.kernels.cluster.contact_changes import (
     launch_chain,
     open_contacts,
     relaunch_run,
+    settle,
 )
-from vibro_cli.kernels.contact.contact_kinematics import lifted_body, set_normals, set_speed
-from vibro_cli.kernels.contact.wall_contact import bounce_is_lost, last_row_of
+from vibro_cli.kernels.contact.contact_kinematics import (
+    bounce_is_lost,
+    last_row_of,
+    lifted_body,
+    set_normals,
+    set_speed,
+)
 from vibro_cli.kernels.events.simultaneous_impacts import (
     collide_jointly,
     complete_inadmissible,
     energy_of_chain,
 )
-from vibro_cli.kernels.flow.begin_flight import (
+from vibro_cli.kernels.flow.flight import (
+    LIFT_OFF,
+    anchor_at_crest,
     begin_flight,
     begin_two_flights,
     bring_to,
+    head_from_state,
     is_same_instant,
     place_at,
     project,
+    set_arc_energy,
 )
-from vibro_cli.kernels.flow.flight import LIFT_OFF, anchor_at_crest, head_from_state, set_arc_energy
+from vibro_cli.kernels.impact.chattering import FORCED
 from vibro_cli.kernels.impact.event_log import log_impact, parts
 from vibro_cli.kernels.impact.impulse_chain import chain_of_contacts, held_run, row_from
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, impact_of_pair
-from vibro_cli.kernels.impact.plastic_limit import FORCED
-from vibro_cli.kernels.structs import PARTING, RELEASED, Flight, PairData, TrackData
 from vibro_cli.kernels.world import (
     COLLISION,
     CROSSING,
@@ -42,9 +49,14 @@ from vibro_cli.kernels.world import (
     END_INADMISSIBLE,
     END_LIFT_OFF,
     END_OF_TRACE,
+    PARTING,
+    RELEASED,
     RUNNING,
     SEGMENT,
     WALL,
+    Flight,
+    PairData,
+    TrackData,
     World,
 )
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.active_contacts import settle
-from vibro_cli.kernels.cluster.contact_changes import count_corrections, launch_chain
+from vibro_cli.kernels.cluster.contact_changes import count_corrections, launch_chain, settle
 from vibro_cli.kernels.contact.contact_kinematics import (
     CONTACT_ROUNDING,
     present_gap,
@@ -14,15 +13,16 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 from vibro_cli.kernels.events.event_detection import first_contact
 from vibro_cli.kernels.events.event_handlers import collide, leave_piece, release
 from vibro_cli.kernels.impact.event_log import log_contacts
-from vibro_cli.kernels.numerics.error_free import time_between
-from vibro_cli.kernels.structs import NEVER, Clock
+from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.world import (
     END_NO_MORE_COLLISIONS,
     END_REST,
     END_TIME,
     LOG_FULL,
+    NEVER,
     RUNNING,
     START,
+    Clock,
     World,
 )
 

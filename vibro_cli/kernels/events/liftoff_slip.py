@@ -18,12 +18,10 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, row_of, set_ends, set_forces
 from vibro_cli.kernels.flow.flight import squared_rate_at
-from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, time_to
 from vibro_cli.kernels.flow.replay import recall_flight
-from vibro_cli.kernels.flow.time_of_flight import time_to
 from vibro_cli.kernels.numerics.elliptic import quarter_period
-from vibro_cli.kernels.structs import NEVER, BodyForces, Flight
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.world import NEVER, BodyForces, Flight, World
 
 TURNING = 0
 LIFT_OFF = 1

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.rotating_forces import kept
+from vibro_cli.kernels.cluster.rotating_clusters import kept
 from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, set_ends, set_forces
 from vibro_cli.kernels.events.liftoff_slip import (
     CAUTION,
@@ -24,16 +24,16 @@ from vibro_cli.kernels.events.liftoff_slip import (
 )
 from vibro_cli.kernels.flow.flow import flow, group_of_body
 from vibro_cli.kernels.flow.replay import recall_flight
-from vibro_cli.kernels.flow.rotating_flight import potential
-from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE
-from vibro_cli.kernels.flow.rotating_line import fall_through_zero, scaled
-from vibro_cli.kernels.flow.rotating_time_of_flight import (
+from vibro_cli.kernels.flow.rotating_flight import fall_through_zero, potential, scaled
+from vibro_cli.kernels.flow.rotating_flow import (
+    TURNING_LINE,
     half_range,
     half_way,
     sides_turned,
     time_on_line,
     turn_on_line,
 )
+from vibro_cli.kernels.numerics.elliptic import sine_cosine
 from vibro_cli.kernels.numerics.trigonometric_polynomial import (
     Harmonics,
     combined,
@@ -42,10 +42,8 @@ from vibro_cli.kernels.numerics.trigonometric_polynomial import (
     harmonic_value,
     next_zero,
 )
-from vibro_cli.kernels.numerics.trigonometry import sine_cosine
 from vibro_cli.kernels.numerics.weierstrass_motion import period_of, squared_rate
-from vibro_cli.kernels.structs import NEVER, BodyForces, Flight
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.world import NEVER, BodyForces, Flight, World
 
 # Places are looked for this far (rad) beyond where a flight has come: times decide.
 MARGIN = 1.0e-9

@@ -7,27 +7,33 @@ close because of it follow at the same instant as impacts of their own, and so o
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.active_contacts import held_rounding, settle
-from vibro_cli.kernels.cluster.contact_changes import close_accumulated, launch_chain
+from vibro_cli.kernels.cluster.contact_changes import (
+    close_accumulated,
+    held_rounding,
+    launch_chain,
+    settle,
+)
 from vibro_cli.kernels.contact.contact_kinematics import (
+    last_row_of,
     lifted_body,
     parting_speed,
     set_normals,
     set_speed,
-)
-from vibro_cli.kernels.contact.wall_contact import (
-    last_row_of,
     touched_wall,
     touches_dissipative_wall,
 )
-from vibro_cli.kernels.flow.begin_flight import bring_to
-from vibro_cli.kernels.flow.flight import head_from_state
-from vibro_cli.kernels.impact.chattering import closing_law, repeats
+from vibro_cli.kernels.flow.flight import bring_to, head_from_state
+from vibro_cli.kernels.impact.chattering import (
+    FREE,
+    PRESSING,
+    closing_law,
+    half_approach,
+    press_speeds,
+    repeats,
+)
 from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING, log_impact, parts
 from vibro_cli.kernels.impact.impulse_chain import apply_impulses, joint_impulses, share_fastest
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, loss_of_impulse
-from vibro_cli.kernels.impact.plastic_limit import FREE, PRESSING, half_approach, press_speeds
-from vibro_cli.kernels.structs import PairData
 from vibro_cli.kernels.world import (
     COLLISION,
     END_INADMISSIBLE,
@@ -35,6 +41,7 @@ from vibro_cli.kernels.world import (
     RUNNING,
     WALL,
     ImpactRow,
+    PairData,
     World,
 )
 

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from vibro_cli.compile.kernel import SERIES_LENGTH, kernel, struct
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow
 from vibro_cli.kernels.numerics.elliptic import quarter_period, set_theta_constants
-from vibro_cli.kernels.structs import NEVER, Flight, TrackData
-from vibro_cli.kernels.world import FlightRow, World
+from vibro_cli.kernels.world import NEVER, Flight, FlightRow, TrackData, World
 
 # Share by which a bound on a half period is lowered, so that rounding cannot make it pass over one.
 CAUTION = 1.0e-9

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import separation_speed
-from vibro_cli.kernels.numerics.error_free import time_between
-from vibro_cli.kernels.structs import PairData
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.numerics.double_double import time_between
+from vibro_cli.kernels.world import PairData, World
 
 # A parting speed above -this (relative) is zero up to rounding.
 SPEED_ROUNDING = 8.0 * 2.220446049250313e-16

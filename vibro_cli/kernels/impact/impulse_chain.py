@@ -14,7 +14,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     speed_of_pair,
     surface_gap,
 )
-from vibro_cli.kernels.flow.begin_flight import state_at
+from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.impact.laws import law_approach, weight_and_response
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.world import World

@@ -19,8 +19,8 @@ restitution on the speed of approach with rolling kept for ``normal-impulse``.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.error_free import difference_of_products
-from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.numerics.double_double import difference_of_products
+from vibro_cli.kernels.world import BodyData
 
 HEDRIH = 0
 TRANSLATIONAL = 1

@@ -1,4 +1,4 @@
-"""Numbers held in two doubles, some 31 digits: sums and products with their rounding errors.
+"""Sums and products of doubles that keep their rounding errors; numbers held in two doubles.
 
 Sources: Knuth (two-sum), Dekker 1971 (product); the sums are those of Hida, Li and Bailey 2001.
 """
@@ -6,7 +6,59 @@ Sources: Knuth (two-sum), Dekker 1971 (product); the sums are those of Hida, Li 
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.error_free import product_error
+
+SPLITTER = 134217729.0  # 2^27 + 1: splits the 53 bits of a double in two halves
+
+
+@kernel
+def add_to_time(high: float, low: float, step: float) -> tuple[float, float]:
+    """Add a step to a time held in two doubles (Knuth's two-sum).
+
+    Parameters
+    ----------
+    high, low
+        The time, s; ``high + low`` unevaluated.
+    step
+        What is added, s.
+
+    Returns
+    -------
+    The new time as two doubles, s.
+    """
+    term = step + low
+    total = high + term
+    part = total - high
+    return total, (high - (total - part)) + (term - part)
+
+
+@kernel
+def time_between(high: float, low: float, earlier_high: float, earlier_low: float) -> float:
+    """Return the time from one instant to another, both held in two doubles, s."""
+    return (high - earlier_high) + (low - earlier_low)
+
+
+@kernel
+def difference_of_products(a: float, b: float, c: float, d: float) -> float:
+    """Return ``a b - c d`` to about one rounding, even where the products cancel.
+
+    Both products with their rounding errors (Dekker 1971, Veltkamp's split); the factors must stay
+    below 1e300 in size.
+    """
+    first = a * b
+    second = c * d
+    return (first - second) + (product_error(a, b, first) - product_error(c, d, second))
+
+
+@kernel
+def product_error(a: float, b: float, product: float) -> float:
+    """``a b - product`` exactly, for the rounded product."""
+    shifted = SPLITTER * a
+    a_high = shifted - (shifted - a)
+    a_low = a - a_high
+    shifted = SPLITTER * b
+    b_high = shifted - (shifted - b)
+    b_low = b - b_high
+    return ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
 
 
 @kernel

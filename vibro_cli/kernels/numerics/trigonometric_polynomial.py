@@ -10,7 +10,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
-from vibro_cli.kernels.numerics.trigonometry import sine_cosine
+from vibro_cli.kernels.numerics.elliptic import sine_cosine
 
 Harmonics = tuple[float, float, float, float, float]
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL
 from vibro_cli.kernels.springs.impacts import NEARLY_OVER, ROUNDING, approach_of, frequency, hold
-from vibro_cli.kernels.springs.logging import log_states, renew_energies
 from vibro_cli.kernels.springs.search import gap_of, is_in_contact
-from vibro_cli.kernels.springs.series import acceleration_of
+from vibro_cli.kernels.springs.series import acceleration_of, log_states, renew_energies
 from vibro_cli.kernels.springs.world import (
     CHANGES,
     COLLISION,

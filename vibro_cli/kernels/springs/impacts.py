@@ -20,9 +20,8 @@ from vibro_cli.kernels.impact.laws import (
     weight_and_response,
 )
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
-from vibro_cli.kernels.springs.logging import log_states, renew_energies
 from vibro_cli.kernels.springs.search import gap_of, is_in_contact
-from vibro_cli.kernels.springs.series import acceleration_of
+from vibro_cli.kernels.springs.series import acceleration_of, log_states, renew_energies
 from vibro_cli.kernels.springs.world import (
     COLLIDED,
     COLLISION,

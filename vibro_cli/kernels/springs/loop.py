@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.error_free import add_to_time
+from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.springs.contact import open_contact, settle_contacts, touches_at_start
 from vibro_cli.kernels.springs.impacts import collide_approaching
-from vibro_cli.kernels.springs.logging import log_states, renew_energies
 from vibro_cli.kernels.springs.search import first_event, forget
-from vibro_cli.kernels.springs.series import expand, go_on
+from vibro_cli.kernels.springs.series import expand, go_on, log_states, renew_energies
 from vibro_cli.kernels.springs.world import (
     COLLIDED,
     DECISION,

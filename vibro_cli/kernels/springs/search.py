@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.polynomial import NO_ROOT, first_fall
+from vibro_cli.kernels.numerics.conservative_advancement import NO_ROOT, first_fall
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
     FORCE,

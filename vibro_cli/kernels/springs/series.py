@@ -1,4 +1,4 @@
-"""Taylor series of the bodies' places, and how far they hold.
+"""Taylor series of the bodies' places: how far they hold, the log, the motion between events.
 
 ``x'' = -w^2 (x - l x/s)``, ``s = sqrt(b^2 + x^2)`` (C (4)), by recurrence: the coefficients of s
 from those of x^2, of y = x/s from x = s y. Bodies in lasting contact move as one; each adds its
@@ -15,9 +15,11 @@ step ``h = q T`` leaves out is below ``R q^(N+1)/(1 - q)``.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.polynomial import value_of
+from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.kernels.numerics.conservative_advancement import value_of
+from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
     FORCE,
@@ -227,3 +229,117 @@ def go_on(world: World, time: float) -> None:
             move_body(world, body, ORDER, time)
         keep_energy(world, first, count)
         first += count
+
+
+@kernel
+def renew_energies(world: World) -> None:
+    """Set the energy that each group keeps from now on."""
+    first = 0
+    while first < world.settings[0].bodies:
+        count = group_size(world, first)
+        world.springs[first].energy = energy_of_group(world, first, count)
+        first += count
+
+
+@kernel
+def log_states(world: World, cause: int, pair: int, value: float) -> None:
+    """Log the state of every body after an event."""
+    clock = world.clock[0]
+    for body in range(world.settings[0].bodies):
+        row = world.states[clock.state_rows]
+        clock.state_rows += 1
+        spring = world.springs[body]
+        row.t = clock.t
+        row.t_low = clock.t_low
+        row.event = clock.collisions
+        row.cause = cause
+        row.pair = pair
+        row.body = body
+        row.x = spring.x
+        row.v = spring.v
+        row.energy = energy_of(spring)
+        row.held = 0
+        if body < world.settings[0].bodies - 1:
+            # Between impacts of one instant bodies that were in contact may have other speeds.
+            same = world.springs[body + 1].v == spring.v
+            row.held = 1 if world.pairs[body].held == 1 and same else 0
+        row.value = value
+
+
+@struct
+class Sample:
+    """An instant at which the motion is asked for."""
+
+    row: int  # of the first body's state in the log, after the event before the instant
+    way: float  # -1: the motion from there with all speeds reversed
+    t: float  # from the start of the run that way, s
+
+
+@struct
+class Found:
+    """A body at one instant."""
+
+    x: float  # from the foot's place, m
+    v: float  # m/s
+    energy: float  # over the rolling mass, m^2/s^2
+
+
+@kernel
+def sample_states(
+    world: World,
+    samples: Sequence[Sample],
+    count: int,
+    states: Sequence[Found],
+    scratch: Sequence[SpringBody],
+) -> None:
+    """Fill in the states of all bodies at some instants: ``states[sample * bodies + body]``.
+
+    Those after one event stand together, and do not fall. ``world`` has the log and is changed,
+    ``scratch`` has a body for each.
+    """
+    bodies = world.settings[0].bodies
+    clock = world.clock[0]
+    row = -1
+    way = 0.0
+    step = 0.0
+    for number in range(count):
+        sample = samples[number]
+        if sample.row != row or sample.way != way:
+            row = sample.row
+            way = sample.way
+            restore(world, row, way)
+            step = expand(world)
+        left = sample.t - clock.t - clock.t_low
+        while step <= left:
+            go_on(world, step)
+            clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
+            step = expand(world)
+            left = sample.t - clock.t - clock.t_low
+        for body in range(bodies):
+            scratch[body].x = world.springs[body].x
+            scratch[body].v = world.springs[body].v
+        if left > 0.0:
+            go_on(world, left)
+        for body in range(bodies):
+            spring = world.springs[body]
+            at = states[number * bodies + body]
+            at.x = spring.x
+            at.v = way * spring.v
+            at.energy = energy_of(spring)
+            spring.x = scratch[body].x
+            spring.v = scratch[body].v
+
+
+@kernel
+def restore(world: World, row: int, way: float) -> None:
+    """Put the bodies into the state after an event, with speeds times ``way``."""
+    bodies = world.settings[0].bodies
+    for body in range(bodies):
+        state = world.states[row + body]
+        world.springs[body].x = state.x
+        world.springs[body].v = way * state.v
+        if body < bodies - 1:
+            world.pairs[body].held = state.held
+    world.clock[0].t = world.states[row].t
+    world.clock[0].t_low = world.states[row].t_low
+    renew_energies(world)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from vibro_cli.compile.kernel import struct
 from vibro_cli.kernels.numerics.tridiagonal import ChainRow
-from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.world import BodyData
 
 ORDER = 24  # of the Taylor series of a body's place
 ROW = ORDER + 1

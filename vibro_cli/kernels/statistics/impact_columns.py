@@ -11,7 +11,7 @@ from itertools import product
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import BoolMatrix, FloatMatrix, IntMatrix, kernel
-from vibro_cli.kernels.contact.gap import centre_position
+from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.impact.laws import LAW_NAMES, TRANSLATIONAL
 from vibro_cli.kernels.statistics.regimes import (
     EIGHTS,
@@ -21,8 +21,7 @@ from vibro_cli.kernels.statistics.regimes import (
     survey,
 )
 from vibro_cli.kernels.statistics.run_statistics import residual_gap
-from vibro_cli.kernels.structs import PieceData
-from vibro_cli.kernels.world import ImpactRow, World
+from vibro_cli.kernels.world import ImpactRow, PieceData, World
 
 _EPSILON = 2.0**-52
 # An impact whose overlap, had it not happened, would have stayed below this many units in the last

@@ -13,8 +13,7 @@ import math
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
 from vibro_cli.kernels.flow.rotating_flight import potential_head
-from vibro_cli.kernels.structs import PieceData, TrackData
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.world import PieceData, TrackData, World
 
 REGIMES = ("oscillating", "progressive")
 EIGHTS = ("none", "left loop", "right loop", "on it", "outside")

@@ -3,7 +3,7 @@
 On an arc both forces are trigonometric polynomials of degree 2 in the angle, on a line linear in
 the place. Friction is that along the trace: what holds a body in the trace's plane against the
 Coriolis force ``2 m Omega v cos(alpha)`` is taken to be smooth. The kernels stand in for those of
-``kernels.statistics.run_statistics`` and ``kernels.statistics.cluster_statistics``.
+``kernels.statistics.run_statistics`` and ``kernels.statistics.run_statistics``.
 """
 
 from __future__ import annotations
@@ -11,13 +11,22 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.rotating_forces import kept
+from vibro_cli.kernels.cluster.rotating_clusters import kept
 from vibro_cli.kernels.flow.flow import group_of_body
 from vibro_cli.kernels.flow.replay import recall_flight
-from vibro_cli.kernels.flow.rotating_flight import potential
-from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE
-from vibro_cli.kernels.flow.rotating_line import press_harmonics, pull_harmonics, scaled
-from vibro_cli.kernels.flow.rotating_time_of_flight import half_range, time_on_line, turn_on_line
+from vibro_cli.kernels.flow.rotating_flight import (
+    potential,
+    press_harmonics,
+    pull_harmonics,
+    scaled,
+)
+from vibro_cli.kernels.flow.rotating_flow import (
+    TURNING_LINE,
+    half_range,
+    time_on_line,
+    turn_on_line,
+)
+from vibro_cli.kernels.numerics.elliptic import sine_cosine
 from vibro_cli.kernels.numerics.trigonometric_polynomial import (
     Harmonics,
     greatest_quotient,
@@ -25,12 +34,9 @@ from vibro_cli.kernels.numerics.trigonometric_polynomial import (
     least_value,
     turned,
 )
-from vibro_cli.kernels.numerics.trigonometry import sine_cosine
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
-from vibro_cli.kernels.statistics.cluster_statistics import friction_demand
-from vibro_cli.kernels.statistics.run_statistics import Outcome
-from vibro_cli.kernels.structs import BodyData, BodyForces, Flight, TrackData
-from vibro_cli.kernels.world import FlightRow, World
+from vibro_cli.kernels.statistics.run_statistics import Outcome, friction_demand
+from vibro_cli.kernels.world import BodyData, BodyForces, Flight, FlightRow, TrackData, World
 
 # Where bounds leave this share of a body's weight, no rounding leads beyond them.
 CAUTION = 1.0e-6

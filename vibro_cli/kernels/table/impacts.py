@@ -11,8 +11,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, impact_of_pair
-from vibro_cli.kernels.numerics.error_free import time_between
-from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.table.queue import touching_distance
 from vibro_cli.kernels.table.walls import RESOLVED
 from vibro_cli.kernels.table.world import (
@@ -23,6 +22,7 @@ from vibro_cli.kernels.table.world import (
     PairRow,
     World,
 )
+from vibro_cli.kernels.world import BodyData
 
 # Below this share of the speed a bounce cannot be told from rolling along: the rounding of the
 # place turns the normal by about the root of it.

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.error_free import time_between
+from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.table.impacts import bounce, collide
-from vibro_cli.kernels.table.joint import collide_jointly
 from vibro_cli.kernels.table.queue import play_all, renew, search_all
-from vibro_cli.kernels.table.touching import find_group
+from vibro_cli.kernels.table.simultaneous_impacts import collide_jointly, find_group
 from vibro_cli.kernels.table.world import (
     END_ACCUMULATION,
     END_BOUNCES,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.error_free import add_to_time, time_between
+from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.table.walls import RESOLVED, meet_wall, time_to_distance
 from vibro_cli.kernels.table.world import MEETS_BALL, NEVER, NO_WALL, NOTHING, World
 

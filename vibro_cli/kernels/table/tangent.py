@@ -17,17 +17,18 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.error_free import time_between
-from vibro_cli.kernels.table.impulses import impulses_for, set_weights
+from vibro_cli.kernels.numerics.double_double import time_between
+from vibro_cli.kernels.table.simultaneous_impacts import impulses_for, set_weights
 from vibro_cli.kernels.table.world import CONIC, RUNNING, BounceRow, World
-from vibro_cli.kernels.tangent.frame import begin_frame, orthogonalise
-from vibro_cli.kernels.tangent.impact_rows import (
+from vibro_cli.kernels.tangent.frame import (
+    Tangents,
+    begin_frame,
+    orthogonalise,
     tell_event,
     tell_growth,
     tell_nothing,
     tell_smooth,
 )
-from vibro_cli.kernels.tangent.world import Tangents
 
 NUMBERS = 4  # of the state of a ball: x, y, tau vx, tau vy
 

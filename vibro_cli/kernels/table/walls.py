@@ -15,8 +15,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.error_free import difference_of_products
-from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.numerics.double_double import difference_of_products
 from vibro_cli.kernels.table.world import (
     CONIC,
     MEETS_WALL,
@@ -27,6 +26,7 @@ from vibro_cli.kernels.table.world import (
     WallData,
     World,
 )
+from vibro_cli.kernels.world import BodyData
 
 EPSILON = 2.0**-52
 MOST_STEPS = 200

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import struct
-from vibro_cli.kernels.structs import BodyData
+from vibro_cli.kernels.world import BodyData
 
 # What a ball meets next.
 NOTHING = 0

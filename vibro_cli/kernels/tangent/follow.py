@@ -11,21 +11,20 @@ import math
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.contact.gap import centre_position, centre_tangent
+from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
 from vibro_cli.kernels.flow.flow import acceleration_at
 from vibro_cli.kernels.flow.replay import recall_flight
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL
-from vibro_cli.kernels.numerics.error_free import time_between
-from vibro_cli.kernels.structs import Flight
+from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.tangent.flight_jacobian import flight_jacobian
 from vibro_cli.kernels.tangent.frame import (
+    Tangents,
     begin_frame,
     growth_of_pair,
     orthogonalise,
     scaled_back,
 )
 from vibro_cli.kernels.tangent.impacts import strike
-from vibro_cli.kernels.tangent.world import Tangents
 from vibro_cli.kernels.world import (
     COLLISION,
     CROSSING,
@@ -33,6 +32,7 @@ from vibro_cli.kernels.world import (
     SEGMENT,
     START,
     WALL,
+    Flight,
     FlightRow,
     World,
 )

@@ -18,10 +18,10 @@ one-sided derivatives' means, good for orders of magnitude.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.contact.gap import centre_position, centre_tangent
+from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, weight_and_response
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
-from vibro_cli.kernels.tangent.world import Tangents
+from vibro_cli.kernels.tangent.frame import Tangents
 from vibro_cli.kernels.world import ImpactRow, World
 
 # Columns of the scratch rows of a joint impact.

@@ -27,9 +27,8 @@ from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.flow.replay import recall_flight
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, pull_of
 from vibro_cli.kernels.numerics.weierstrass_motion import quartic_motion
-from vibro_cli.kernels.structs import Flight
-from vibro_cli.kernels.tangent.world import TERMS
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.tangent.frame import TERMS
+from vibro_cli.kernels.world import Flight, World
 
 # Rows of the series, in powers of the time from the middle over half the length of a part: u, its
 # square, the stiffness 6 a0 u^2 + 12 a1 u + 6 a2, and the change.

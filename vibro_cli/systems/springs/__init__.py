@@ -57,7 +57,7 @@ class BodiesOnSprings(System):
     @property
     def kernels(self) -> tuple[Kernel, ...]:
         from vibro_cli.kernels.springs.loop import advance
-        from vibro_cli.kernels.springs.replay import sample_states
+        from vibro_cli.kernels.springs.series import sample_states
         from vibro_cli.kernels.springs.tangent import follow_bodies
 
         return advance, sample_states, follow_bodies

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.compile.kernel import dtype, interpreted_copies, interpreted_rows
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.springs.replay import Found, Sample, sample_states
+from vibro_cli.kernels.springs.series import Found, Sample, sample_states
 from vibro_cli.kernels.springs.world import SpringBody, StateRow
 from vibro_cli.systems.driver import compiled_world
 from vibro_cli.systems.rows import record_array

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
-from vibro_cli.kernels.structs import BodyData
 from vibro_cli.kernels.table.loop import advance
 from vibro_cli.kernels.table.world import (
     CONIC,
@@ -33,6 +32,7 @@ from vibro_cli.kernels.table.world import (
 from vibro_cli.kernels.table.world import (
     POLYGON as POLYGON_KIND,
 )
+from vibro_cli.kernels.world import BodyData
 from vibro_cli.mechanics.system import body_record
 from vibro_cli.systems.driver import EventLoop
 from vibro_cli.systems.rows import ImpactSystem

@@ -9,18 +9,20 @@ import numpy as np
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.lanes import LANES
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
-from vibro_cli.kernels.ensemble.impact_in_lanes import LaneGroup, LaneSlot, RunLanes
+from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes
 from vibro_cli.kernels.ensemble.points import (
+    PairNumbers,
     PointData,
     Points,
     RestitutionData,
     Results,
+    SettingNumbers,
+    Stack,
     StartData,
+    SystemNumber,
 )
-from vibro_cli.kernels.ensemble.stacks import PairNumbers, SettingNumbers, Stack, SystemNumber
-from vibro_cli.kernels.structs import BodyData, Flight, PairTrack, PieceData, TrackData
-from vibro_cli.kernels.tangent.world import TangentState
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.tangent.frame import TangentState
+from vibro_cli.kernels.world import BodyData, Flight, PairTrack, PieceData, TrackData, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.systems.tangents import room_for
 from vibro_cli.systems.trace.event_loop import (

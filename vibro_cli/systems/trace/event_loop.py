@@ -14,16 +14,20 @@ import numpy as np
 
 from vibro_cli.compile.kernel import Overrides, dtype
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.contact.two_librations import TwoBodies, TwoSwings, TwoTracks
-from vibro_cli.kernels.ensemble.followed import follow_points
-from vibro_cli.kernels.ensemble.impact_in_lanes import LaneGroup
-from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
+from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoSwings, TwoTracks
+from vibro_cli.kernels.ensemble.lanes import LaneGroup, run_points_in_lanes
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
-from vibro_cli.kernels.ensemble.points import Points, Results, run_points
-from vibro_cli.kernels.ensemble.stacks import Stack, run_stacked
+from vibro_cli.kernels.ensemble.points import (
+    Points,
+    Results,
+    Stack,
+    follow_points,
+    run_points,
+    run_stacked,
+)
 from vibro_cli.kernels.events.event_loop import advance, proceed, start
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome
-from vibro_cli.kernels.tangent.world import Tangents
+from vibro_cli.kernels.tangent.frame import Tangents
 from vibro_cli.kernels.world import (
     END_INTERRUPTED,
     END_NAMES,
@@ -98,7 +102,7 @@ def enter_followed(
     sums: Any,
     overrides: Overrides | None,
 ) -> None:
-    """Run some points with their tangent maps (see ``kernels.ensemble.followed``)."""
+    """Run some points with their tangent maps (see ``kernels.ensemble.points``)."""
     run = compiled(follow_points, overrides)
     run(world, fresh, scratch, points, results, stack, tangents, sums)
 

@@ -26,12 +26,13 @@ from vibro_cli.kernels.events.liftoff_slip import (
     Span,
     find_passages,
 )
-from vibro_cli.kernels.structs import NEVER, Flight
 from vibro_cli.kernels.world import (
     CROSSING,
     END_LIFT_OFF,
     END_OF_TRACE,
+    NEVER,
     WALL,
+    Flight,
     World,
 )
 from vibro_cli.systems.rows import chosen, joined, record_array

@@ -10,8 +10,7 @@ import numpy as np
 from vibro_cli.compile.kernel import Overrides, dtype, interpreted, interpreted_copies
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.flow.replay import Sample, sample_flights
-from vibro_cli.kernels.structs import Flight
-from vibro_cli.kernels.world import CAUSE_NAMES, World
+from vibro_cli.kernels.world import CAUSE_NAMES, Flight, World
 from vibro_cli.systems.rows import record_array
 from vibro_cli.systems.trace.geometry import Floats, Places
 from vibro_cli.systems.wanted import within_run

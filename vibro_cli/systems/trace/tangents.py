@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.structs import Flight
 from vibro_cli.kernels.tangent.follow import follow_tangents
-from vibro_cli.kernels.world import END_NAMES, ImpactRow, World
+from vibro_cli.kernels.world import END_NAMES, Flight, ImpactRow, World
 from vibro_cli.mechanics.system import System
 from vibro_cli.systems import tangents
 from vibro_cli.systems.contract import Rows

@@ -1,7 +1,7 @@
 """From a system to the records of the kernels, and to the kernels that solve it.
 
 Those of a rotating trace hold its potential, crests and bounds on each piece. Systems that differ
-in numbers only are made into a stack (``kernels.ensemble.stacks``).
+in numbers only are made into a stack (``kernels.ensemble.points``).
 """
 
 from __future__ import annotations
@@ -11,23 +11,27 @@ from collections.abc import Sequence
 from typing import Any
 
 from vibro_cli.compile.kernel import Overrides, dtype, interpreted_rows
-from vibro_cli.kernels.ensemble.stacks import PairNumbers, SettingNumbers, Stack, SystemNumber
-from vibro_cli.kernels.flow.begin_flight import NOWHERE
+from vibro_cli.kernels.ensemble.points import PairNumbers, SettingNumbers, Stack, SystemNumber
+from vibro_cli.kernels.flow.flight import NOWHERE
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.rotating import TURNING
-from vibro_cli.kernels.structs import (
+from vibro_cli.kernels.world import (
     NEVER,
     BodyData,
     BodyForces,
     Clock,
+    ContactRow,
     Flight,
+    FlightRow,
+    ImpactRow,
     PairData,
     PairTrack,
     PieceData,
+    SegmentRow,
     Settings,
     TrackData,
+    World,
 )
-from vibro_cli.kernels.world import ContactRow, FlightRow, ImpactRow, SegmentRow, World
 from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.potential import (
     Heights,
