@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.storage import schema
+from vibro_cli.storage import tables
 from vibro_cli.systems import system_named
 from vibro_cli.systems.contract import System
 from vibro_cli.systems.trace import tables as of_trace
@@ -14,7 +14,7 @@ from vibro_cli.systems.trace import tables as of_trace
 _ROWS = 3
 
 
-def _column(column: schema.Column, position: int, rows: int) -> Any:
+def _column(column: tables.Column, position: int, rows: int) -> Any:
     """Distinct, recognisable values of a column; nullable ones lack their first value."""
     numbers = np.arange(rows) + 100 * position
     if column.type == "string":
@@ -36,7 +36,7 @@ def _column(column: schema.Column, position: int, rows: int) -> Any:
     return values
 
 
-def columns_of(table: schema.Table, rows: int = _ROWS) -> dict[str, Any]:
+def columns_of(table: tables.Table, rows: int = _ROWS) -> dict[str, Any]:
     """Columns that fit a table."""
     return {
         column.name: _column(column, position, rows)
@@ -50,7 +50,7 @@ class FakeRun:
 
     collisions: dict[str, Any] = field(default_factory=lambda: columns_of(of_trace.collisions()))
     events: dict[str, Any] = field(default_factory=lambda: columns_of(of_trace.events()))
-    summary: dict[str, Any] = field(default_factory=lambda: columns_of(schema.summary(2), 1))
+    summary: dict[str, Any] = field(default_factory=lambda: columns_of(tables.summary(2), 1))
     motion: dict[str, Any] | None = None
     exponents: dict[str, Any] | None = None
     engine: str = "python"

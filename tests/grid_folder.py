@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.storage.provenance import json_bytes, manifest
-from vibro_cli.storage.schema import Column, Table, summary
-from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
+from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, summary, to_arrow
 from vibro_cli.systems.trace.tables import collisions
 
 SCENARIO = {

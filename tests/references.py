@@ -16,7 +16,7 @@ from vibro_cli.stress.impacts import PLACES, SPEEDS, columns
 from vibro_cli.stress.oracles.reference_solver import Impact, Twin, happenings_of
 from vibro_cli.stress.oracles.scene import Scene, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import amplification
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 
 FOLDER = Path(__file__).parent / "reference"
 NAMES = tuple(sorted(path.stem for path in FOLDER.glob("*.json")))

@@ -16,8 +16,7 @@ import pytest
 from tests.effort import calls
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.initial_conditions import gap
-from vibro_cli.mechanics.model_warnings import mechanics_warnings
-from vibro_cli.mechanics.system import InitialState, System, Wall
+from vibro_cli.mechanics.system import InitialState, System, Wall, mechanics_warnings
 from vibro_cli.scenario import ScenarioError, load_scenario, parse_scenario
 
 FOLDER = Path(__file__).parent / "impossible_scenarios"

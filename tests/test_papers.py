@@ -15,22 +15,22 @@ import pytest
 from mpmath import mp
 
 from tests.pages import DOCS, ROOT, text_of
-from vibro_cli.analysis.central_impact import CentralImpact
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.portrait_type import portrait_of
-from vibro_cli.analysis.swings import (
+from vibro_cli.analysis.levels import Landscape
+from vibro_cli.analysis.paper_formulas import (
     CORRECT,
+    CentralImpact,
     Swing,
     contact_angle,
     partial_sums,
     printed_time,
     series_time,
 )
+from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_any as assembled
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.commands.shared.papers import A, B, C, D, commands
-from vibro_cli.figures import output
+from vibro_cli.figures import style
 from vibro_cli.report import content as report_content
 from vibro_cli.report.papers import time_between, turning_points
 from vibro_cli.scenario import load_any
@@ -421,7 +421,7 @@ def test_the_three_arcs_that_turn_open_their_figure_eight(ends: float, printed: 
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made, but no picture of them: how those are written is tested elsewhere."""
     picture = b"\x89PNG"
-    monkeypatch.setattr(output, "render", lambda *_, **__: picture)
+    monkeypatch.setattr(style, "render", lambda *_, **__: picture)
     monkeypatch.setattr(report_content, "figures_of_run", lambda *_: [])
 
 

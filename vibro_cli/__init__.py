@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     from vibro_cli.interface.scenarios import portrait as portrait
     from vibro_cli.scenario import Scenario as Scenario
     from vibro_cli.scenario import ScenarioError as ScenarioError
+    from vibro_cli.storage.folders import NotContinuable as NotContinuable
     from vibro_cli.storage.frame import Table as Table
     from vibro_cli.storage.provenance import FolderRefused as FolderRefused
-    from vibro_cli.storage.runs import NotContinuable as NotContinuable
-    from vibro_cli.storage.stored_grid import NotAGrid as NotAGrid
+    from vibro_cli.storage.stored import NotAGrid as NotAGrid
     from vibro_cli.systems.driver import CannotContinue as CannotContinue
     from vibro_cli.systems.driver import TooQuiet as TooQuiet
 
@@ -69,8 +69,8 @@ _HOME = {
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
     "vibro_cli.storage.frame": ("Table",),
     "vibro_cli.storage.provenance": ("FolderRefused",),
-    "vibro_cli.storage.runs": ("NotContinuable",),
-    "vibro_cli.storage.stored_grid": ("NotAGrid",),
+    "vibro_cli.storage.folders": ("NotContinuable",),
+    "vibro_cli.storage.stored": ("NotAGrid",),
     "vibro_cli.systems.driver": ("CannotContinue", "TooQuiet"),
 }
 _MODULES = {name: module for module, names in _HOME.items() for name in names}

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from tests.analysis.traces import circle, hump, landscape, line, three_arcs
 from tests.bare_system import GRAVITY
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.levels import free_branches
+from vibro_cli.analysis.levels import Landscape, free_branches
 from vibro_cli.mechanics.trace import Piece
 
 Array = NDArray[np.float64]

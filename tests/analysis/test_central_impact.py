@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibro_cli.analysis.central_impact import CentralImpact
+from vibro_cli.analysis.paper_formulas import CentralImpact
 
 INERTIA = st.floats(1e-3, 1e3)
 # Energies of slower bodies would have fewer digits than a double.

@@ -15,7 +15,7 @@ from vibro_cli import NoFit, NotMeasured, example, fit, load_scenario, simulate,
 from vibro_cli.analysis.fit import Fit
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.scenario import Scenario, scenario_of
-from vibro_cli.storage.runs import write_run
+from vibro_cli.storage.folders import write_run
 from vibro_cli.stress.scenes import CIRCLE, ball, scene
 
 pytestmark = pytest.mark.long

@@ -17,8 +17,8 @@ from tests.analysis.traces import (
     valley,
 )
 from tests.bare_system import GRAVITY
-from vibro_cli.analysis.landscape import Landscape
 from vibro_cli.analysis.levels import (
+    Landscape,
     arc_separatrix,
     connected_reaches,
     level_curves,

@@ -19,10 +19,10 @@ from vibro_cli.analysis.orbits import NoOrbit, Orbit, energy_gradient, find_orbi
 from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.figures.orbit_branch import branch_figure
+from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.mechanics.system import System
 from vibro_cli.stress.scenes import CIRCLE, VALLEY, ball, scene, system_of
-from vibro_cli.systems.trace.run import simulate_system
+from vibro_cli.systems.trace.event_loop import simulate_system
 
 pytestmark = pytest.mark.long
 

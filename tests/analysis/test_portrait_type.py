@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from tests.analysis.traces import BALL, DEGREE, circle, three_arcs
-from vibro_cli.analysis.portrait_type import as_record, changes, condition, portrait_of
+from vibro_cli.analysis.singular import as_record, changes, condition, portrait_of
 
 OUTER = 70.0
 # (R − r)(1 − cos θ_end) = (R + R₀)(1 − cos J) with R = 1, R₀ = 0.5, J = 50°

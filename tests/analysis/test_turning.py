@@ -10,10 +10,15 @@ import pytest
 from tests.analysis.traces import system, valley
 from tests.systems.trace.turning_scenes import on_lines, on_three_arcs
 from tests.systems.trace.turning_scenes import system as built
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.levels import level_curves, reaches
-from vibro_cli.analysis.portrait_type import changes, portrait_of
-from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE, singular_points
+from vibro_cli.analysis.levels import Landscape, level_curves, reaches
+from vibro_cli.analysis.singular import (
+    CENTRE,
+    FIGURE_EIGHT,
+    SADDLE,
+    changes,
+    portrait_of,
+    singular_points,
+)
 from vibro_cli.mechanics.potential import Turning
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from tests.bare_system import bare_system
-from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.levels import Landscape
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace

@@ -152,7 +152,7 @@ def test_closed_streams(
 def test_no_file_takes_the_place_of_a_closed_stream(scenario: Path, tmp_path: Path) -> None:
     """A library that prints to number 2 must not print into a table."""
     program = (
-        "import os, sys; from vibro_cli.commands.shared.streams import prepare_streams; "
+        "import os, sys; from vibro_cli.commands.shared.terminal import prepare_streams; "
         "prepare_streams(); file = open('data', 'w'); assert file.fileno() > 2; "
         "os.write(2, b'a word of a library')"
     )

@@ -12,7 +12,7 @@ from tests.commands.conftest import Vibro
 from tests.commands.processes import VIBRO
 from tests.effort import ratio
 from vibro_cli import __version__
-from vibro_cli.storage import schema
+from vibro_cli.storage import tables
 from vibro_cli.storage.provenance import read_manifest
 from vibro_cli.storage.tables import read_parquet
 
@@ -44,7 +44,7 @@ def test_tables_are_as_described_and_agree_with_the_summary(vibro: Vibro) -> Non
     folder = Path("outputs/three_arcs")
     for name in ("collisions", "events", "motion", "summary"):
         data = read_parquet(folder / f"{name}.parquet")
-        expected = schema.table_named(name, data.column_names)
+        expected = tables.table_named(name, data.column_names)
         assert data.column_names == [column.name for column in expected.columns]
     summary = json.loads((folder / "summary.json").read_bytes())
     (row,) = read_parquet(folder / "summary.parquet").to_pylist()

@@ -20,19 +20,19 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from tests.grid_folder import product, write_grid
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.portrait_type import portrait_of
+from vibro_cli.analysis.levels import Landscape
+from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.figures.film import Film, frame_times
 from vibro_cli.figures.grids.kinds import draw_grid
-from vibro_cli.figures.output import render
-from vibro_cli.figures.portraits.structure import comparison, structure
+from vibro_cli.figures.portraits.portrait import comparison, structure
 from vibro_cli.figures.portraits.trace_phase_plane import family
-from vibro_cli.figures.runs.film_on_trace import film_on_trace
 from vibro_cli.figures.runs.kinds import draw_all
+from vibro_cli.figures.runs.scene import film_on_trace
+from vibro_cli.figures.style import render
 from vibro_cli.scenario import load_scenario
-from vibro_cli.storage.stored_grid import open_grid
+from vibro_cli.storage.stored import open_grid
 
 BODIES = Path(__file__).parents[2] / "scenarios/ball_on_arcs.toml"
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

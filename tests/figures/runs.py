@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.analysis.traces import BALL, hump, line, system, valley
-from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.levels import Landscape
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import ArcShape
 

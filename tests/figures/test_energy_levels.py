@@ -26,8 +26,8 @@ from vibro_cli.api import simulate
 from vibro_cli.figures.film import Film, frame_times
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
-from vibro_cli.figures.runs.film_on_trace import film_on_trace
 from vibro_cli.figures.runs.over_time import energies
+from vibro_cli.figures.runs.scene import film_on_trace
 from vibro_cli.figures.style import MM
 from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.figures import springs_energies

@@ -12,7 +12,7 @@ from vibro_cli.api import Run, simulate
 from vibro_cli.figures.runs.kinds import draw_all
 from vibro_cli.figures.runs.over_impacts import exponents
 from vibro_cli.scenario import load_scenario
-from vibro_cli.storage.runs import write_run
+from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import open_run
 
 FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"

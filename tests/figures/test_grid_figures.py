@@ -15,10 +15,9 @@ from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
 from vibro_cli.figures.grids.curves import FIRST, curves, diagram, first_times, place_column
 from vibro_cli.figures.grids.kinds import CONTACT_WORDS, draw_grid, draw_grid_kind
-from vibro_cli.figures.grids.maps import ending_map, quantity_map
-from vibro_cli.figures.grids.parameter_map import COLOURS, lattice, words_of
-from vibro_cli.figures.output import has_rasters, render
-from vibro_cli.storage.stored_grid import NotAGrid, StoredGrid, is_grid, open_grid
+from vibro_cli.figures.grids.maps import COLOURS, ending_map, lattice, quantity_map, words_of
+from vibro_cli.figures.style import has_rasters, render
+from vibro_cli.storage.stored import NotAGrid, StoredGrid, is_grid, open_grid
 
 ANGLES = [-1.2, -1.1, -0.9, -0.6, -0.2]
 TWO = product({"balls[1].angle": ANGLES, "collision.k": [1.0, 0.9, 0.5]})

@@ -13,7 +13,6 @@ from matplotlib.patches import Circle
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.chart import contact_times
-from vibro_cli.figures.output import render
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.portraits.trajectory import trajectory
@@ -23,6 +22,7 @@ from vibro_cli.figures.runs.over_impacts import impact_map
 from vibro_cli.figures.runs.over_time import energy_course, energy_residuals, timeline
 from vibro_cli.figures.runs.plan import WALL, configurations
 from vibro_cli.figures.runs.scene import scene
+from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of, load_scenario
 
 pytestmark = pytest.mark.long

@@ -20,7 +20,7 @@ from vibro_cli import example
 from vibro_cli import simulate as solved
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.film import Film, Frames, NoFilm, Stage, frame_times, movie
-from vibro_cli.figures.runs.film_on_trace import film_on_trace
+from vibro_cli.figures.runs.scene import film_on_trace
 from vibro_cli.scenario import load_scenario
 
 FOLDER = Path(__file__).parents[2] / "scenarios"

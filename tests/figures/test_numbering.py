@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibro_cli.figures.numbering import place_numbers
+from vibro_cli.figures.labels import place_numbers
 
 SIZE = (60.0, 50.0)
 NOTHING = np.empty((0, 2))

@@ -11,8 +11,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from tests.figures.runs import on_circle, on_three_arcs
-from vibro_cli.figures.output import FORMATS, render, save
 from vibro_cli.figures.portraits.portrait import phase_portrait
+from vibro_cli.figures.style import FORMATS, render, save
 
 pytestmark = pytest.mark.long
 
@@ -69,7 +69,7 @@ def test_unknown_format_is_refused() -> None:
 
 def test_pyplot_is_not_imported() -> None:
     code = (
-        "import sys, vibro_cli.figures.portraits.portrait, vibro_cli.figures.output;"
+        "import sys, vibro_cli.figures.portraits.portrait, vibro_cli.figures.style;"
         "sys.exit('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -23,7 +23,7 @@ from tests.figures.runs import (
     on_many_arcs,
     on_three_arcs,
 )
-from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import singular_points
 from vibro_cli.figures import style
 from vibro_cli.figures.portraits import layers

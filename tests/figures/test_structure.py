@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 
 from tests.analysis.traces import circle, hump, landscape, line, three_arcs, valley
 from tests.figures.layout import assert_texts_are_apart, texts
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.portrait_type import portrait_of
+from vibro_cli.analysis.levels import Landscape
+from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.assemble import build_system
-from vibro_cli.figures.numbering import LEADER
-from vibro_cli.figures.portraits.background import background
-from vibro_cli.figures.portraits.structure import structure
+from vibro_cli.figures.labels import LEADER
+from vibro_cli.figures.portraits.layers import background
+from vibro_cli.figures.portraits.portrait import structure
 from vibro_cli.figures.portraits.trace_phase_plane import curves_of, family, highest_energy
 from vibro_cli.figures.style import MM
 from vibro_cli.scenario import load_scenario

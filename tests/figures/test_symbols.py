@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from vibro_cli.figures.symbols import symbol_of
-from vibro_cli.storage.schema import reference
+from vibro_cli.figures.ticks import symbol_of
+from vibro_cli.storage.tables import reference
 
 
 @pytest.mark.parametrize(

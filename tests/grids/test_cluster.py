@@ -14,7 +14,7 @@ import pytest
 
 from tests.grids.conftest import Write
 from tests.grids.kill import content
-from vibro_cli.grids.cluster import ClusterError, check_address
+from vibro_cli.grids.workers import ClusterError, check_address
 
 pytestmark = pytest.mark.long
 
@@ -187,7 +187,7 @@ def test_nothing_goes_over_a_network_in_the_open(address: str, good: bool) -> No
 def test_no_scheduler_is_one_line(
     small: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from vibro_cli.grids import cluster as module
+    from vibro_cli.grids import workers as module
 
     monkeypatch.setattr(module, "_CONNECT", "1s")
     from vibro_cli.commands.app import run_command_line

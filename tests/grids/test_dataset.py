@@ -17,10 +17,17 @@ import pytest
 
 from tests.grids.conftest import Write
 from vibro_cli.grids.chunks import Chunks
-from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened, verify
+from vibro_cli.grids.dataset import (
+    FolderInUse,
+    GridChanged,
+    MergeRefused,
+    Shard,
+    merge,
+    opened,
+    verify,
+)
 from vibro_cli.grids.document import Grid, load_grid
-from vibro_cli.grids.shards import MergeRefused, Shard, merge
-from vibro_cli.grids.threads import solve_in_threads
+from vibro_cli.grids.workers import solve_in_threads
 from vibro_cli.storage import files
 from vibro_cli.storage.provenance import FolderRefused
 

@@ -12,8 +12,7 @@ import pytest
 from tests.two_balls import SCENARIO
 from vibro_cli.grids import document
 from vibro_cli.grids.axes import _KEYS
-from vibro_cli.grids.document import load_grid
-from vibro_cli.grids.json_schema import grid_schema
+from vibro_cli.grids.document import grid_schema, load_grid
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.systems import NAMES as SYSTEMS
 

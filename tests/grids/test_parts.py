@@ -15,14 +15,14 @@ import pytest
 from hypothesis import strategies as st
 
 from tests.grids.conftest import Write
-from vibro_cli.grids import chunk_writer, chunks, threads
+from vibro_cli.grids import chunk_writer, chunks, workers
 from vibro_cli.grids.buffers import Lease, Pieces, Rooms
 from vibro_cli.grids.chunk_writer import Encoded, Making
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.dataset import known_division, opened, verify
 from vibro_cli.grids.document import load_grid
 from vibro_cli.grids.solving import Solved, TraceSolver
-from vibro_cli.grids.threads import solve_in_threads
+from vibro_cli.grids.workers import solve_in_threads
 
 
 def tell(points: int, impacts: int) -> None:
@@ -63,15 +63,15 @@ def test_stretches_come_in_any_order_and_are_given_back(
     mixed = list(enumerate(solved()))
     random.Random(5).shuffle(mixed)
     making = Making.of(grid, whole, 0, Rooms())
-    threads = [
+    workers = [
         threading.Thread(
             target=lambda some: others.extend(making.add(*one) for one in some), args=(some,)
         )
         for some in (mixed[:4], mixed[4:8], mixed[8:])
     ]
-    for thread in threads:
+    for thread in workers:
         thread.start()
-    for thread in threads:
+    for thread in workers:
         thread.join()
     (made,) = [one for one in others if one is not None]
     assert contents(made) == contents(in_order[-1])
@@ -121,13 +121,13 @@ def test_a_grid_of_many_parts_is_divided_the_same_way_again(
 ) -> None:
     monkeypatch.setattr(chunks, "_IMPACTS_OF_A_PART", 5)
     monkeypatch.setattr(chunks, "_MANY_PARTS", 2)
-    monkeypatch.setattr(threads, "_IMPACTS_OF_A_BLOCK", 4)
-    monkeypatch.setattr(threads, "_POINTS_OF_A_BLOCK", 2)
-    monkeypatch.setattr(threads, "_LEAST_SHARE", 1)
+    monkeypatch.setattr(workers, "_IMPACTS_OF_A_BLOCK", 4)
+    monkeypatch.setattr(workers, "_POINTS_OF_A_BLOCK", 2)
+    monkeypatch.setattr(workers, "_LEAST_SHARE", 1)
     grid = load_grid(small(), ["stop.collisions=4"])
-    expected = threads.expected_impacts(grid)
-    density = threads.impact_density(grid, expected, "python")
-    compiled = threads.impact_density(grid, expected, "compiled")
+    expected = workers.expected_impacts(grid)
+    density = workers.impact_density(grid, expected, "python")
+    compiled = workers.impact_density(grid, expected, "compiled")
     assert density is not None
     assert compiled is not None
     assert density.tolist() == compiled.tolist()

@@ -10,11 +10,10 @@ import pytest
 
 from tests.grids.test_same_as_run import plain
 from vibro_cli.api import simulate
-from vibro_cli.grids.columns import summary_table
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.points import document_at, reason_of
-from vibro_cli.grids.solving import solver_of
-from vibro_cli.grids.threads import expected_impacts
+from vibro_cli.grids.solving import solver_of, summary_table
+from vibro_cli.grids.workers import expected_impacts
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.scenario.loading import Document
 

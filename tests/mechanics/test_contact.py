@@ -14,7 +14,7 @@ from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.stress.oracles.reference_solver import Twin
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import Real, mp
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 
 BODIES = (ball(0.1), Body("hoop", 0.08, 1.0, 1.0))
 TRACE = three_arcs()

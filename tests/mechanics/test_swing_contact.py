@@ -21,7 +21,7 @@ from vibro_cli.kernels.numerics.elliptic import (
 from vibro_cli.kernels.world import Flight
 from vibro_cli.mechanics.system import Body, InitialState, System
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=150)
 IMPACTS = 6

@@ -11,7 +11,7 @@ import pytest
 from tests.grid_folder import product, write_grid
 from tests.report.page_parser import Page
 from vibro_cli.report.page import grid_html, is_report
-from vibro_cli.storage.stored_grid import open_grid
+from vibro_cli.storage.stored import open_grid
 
 TWO = product({"balls[1].angle": [-1.2, -1.1, -0.9, -0.6, -0.2], "collision.k": [1.0, 0.9, 0.5]})
 NASTY = "<script>alert(1)</script><img src=x onerror=alert(2)>\"'&amp; {{ 7*7 }}"

@@ -21,7 +21,7 @@ from vibro_cli.report.page import is_report, report_html
 from vibro_cli.report.papers import forms
 from vibro_cli.report.words import number
 from vibro_cli.scenario import load_scenario
-from vibro_cli.storage.runs import write_run
+from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import StoredRun, open_run
 
 pytestmark = pytest.mark.long

@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 
 from vibro_cli.scenario import Scenario, ScenarioError, gallery, parse_any, parse_scenario
-from vibro_cli.scenario.json_schema import json_schema
+from vibro_cli.scenario.fields import json_schema
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 

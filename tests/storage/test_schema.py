@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_cli.storage import schema
+from vibro_cli.storage import tables
 from vibro_cli.systems.trace import tables as of_trace
 
 PAGE = Path(__file__).parents[2] / "docs/reference-tables.md"
@@ -34,13 +34,13 @@ UNITS = {"", "s", "1/s", "m", "rad", "rad/s", "m/s", "J", "N", "N s", "N m s"}
     ("table", "names"),
     [
         (of_trace.collisions(), COLLISIONS),
-        (schema.summary(2), SUMMARY),
+        (tables.summary(2), SUMMARY),
         (of_trace.events(), EVENTS),
         (of_trace.motion(), MOTION),
     ],
     ids=["collisions", "summary", "events", "motion"],
 )
-def test_columns_are_those_promised_in_their_order(table: schema.Table, names: str) -> None:
+def test_columns_are_those_promised_in_their_order(table: tables.Table, names: str) -> None:
     assert [column.name for column in table.columns] == re.findall(r"\w+", names)
 
 
@@ -50,8 +50,8 @@ def test_side_follows_the_pair_where_there_is_one() -> None:
     assert len(names) == len(of_trace.collisions().columns) + 1
 
 
-@pytest.mark.parametrize("table", schema.reference(), ids=lambda table: table.name)
-def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: schema.Table) -> None:
+@pytest.mark.parametrize("table", tables.reference(), ids=lambda table: table.name)
+def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: tables.Table) -> None:
     assert len({column.name for column in table.columns}) == len(table.columns)
     for column in table.columns:
         assert column.description, column.name
@@ -64,20 +64,20 @@ def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: schema.Table
     [
         of_trace.collisions(),
         of_trace.collisions(sided=True),
-        schema.summary(1),
-        schema.summary(7),
+        tables.summary(1),
+        tables.summary(7),
         of_trace.events(),
         of_trace.motion(),
     ],
 )
-def test_a_table_is_found_from_the_names_of_its_columns(table: schema.Table) -> None:
-    assert schema.table_named(table.name, [column.name for column in table.columns]) == table
+def test_a_table_is_found_from_the_names_of_its_columns(table: tables.Table) -> None:
+    assert tables.table_named(table.name, [column.name for column in table.columns]) == table
 
 
 def test_an_unknown_table_is_refused() -> None:
     with pytest.raises(ValueError, match="no table 'impacts'"):
-        schema.table_named("impacts", [])
+        tables.table_named("impacts", [])
 
 
 def test_the_reference_prints_the_same_description() -> None:
-    assert schema.as_markdown() in PAGE.read_text(encoding="utf-8")
+    assert tables.as_markdown() in PAGE.read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.fake_run import columns_of
-from vibro_cli.storage import schema
+from vibro_cli.storage import tables
 from vibro_cli.storage.tables import (
     Origin,
     as_array,
@@ -35,21 +35,21 @@ TABLES = [
     of_trace.collisions(sided=True),
     of_trace.events(),
     of_trace.motion(),
-    schema.summary(1),
-    schema.summary(5),
+    tables.summary(1),
+    tables.summary(5),
 ]
 
 
-def file_of(table: schema.Table, columns: dict[str, Any] | None = None) -> bytes:
+def file_of(table: tables.Table, columns: dict[str, Any] | None = None) -> bytes:
     return parquet_bytes(to_arrow(table, columns or columns_of(table), ORIGIN))
 
 
-def written(table: schema.Table, columns: dict[str, Any] | None = None) -> pa.Table:
+def written(table: tables.Table, columns: dict[str, Any] | None = None) -> pa.Table:
     return read_parquet(io.BytesIO(file_of(table, columns)))
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: f"{table.name}-{len(table.columns)}")
-def test_file_keeps_names_types_units_descriptions_and_nullability(table: schema.Table) -> None:
+def test_file_keeps_names_types_units_descriptions_and_nullability(table: tables.Table) -> None:
     found = written(table).schema
     assert found.names == [column.name for column in table.columns]
     for column in table.columns:
@@ -61,7 +61,7 @@ def test_file_keeps_names_types_units_descriptions_and_nullability(table: schema
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: f"{table.name}-{len(table.columns)}")
-def test_missing_values_are_null_and_the_others_keep_their_bits(table: schema.Table) -> None:
+def test_missing_values_are_null_and_the_others_keep_their_bits(table: tables.Table) -> None:
     columns = columns_of(table)
     found = written(table, columns)
     for column in table.columns:
@@ -100,7 +100,7 @@ def test_writing_does_not_import_pandas() -> None:
 import sys
 from tests.fake_run import columns_of
 from vibro_cli.systems.trace import tables as of_trace
-from vibro_cli.storage import schema, tables
+from vibro_cli.storage import tables
 table = of_trace.events()
 tables.parquet_bytes(tables.to_arrow(table, columns_of(table), tables.Origin({}, "")))
 sys.exit("pandas" in sys.modules)

@@ -24,7 +24,7 @@ from vibro_cli.stress.physics import (
 )
 from vibro_cli.stress.scenes import VALLEY, GivenUp, Watched, ball, scene, solve, system_of
 from vibro_cli.stress.suite import line_of
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 
 HARD = Path(__file__).parents[1] / "hard_cases"
 

@@ -12,7 +12,7 @@ import pytest
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import load_any
-from vibro_cli.systems.trace import impacts
+from vibro_cli.systems.trace import tables
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 
@@ -123,9 +123,9 @@ def test_every_column_of_impacts_on_a_trace_is_written(
     scenario = load_any(FOLDER / f"{name}.toml", ["stop.collisions=6"])
     found = []
     for value in (0, 1):
-        table = partial(impacts.ImpactTable, room=partial(_held, value=value))
+        table = partial(tables.ImpactTable, room=partial(_held, value=value))
         with monkeypatch.context() as patch:
-            patch.setattr(impacts, "ImpactTable", table)
+            patch.setattr(tables, "ImpactTable", table)
             found.append(simulate(scenario, engine).collisions)
     for column, values in found[0].items():
         np.testing.assert_array_equal(found[1][column], values, err_msg=column)

@@ -17,7 +17,7 @@ from vibro_cli.figures.runs.kinds import draw_all
 from vibro_cli.grids.points import document_at
 from vibro_cli.grids.solving import solver_of
 from vibro_cli.scenario import ScenarioError, any_scenario_of
-from vibro_cli.storage.runs import write_run
+from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import open_run
 from vibro_cli.stress.finding import Document, Plan
 from vibro_cli.systems.springs import stress as springs_stress

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
 from vibro_cli.mechanics.system import InitialState, System
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 from vibro_cli.systems.trace.tangents import follow_system, time_scale
 
 Floats = NDArray[np.float64]

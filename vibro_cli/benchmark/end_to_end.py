@@ -23,18 +23,18 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.assemble import build_any, build_system
-from vibro_cli.benchmark.growth import greatest_memory, shared_out
+from vibro_cli.benchmark.cost import greatest_memory, shared_out
 from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
 from vibro_cli.benchmark.other_systems import SLOW, WHOLE
 from vibro_cli.benchmark.scenes import BY_NAME, Document, ball
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.buffers import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks
-from vibro_cli.grids.columns import Logged, LogSpace, impact_columns, impact_table_of
 from vibro_cli.grids.document import Grid, load_grid
+from vibro_cli.grids.solving import Logged, LogSpace, impact_columns, impact_table_of
 from vibro_cli.grids.solving import Task as Planned
 from vibro_cli.grids.system_template import Setting
-from vibro_cli.grids.threads import (
+from vibro_cli.grids.workers import (
     available_cores,
     expected_impacts,
     impact_density,
@@ -43,7 +43,7 @@ from vibro_cli.grids.threads import (
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import any_scenario_of, scenario_of
 from vibro_cli.storage.provenance import json_bytes
-from vibro_cli.storage.schema import Table
+from vibro_cli.storage.tables import Table
 from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import Driver

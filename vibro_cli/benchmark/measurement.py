@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from vibro_cli import __version__
-from vibro_cli.grids.threads import available_cores
-from vibro_cli.storage.schema import Column, Table
-from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
+from vibro_cli.grids.workers import available_cores
+from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, to_arrow
 
 TABLE = Table(
     "benchmark",

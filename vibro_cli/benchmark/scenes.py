@@ -134,7 +134,7 @@ def computed_reference(scene: Scene) -> dict[str, Any]:
     from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
     from vibro_cli.stress.oracles.scene import scene_of_system
     from vibro_cli.stress.oracles.taylor import mp
-    from vibro_cli.systems.trace.run import simulate_system
+    from vibro_cli.systems.trace.event_loop import simulate_system
 
     run = simulate_system(scene.system, None, scene.compared, "python")
     impacts = Twin(scene_of_system(scene.system)).follow(happenings_of(run))

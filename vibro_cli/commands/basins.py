@@ -9,12 +9,12 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
 from vibro_cli.commands.shared.options import Task
-from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
     from vibro_cli.figures.grids.basins import Mapped
-    from vibro_cli.storage.stored_grid import StoredGrid
+    from vibro_cli.storage.stored import StoredGrid
 
 _STOPS = ("time", "collisions", "bounces")
 _MANY = 0.05
@@ -59,7 +59,7 @@ def _basins(
     from vibro_cli.figures.grids.basins import mapped_basins
     from vibro_cli.storage.folders import check_basins_folder, write_basins
     from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.storage.stored_grid import NotAGrid, open_grid
+    from vibro_cli.storage.stored import NotAGrid, open_grid
 
     try:
         check_basins_folder(target)
@@ -142,7 +142,7 @@ def _shown(one: "Estimate") -> str:
 
 def _drawn(found: "Mapped") -> dict[str, bytes]:
     """The figures that there are, each in both forms."""
-    from vibro_cli.figures.output import render
+    from vibro_cli.figures.style import render
 
     drawn = {"basins": found.map("double"), "uncertainty": found.scaling("single")}
     return {

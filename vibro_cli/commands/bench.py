@@ -13,7 +13,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, say
 from vibro_cli.commands.shared.options import Quiet, Task
-from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
@@ -120,7 +120,7 @@ def _tell(rows: "list[Row]", wishes: _BenchOptions) -> None:
 def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli import __version__
     from vibro_cli.benchmark.measurement import parquet
-    from vibro_cli.figures.output import render
+    from vibro_cli.figures.style import render
     from vibro_cli.figures.work_precision import growth, work_precision
     from vibro_cli.report.benchmark_page import benchmark_html
     from vibro_cli.storage.files import new_folder

@@ -10,7 +10,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, MISUSED, CommandError, say
 from vibro_cli.commands.shared.options import FailFast, Overrides, Quiet, Scenarios, Task
-from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem

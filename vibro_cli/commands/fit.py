@@ -11,7 +11,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason, say
 from vibro_cli.commands.shared.options import Task, scenario_keys
-from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit, Free
@@ -230,8 +230,8 @@ def _rounded(value: float, error: float) -> str:
 
 def _drawn(columns: dict[str, Any]) -> dict[str, bytes]:
     """The figure of the residuals in both forms."""
-    from vibro_cli.figures.fit import fit_figure
-    from vibro_cli.figures.output import render
+    from vibro_cli.figures.analyses import fit_figure
+    from vibro_cli.figures.style import render
 
     figure = fit_figure(columns, "single")
     return {f"residuals.{form}": render(figure, form) for form in ("png", "pdf")}

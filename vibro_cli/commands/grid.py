@@ -11,23 +11,23 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError, say
 from vibro_cli.commands.shared.options import Engine, Overrides, Strict, Task, scenario_files
-from vibro_cli.commands.shared.streams import json_text, printable
 from vibro_cli.commands.shared.terminal import (
     EARLY_ENDS,
     INADMISSIBLE_HINT,
     Progress,
     count,
     duration,
+    json_text,
     lines_of,
+    printable,
     report_command,
     size,
 )
 
 if TYPE_CHECKING:
     from vibro_cli.grids.chunks import Chunks
-    from vibro_cli.grids.dataset import Dataset
+    from vibro_cli.grids.dataset import Dataset, Shard
     from vibro_cli.grids.document import Grid
-    from vibro_cli.grids.shards import Shard
 
 GridFile = Annotated[
     str,
@@ -157,7 +157,7 @@ def grid(
 def _read_shard(text: str | None) -> "Shard | None":
     if text is None:
         return None
-    from vibro_cli.grids.shards import Shard
+    from vibro_cli.grids.dataset import Shard
 
     try:
         return Shard.read(text)
@@ -185,7 +185,7 @@ def load(wishes: Wishes) -> "Grid":
 
 
 def _workers(wishes: Wishes) -> int:
-    from vibro_cli.grids.threads import available_cores
+    from vibro_cli.grids.workers import available_cores
 
     return wishes.workers or available_cores()
 
@@ -195,7 +195,7 @@ def _estimate(wishes: Wishes) -> int:
     import time
 
     from vibro_cli.grids.chunks import Chunks
-    from vibro_cli.grids.threads import estimate, expected_impacts, impact_density
+    from vibro_cli.grids.workers import estimate, expected_impacts, impact_density
 
     begin = time.perf_counter()
     found = load(wishes)
@@ -259,9 +259,8 @@ def _sweep(wishes: Wishes) -> int:
 
 def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
-    from vibro_cli.grids.cluster import ClusterError
-    from vibro_cli.grids.dataset import FolderInUse, GridChanged, opened
-    from vibro_cli.grids.shards import MergeRefused, merge
+    from vibro_cli.grids.dataset import FolderInUse, GridChanged, MergeRefused, merge, opened
+    from vibro_cli.grids.workers import ClusterError
     from vibro_cli.storage.provenance import FolderRefused
 
     whole = wishes.folder_of(grid)
@@ -293,9 +292,8 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
 
 def _chunks(wishes: "Wishes", grid: "Grid", folder: Path) -> "Chunks":
     """How the grid is divided: as its folder or that of a shard has it, if it is there already."""
-    from vibro_cli.grids.dataset import known_division
-    from vibro_cli.grids.shards import division_of_shards
-    from vibro_cli.grids.threads import chunks_of
+    from vibro_cli.grids.dataset import division_of_shards, known_division
+    from vibro_cli.grids.workers import chunks_of
 
     known = None if wishes.force else known_division(folder)
     if known is None and wishes.shard is not None:
@@ -346,8 +344,7 @@ def _drop_damaged(dataset: "Dataset") -> None:
 
 def _solve(wishes: "Wishes", dataset: "Dataset", workers: int) -> None:
     """Solve the missing chunks; what is finished is taken down, however it ends."""
-    from vibro_cli.grids.cluster import solve_on_cluster
-    from vibro_cli.grids.threads import solve_in_threads
+    from vibro_cli.grids.workers import solve_in_threads, solve_on_cluster
 
     missing = dataset.missing
     if not missing:

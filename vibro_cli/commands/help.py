@@ -8,8 +8,7 @@ import typer
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, suggestion
 from vibro_cli.commands.shared.options import Task
 from vibro_cli.commands.shared.reference import TOPICS, commands
-from vibro_cli.commands.shared.streams import json_text
-from vibro_cli.commands.shared.terminal import as_terminal_text, terminal_width
+from vibro_cli.commands.shared.terminal import as_terminal_text, json_text, terminal_width
 
 
 def help_topics(incomplete: str) -> list[str]:

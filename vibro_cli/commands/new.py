@@ -13,7 +13,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
 from vibro_cli.commands.shared.options import Task, gallery_names
-from vibro_cli.commands.shared.streams import json_text, printable
+from vibro_cli.commands.shared.terminal import json_text, printable
 from vibro_cli.systems import NAMES
 
 if TYPE_CHECKING:
@@ -141,8 +141,8 @@ def _write_files(name: str, content: str, path: Path) -> tuple[str, list[Path]]:
 
 def _write_with_schema(path: Path, content: str, kind: str) -> None:
     """Write a file whose first line names its schema to editors, and the schema beside it."""
-    from vibro_cli.grids.json_schema import grid_schema
-    from vibro_cli.scenario.json_schema import json_schema
+    from vibro_cli.grids.document import grid_schema
+    from vibro_cli.scenario.fields import json_schema
     from vibro_cli.storage.files import write_file
 
     system = kind.removeprefix("grid-")
@@ -180,16 +180,16 @@ def schema(
 
 def _print_schema(subject: Subject, system: str, markdown: bool) -> int:
     if subject == "scenario":
-        from vibro_cli.scenario.json_schema import json_schema
+        from vibro_cli.scenario.fields import json_schema
 
         print(json_text(json_schema(system), indent=2))
         return DONE
     if subject == "grid":
-        from vibro_cli.grids.json_schema import grid_schema
+        from vibro_cli.grids.document import grid_schema
 
         print(json_text(grid_schema(system), indent=2))
         return DONE
-    from vibro_cli.storage.schema import as_json, as_markdown
+    from vibro_cli.storage.tables import as_json, as_markdown
 
     if markdown:
         print(as_markdown(), end="")

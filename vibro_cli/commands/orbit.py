@@ -10,7 +10,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
 from vibro_cli.commands.shared.options import Task, scenario_keys
-from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.orbit_branch import Branch
@@ -229,7 +229,7 @@ def _complex(value: complex) -> str:
 def _axis(path: str) -> str:
     """The label of the axis of a family over the number at a path."""
     from vibro_cli.analysis.orbit_branch import ENERGY
-    from vibro_cli.figures.grids.parameter_map import words_of
+    from vibro_cli.figures.grids.maps import words_of
     from vibro_cli.scenario.fields import unit_at
     from vibro_cli.scenario.source import parsed_path
 
@@ -241,8 +241,8 @@ def _axis(path: str) -> str:
 
 def _drawn(columns: dict[str, Any], label: str) -> dict[str, bytes]:
     """The figure of a family in both forms."""
-    from vibro_cli.figures.orbit_branch import branch_figure
-    from vibro_cli.figures.output import render
+    from vibro_cli.figures.analyses import branch_figure
+    from vibro_cli.figures.style import render
 
     told = columns | {"special": [kind or "" for kind in columns["special"]]}
     figure = branch_figure(told, label, "single")

@@ -13,12 +13,12 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
 from vibro_cli.commands.shared.options import Overrides, Quiet, Task
-from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vibro_cli.analysis.portrait_type import Portrait
+    from vibro_cli.analysis.singular import Portrait
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.systems.contract import System
 
@@ -39,8 +39,8 @@ class Source:
 
     def portrait(self, path: str, value: Any) -> "Portrait":
         """The portrait with one more override; raises `ScenarioError` where it is not possible."""
-        from vibro_cli.analysis.landscape import Landscape
-        from vibro_cli.analysis.portrait_type import portrait_of
+        from vibro_cli.analysis.levels import Landscape
+        from vibro_cli.analysis.singular import portrait_of
         from vibro_cli.assemble import build_system
         from vibro_cli.scenario import load_scenario
 
@@ -120,7 +120,7 @@ def varied_systems(
 
 def _titled(path: str, shown: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
     """Members with the number at a path in words as their titles."""
-    from vibro_cli.figures.grids.parameter_map import words_of
+    from vibro_cli.figures.grids.maps import words_of
 
     return [(f"{words_of(path)} = {value}", one) for value, one in shown]
 
@@ -132,7 +132,7 @@ def _varied(
     type_of_member: "Callable[[Any], str]",
 ) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
     """The types of a family and where they change; values and members that are possible."""
-    from vibro_cli.analysis.portrait_type import IMPOSSIBLE, changes
+    from vibro_cli.analysis.singular import IMPOSSIBLE, changes
 
     path, *ends, number = parsed_range(vary)
     (first, last), unit = _numbers(path, ends, source.model)
@@ -208,7 +208,7 @@ def compared(
     source: Source, compare: str, draw: Draw | None
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The singular points of a few members, and one figure of them all."""
-    from vibro_cli.analysis.portrait_type import as_record
+    from vibro_cli.analysis.singular import as_record
     from vibro_cli.scenario import ScenarioError
 
     path, values = parsed_values(compare)
@@ -226,7 +226,7 @@ def compared(
     }
     if draw is None:
         return record, {}
-    from vibro_cli.figures.portraits.structure import comparison
+    from vibro_cli.figures.portraits.portrait import comparison
 
     return record, draw("comparison", comparison(list(members.items()), source.width))
 
@@ -381,7 +381,7 @@ def _analysed(
 
 def _files(stem: str, figure: "Figure") -> dict[str, bytes]:
     """A figure in all forms."""
-    from vibro_cli.figures.output import render
+    from vibro_cli.figures.style import render
 
     return {f"{stem}.{form}": render(figure, form) for form in _FORMS}
 

@@ -14,12 +14,11 @@ from vibro_cli import __version__
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
 from vibro_cli.commands.shared.filming import FilmWishes, check_film, write_film
 from vibro_cli.commands.shared.options import Task
-from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.figures.runs.kinds import Drawn
-    from vibro_cli.storage.stored import StoredRun
-    from vibro_cli.storage.stored_grid import StoredGrid
+    from vibro_cli.storage.stored import StoredGrid, StoredRun
 
     Runs = list[StoredRun]
     Subject = Runs | StoredGrid
@@ -168,7 +167,7 @@ def _report(wishes: _Wishes) -> int:
 
 def _subject(wishes: _Wishes) -> "Subject":
     """What is reported: runs, or one grid; raises `CommandError` where that is not possible."""
-    from vibro_cli.storage.stored_grid import NotAGrid, is_grid, open_grid
+    from vibro_cli.storage.stored import NotAGrid, is_grid, open_grid
 
     grids = [folder for folder in wishes.folders if is_grid(folder)]
     if not grids:
@@ -221,7 +220,7 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
 
 def _opened(folder: Path) -> "StoredRun":
     """The run of a folder; raises `CommandError` when there is none."""
-    from vibro_cli.storage.runs import NotContinuable
+    from vibro_cli.storage.folders import NotContinuable
     from vibro_cli.storage.stored import open_run
 
     try:
@@ -261,7 +260,7 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
 
 def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:
     """Write all figures into one PDF."""
-    from vibro_cli.figures.output import render_pages
+    from vibro_cli.figures.style import render_pages
     from vibro_cli.storage.files import write_file
 
     drawn = _drawn(subject, wishes.width, wishes.maps)
@@ -271,7 +270,7 @@ def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:
 
 def _write_figures(subject: "Subject", target: Path, wishes: _Wishes) -> None:
     """Write every figure into a folder, in all forms."""
-    from vibro_cli.figures.output import FORMATS, render
+    from vibro_cli.figures.style import FORMATS, render
     from vibro_cli.storage.folders import write_figures
 
     files = {

@@ -24,7 +24,7 @@ from vibro_cli.commands.shared.options import (
     Task,
 )
 from vibro_cli.commands.shared.solving import Wishes, solve
-from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -161,8 +161,8 @@ def _worst(codes: list[int]) -> int:
 
 def _check_folders(wishes: Wishes, scenarios: "Sequence[AnyScenario]") -> None:
     """Raise `CommandError` before anything runs if some results could not take their place."""
+    from vibro_cli.storage.folders import check_run_folder
     from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.storage.runs import check_run_folder
 
     for scenario in scenarios:
         folder = wishes.folder_of(scenario.name)

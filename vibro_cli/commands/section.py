@@ -10,7 +10,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
 from vibro_cli.commands.shared.options import Task
-from vibro_cli.commands.shared.streams import json_text
+from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.interface.grids import Grid
@@ -88,8 +88,8 @@ def _section(
     """Open, draw and write."""
     from vibro_cli.interface.grids import open_grid
     from vibro_cli.interface.runs import open_run
-    from vibro_cli.storage.runs import NotContinuable
-    from vibro_cli.storage.stored_grid import NotAGrid, is_grid
+    from vibro_cli.storage.folders import NotContinuable
+    from vibro_cli.storage.stored import NotAGrid, is_grid
 
     try:
         shown = ""

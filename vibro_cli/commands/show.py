@@ -19,7 +19,7 @@ from vibro_cli.commands.shared.error_handling import (
     suggestion,
 )
 from vibro_cli.commands.shared.options import TableFormat, Task, table_files
-from vibro_cli.commands.shared.streams import json_text, printable
+from vibro_cli.commands.shared.terminal import json_text, printable
 
 if TYPE_CHECKING:
     import pyarrow

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
-from vibro_cli.figures.legend import LINE, Entry, draw_legend, handles_of, rows_of, short_number
+from vibro_cli.figures.labels import LINE, Entry, draw_legend, handles_of, rows_of, short_number
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import (

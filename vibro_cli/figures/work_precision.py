@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.figures import style
-from vibro_cli.figures.legend import handles_of
+from vibro_cli.figures.labels import handles_of
 from vibro_cli.figures.style import MM, WIDTHS
 
 _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _TITLE = 12.0, 2.5, 4.0, 9.0, 5.0

@@ -81,7 +81,7 @@ def unit_of(kind: kinds.Kind) -> str:
 
 
 def type_of(kind: kinds.Kind) -> Any:
-    """Return the type of the column for values of a kind, as ``storage.schema`` names it."""
+    """Return the type of the column for values of a kind, as ``storage.tables`` names it."""
     if isinstance(kind, kinds.Quantity):
         return "float64"
     if isinstance(kind, kinds.Count):
@@ -340,7 +340,7 @@ _READERS: dict[str, _Reader] = {
 
 def _from_table(given: dict[str, Any], loc: KeyPath, folder: Path, root: Model) -> Axis:
     """The columns of a parquet or CSV file, named by paths: a row is one value of the axis."""
-    from vibro_cli.storage.columns import UnreadableTable, read_columns
+    from vibro_cli.storage.frame import UnreadableTable, read_columns
 
     where = (*loc, "table")
     if not isinstance(given["table"], str):

@@ -15,9 +15,8 @@ import pyarrow as pa
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.buffers import Room, Rooms
 from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
-from vibro_cli.grids.columns import impact_table_of, part_file, summary_table
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.solving import Columns, Solved
+from vibro_cli.grids.solving import Columns, Solved, impact_table_of, part_file, summary_table
 from vibro_cli.storage.files import write_file
 from vibro_cli.storage.parquet_files import PartFile
 from vibro_cli.storage.provenance import entry

@@ -37,7 +37,7 @@ from vibro_cli.numerics.elementwise import taken
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import KeyPath
-from vibro_cli.systems.trace.geometry import centres
+from vibro_cli.systems.trace.flights import centres
 from vibro_cli.systems.trace.world import initial_flight, neighbours
 
 SURE = 1.0e-9

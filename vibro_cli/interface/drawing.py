@@ -24,13 +24,13 @@ class Drawing:
 
         Raises ``ValueError`` for another suffix and ``OSError`` where it cannot be written.
         """
-        from vibro_cli.figures.output import save
+        from vibro_cli.figures.style import save
 
         target = Path(file)
         (written,) = save(self.figure, target.with_suffix(""), (target.suffix[1:].lower(),))
         return written
 
     def _repr_png_(self) -> bytes:
-        from vibro_cli.figures.output import render
+        from vibro_cli.figures.style import render
 
         return render(self.figure, "png", 150.0)

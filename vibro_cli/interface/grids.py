@@ -16,11 +16,11 @@ import numpy as np
 
 from vibro_cli import __version__
 from vibro_cli.grids.document import grid_of, load_grid
-from vibro_cli.grids.threads import solve_into
+from vibro_cli.grids.workers import solve_into
 from vibro_cli.interface.drawing import Drawing
 from vibro_cli.scenario.loading import Document
 from vibro_cli.storage.frame import Table
-from vibro_cli.storage.stored_grid import open_grid as open_stored_grid
+from vibro_cli.storage.stored import open_grid as open_stored_grid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from vibro_cli.figures.grids.basins import Mapped
     from vibro_cli.grids.document import Grid as GridDocument
     from vibro_cli.scenario.base import AnyScenario
-    from vibro_cli.storage.stored_grid import StoredGrid
+    from vibro_cli.storage.stored import StoredGrid
 
 _LOG = logging.getLogger("vibro_cli")
 
@@ -135,7 +135,7 @@ class Grid:
         ``pair``: those of two bodies only, as for :meth:`section`.
         """
         from vibro_cli.figures.grids.bifurcation import Section
-        from vibro_cli.figures.grids.parameter_map import lattice
+        from vibro_cli.figures.grids.maps import lattice
 
         shown, section = lattice(self.stored, 1, numbers_first=True), Section(pair)
         wanted = ["scenario", *section.columns]

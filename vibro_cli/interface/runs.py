@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING
 from vibro_cli import __version__, api
 from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
-from vibro_cli.grids.threads import available_cores
+from vibro_cli.grids.workers import available_cores
 from vibro_cli.interface.drawing import Drawing
-from vibro_cli.storage import runs
+from vibro_cli.storage import folders
 from vibro_cli.storage.frame import Table
-from vibro_cli.storage.schema import table_named
 from vibro_cli.storage.stored import as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
-from vibro_cli.storage.tables import read_parquet, to_arrow, units_of_numbers
+from vibro_cli.storage.tables import read_parquet, table_named, to_arrow, units_of_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -84,7 +83,7 @@ class Run:
         if self.folder is not None:
             files = {name: self.folder / f"{name}.parquet" for name in self._table_names}
             return {n: Table(n, read_parquet(file)) for n, file in files.items() if file.exists()}
-        made = {n: runs.run_table(self.solved, n, self.scenario) for n in self._table_names}
+        made = {n: folders.run_table(self.solved, n, self.scenario) for n in self._table_names}
         return {name: Table(name, data) for name, data in made.items() if data is not None}
 
     @property
@@ -138,7 +137,7 @@ class Run:
         assert motion is not None
         columns = motion.sample(np.atleast_1d(times), side, extrapolate)
         described = table_named("motion", list(columns), self.scenario.system)
-        return Table("motion", to_arrow(described, columns, runs.origin_of(self.scenario)))
+        return Table("motion", to_arrow(described, columns, folders.origin_of(self.scenario)))
 
     def continued(self, changes: Mapping[str, Any], engine: str = "compiled") -> Run:
         """Return the run with a later stop, to the bit as if it had never stopped.
@@ -180,8 +179,8 @@ class Run:
         OSError
             If it cannot be written.
         """
-        from vibro_cli.figures.output import render
         from vibro_cli.figures.runs.kinds import draw_all
+        from vibro_cli.figures.style import render
 
         target = Path("outputs") / self.name if folder is None else Path(folder)
         if isinstance(figures, bool):
@@ -189,7 +188,7 @@ class Run:
         width = self._shown.kind.figure_width(self._shown.system)
         drawn = draw_all(self._shown, figures, width)
         files = {f"{one.name}.{form}": render(one.figure, form) for one in drawn for form in _FORMS}
-        runs.write_run(self.solved, self.scenario, target, files, force)
+        folders.write_run(self.solved, self.scenario, target, files, force)
         return target
 
     @property

@@ -12,13 +12,12 @@ from urllib.parse import quote
 import numpy as np
 
 from vibro_cli.figures.source import first_of
-from vibro_cli.mechanics.model_warnings import mechanics_warnings
-from vibro_cli.mechanics.system import Body, System
+from vibro_cli.mechanics.system import Body, System, mechanics_warnings
 from vibro_cli.report.images import figures_of_run
 from vibro_cli.report.papers import analogy, series_rows
 from vibro_cli.report.words import END_CAUSES, LAWS, number, validity
-from vibro_cli.storage.schema import Column, table_named
 from vibro_cli.storage.stored import StoredRun
+from vibro_cli.storage.tables import Column, table_named
 
 FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""

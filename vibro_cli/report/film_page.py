@@ -9,8 +9,8 @@ import numpy as np
 
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.film import SIZE, TRAIL, Frames, Stage
-from vibro_cli.figures.output import render
 from vibro_cli.figures.source import Array
+from vibro_cli.figures.style import render
 from vibro_cli.report.page import rendered
 from vibro_cli.report.words import number
 

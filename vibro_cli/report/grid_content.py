@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.figures.grids.parameter_map import Endings
+from vibro_cli.figures.grids.maps import Endings
 from vibro_cli.report.content import cell, flat, link, versions
 from vibro_cli.report.images import figures_of_grid
 from vibro_cli.report.words import END_CAUSES, STATES, number
-from vibro_cli.storage.schema import Column, summary
-from vibro_cli.storage.stored_grid import StoredGrid
+from vibro_cli.storage.stored import StoredGrid
+from vibro_cli.storage.tables import Column, summary
 
 FIRST_ROWS = 200
 """Rows of the table of points that stand in the report."""

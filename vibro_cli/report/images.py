@@ -9,9 +9,9 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.grids.kinds import draw_grid
-from vibro_cli.figures.output import has_rasters, render
 from vibro_cli.figures.runs.kinds import Drawn, draw_all
-from vibro_cli.storage.stored_grid import StoredGrid
+from vibro_cli.figures.style import has_rasters, render
+from vibro_cli.storage.stored import StoredGrid
 
 _DPI = 192.0
 """Resolution of figures with too many points for SVG: two pixels for each of a plain screen."""

@@ -14,8 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from vibro_cli.report.content import page
 from vibro_cli.report.grid_content import grid_page
 from vibro_cli.report.words import method_of
-from vibro_cli.storage.stored import StoredRun
-from vibro_cli.storage.stored_grid import StoredGrid
+from vibro_cli.storage.stored import StoredGrid, StoredRun
 from vibro_cli.systems import system_named
 
 GENERATOR = "vibro report"

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.analysis.central_impact import CentralImpact, Pair
-from vibro_cli.analysis.swings import (
+from vibro_cli.analysis.paper_formulas import (
+    CentralImpact,
+    Pair,
     Swing,
     printed_time,
     series_time,

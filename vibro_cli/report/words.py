@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from vibro_cli.mechanics.model_warnings import DRY_FRICTION
+from vibro_cli.mechanics.system import DRY_FRICTION
 from vibro_cli.systems.contract import System
 
 END_CAUSES = {

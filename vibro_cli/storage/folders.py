@@ -1,21 +1,241 @@
-"""Folders of a fit, of periodic orbits, of a portrait, of basins and of a report's figures.
+"""The folders of results: of one run, of a fit, of periodic orbits, of a portrait, of figures.
 
 Each has its tables and numbers, the scenario where there is one, and its figures.
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.storage.files import new_folder
-from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
-from vibro_cli.storage.runs import SCENARIO_NAME, origin_of
-from vibro_cli.storage.tables import parquet_bytes, to_arrow
+from vibro_cli import __version__
+from vibro_cli.errors import VibroError
+from vibro_cli.storage.files import NewFolder, abandoned_parts, new_folder
+from vibro_cli.storage.parquet_files import GrowingTable
+from vibro_cli.storage.provenance import (
+    MANIFEST_NAME,
+    FolderRefused,
+    check_replaceable,
+    differences,
+    entry,
+    json_bytes,
+    manifest,
+    manifest_of,
+    read_manifest,
+)
+from vibro_cli.storage.tables import Origin, parquet_bytes, table_named, to_arrow
 from vibro_cli.systems.columns import Column, Table, count, flag, number
 
 if TYPE_CHECKING:
+    import pyarrow
+
     from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.systems.run import Run
+    from vibro_cli.systems.stream import Streamed
+
+SCENARIO_NAME = "scenario.json"
+CHECKPOINT_NAME = "checkpoint.json"
+
+
+def check_run_folder(folder: Path, scenario: AnyScenario, force: bool = False) -> None:
+    """Raise `FolderRefused` unless the results of a scenario may take the place of a folder.
+
+    They may where there is nothing or a run of the same scenario; with `force`, a run of any.
+    """
+    check_replaceable(folder, "run")
+    if force or read_manifest(folder) is None:
+        return
+    found = differences(_stored_scenario(folder), json.loads(json_bytes(scenario.resolved())))
+    if found:
+        lines = [f"  {line}" for line in found]
+        raise FolderRefused(
+            f"{folder} holds a run with other parameters; found there and wanted now:\n"
+            + "\n".join(lines)
+            + "\n(--force replaces it, -o names another folder)"
+        )
+
+
+def _stored_scenario(folder: Path) -> Any:
+    """The resolved scenario of a run, None where it cannot be read."""
+    try:
+        return json.loads((folder / SCENARIO_NAME).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
+def origin_of(scenario: AnyScenario) -> Origin:
+    """Scenario and program version, as they stand in the metadata of every table."""
+    return Origin(scenario.resolved(), __version__)
+
+
+def run_table(run: Run, name: str, scenario: AnyScenario) -> pyarrow.Table | None:
+    """A table of a run ("collisions", "summary", …) in arrow form; None for one not asked for."""
+    columns = run.table(name)
+    if columns is None:
+        return None
+    return to_arrow(table_named(name, list(columns), scenario.system), columns, origin_of(scenario))
+
+
+def write_run(
+    run: Run,
+    scenario: AnyScenario,
+    target: Path,
+    figures: Mapping[str, bytes],
+    force: bool = False,
+) -> None:
+    """Write the folder of a run, whole or not at all; `figures` are files' names and contents.
+
+    Raises `FolderRefused` when `target` is there and is no run of ours, or one of another scenario
+    (which `force` allows), and `OSError` when it cannot be written.
+    """
+    with streamed_folder(scenario, target, force) as folder:
+        for table in run.kind.tables():
+            rows = None if table.file == "summary" else run.table(table.file)
+            if rows is not None:
+                folder.add(table.file, rows)
+        folder.finish(run, figures)
+
+
+Rows = Mapping[str, Any]
+
+
+class StreamedFolder:
+    """The folder of a run in the making, into which the rows of its tables are put as they come.
+
+    Parameters
+    ----------
+    folder
+        In the making.
+    scenario
+        What is solved.
+    """
+
+    def __init__(self, folder: NewFolder, scenario: AnyScenario) -> None:
+        self._folder = folder
+        self._origin = origin_of(scenario)
+        self._system = scenario.system
+        self._files = ExitStack()
+        self._tables: dict[str, GrowingTable] = {}
+        self._entries: dict[str, Any] = {}
+
+    def add(self, name: str, rows: Rows) -> None:
+        """Add rows to a table; raises `OSError` when they cannot be written."""
+        file = f"{name}.parquet"
+        with self._folder.naming(file):
+            if name not in self._tables:
+                table = table_named(name, list(rows), self._system)
+                opened = self._files.enter_context(self._folder.growing(file))
+                self._tables[name] = GrowingTable(opened, table, self._origin)
+            self._tables[name].add(rows)
+
+    def end_tables(self) -> Path:
+        """Write the ends of the tables; return the folder in the making; else as :meth:`add`."""
+        for name, table in self._tables.items():
+            with self._folder.naming(f"{name}.parquet"):
+                self._entries[f"{name}.parquet"] = table.finish()
+        self._tables = {}
+        self._files.close()
+        return self._folder.path
+
+    def finish(self, run: Streamed | Run, figures: Mapping[str, bytes]) -> None:
+        """Write all that is not written yet; else as :meth:`add`."""
+        self.end_tables()
+        summary = table_named("summary", list(run.summary), self._system)
+        files = {
+            "summary.parquet": parquet_bytes(to_arrow(summary, run.summary, self._origin)),
+            "summary.json": json_bytes(run.summary_record()),
+            SCENARIO_NAME: json_bytes(self._origin.scenario),
+            CHECKPOINT_NAME: json_bytes(run.checkpoint()),
+            **figures,
+        }
+        for name, content in files.items():
+            if name != SCENARIO_NAME:  # there since the start
+                self._folder.write(name, content)
+            self._entries[name] = entry(content)
+        self._folder.write(
+            MANIFEST_NAME, json_bytes(manifest_of("run", self._entries, {"engine": run.engine}))
+        )
+
+    def close(self) -> None:
+        """Close what is open."""
+        for table in self._tables.values():
+            table.abandon()
+        self._files.close()
+
+
+@contextmanager
+def streamed_folder(scenario: AnyScenario, target: Path, force: bool) -> Iterator[StreamedFolder]:
+    """Make the folder of a run, whole or not at all: the block fills it.
+
+    Raises as :func:`write_run`. The scenario is there first, so that a part that is left of a
+    process that was killed tells what is to be solved.
+    """
+    check = partial(check_run_folder, scenario=scenario, force=force)
+    first = {SCENARIO_NAME: json_bytes(scenario.resolved())}
+    with (
+        new_folder(target, check, first) as folder,
+        closing(StreamedFolder(folder, scenario)) as made,
+    ):
+        yield made
+
+
+class NotContinuable(VibroError):
+    """A folder holds no run that can be continued; the message says which and why."""
+
+
+@dataclass(frozen=True)
+class EarlierRun:
+    """What a folder keeps of a run for its continuation."""
+
+    scenario: Path
+    """File of the resolved scenario."""
+    checkpoint: dict[str, Any]
+
+
+def scenario_of_killed_run(folder: Path) -> Path | None:
+    """The scenario of a run that was killed on its way to a folder, begun after the one there."""
+    there = folder / SCENARIO_NAME
+    begun = there.stat().st_mtime_ns if there.is_file() else 0
+    for part in reversed(abandoned_parts(folder)):
+        scenario = part / SCENARIO_NAME
+        if scenario.is_file() and scenario.stat().st_mtime_ns > begun:
+            return scenario
+    return None
+
+
+def read_earlier_run(folder: Path) -> EarlierRun:
+    """The run of a folder, to be continued; its files are held to the manifest's checksums.
+
+    Raises `NotContinuable` when the folder is no run of ours, was written by another version of the
+    program, or has changed since; `OSError` when a file cannot be read.
+    """
+    found = read_manifest(folder)
+    if not folder.exists():
+        there = Path("outputs") / folder
+        hint = f" (did you mean {str(there)!r}?)" if there.is_dir() else ""
+        raise NotContinuable(
+            f"{folder} does not exist{hint}; expected a folder that `vibro run` wrote"
+        )
+    if found is None or not found["schema"].startswith("vibro-run/"):
+        raise NotContinuable(f"{folder} is no vibro run; expected a folder that `vibro run` wrote")
+    version = found.get("program", {}).get("version")
+    if version != __version__:
+        raise NotContinuable(
+            f"{folder} was written by vibro {version}; expected {__version__}, this program"
+        )
+    content: dict[str, bytes] = {}
+    for name in (SCENARIO_NAME, CHECKPOINT_NAME):
+        content[name] = (folder / name).read_bytes()
+        if hashlib.sha256(content[name]).hexdigest() != found["files"].get(name, {}).get("sha256"):
+            raise NotContinuable(f"{folder / name} is not as it was written (SHA-256)")
+    return EarlierRun(folder / SCENARIO_NAME, json.loads(content[CHECKPOINT_NAME]))
+
 
 check_fit_folder = partial(check_replaceable, kind="fit")
 
@@ -33,7 +253,7 @@ RESIDUALS = Table(
 
 
 def write_fit(
-    scenario: "AnyScenario",
+    scenario: AnyScenario,
     record: Mapping[str, Any],
     columns: Mapping[str, Any],
     target: Path,
@@ -100,7 +320,7 @@ def orbits(balls: int) -> Table:
 
 
 def write_orbits(
-    scenario: "AnyScenario", columns: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]
+    scenario: AnyScenario, columns: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]
 ) -> None:
     """Write the folder of orbits, whole or not at all; `figures` are names and contents.
 
@@ -121,7 +341,7 @@ check_basins_folder = partial(check_replaceable, kind="basins")
 
 
 def write_portraits(
-    scenario: "AnyScenario", found: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]
+    scenario: AnyScenario, found: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]
 ) -> None:
     """Write the folder of a portrait, whole or not at all; `figures` are names and contents.
 

@@ -1,19 +1,58 @@
-"""Tables for Python: columns as numpy arrays, and for every library that reads Arrow."""
+"""Tables for Python: columns as numpy arrays, for libraries that read Arrow, from users' files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from html import escape
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from vibro_cli.errors import VibroError
+
 if TYPE_CHECKING:
     import pandas
     import polars
+
+
+class UnreadableTable(VibroError):
+    """A file that is no table, or cannot be read; the message says why."""
+
+
+def read_columns(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
+    """The columns of a parquet or CSV file as arrays; words are objects.
+
+    Raises `UnreadableTable`, also for missing values.
+    """
+    try:
+        if path.suffix.lower() == ".parquet":
+            from vibro_cli.storage.tables import read_parquet
+
+            table = read_parquet(path)
+        elif path.suffix.lower() == ".csv":
+            from pyarrow import csv
+
+            table = csv.read_csv(path)
+        else:
+            raise UnreadableTable(f"whose name ends with {path.suffix or 'nothing'}")
+    except (OSError, pa.ArrowException) as error:
+        text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise UnreadableTable(f"which cannot be read ({' '.join(text.split())[:100]})") from error
+    empty = [name for name in table.column_names if table[name].null_count]
+    if empty:
+        raise UnreadableTable(f"which lacks a value in column {empty[0]}")
+    return {name: _array(table[name]) for name in table.column_names}
+
+
+def _array(column: pa.ChunkedArray) -> np.ndarray[Any, np.dtype[Any]]:
+    if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
+        return np.asarray(column.to_numpy())
+    return np.array(column.to_pylist(), dtype=object)
+
 
 _SHOWN = 5
 """Rows that a notebook shows."""

@@ -1,12 +1,17 @@
-"""Columns of arrays to arrow tables, to bytes, and back from parquet files.
+"""Tables as their systems declare them: to arrow, to bytes, and back from parquet files.
 
-What a column must be is said in `storage.schema`; here it is held to it. Equal columns give equal
+The parquet schemas, the checks before writing, `vibro schema tables` and the tables' reference in
+docs/ all come from these declarations (see `systems.columns`).
+
+What a column must be is said in `storage.tables`; here it is held to it. Equal columns give equal
 bytes: nothing of the machine or of the time goes into a table.
 """
 
+from __future__ import annotations
+
 import json
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -16,7 +21,77 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vibro_cli.systems.columns import Column, Table
+from vibro_cli.systems import system_named
+from vibro_cli.systems.columns import Column, Table, count, flag, number
+
+__all__ = ["Column", "Table", "count", "flag", "number"]
+
+
+def summary(balls: int, system: str = "trace", grown: bool = False) -> Table:
+    """The table of summaries of runs of a system with `balls` bodies; `grown` with exponents."""
+    return system_named(system).summary(balls, grown)
+
+
+def reference(system: str = "trace") -> tuple[Table, ...]:
+    """Every table of a system with all columns it may have; the summary's stand for a body `i`."""
+    return system_named(system).tables()
+
+
+def table_named(name: str, column_names: Sequence[str], system: str = "trace") -> Table:
+    """The table `name` of a system, as it must be for data with these columns.
+
+    Raises `ValueError` for a name that is no table.
+    """
+    found = system_named(system).table(name, column_names)
+    if found is None:
+        raise ValueError(f"there is no table {name!r}")
+    return found
+
+
+def as_json() -> dict[str, object]:
+    """The description of all tables as plain values (`vibro schema tables`)."""
+    return {
+        table.schema_id: {
+            "row": table.row,
+            "columns": [
+                {
+                    "name": column.name,
+                    "type": column.type,
+                    "unit": column.unit,
+                    "nullable": column.nullable,
+                    "description": column.description,
+                }
+                for column in table.columns
+            ],
+        }
+        for table in reference()
+    }
+
+
+def as_markdown() -> str:
+    """The description of all tables as it stands in README.md."""
+    return markdown_of(reference())
+
+
+def markdown_of(tables: Iterable[Table]) -> str:
+    """The description of tables as Markdown."""
+    parts = []
+    for table in tables:
+        lines = [
+            f"`{table.file}.parquet`: {table.row} in each row.",
+            "",
+            "| column | type | unit | null | meaning |",
+            "|---|---|---|---|---|",
+        ]
+        for column in table.columns:
+            null = "yes" if column.nullable else ""
+            lines.append(
+                f"| `{column.name}` | {column.type} | {column.unit} | {null} "
+                f"| {column.description} |"
+            )
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n"
+
 
 _ARROW_TYPES = {
     "float64": pa.float64(),
@@ -45,7 +120,7 @@ class Origin:
 class Words(NamedTuple):
     """A column of words as numbers, from 0, of a few different ones."""
 
-    numbers: "np.ndarray[Any, np.dtype[Any]]"
+    numbers: np.ndarray[Any, np.dtype[Any]]
     words: Sequence[str]
 
 
@@ -117,12 +192,12 @@ def _missing(column: Column, values: Any, array: Any) -> Any:
 # too, imports pandas where it is installed, which takes longer than a short run.
 
 
-def _bits(flags: "np.ndarray[Any, np.dtype[np.bool_]]") -> pa.Buffer:
+def _bits(flags: np.ndarray[Any, np.dtype[np.bool_]]) -> pa.Buffer:
     """Flags packed as arrow has them, the first in the lowest bit."""
     return pa.py_buffer(np.packbits(flags, bitorder="little"))
 
 
-def _string_buffers(words: "np.ndarray[Any, np.dtype[Any]]") -> list[pa.Buffer]:
+def _string_buffers(words: np.ndarray[Any, np.dtype[Any]]) -> list[pa.Buffer]:
     """Offsets and bytes of words as arrow has them; None takes no bytes."""
     encoded = {word: b"" if word is None else word.encode() for word in set(words.tolist())}
     if len(encoded) == 1:  # as in most columns of words
@@ -256,7 +331,7 @@ def column_names(path: Path) -> list[str]:
         return names
 
 
-def read_column(path: Path, name: str) -> "np.ndarray[Any, np.dtype[Any]]":
+def read_column(path: Path, name: str) -> np.ndarray[Any, np.dtype[Any]]:
     """One column of a parquet file; null is NaN in numbers and None in words.
 
     Raises as `read_parquet`.
@@ -267,7 +342,7 @@ def read_column(path: Path, name: str) -> "np.ndarray[Any, np.dtype[Any]]":
         return np.concatenate([as_array(rows[name]) for rows in groups or [file.read([name])]])
 
 
-def read_first(path: Path, rows: int) -> "dict[str, np.ndarray[Any, np.dtype[Any]]]":
+def read_first(path: Path, rows: int) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
     """All columns of the first rows of a parquet file, no more than its first group has.
 
     Else as `read_column`.
@@ -279,7 +354,7 @@ def read_first(path: Path, rows: int) -> "dict[str, np.ndarray[Any, np.dtype[Any
         return {name: as_array(group[name].slice(0, rows)).copy() for name in group.column_names}
 
 
-def as_array(column: pa.ChunkedArray) -> "np.ndarray[Any, np.dtype[Any]]":
+def as_array(column: pa.ChunkedArray) -> np.ndarray[Any, np.dtype[Any]]:
     """A column as an array; null is NaN in numbers and None in words."""
     if pa.types.is_string(column.type):
         return np.array(column.to_pylist(), dtype=object)
@@ -289,7 +364,7 @@ def as_array(column: pa.ChunkedArray) -> "np.ndarray[Any, np.dtype[Any]]":
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
-def _as_array(chunk: pa.Array) -> "np.ndarray[Any, np.dtype[Any]]":
+def _as_array(chunk: pa.Array) -> np.ndarray[Any, np.dtype[Any]]:
     if pa.types.is_dictionary(chunk.type):
         # One object for each word, and a last one for null.
         words = np.array([*chunk.dictionary.to_pylist(), None], dtype=object)
@@ -299,7 +374,7 @@ def _as_array(chunk: pa.Array) -> "np.ndarray[Any, np.dtype[Any]]":
     return _or_null(chunk, plain_numbers(chunk), math.nan)
 
 
-def _or_null(chunk: pa.Array, numbers: Any, null: float) -> "np.ndarray[Any, np.dtype[Any]]":
+def _or_null(chunk: pa.Array, numbers: Any, null: float) -> np.ndarray[Any, np.dtype[Any]]:
     """The numbers of an array with another one where it is null."""
     if chunk.null_count == 0:
         return np.asarray(numbers)
@@ -307,7 +382,7 @@ def _or_null(chunk: pa.Array, numbers: Any, null: float) -> "np.ndarray[Any, np.
     return np.where(present, numbers, null)
 
 
-def plain_numbers(chunk: pa.Array) -> "np.ndarray[Any, np.dtype[Any]]":
+def plain_numbers(chunk: pa.Array) -> np.ndarray[Any, np.dtype[Any]]:
     """The numbers or flags of an array, anything at all where it is null; numbers are no copy."""
     if pa.types.is_boolean(chunk.type):
         return _flags(chunk.buffers()[1], chunk)
@@ -317,7 +392,7 @@ def plain_numbers(chunk: pa.Array) -> "np.ndarray[Any, np.dtype[Any]]":
     return np.frombuffer(content, kind, len(chunk), size * chunk.offset)
 
 
-def _flags(bits: Any, chunk: pa.Array) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+def _flags(bits: Any, chunk: pa.Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Flags of an array as arrow has them packed."""
     if not len(chunk):
         return np.empty(0, dtype=np.bool_)

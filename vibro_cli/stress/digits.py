@@ -37,7 +37,7 @@ from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.physics import first_graze
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 from vibro_cli.systems.trace.tangents import follow_system, time_scale
 
 MARK = 64.0  # of eps times the amplification

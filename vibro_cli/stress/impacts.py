@@ -40,7 +40,7 @@ from vibro_cli.stress.scenes import (
     solve,
     system_of,
 )
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 
 # Name in the collision table: name in the reference files, and how the twin has it.
 SPEEDS: dict[str, tuple[str, Callable[[Impact], Any]]] = {

@@ -23,7 +23,7 @@ from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.left_open import size_of_places
 from vibro_cli.stress.oracles.sensitivity import neighbouring
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 
 # m, at sizes of a few metres: what rounding of places may do.
 OVERLAP = 1.0e-12

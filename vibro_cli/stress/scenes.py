@@ -18,7 +18,7 @@ from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.stress.finding import Document
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 
 GRAVITY = 9.81
 CIRCLE: Document = {

@@ -13,7 +13,7 @@ from tests.systems.trace.test_continuing import assert_same_results
 from vibro_cli.mechanics.system import System
 from vibro_cli.stress.physics import judge
 from vibro_cli.stress.scenes import system_of
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 
 pytestmark = pytest.mark.usefixtures("no_hang")
 # The interpreter would take minutes for some of the accumulations.

@@ -23,7 +23,7 @@ from vibro_cli.mechanics.system import System
 from vibro_cli.scenario import load_scenario, scenario_of
 from vibro_cli.stress.impact_laws import _Pendulum, _to_contact
 from vibro_cli.stress.physics import distance_from_image
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 from vibro_cli.systems.trace.world import make_world
 
 CASES = Path(__file__).parents[2] / "hard_cases"

@@ -17,7 +17,7 @@ from tests.strategies import ENGINE, FEWER, SETTINGS, mirrored, possible, scenar
 from tests.systems.trace.test_continuing import assert_same_results
 from vibro_cli.mechanics.system import InitialState, System
 from vibro_cli.stress.oracles.sensitivity import CHANGE, amplification
-from vibro_cli.systems.trace.run import Run, simulate_system
+from vibro_cli.systems.trace.event_loop import Run, simulate_system
 
 EPSILON = 2.0**-52
 pytestmark = pytest.mark.usefixtures("no_hang")

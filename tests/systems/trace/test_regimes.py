@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.portrait_type import Portrait, portrait_of
-from vibro_cli.analysis.singular import FIGURE_EIGHT
+from vibro_cli.analysis.levels import Landscape
+from vibro_cli.analysis.singular import FIGURE_EIGHT, Portrait, portrait_of
 from vibro_cli.api import Run, simulate
 from vibro_cli.scenario import Scenario, load_scenario
 

@@ -34,7 +34,7 @@ from vibro_cli.kernels.numerics.trigonometric_polynomial import harmonic_value
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.world import World
 from vibro_cli.systems.trace import world as records_of_trace
-from vibro_cli.systems.trace.run import Run
+from vibro_cli.systems.trace.event_loop import Run
 
 pytestmark = pytest.mark.long
 

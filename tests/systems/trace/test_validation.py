@@ -12,7 +12,7 @@ from vibro_cli.kernels.impact.laws import TRANSLATIONAL, impact_of_pair
 from vibro_cli.kernels.world import BodyData
 from vibro_cli.mechanics.system import System
 from vibro_cli.stress.scenes import ball, scene, system_of, valley
-from vibro_cli.systems.trace.run import simulate_system
+from vibro_cli.systems.trace.event_loop import simulate_system
 from vibro_cli.systems.trace.tangents import follow_system
 
 Rows = list[tuple[float, float, float]]  # mass, position, speed

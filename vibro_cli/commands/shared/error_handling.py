@@ -19,13 +19,13 @@ from typing import Any
 import typer
 
 from vibro_cli.commands.shared.options import Task
-from vibro_cli.commands.shared.streams import (
+from vibro_cli.commands.shared.terminal import (
     choose_words,
     drain_standard_output,
     prepare_streams,
     silence,
 )
-from vibro_cli.commands.shared.streams import (
+from vibro_cli.commands.shared.terminal import (
     say as say,  # a command takes all it ends with from here
 )
 from vibro_cli.errors import NoLibrary

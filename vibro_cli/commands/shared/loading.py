@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from vibro_cli.mechanics.system import System
     from vibro_cli.scenario import Scenario
     from vibro_cli.scenario.base import AnyScenario
-    from vibro_cli.storage.runs import EarlierRun
+    from vibro_cli.storage.folders import EarlierRun
 
 Loaded = TypeVar("Loaded")
 
@@ -163,7 +163,7 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
     Raises `CommandError` when it holds no run that can be continued, and for overrides that would
     make it another run.
     """
-    from vibro_cli.storage.runs import NotContinuable, read_earlier_run, scenario_of_killed_run
+    from vibro_cli.storage.folders import NotContinuable, read_earlier_run, scenario_of_killed_run
 
     for text in overrides:
         section = text.partition("=")[0].strip().partition(".")[0]

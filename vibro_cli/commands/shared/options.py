@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from vibro_cli.commands.shared.streams import choose_words
+from vibro_cli.commands.shared.terminal import choose_words
 
 _SUFFIXES = (".toml", ".json", ".yaml", ".yml")
 
@@ -54,7 +54,7 @@ def gallery_names(incomplete: str) -> list[str]:
 
 def scenario_keys(incomplete: str) -> list[str]:
     """Key paths of scenarios that begin so, `balls[1].angle=`; after `=` the words there are."""
-    from vibro_cli.scenario.json_schema import json_schema
+    from vibro_cli.scenario.fields import json_schema
 
     path, equals, word = incomplete.partition("=")
     keys = dict(scenario_paths(json_schema()))

@@ -1,7 +1,11 @@
-"""The reference: commands, scenario keys, tables, exit codes, environment; said once, as Markdown.
+"""The reference: commands with examples, scenario keys, tables, exit codes, environment; said once.
+
+They make one session, in this order and in one folder.
 
 `vibro help TOPIC` prints it, and docs/ holds it between markers; a test keeps them equal.
 """
+
+from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
@@ -10,6 +14,71 @@ from typing import Any
 
 from vibro_cli.commands.shared.error_handling import EXIT_CODES
 from vibro_cli.systems import NAMES as SYSTEMS
+
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "new": (
+        "vibro new --list",
+        "vibro new three_arcs",
+        "vibro new --all",
+        "vibro new three_arcs_grid",
+        "vibro new falling_balls",
+    ),
+    "check": (
+        "vibro check three_arcs.toml",
+        "vibro check three_arcs_grid.toml --json",
+    ),
+    "run": (
+        "vibro run three_arcs.toml",
+        "vibro run three_arcs.toml --set collision.k=1 -o outputs/elastic",
+        'vibro run three_arcs.toml --set "stop.time=5 s" --format csv > impacts.csv',
+        "vibro run --continue outputs/three_arcs --set stop.time=120",
+    ),
+    "show": (
+        "vibro show outputs/three_arcs/summary.parquet",
+        "vibro show outputs/three_arcs/collisions.parquet --rows -5 --columns n,t",
+    ),
+    "report": (
+        "vibro report outputs/three_arcs",
+        "vibro report outputs/three_arcs --animate film.html --span 0:5",
+    ),
+    "portrait": (
+        "vibro portrait three_arcs.toml",
+        "vibro portrait three_arcs.toml --vary balls[1].radius=0.05:0.3:6",
+    ),
+    "orbit": (
+        "vibro orbit falling_balls.toml --impacts 1",
+        "vibro orbit falling_balls.toml --impacts 1 --vary balls[2].mass=0.8:2.5",
+    ),
+    "fit": ("vibro fit three_arcs.toml impacts.csv --free collision.k",),
+    "grid": (
+        "vibro grid three_arcs_grid.toml --dry-run",
+        "vibro grid three_arcs_grid.toml",
+        "vibro grid three_arcs_grid.toml --shard 1/2 -o outputs/sharded",
+    ),
+    "section": (
+        "vibro section outputs/three_arcs --column s_a --column speed_a_pre",
+        "vibro section outputs/three_arcs_grid --column angle_a --transient 1",
+    ),
+    "basins": ("vibro basins outputs/three_arcs_grid",),
+    "verify": ("vibro verify outputs/three_arcs outputs/three_arcs_grid",),
+    "schema": (
+        "vibro schema grid > grid.schema.json",
+        "vibro schema tables --markdown",
+    ),
+    "stress": ("vibro stress --only elliptic",),
+    "bench": ("vibro bench --references times --scene five_balls",),
+    "help": (
+        "vibro help laws",
+        "vibro help units",
+        "vibro help grid",
+    ),
+}
+
+
+def epilog(command: str) -> str:
+    """What the help of a command ends with; its lines stay as they are (`\\b`)."""
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in EXAMPLES[command])
+
 
 COMMON = ("quiet", "verbose", "log_format")
 """Options that every command has."""
@@ -78,7 +147,7 @@ def _cell(text: str | None) -> str:
 
 def scenario(system: str = "trace", below: str = "") -> str:
     """Every key of a system's scenarios, or those below a path, from their JSON Schema."""
-    from vibro_cli.scenario.json_schema import json_schema
+    from vibro_cli.scenario.fields import json_schema
 
     return _keys_of(json_schema(system), below)
 
@@ -125,14 +194,14 @@ def _resolved(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
 
 def tables() -> str:
     """Every table and its columns."""
-    from vibro_cli.storage.schema import as_markdown
+    from vibro_cli.storage.tables import as_markdown
 
     return as_markdown()
 
 
 def of_system(system: str) -> str:
     """Every key of a system's scenarios, and every column of its tables."""
-    from vibro_cli.storage.schema import markdown_of, reference
+    from vibro_cli.storage.tables import markdown_of, reference
 
     return f"{scenario(system)}\n{markdown_of(reference(system))}"
 
@@ -161,7 +230,7 @@ collisions = true          # every impact too, not only summaries
 
 def grid_file() -> str:
     """What a grid file is, and every key of it, without those of an inline scenario."""
-    from vibro_cli.grids.json_schema import grid_schema
+    from vibro_cli.grids.document import grid_schema
 
     schema = grid_schema()
     schema["properties"]["scenario"] = {

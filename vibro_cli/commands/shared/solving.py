@@ -23,12 +23,11 @@ from vibro_cli.commands.shared.error_handling import (
     suggestion,
 )
 from vibro_cli.commands.shared.options import TableFormat
-from vibro_cli.commands.shared.streams import json_text
-from vibro_cli.commands.shared.terminal import RunProgress
+from vibro_cli.commands.shared.terminal import RunProgress, json_text
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
-    from vibro_cli.storage.runs import EarlierRun, StreamedFolder
+    from vibro_cli.storage.folders import EarlierRun, StreamedFolder
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.contract import Sink
     from vibro_cli.systems.run import Run
@@ -186,8 +185,8 @@ def is_sound(record: dict[str, Any]) -> bool:
 
 def figures_of(result: "Run | StoredRun", names: Sequence[str]) -> dict[str, bytes]:
     """Kinds of figures of a run: names of files and their contents."""
-    from vibro_cli.figures.output import render
     from vibro_cli.figures.runs.kinds import draw_all
+    from vibro_cli.figures.style import render
 
     drawn = draw_all(result, names, result.kind.figure_width(result.system))
     return {f"{one.name}.{form}": render(one.figure, form) for one in drawn for form in _FORMS}
@@ -243,8 +242,8 @@ def stream_run(
 
     A run that is interrupted is written as far as it came; then the signal is passed on.
     """
+    from vibro_cli.storage.folders import streamed_folder
     from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.storage.runs import streamed_folder
 
     interruption = Interruption()
     try:
@@ -298,9 +297,9 @@ def _streamed(
 @contextlib.contextmanager
 def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
     """Standard output as a sink of the collision table."""
+    from vibro_cli.storage.folders import origin_of
     from vibro_cli.storage.parquet_files import StreamedTable
-    from vibro_cli.storage.runs import origin_of
-    from vibro_cli.storage.schema import table_named
+    from vibro_cli.storage.tables import table_named
 
     streams: list[StreamedTable] = []
 

@@ -19,9 +19,8 @@ from vibro_cli.analysis.basins import (
 )
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import log_axis, stacked
-from vibro_cli.figures.grids.maps import category_map
-from vibro_cli.figures.grids.parameter_map import Categories, Lattice, Swept, ended, lattice
-from vibro_cli.figures.legend import Entry
+from vibro_cli.figures.grids.maps import Categories, Lattice, Swept, category_map, ended, lattice
+from vibro_cli.figures.labels import Entry
 
 # Told apart in grey too.
 _COLOURS = (

@@ -20,9 +20,9 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import stacked, value_axis
 from vibro_cli.figures.dots import draw_dots
 from vibro_cli.figures.grids.curves import PLACES, place_column
-from vibro_cli.figures.grids.parameter_map import Coordinate, Swept, lattice, set_axis
+from vibro_cli.figures.grids.maps import Coordinate, Swept, lattice, set_axis
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.symbols import symbol_of
+from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.scenario.problems import suggestion
 
 LAST = 20

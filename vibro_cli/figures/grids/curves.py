@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS, log_axis, number_bar, stacked, value_axis
 from vibro_cli.figures.dots import draw_dots
-from vibro_cli.figures.grids.parameter_map import Endings, Lattice, Swept, ended, lattice, set_axis
-from vibro_cli.figures.legend import LINE, wrapped_legend
+from vibro_cli.figures.grids.maps import Endings, Lattice, Swept, ended, lattice, set_axis
+from vibro_cli.figures.labels import LINE, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import WIDTHS
 from vibro_cli.mechanics.trace import HUMP, VALLEY

@@ -10,10 +10,9 @@ from matplotlib.figure import Figure
 
 from vibro_cli.figures.grids.bifurcation import LAST, NothingToShow, bifurcation
 from vibro_cli.figures.grids.curves import FIRST, curves, diagram, first_times
-from vibro_cli.figures.grids.maps import ending_map, quantity_map
-from vibro_cli.figures.grids.parameter_map import Swept, lattice
+from vibro_cli.figures.grids.maps import Swept, ending_map, lattice, quantity_map
 from vibro_cli.figures.runs.kinds import Drawn, Kind
-from vibro_cli.figures.symbols import symbol_of
+from vibro_cli.figures.ticks import symbol_of
 
 CONTACT_WORDS = "last impact, where contact begins [s]"
 

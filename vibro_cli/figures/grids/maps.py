@@ -1,30 +1,383 @@
-"""Maps of a grid over two of its axes: how runs end, and quantities of their summaries."""
+"""Maps of a grid over two of its axes, or along one: how runs end, quantities of their summaries.
+
+Each cause of an end has its colour, told apart in grey too.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.dots import draw_dots
-from vibro_cli.figures.grids.parameter_map import (
-    Categories,
-    Endings,
-    Lattice,
-    Swept,
-    lattice,
-    set_axis,
-)
-from vibro_cli.figures.legend import LINE, text_width, wrapped_legend
+from vibro_cli.figures.labels import LINE, text_width, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import Ticks, vertical_ticks
+from vibro_cli.figures.ticks import (
+    LEAST,
+    Ticks,
+    angle_ticks,
+    number_ticks,
+    vertical_angle_ticks,
+    vertical_ticks,
+    with_power,
+)
+
+Column = NDArray[Any]
+_MOST_WORDS = 20
+_EVEN = 1.0e-6
+
+
+_ENTRY = re.compile(r"(balls|bodies|arcs|pairs)\[(\d+)\]")
+_ENTRIES = {"balls": "body", "bodies": "body", "arcs": "arc", "pairs": "pair"}
+_WORDS = {
+    "k": "coefficient of restitution $k$",
+    "gravity": "gravity $g$",
+    "angle": "starting angle",
+    "position": "starting position",
+    "speed": "starting speed",
+    "omega": "starting angular velocity",
+    "end_slope": "final slope",
+    "start_slope": "slope at the left end",
+    "rate": "starting rate",
+    "turning": "rotation",
+}
+_WHOLE = {"trace.turning.rate": "rate of rotation"}
+_LEFT_OUT = ("collision", "trace")
+
+
+def words_of(path: str) -> str:
+    """Return the key path of an axis in words: `balls[1].angle`, starting angle of body 1."""
+    if path in _WHOLE:
+        return _WHOLE[path]
+    names = []
+    for part in reversed(path.split(".")):
+        entry = _ENTRY.fullmatch(part)
+        if entry is not None:
+            names.append(f"{_ENTRIES[entry[1]]} {entry[2]}")
+        elif part not in _LEFT_OUT or not names:
+            names.append(_WORDS.get(part, part.replace("_", " ")))
+    return " of ".join(names)
+
+
+class Swept(Protocol):
+    """What the figures of a grid need of it."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Key paths of the axes: the names of their columns."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of the columns of the summary."""
+
+    @property
+    def summary(self) -> Mapping[str, Column]:
+        """A row for each point."""
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Shapes of the pieces of the trace, none for another system."""
+
+    def impact_columns(self) -> tuple[str, ...]:
+        """Columns of the table of impacts, none where none was kept."""
+
+    def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
+        """Some columns of the impacts of some scenarios."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """An axis of a grid as an axis of a figure: numbers, or words one beside the other."""
+
+    path: str
+    unit: str
+    place: Array
+    """Where each point lies; shape (points,)."""
+    words: tuple[str, ...]
+    """The words at places 0, 1, …; none for numbers."""
+    symbol: str = ""
+    """What stands at the axis, where that is not the path in words."""
+
+    @property
+    def different(self) -> Array:
+        """The different places, rising."""
+        places: Array = np.unique(self.place)
+        return places
+
+    @property
+    def is_even(self) -> bool:
+        """Whether it is one of numbers at even distances."""
+        steps = np.diff(self.different)
+        even = np.allclose(steps, np.mean(steps), rtol=_EVEN, atol=0.0)
+        return not self.words and bool(even)
+
+    def edges(self) -> Array:
+        """Return the edges of cells around the different places: halfway to the neighbours."""
+        places = self.different
+        if len(places) == 1:
+            around: Array = places[0] + np.array([-0.5, 0.5]) * (abs(float(places[0])) or 1.0)
+            return around
+        middles = 0.5 * (places[1:] + places[:-1])
+        first, last = 2.0 * places[0] - middles[0], 2.0 * places[-1] - middles[-1]
+        edges: Array = np.concatenate([[first], middles, [last]])
+        return edges
+
+    def ticks(self, low: float, high: float, length: float, vertical: bool) -> Ticks:
+        """Return ticks for a figure's axis of a length (mm)."""
+        if self.words:
+            return Ticks(tuple(map(float, range(len(self.words)))), self.words)
+        numbers = (vertical_ticks if vertical else number_ticks)(low, high, length)
+        if self.unit != "rad":
+            return numbers
+        parts = (vertical_angle_ticks if vertical else angle_ticks)(low, high, length)
+        return parts if len(parts.places) >= LEAST else numbers
+
+    def label_width(self, ticks: Ticks) -> float:
+        """Return how wide the numbers or words of an axis are (mm)."""
+        return max((text_width(text) for text in ticks.labels), default=0.0)
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """The points of a grid that a figure shows."""
+
+    rows: NDArray[np.int64]
+    """Rows of the summary."""
+    coordinates: tuple[Coordinate, ...]
+    """One or two."""
+    fixed: tuple[tuple[str, str], ...]
+    """Other axes, and the value at which they are held."""
+
+    @property
+    def is_full(self) -> bool:
+        """Whether every pair of values of the two axes is one point."""
+        sizes = [len(one.different) for one in self.coordinates]
+        return int(np.prod(sizes)) == len(self.rows)
+
+    def cells(self, values: Array) -> Array:
+        """Return one number for each point as cells, the first coordinate along their last axis.
+
+        NaN where there is no point.
+        """
+        cells = np.full([len(one.different) for one in reversed(self.coordinates)], np.nan)
+        at = [np.searchsorted(one.different, one.place) for one in reversed(self.coordinates)]
+        cells[tuple(at)] = values
+        return cells
+
+    @property
+    def held(self) -> str:
+        """In words at which values other axes are held."""
+        return ", ".join(f"{path} = {value}" for path, value in self.fixed)
+
+
+def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattice | None:
+    """Return the points over the axes with the most values, others held at their first value.
+
+    The axis that the grid has first lies across. Axes that change together count as the first of
+    them. With `numbers_first` the first coordinate has to be one of numbers. None where the grid
+    has too few axes that change.
+    """
+    columns = {path: grid.summary[path] for path in grid.axes}
+    found = {path: _factored(values) for path, values in columns.items()}
+    independent = _independent(found)
+    changing = [path for path in independent if found[path].number > 1]
+    if numbers_first:
+        changing = [path for path in changing if columns[path].dtype != object]
+    if len(changing) < dimensions:
+        return None
+    chosen = sorted(changing, key=lambda path: -found[path].number)[:dimensions]
+    rest = [path for path in independent if path not in chosen]
+    first = {path: columns[path][0] for path in rest}
+    scattered = found[chosen[0]].number == len(columns[chosen[0]])
+    mask = np.ones(len(columns[chosen[0]]), dtype=np.bool_)
+    if not scattered:  # a sample has no two points with equal values: all are shown
+        for path in rest:
+            mask &= columns[path] == first[path]
+    rows = np.flatnonzero(mask)
+    fixed = () if scattered else tuple((path, _shown(first[path])) for path in rest)
+    coordinates = tuple(_coordinate(grid, path, rows) for path in changing if path in chosen)
+    return Lattice(rows, coordinates, fixed)
+
+
+@dataclass(frozen=True)
+class _Factored:
+    """Which of its different values a column has in each row."""
+
+    code: Column
+    number: int
+
+
+def _factored(values: Column) -> _Factored:
+    different, code = np.unique(
+        values.astype(str) if values.dtype == object else values, return_inverse=True
+    )
+    return _Factored(code, len(different))
+
+
+def _independent(columns: Mapping[str, _Factored]) -> list[str]:
+    """Return the axes without those that take each of their values with one value of another."""
+    kept: list[str] = []
+    for path, one in columns.items():
+        if not any(_same_partition(one, columns[other]) for other in kept):
+            kept.append(path)
+    return kept
+
+
+def _same_partition(one: _Factored, other: _Factored) -> bool:
+    if one.number != other.number or one.number == 1 or one.number == len(one.code):
+        return False
+    # Each value of one goes with the value of the other that it has in its last row.
+    partner = np.empty(one.number, dtype=np.int64)
+    partner[one.code] = other.code
+    goes = np.array_equal(partner[one.code], other.code)
+    return goes and len(np.unique(partner)) == other.number
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float | np.floating) else str(value)
+
+
+def _coordinate(grid: Swept, path: str, rows: NDArray[np.int64]) -> Coordinate:
+    values, unit = grid.summary[path][rows], grid.units[path]
+    if values.dtype != object:
+        return Coordinate(path, unit, values.astype(np.float64), ())
+    words, first, code = np.unique(values.astype(str), return_index=True, return_inverse=True)
+    order = np.argsort(first)  # as they come in the grid
+    place = np.argsort(order)[code].astype(np.float64)
+    return Coordinate(path, unit, place, tuple(map(str, words[order][:_MOST_WORDS])))
+
+
+def set_axis(axes: Axes, one: Coordinate, length: float, vertical: bool) -> Ticks:
+    """Set limits, ticks and label of an axis of a figure, of a length (mm)."""
+    edges = one.edges()
+    low, high = float(edges[0]), float(edges[-1])
+    ticks = one.ticks(low, high, length, vertical)
+    unit = with_power(one.unit, ticks)
+    label = one.symbol or words_of(one.path)
+    text = f"{label} [{unit}]" if unit else label
+    if vertical:
+        axes.set_ylim(low, high)
+        axes.set_yticks(ticks.places, ticks.labels)
+        axes.set_ylabel(text)
+    else:
+        axes.set_xlim(low, high)
+        axes.set_xticks(ticks.places, ticks.labels)
+        axes.set_xlabel(text)
+    return ticks
+
+
+COLOURS = {
+    "time": "#F0E442",
+    "collisions": "#7CC7F0",
+    "bounces": "#9FD9B4",
+    "no_more_collisions": "#00579A",
+    "rest": "#f0f0f0",
+    "end_of_trace": "#E69F00",
+    "inadmissible": "#C04A00",
+    "lift_off": "#CC79A7",
+    "wall_contact": "#3A1466",
+    "accumulation": "#00463A",
+    "invalid": "#7a7a7a",
+    "failed": "#000000",
+}
+"""Of causes and, where there is none, of states: near Okabe and Ito's, each with its own grey."""
+WORDS = {
+    "time": "time reached",
+    "collisions": "number of impacts reached",
+    "bounces": "number of impacts on the wall reached",
+    "no_more_collisions": "no more impacts",
+    "inadmissible": "inadmissible impact",
+}
+"""Of causes that do not say by themselves what they mean."""
+
+
+@dataclass(frozen=True)
+class Categories:
+    """The categories of some points, each with a colour and a name."""
+
+    code: NDArray[np.int64]
+    """Index of the category of each point."""
+    names: tuple[str, ...]
+    """In the legend, with how many points there are."""
+    palette: tuple[str, ...]
+    """Colours, one for each."""
+
+    def colours(self) -> ListedColormap:
+        """Return the map from codes to colours."""
+        return ListedColormap(self.palette)
+
+    def norm(self) -> BoundaryNorm:
+        """Return the bounds of the codes."""
+        number = len(self.palette)
+        return BoundaryNorm(np.arange(number + 1) - 0.5, number)
+
+    def entries(self) -> list[tuple[str, dict[str, Any]]]:
+        """Return the legend."""
+        return list(zip(self.names, map(_patch, self.palette), strict=True))
+
+
+def ended(grid: Swept) -> Column:
+    """Return the cause that ended the run of each point, or its status where it has none."""
+    summary = grid.summary
+    found: Column = np.where(summary["status"] == "ok", summary["end_cause"], summary["status"])
+    return found
+
+
+@dataclass(frozen=True)
+class Endings(Categories):
+    """The endings of some points."""
+
+    causes: tuple[str, ...]
+    """Those that occur, in the order of `COLOURS`."""
+
+    @staticmethod
+    def of(grid: Swept, rows: NDArray[np.int64]) -> Endings:
+        """Return the endings of the points in rows of the summary."""
+        found = ended(grid)[rows]
+        code = np.full(len(rows), -1)
+        causes: list[str] = []
+        for name in COLOURS:
+            here = found == name
+            if np.any(here):
+                code[here] = len(causes)
+                causes.append(name)
+        if np.any(code < 0):
+            raise ValueError(f"there is no colour for the ending {found[code < 0][0]!r}")
+        counts = np.bincount(code, minlength=len(causes)).tolist()
+        names = [
+            f"{WORDS.get(cause, cause.replace('_', ' '))} ({grouped(count)})"
+            for cause, count in zip(causes, counts, strict=True)
+        ]
+        return Endings(code, tuple(names), tuple(COLOURS[cause] for cause in causes), tuple(causes))
+
+
+def _patch(colour: str) -> dict[str, Any]:
+    """Return the look of a colour in a legend."""
+    return {
+        "marker": "s",
+        "markersize": 4.5,
+        "markerfacecolor": colour,
+        "markeredgecolor": "#303030",
+        "markeredgewidth": 0.3,
+        "linestyle": "none",
+    }
+
+
+def grouped(count: int) -> str:
+    """Return a whole number, in groups of three digits from 10 000 on."""
+    return f"{count:,}".replace(",", "\u2009") if count >= 10_000 else str(count)
+
 
 _HIGH = {"single": 52.0, "double": 72.0}
 _TOP = 3.0

@@ -14,15 +14,13 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.levels import LevelCurve, SpeedCurve
-from vibro_cli.analysis.portrait_type import Portrait, portrait_of
+from vibro_cli.analysis.levels import Landscape, LevelCurve, SpeedCurve
+from vibro_cli.analysis.singular import Portrait, portrait_of
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import LEFT, stacked
-from vibro_cli.figures.legend import LINE, draw_legend
+from vibro_cli.figures.labels import LINE, draw_legend
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.background import Background
-from vibro_cli.figures.portraits.entries import last_time
+from vibro_cli.figures.portraits.layers import Background, last_time
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
 from vibro_cli.figures.portraits.trace_phase_plane import EIGHT, JUNCTION, curves_of

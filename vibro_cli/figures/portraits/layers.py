@@ -1,8 +1,11 @@
-"""What is drawn on a portrait: curves behind, branches, jumps at impacts, marks."""
+"""What is drawn on a portrait: curves behind, branches, jumps at impacts, marks, the legend."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,13 +14,160 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.patches import Rectangle
 
-from vibro_cli.analysis.singular import CENTRE, SADDLE
+from vibro_cli.analysis.levels import (
+    Landscape,
+    LevelCurve,
+    arc_separatrix,
+    level_curves,
+    separatrix_curves,
+)
+from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint, singular_points
 from vibro_cli.figures import style
-from vibro_cli.figures.numbering import leader, place_numbers
-from vibro_cli.figures.portraits.background import Background, both_halves, on_piece
+from vibro_cli.figures.labels import Entry, leader, place_numbers
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
+from vibro_cli.mechanics.trace import Piece
+
+
+def legend_of(
+    path: Trajectory, behind: Background, marked: bool, others: Sequence[Entry] = ()
+) -> list[Entry]:
+    """Return names and looks of everything on a portrait, `others` after what is of the run."""
+    jumps = path.jumps
+    entries = [("start", START)]
+    if np.any(path.first.made):
+        first = "" if marked else f" 1–{path.first.number[-1]}"
+        entries += [("before", BEFORE), (f"after impact{first}", AFTER)]
+    if not marked and np.any(jumps.made):
+        share = f" (1 in {path.every})" if path.every > 1 else ""
+        entries.append((f"jump{share}", many_jumps(1)))
+    if not np.all(jumps.made):
+        entries.append(("inadmissible", NOT_MADE))
+    if any(np.any(branches.contact) for branches in path.branches):
+        entries.append(("lasting contact", CONTACT))
+    return [*entries, *others, *behind_entries(behind)]
+
+
+def behind_entries(behind: Background) -> list[Entry]:
+    """Return names and looks of what stands behind the branches."""
+    entries: list[Entry] = []
+    if behind.separatrices:
+        entries.append(("separatrix", SEPARATRIX))
+    if behind.arc_separatrices:
+        entries.append(("separatrix of the full circle", ARC_SEPARATRIX))
+    if behind.levels:
+        entries.append(("level", LEVEL))
+    for kind, marker in MARKER.items():
+        if any(point.kind == kind for point in behind.points):
+            entries.append((kind, POINT | {"marker": marker}))
+    return entries
+
+
+def last_time(path: Trajectory) -> float:
+    """Return the time (s) with which the colours of time end: of the body's last impact."""
+    made = path.jumps.time[path.jumps.made]
+    return float(np.max(made)) if len(made) else path.end
+
+
+_SAME = 1e-9
+"""Separatrices closer than this fraction of the highest are drawn as one."""
+_APART = 0.05
+"""Between energies closer than this fraction of the highest there are no level curves."""
+_FRACTIONS = (1.0 / 3.0, 2.0 / 3.0)
+"""Where level curves lie between two energies, by the root of the energy: evenly in rate."""
+
+
+@dataclass(frozen=True)
+class Background:
+    """Curves behind the branches, each list for the whole trace."""
+
+    separatrices: tuple[LevelCurve, ...]
+    """Level curves through the saddles of the trace."""
+    arc_separatrices: tuple[LevelCurve, ...]
+    """On a trace without a saddle, those of the full circles of which the arcs are parts."""
+    levels: tuple[LevelCurve, ...]
+    points: tuple[SingularPoint, ...]
+
+
+def background(landscape: Landscape, highest: float) -> Background:
+    """Return the curves behind a portrait whose branches have energies up to `highest` (J)."""
+    points = singular_points(landscape)
+    saddles = saddle_energies(points)
+    pieces = landscape.trace.pieces
+    own = [] if saddles else [arc_separatrix(landscape, piece) for piece in pieces]
+    return Background(
+        separatrices=tuple(
+            curve
+            for energy in saddles
+            for curve in separatrix_curves(landscape, energy, saddles_of(points, energy))
+        ),
+        arc_separatrices=tuple(curve for curve in own if curve is not None),
+        levels=_curves(landscape, level_energies(points, highest)),
+        points=points,
+    )
+
+
+def _curves(landscape: Landscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
+    return tuple(
+        curve
+        for energy in energies
+        for piece in landscape.trace.pieces
+        for curve in level_curves(landscape, piece, energy)
+    )
+
+
+def _distinct(energies: Sequence[float], share: float) -> list[float]:
+    """Return energies in order, without those closer to one before than a share of the highest."""
+    chosen: list[float] = []
+    for energy in sorted(energies):
+        if not chosen or energy - chosen[-1] > share * max(energies):
+            chosen.append(energy)
+    return chosen
+
+
+def saddle_energies(points: Sequence[SingularPoint]) -> list[float]:
+    """Return the energies (J) of the separatrices: of all saddles, those that are equal once."""
+    return _distinct([point.energy for point in points if point.kind == SADDLE], _SAME)
+
+
+def saddles_of(points: Sequence[SingularPoint], energy: float) -> list[float]:
+    """Return the arc lengths (m) of the saddles of an energy (J) of `saddle_energies`."""
+    saddles = [point for point in points if point.kind == SADDLE]
+    highest = max(abs(point.energy) for point in saddles)
+    return [point.s for point in saddles if abs(point.energy - energy) <= _SAME * highest]
+
+
+def level_energies(points: Sequence[SingularPoint], highest: float) -> list[float]:
+    """Return energies of level curves: between the singular ones, and above up to the highest."""
+    saddles = saddle_energies(points)
+    centres = [point.energy for point in points if point.kind == CENTRE]
+    bounds = _distinct([0.0, *centres, *saddles, highest], _APART)
+    return [
+        low + fraction**2 * (high - low)
+        for low, high in pairwise(bounds)
+        for fraction in _FRACTIONS
+    ]
+
+
+def both_halves(curve: LevelCurve) -> list[Array]:
+    """Return a level curve with its mirror image as lines of points, each of shape (n, 2).
+
+    The halves are one line where the body turns; at a junction they stay apart.
+    """
+    upper = np.column_stack([curve.position, curve.rate])
+    lower = upper[::-1] * (1.0, -1.0)
+    if curve.rate[-1] == 0.0:
+        return [np.concatenate([upper, lower])]
+    if curve.rate[0] == 0.0:
+        return [np.concatenate([lower, upper])]
+    return [upper, lower]
+
+
+def on_piece(curves: Sequence[LevelCurve], piece: Piece) -> list[LevelCurve]:
+    """Return the curves of one piece."""
+    return [curve for curve in curves if curve.piece == piece.index]
+
 
 MOST_VECTOR_POINTS = 20000
 """Of more points than this a curve is rasterised in PDF and SVG."""

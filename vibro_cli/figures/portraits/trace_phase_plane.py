@@ -17,13 +17,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import SpeedCurve, speed_curves, through_saddles
-from vibro_cli.analysis.portrait_type import Portrait
-from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE
+from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE, Portrait
 from vibro_cli.figures import style
-from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
-from vibro_cli.figures.numbering import Named, write_names
+from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.background import level_energies, saddle_energies, saddles_of
+from vibro_cli.figures.portraits.layers import level_energies, saddle_energies, saddles_of
 from vibro_cli.figures.portraits.panels import BOTTOM, LEFT, RIGHT
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS

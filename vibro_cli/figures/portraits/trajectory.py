@@ -9,8 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.levels import free_branches
+from vibro_cli.analysis.levels import Landscape, free_branches
 from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept, values_at
 from vibro_cli.mechanics.trace import Piece
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from vibro_cli.analysis.levels import LevelCurve
-from vibro_cli.figures.portraits.background import Background
+from vibro_cli.figures.portraits.layers import Background
 from vibro_cli.figures.portraits.panels import Window
 from vibro_cli.figures.portraits.trajectory import Trajectory
 from vibro_cli.figures.source import Array

@@ -20,8 +20,7 @@ from matplotlib.patches import Arc, Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
-from vibro_cli.figures.numbering import Named, write_names
+from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.runs.velocities import (
     CENTRE,
     ROLLING,

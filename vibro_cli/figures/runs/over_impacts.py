@@ -25,7 +25,7 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.dots import MOST_MARKS, draw_marks, told_apart
-from vibro_cli.figures.legend import Entry, line_of_entries
+from vibro_cli.figures.labels import Entry, line_of_entries
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, kept

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibro_cli.analysis.landscape import Landscape
+from vibro_cli.analysis.levels import Landscape
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     MOST_LOOKS,

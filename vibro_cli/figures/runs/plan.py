@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.legend import line_of_entries
+from vibro_cli.figures.labels import line_of_entries
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.mechanics.system import System

@@ -14,8 +14,7 @@ from matplotlib.patches import Circle, Polygon
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
-from vibro_cli.figures.numbering import Named, write_names
+from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.source import Array, Recorded, first_of
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.mechanics.system import Body

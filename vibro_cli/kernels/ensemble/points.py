@@ -1,8 +1,8 @@
 """Many runs one after another: their summaries, their impacts as columns, their tangent maps.
 
 The runs differ in where the bodies start, in their masses, in the coefficients of restitution and
-in the stop. Each is the run that ``systems.trace.run`` would make, to the bit: the same kernels
-work on the same records.
+in the stop. Each is the run that ``systems.trace.event_loop`` would make, to the bit: the same
+kernels work on the same records.
 
 The numbers of a system may be arrays (see ``numerics.elementwise``); so are those of its records,
 which are made by the same functions as those of a single one. Here they become rows of records,

@@ -44,7 +44,7 @@ class BodiesOnSprings(System):
         return build_springs(scenario)
 
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        from vibro_cli.mechanics.model_warnings import law_warnings
+        from vibro_cli.mechanics.system import law_warnings
 
         return tuple(law_warnings(system.law, system.inadmissible, [*pairwise(system.bodies)]))
 
@@ -119,7 +119,7 @@ class BodiesOnSprings(System):
 
     def film(self, run: Any, times: Any) -> Frames:
         """Return what a film shows of a run."""
-        from vibro_cli.systems.springs.film import film_on_springs
+        from vibro_cli.systems.springs.figures import film_on_springs
 
         return film_on_springs(run, times)
 

@@ -21,16 +21,17 @@ from vibro_cli.analysis.levels import LevelCurve
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import LEFT
-from vibro_cli.figures.legend import Entry, draw_legend, rows_of
+from vibro_cli.figures.labels import Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.background import (
+from vibro_cli.figures.portraits.energies import draw_energies, limit_energies, panels_over
+from vibro_cli.figures.portraits.layers import (
     Background,
+    behind_entries,
     both_halves,
+    last_time,
     level_energies,
     saddle_energies,
 )
-from vibro_cli.figures.portraits.energies import draw_energies, limit_energies, panels_over
-from vibro_cli.figures.portraits.entries import behind_entries, last_time
 from vibro_cli.figures.portraits.panels import BOTTOM, RIGHT, Panel, Window
 from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
 from vibro_cli.figures.portraits.trace_phase_plane import EIGHT

@@ -48,7 +48,7 @@ class BallsOnTable(System):
         return build_table(scenario)
 
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        from vibro_cli.mechanics.model_warnings import law_warnings
+        from vibro_cli.mechanics.system import law_warnings
 
         return tuple(
             law_warnings(system.law, system.inadmissible, [*combinations(system.bodies, 2)])
@@ -126,7 +126,7 @@ class BallsOnTable(System):
 
     def film(self, run: Any, times: Any) -> Frames:
         """Return what a film shows of a run."""
-        from vibro_cli.systems.table.film import film_on_table
+        from vibro_cli.systems.table.figures import film_on_table
 
         return film_on_table(run, times)
 

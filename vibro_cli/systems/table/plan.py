@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import LEFT, body_look, plane_axes
-from vibro_cli.figures.numbering import leader, place_numbers
+from vibro_cli.figures.labels import leader, place_numbers
 from vibro_cli.figures.portraits import layers
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall

@@ -13,8 +13,7 @@ from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.legend import LINE, Entry, draw_legend, rows_of
-from vibro_cli.figures.numbering import Named, write_names
+from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.runs.contact_points import ASIDE, Rolling, figure_of
 from vibro_cli.figures.runs.velocities import (
     CENTRE,

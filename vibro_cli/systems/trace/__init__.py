@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from vibro_cli.systems.trace.event_loop import TraceStretches
     from vibro_cli.systems.trace.flights import Paths
     from vibro_cli.systems.trace.long_motion import LongMotion
-    from vibro_cli.systems.trace.stream import Tables
+    from vibro_cli.systems.trace.tables import Tables
     from vibro_cli.systems.wanted import Limits, Wanted
 
 
@@ -51,7 +51,7 @@ class Trace(System):
         return build_system(scenario)
 
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
-        from vibro_cli.mechanics.model_warnings import mechanics_warnings
+        from vibro_cli.mechanics.system import mechanics_warnings
 
         return mechanics_warnings(system, scenario.stop.time)
 
@@ -105,12 +105,12 @@ class Trace(System):
         return table_named(name, column_names)
 
     def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
-        from vibro_cli.systems.trace.stream import Tables
+        from vibro_cli.systems.trace.tables import Tables
 
         return Tables(system, wanted, names, sink)
 
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Paths:
-        from vibro_cli.systems.trace.stream import trajectory_of
+        from vibro_cli.systems.trace.tables import trajectory_of
 
         return trajectory_of(system, stretch)
 
@@ -132,7 +132,7 @@ class Trace(System):
 
     def film(self, run: Any, times: Any) -> Frames:
         """Return what a film shows of a run."""
-        from vibro_cli.figures.runs.film_on_trace import film_on_trace
+        from vibro_cli.figures.runs.scene import film_on_trace
 
         return film_on_trace(run, times)
 

@@ -8,10 +8,10 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from vibro_cli.analysis.landscape import Landscape
-from vibro_cli.analysis.portrait_type import as_record, portrait_of
-from vibro_cli.analysis.swings import contact_angle, starting_swing, stays
-from vibro_cli.figures.portraits.structure import structure
+from vibro_cli.analysis.levels import Landscape
+from vibro_cli.analysis.paper_formulas import contact_angle, starting_swing, stays
+from vibro_cli.analysis.singular import as_record, portrait_of
+from vibro_cli.figures.portraits.portrait import structure
 from vibro_cli.mechanics.system import System
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario import Scenario

@@ -38,10 +38,14 @@ from vibro_cli.kernels.world import (
     ImpactRow,
     World,
 )
-from vibro_cli.systems import driver
+from vibro_cli.mechanics.system import System
+from vibro_cli.systems import driver, run
 from vibro_cli.systems.driver import Driver, EventLoop
 from vibro_cli.systems.rows import joined
+from vibro_cli.systems.run import Run
 from vibro_cli.systems.stream import Stretch, Stretches
+from vibro_cli.systems.trace import SYSTEM
+from vibro_cli.systems.wanted import Limits, Wanted
 
 
 def enter_advance(world: World, overrides: Overrides | None) -> int:
@@ -214,3 +218,20 @@ def earliest_unlogged(pairs: Any) -> float:
     else:
         times = [pair.change_t + pair.delay for pair in pairs if pair.held != pair.logged]
     return min(times, default=np.inf)
+
+
+__all__ = ["Run", "Wanted", "simulate_system"]
+
+
+def simulate_system(
+    system: System,
+    stop_time: float | None,
+    stop_collisions: int | None,
+    engine: str = "compiled",
+    wanted: Wanted | None = None,
+    checkpoint: dict[str, Any] | None = None,
+    history: dict[str, Any] | None = None,
+) -> Run:
+    """Run bodies on a trace until the first of the stops (s and a count), see ``systems.run``."""
+    limits = Limits(stop_time, stop_collisions)
+    return run.simulate(SYSTEM, system, limits, engine, wanted or Wanted(), checkpoint, history)

@@ -17,8 +17,15 @@ from vibro_cli.mechanics.system import System
 from vibro_cli.systems import contract
 from vibro_cli.systems.stream import Stretch, ahead, begun
 from vibro_cli.systems.trace.event_loop import last_of_each
-from vibro_cli.systems.trace.flights import CAUSES, InWords, Paths, places_and_rates, states_at
-from vibro_cli.systems.trace.geometry import Floats, Places
+from vibro_cli.systems.trace.flights import (
+    CAUSES,
+    Floats,
+    InWords,
+    Paths,
+    Places,
+    places_and_rates,
+    states_at,
+)
 from vibro_cli.systems.trace.summary import with_logs
 from vibro_cli.systems.trace.world import make_world, overrides_of
 from vibro_cli.systems.wanted import Limits, within_run

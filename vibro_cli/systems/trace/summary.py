@@ -13,7 +13,7 @@ from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
 from vibro_cli.kernels.world import END_NAMES, LOGS, NEVER, RECORDS, Flight, World
 from vibro_cli.systems.trace.event_loop import LOOP, compiled_world
-from vibro_cli.systems.trace.geometry import Floats, Places
+from vibro_cli.systems.trace.flights import Floats, Places
 from vibro_cli.systems.wanted import Wanted
 
 

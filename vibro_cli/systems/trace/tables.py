@@ -1,10 +1,26 @@
-"""The tables of a run on a trace: every column's name, type, unit, nullability and meaning."""
+"""The tables of a run on a trace, stretch by stretch: their columns, and impacts from the log."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import Any
 
-from vibro_cli.kernels.statistics.regimes import EIGHTS, REGIMES
+import numpy as np
+
+from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.ensemble.points import Stack, fill_stacked
+from vibro_cli.kernels.statistics.impact_columns import (
+    FLAGS,
+    INTEGERS,
+    NUMBERS,
+    Columns,
+    Runs,
+    fill_columns,
+)
+from vibro_cli.kernels.statistics.regimes import EIGHTS, REGIMES, ROWS
+from vibro_cli.kernels.world import RUNNING, ImpactRow, World
+from vibro_cli.mechanics.system import System
 from vibro_cli.systems.columns import (
     GROWTH,
     IMPULSE,
@@ -21,7 +37,16 @@ from vibro_cli.systems.columns import (
     phases,
     word,
 )
-from vibro_cli.systems.trace.events import NAMES
+from vibro_cli.systems.contract import Sink
+from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.tangents import exponent_table, grown_columns
+from vibro_cli.systems.trace.event_loop import compiled_world
+from vibro_cli.systems.trace.events import NAMES, Events, event_columns
+from vibro_cli.systems.trace.flights import Paths, Places
+from vibro_cli.systems.trace.summary import Tally, summary_columns, with_logs
+from vibro_cli.systems.trace.tangents import TangentMap
+from vibro_cli.systems.trace.world import make_world, overrides_of
+from vibro_cli.systems.wanted import Sampling, Wanted
 
 
 def _pair(prefix: str, suffix: str, unit: str, text: str, nullable: bool = False) -> list[Column]:
@@ -229,3 +254,214 @@ def table_named(name: str, column_names: Sequence[str]) -> Table | None:
     if name == "exponents":
         return converging_table(column_names)
     return {"events": events(), "motion": motion()}.get(name)
+
+
+IN_ORDER = tuple(column.name for column in collisions(sided=True).columns)
+
+
+Room = Callable[[tuple[int, int], type], Any]
+
+
+class ImpactTable:
+    """Room for the impacts of some runs, which are filled in in any order.
+
+    Parameters
+    ----------
+    rows
+        Number of impacts.
+    wanted
+        Names of the columns that are kept.
+    room
+        Gives an array of a shape and a type.
+    """
+
+    def __init__(self, rows: int, wanted: Collection[str], room: Room = np.empty) -> None:
+        self._rows = rows
+        self._wanted = wanted
+        self._memory = room
+        numbers, numbers_at = self._room(NUMBERS, np.float64)
+        integers, integers_at = self._room(INTEGERS, np.int64)
+        flags, flags_at = self._room(FLAGS, np.bool_)
+        self._columns = Columns(numbers, integers, flags, numbers_at, integers_at, flags_at)
+
+    def _room(self, names: tuple[str, ...], kind: type) -> tuple[Any, Any]:
+        """An array with a row for each wanted column, and one for all others; which has which."""
+        kept = [name for name in names if name in self._wanted]
+        places = [kept.index(name) if name in kept else len(kept) for name in names]
+        # An odd number of cache lines apart: else all columns would share the same few of them.
+        lines = -(-self._rows * np.dtype(kind).itemsize // 64) | 1
+        shape = len(kept) + 1, lines * 64 // np.dtype(kind).itemsize
+        room = self._memory(shape, kind)
+        return room, np.array(places)
+
+    def fill(
+        self,
+        world: World,
+        engine_name: str,
+        log: Any,
+        runs: Runs,
+        around: float,
+        stack: Stack | None = None,
+    ) -> None:
+        """Fill in some runs of one system, or of a stack of them.
+
+        Parameters
+        ----------
+        world
+            Its records, interpreted or compiled.
+        engine_name
+            ``"python"`` or ``"compiled"``, of interpreted records; both give the same bits.
+        log, runs, around
+            See ``kernels.statistics.impact_columns``.
+        stack
+            The systems of the runs, if there are several; the records are then of arrays, and
+            change.
+        """
+        if stack is not None:
+            compiled(fill_stacked)(world, log, runs, self._columns, around, stack)
+            return
+        arrays = isinstance(world.bodies, np.ndarray)
+        if not arrays and engine_name == "compiled":
+            world, arrays = compiled_world(world), True
+        if arrays:
+            compiled(fill_columns)(world, log, runs, self._columns, around)
+        else:
+            rows = engine.interpreted_copies(log, ImpactRow)
+            fill_columns(world, rows, runs, self._columns, around)
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns that are wanted, in order; laws are numbers, a side of 0 is none."""
+        found: dict[str, Any] = {}
+        columns = self._columns
+        for names, room, places in (
+            (NUMBERS, columns.numbers, columns.numbers_at),
+            (INTEGERS, columns.integers, columns.integers_at),
+            (FLAGS, columns.flags, columns.flags_at),
+        ):
+            found |= {
+                name: room[place, : self._rows] for name, place in zip(names, places, strict=True)
+            }
+        return {name: found[name] for name in ("scenario", *IN_ORDER) if name in self._wanted}
+
+
+def sidedness(system: System) -> float:
+    """Length (m) of a closed trace with two bodies, which may meet on two sides; else 0."""
+    two_ways = system.trace.closed and len(system.bodies) == 2
+    return system.trace.length if two_ways else 0.0
+
+
+def runs_of(system: System, numbers: Any, counts: Any, firsts: Any, masses: Any = None) -> Runs:
+    """Return the runs of a log; those of a single one have the masses of the system."""
+    if masses is None:
+        masses = np.array([[body.mass for body in system.bodies]])
+    columns: list[Any] = [np.asarray(one, dtype=np.int64) for one in (numbers, counts, firsts)]
+    hills = np.empty((ROWS * len(system.bodies), 3 * len(system.trace.pieces) + 2))
+    return Runs(columns[0], columns[1], columns[2], masses, hills)
+
+
+class Impacts:
+    """The columns of ``collisions.parquet`` of one run, stretch by stretch; laws are numbers.
+
+    Parameters
+    ----------
+    system
+        What is solved.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._around = sidedness(system)
+        self._names = [name for name in IN_ORDER if name != "side" or self._around > 0.0]
+        self._told = 0
+        self._before: tuple[float, float] | None = None
+
+    def take(self, world: World, engine_name: str, log: Any) -> dict[str, Any]:
+        """Return the columns of some more impacts (see :meth:`ImpactTable.fill`)."""
+        table = ImpactTable(len(log), self._names)
+        runs = runs_of(self._system, [0], [len(log)], [0])
+        table.fill(world, engine_name, log, runs, self._around)
+        columns = table.columns()
+        if len(log) and self._before is not None:
+            t, t_low = self._before
+            columns["n"] += self._told
+            columns["dt"][0] = (log["t"][0] - t) + (log["t_low"][0] - t_low)
+        if len(log):
+            self._before = float(log["t"][-1]), float(log["t_low"][-1])
+        self._told += len(log)
+        return columns
+
+
+class Tables:
+    """What the tables of a run say, stretch by stretch.
+
+    Parameters
+    ----------
+    system, wanted
+        What is solved, and what is to be computed beside the collisions.
+    names
+        Tables that are wanted, of ``collisions``, ``events``, ``motion`` and ``exponents``.
+    sink
+        Takes their rows.
+    """
+
+    def __init__(self, system: System, wanted: Wanted, names: Collection[str], sink: Sink) -> None:
+        self._world = make_world(system, None, None)
+        self._places = Places(system)
+        self._system = system
+        self._sink = sink
+        overrides = overrides_of(system)
+        bodies = len(system.bodies)
+        self._impacts = Impacts(system) if "collisions" in names else None
+        self._events = self._motion = None
+        if "events" in names:
+            self._events = Events(bodies, wanted.turning_points, wanted.friction, overrides)
+        if "motion" in names and wanted.motion:
+            self._motion = Sampling(wanted)
+        self._overrides = overrides
+        self._tally = Tally(bodies, overrides)
+        self._tangents = TangentMap(system) if wanted.lyapunov else None
+        self._wants_exponents = "exponents" in names
+
+    def take(self, stretch: Stretch) -> None:
+        """Tell of a stretch."""
+        logs, known = stretch.logs, stretch.known
+        self._world = world = with_logs(self._world, stretch.engine, logs, stretch.clock)
+        ended = stretch.cause != RUNNING
+        grown = None
+        if self._tangents is not None:
+            grown = self._tangents.take(world, known, stretch.cause, stretch.end)
+            if self._wants_exponents and ended:
+                self._sink("exponents", exponent_table(self._tangents))
+        if self._impacts is not None and not (ended and known):
+            columns = self._impacts.take(world, stretch.engine, logs["impacts"])
+            if grown is not None:
+                columns |= grown_columns(grown, columns["grazing"])
+            self._sink("collisions", columns)
+        self._tally.take(world, known, stretch.cause, stretch.end)
+        if self._events is None and self._motion is None:
+            return
+        paths = Paths(self._places, world, logs["log"], *stretch.end, self._overrides)
+        touches = logs["touches"]
+        if self._events is not None:
+            if not ended:
+                rows = self._events.take(paths, world, touches, known, stretch.settled)
+            else:
+                ball = int(stretch.clock["last_ball"])
+                rows = self._events.finish(paths, world, touches, known, stretch.cause, ball)
+            self._sink("events", event_columns(rows))
+        if self._motion is not None:
+            for instants in self._motion.until(stretch.end[0], ended):
+                self._sink("motion", paths.sample(instants))
+
+    def summary(self) -> dict[str, Any]:
+        """Return the columns of ``summary.parquet``, once the run has ended."""
+        restitution = np.array([self._system.restitution])
+        tally = self._tally
+        columns = summary_columns(self._places, restitution, tally.outcomes, tally.finals)
+        return columns if self._tangents is None else columns | self._tangents.summary()
+
+
+def trajectory_of(system: System, run: Stretch) -> Paths:
+    """Return the motion in a whole run, given as one stretch."""
+    world = with_logs(make_world(system, None, None), run.engine, run.logs, run.clock)
+    return Paths(Places(system), world, run.logs["log"], *run.end, overrides_of(system))

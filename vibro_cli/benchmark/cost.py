@@ -1,4 +1,4 @@
-"""Cost per impact against the number of bodies, arcs, scenarios and cores; memory.
+"""What an impact costs: by the number of bodies, arcs, scenarios and cores, and by what is skipped.
 
 A grid of scenarios on all cores, summaries only: our batches in threads, heyoka's in processes.
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import math
 import multiprocessing
+import os
 import subprocess
 import sys
 import tempfile
@@ -23,17 +24,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from vibro_cli.benchmark.measurement import Plan, Row, by_turns, warmed
+from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
 from vibro_cli.benchmark.methods.motion import Motion
 from vibro_cli.benchmark.methods.runner import Lost
 from vibro_cli.benchmark.methods.with_heyoka_batch import NAME, TOLERANCES, Lanes
 from vibro_cli.benchmark.methods.with_vibro import DriverRunner, points_of
 from vibro_cli.benchmark.precision import installed_peers
 from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Document, Scene, ball
-from vibro_cli.grids.threads import available_cores
+from vibro_cli.grids.workers import available_cores
 from vibro_cli.storage.provenance import json_bytes
 from vibro_cli.systems.trace.ensemble import Batch
-from vibro_cli.systems.trace.event_loop import empty_results
+from vibro_cli.systems.trace.event_loop import Run, Wanted, empty_results, simulate_system
 
 Work = TypeVar("Work")
 
@@ -317,3 +318,102 @@ def measure_on_all_cores(plan: Plan) -> list[Row]:
         row.impacts = crew.impacts
         row.take_times(times)
     return rows
+
+
+WITH, WITHOUT = "skipped", "not skipped"
+APART = "searches of pairs out of reach"
+ROWS = "rows that nobody keeps"
+TABLES = "tables that nobody asks for"
+FIGURES = "figures that nobody asks for"
+
+
+class _Searching(DriverRunner):
+    """Single runs in which no pair is taken for apart because its pieces are out of reach."""
+
+    def ready(self, impacts: int) -> None:
+        """Make the records of the runs."""
+        super().ready(impacts)
+        for driver in self.drivers:
+            far: Any = driver.world.far
+            far[:] = 0
+
+
+def measure_skips(plan: Plan) -> list[Row]:
+    """Measure each skip on a scene where it matters, with and without it by turns."""
+    impacts = 500 if plan.form == "quick" else 20_000
+    rows, tasks = [], []
+    for skip, scene, with_it, without in _kernel_skips(impacts):
+        for setting, task in ((WITH, with_it), (WITHOUT, without)):
+            rows.append(Row("skips", scene.name, skip, setting, impacts=impacts))
+            tasks.append(task)
+    for setting, task in ((WITH, _tables(False)), (WITHOUT, _tables(True))):
+        rows.append(Row("skips", "three_arcs", TABLES, setting, impacts=_SHORT_RUN))
+        tasks.append(task)
+    for row, times in zip(rows, by_turns(warmed(tasks), plan), strict=True):
+        row.take_times(times)
+    return rows + _measure_figures(plan)
+
+
+_SHORT_RUN = 300
+
+
+def _kernel_skips(impacts: int) -> list[tuple[str, Scene, Task, Task]]:
+    three, circle = BY_NAME["three_arcs"], BY_NAME["circle"]
+
+    def task(runner: DriverRunner) -> Task:
+        return lambda: runner.ready(impacts), runner.go
+
+    return [
+        (APART, three, task(DriverRunner(three.system, "compiled")),
+         task(_Searching(three.system, "compiled"))),
+        (ROWS, circle, task(DriverRunner(circle.system, "compiled")),
+         task(DriverRunner(circle.system, "compiled", keep=True))),
+    ]  # fmt: skip
+
+
+def _tables(all_of_them: bool) -> Task:
+    """A short interpreted run and its impacts, or all its tables."""
+    system = BY_NAME["three_arcs"].system
+
+    def go() -> None:
+        wanted = Wanted(step=0.01, turning_points=True, friction=0.3) if all_of_them else None
+        run: Run = simulate_system(system, None, _SHORT_RUN, "python", wanted)
+        assert len(run.collisions["n"]) == _SHORT_RUN
+        if all_of_them:
+            assert run.motion is not None
+            assert run.events
+            assert run.summary
+
+    return _nothing, go
+
+
+def _nothing() -> None:
+    """Nothing has to be made ready."""
+
+
+def _measure_figures(plan: Plan) -> list[Row]:
+    """Whole processes of `vibro run` with and without figures."""
+    rows, tasks = [], []
+    with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
+        for setting, option in ((WITH, "--no-figures"), (WITHOUT, "--figures=default")):
+            rows.append(Row("skips", "three_arcs", FIGURES, setting, impacts=_SHORT_RUN))
+            tasks.append((_nothing, _process(Path(folder), option)))
+        few = Plan(plan.form, 3, plan.target, (), (), ())
+        for row, times in zip(rows, by_turns(warmed(tasks), few), strict=True):
+            row.take_times(times)
+    return rows
+
+
+def _process(folder: Path, option: str) -> Callable[[], None]:
+    from vibro_cli.storage.provenance import json_bytes
+
+    document = BY_NAME["three_arcs"].document | {"stop": {"collisions": _SHORT_RUN}}
+    source = folder / "scene.json"
+    source.write_bytes(json_bytes(document))
+    command = [sys.executable, "-m", "vibro_cli", "run", str(source), "-q", option]
+    command += ["-o", str(folder / option.strip("-"))]
+
+    def go() -> None:
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=dict(os.environ))
+
+    return go
