@@ -50,7 +50,6 @@ STAGES = (
     "contact",
     "flow",
     "world",
-    "structs",
     "numerics",
 )
 STRANGERS = {
@@ -75,11 +74,9 @@ PARTS = {
     "build": "assemble",
     "describe": "report",
     "stress": "stress",
-    "twin": "stress",
+    **dict.fromkeys(("grid_solver", "system_template"), "grids"),
     **dict.fromkeys(("phase_plane", "wall_orbits"), "analysis"),
-    **dict.fromkeys(
-        ("figures", "film", "plan", "portrait", "wall_portrait", "velocities"), "figures"
-    ),
+    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait", "velocities"), "figures"),
 }
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py"))

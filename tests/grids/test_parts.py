@@ -21,8 +21,9 @@ from vibro_cli.grids.chunk_writer import Encoded, Making
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.dataset import known_division, opened, verify
 from vibro_cli.grids.document import load_grid
-from vibro_cli.grids.solving import Solved, TraceSolver
+from vibro_cli.grids.solving import Solved
 from vibro_cli.grids.workers import solve_in_threads
+from vibro_cli.systems.trace.grid_solver import TraceSolver
 
 
 def tell(points: int, impacts: int) -> None:

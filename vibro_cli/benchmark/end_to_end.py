@@ -31,9 +31,7 @@ from vibro_cli.grids.axes import Array
 from vibro_cli.grids.buffers import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import Grid, load_grid
-from vibro_cli.grids.solving import Logged, LogSpace, impact_columns, impact_table_of
-from vibro_cli.grids.solving import Task as Planned
-from vibro_cli.grids.system_template import Setting
+from vibro_cli.grids.solving import impact_table_of
 from vibro_cli.grids.workers import (
     available_cores,
     expected_impacts,
@@ -49,6 +47,9 @@ from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.trace.ensemble import Batch
 from vibro_cli.systems.trace.event_loop import empty_results
+from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, impact_columns
+from vibro_cli.systems.trace.grid_solver import Task as Planned
+from vibro_cli.systems.trace.system_template import Setting
 
 GRID_PART = "kept"
 KERNEL, GRID = "kernel alone", "grid on the disk"

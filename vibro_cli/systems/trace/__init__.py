@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from vibro_cli.figures.film import Frames
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
-    from vibro_cli.grids.solving import TraceSolver
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from vibro_cli.systems.stream import Stretch
     from vibro_cli.systems.trace.event_loop import TraceStretches
     from vibro_cli.systems.trace.flights import Paths
+    from vibro_cli.systems.trace.grid_solver import TraceSolver
     from vibro_cli.systems.trace.long_motion import LongMotion
     from vibro_cli.systems.trace.tables import Tables
     from vibro_cli.systems.wanted import Limits, Wanted
@@ -85,7 +85,7 @@ class Trace(System):
         return skipped(clock, wanted, end)
 
     def solver(self, grid: Grid, engine: str) -> TraceSolver:
-        from vibro_cli.grids.solving import TraceSolver
+        from vibro_cli.systems.trace.grid_solver import TraceSolver
 
         return TraceSolver(grid, engine)
 

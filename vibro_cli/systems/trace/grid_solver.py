@@ -1,0 +1,433 @@
+"""Points of a grid over a trace, many solved at a time: summaries, and columns of impacts."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.grids.axes import Array
+from vibro_cli.grids.buffers import Lease, Pieces
+from vibro_cli.grids.document import Grid
+from vibro_cli.grids.points import Point, Reader, is_quick
+from vibro_cli.grids.solving import (
+    Columns,
+    Solved,
+    impact_table_of,
+    is_followed,
+    not_solved,
+)
+from vibro_cli.kernels.ensemble.points import Points, Results, Stack
+from vibro_cli.kernels.statistics.impact_columns import WORDS
+from vibro_cli.kernels.world import LOG_FULL, NEVER, ImpactRow, World
+from vibro_cli.mechanics.system import System
+from vibro_cli.scenario.problems import KeyPath
+from vibro_cli.storage.tables import (
+    Table,
+    Words,
+    record_batch,
+)
+from vibro_cli.systems.tangents import exponent_columns
+from vibro_cli.systems.trace.ensemble import Batch, make_points
+from vibro_cli.systems.trace.event_loop import Wanted, empty_results, simulate_system, zeros
+from vibro_cli.systems.trace.flights import Places
+from vibro_cli.systems.trace.summary import summary_columns
+from vibro_cli.systems.trace.system_template import Setting, Starts, Systems, is_of_system
+from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness
+from vibro_cli.systems.trace.tangents import time_scale
+from vibro_cli.systems.trace.world import own_records, stack_of
+from vibro_cli.systems.wanted import UNLIMITED
+
+_ROWS_AT_LEAST = 1 << 14
+
+
+@dataclass(frozen=True)
+class Logged:
+    """Impacts of some points that share a setting, as the solver has logged them."""
+
+    system: System
+    world: World
+    """The records of the system, of either engine."""
+    engine: str
+    """Of interpreted records."""
+    points: Array
+    """Numbers of the points, from 0 in the grid, ascending."""
+    counts: Array
+    """How many impacts each has."""
+    log: Any
+    """The impacts, point by point."""
+    masses: Array | None = None
+    """[point, ball] (kg); those of the system for None."""
+    stack: Stack | None = None
+    """The systems of the points, if there are several."""
+
+
+class LogSpace:
+    """Room for the logs of a stretch, one after another; used again for the next stretch.
+
+    Memory that is written to for the first time costs more than what is written.
+    """
+
+    def __init__(self) -> None:
+        self._rows: Any = zeros(0, ImpactRow)
+        self._used = 0
+
+    def clear(self) -> None:
+        """Take all logs for done with."""
+        self._used = 0
+
+    def take(self, rows: int) -> Any:
+        """Return a log with room for at least some rows."""
+        if len(self._rows) - self._used < rows:
+            # Logs that are in use keep what was there before.
+            self._rows = zeros(max(rows + rows // 4, _ROWS_AT_LEAST), ImpactRow)
+            self._used = 0
+        return self._rows[self._used :]
+
+    def keep(self, log: Any, rows: int) -> Any:
+        """Return the first rows of the log that was taken last, perhaps grown; they are kept."""
+        if not np.shares_memory(log, self._rows):
+            self._rows, self._used = log, 0
+        self._used += rows
+        return log[:rows]
+
+
+def impact_columns(
+    table: Table, logged: Sequence[Logged], points: Array, room: Lease
+) -> dict[str, Any]:
+    """Return the columns of a table of impacts, in order of the points.
+
+    Parameters
+    ----------
+    table
+        Which columns there are.
+    logged
+        All impacts of these points.
+    points
+        Numbers of points, from 0, one after another.
+    room
+        Where the columns are.
+    """
+    counts = np.zeros(len(points), dtype=np.int64)
+    for one in logged:
+        counts[np.searchsorted(points, one.points)] = one.counts
+    rows = np.cumsum(counts) - counts
+    filled = ImpactTable(int(counts.sum()), [column.name for column in table.columns], room)
+    for one in logged:
+        firsts = rows[np.searchsorted(points, one.points)]
+        runs = runs_of(one.system, one.points + 1, one.counts, firsts, one.masses)
+        filled.fill(one.world, one.engine, one.log, runs, sidedness(one.system), one.stack)
+    columns = filled.columns()
+    for name in columns.keys() & WORDS.keys():
+        columns[name] = Words(columns[name], WORDS[name])
+    if "side" in columns:
+        columns["side"] = np.ma.masked_equal(columns["side"], 0)
+    return columns
+
+
+# Settings whose records are kept ready; a grid seldom needs many at once.
+_READY = 1024
+_ROWS_AT_FIRST = 1 << 12
+
+
+@dataclass(frozen=True)
+class Task:
+    """Points for a batch: how they start, and of which systems they are."""
+
+    starts: Starts
+    system: System
+    """One system, or several as one of arrays."""
+    of_points: Array | None
+    """Then the number of the system of each point."""
+    stack: Stack | None
+    """And the records of the systems."""
+    points: Array
+    """Numbers of the points, from 0 in the grid."""
+
+    @staticmethod
+    def of(starts: Starts, systems: Systems, points: Array) -> Task:
+        """Return the task of those points whose starts are sure."""
+        sure, of_points, stack = starts.sure, systems.of_points, None
+        if of_points is not None:
+            of_points = of_points[sure]
+            stack = stack_of(systems.system, systems.count, of_points)
+        return Task(starts.at(sure), systems.system, of_points, stack, points[sure])
+
+    def entries(self) -> Points:
+        """Return what a batch starts with."""
+        starts = self.starts
+        stop_t = np.where(np.isnan(starts.stop_t), NEVER, starts.stop_t)
+        most = np.where(starts.stop_collisions == 0, UNLIMITED, starts.stop_collisions)
+        return make_points(
+            stop_t, most, starts.piece, starts.s, starts.c, starts.p, starts.mass,
+            starts.restitution,
+        )  # fmt: skip
+
+    def time_scales(self) -> Any:
+        """Return the scale of time (s) of the tangent map of each point."""
+        scales = time_scale(self.system)
+        return scales if self.of_points is None or np.ndim(scales) == 0 else scales[self.of_points]
+
+    def places(self, which: Array) -> Places:
+        """Return the geometry of the systems of some of the points."""
+        return Places(self.system, None if self.of_points is None else self.of_points[which])
+
+
+@dataclass
+class _Parts:
+    """What is solved of a stretch, as it comes."""
+
+    summaries: list[tuple[Array, Columns]] = field(default_factory=list)
+    """Each with the points it is of (from 0 in the stretch)."""
+    logged: list[Logged] = field(default_factory=list)
+
+
+class TraceSolver:
+    """Solves stretches of a grid's points, in one thread.
+
+    Parameters
+    ----------
+    grid
+        The grid.
+    engine
+        ``"compiled"``, or ``"python"``: every point by itself, interpreted, to the same bits.
+    """
+
+    def __init__(self, grid: Grid, engine: str = "compiled") -> None:
+        self._grid = grid
+        self._engine = engine
+        self._settings: OrderedDict[tuple[Any, ...], Setting] = OrderedDict()
+        self._batches: OrderedDict[tuple[Any, ...], Batch] = OrderedDict()
+        self._room = 0.0
+        self._logs = LogSpace()
+        self._table = impact_table_of(grid) if grid.keep.collisions else None
+        self._pieces = Pieces()
+        self._wanted = Wanted(lyapunov=is_followed(grid))
+        self._sums: Any = None
+        self._reader = Reader(grid.base)
+        self._indices: Array = np.zeros(0, dtype=np.int64)
+        paths = grid.design.paths
+        self._of_systems = [path for path in paths if is_of_system(path)]
+        self._slow = [path for path in paths if not is_quick(path) and not is_of_system(path)]
+
+    def solve(self, indices: Array) -> Solved:
+        """Solve some points, given by their numbers from 0."""
+        self._indices = indices
+        self._logs.clear()
+        values = self._grid.design.columns(indices)
+        parts = _Parts()
+        for key, rows in self._groups(values, len(indices)):
+            self._solve_group(key, rows, {path: values[path][rows] for path in values}, parts)
+        summary = _in_order(parts.summaries, len(indices))
+        impacts = int(np.ma.filled(summary["collisions"], 0).sum())
+        if self._table is None:
+            return Solved(summary, impacts, {})
+        lease = Lease(self._pieces)
+        columns = impact_columns(self._table, parts.logged, indices, lease)
+        kept = {"collisions": record_batch(self._table, columns)}
+        return Solved(summary, impacts, kept, lease.give_back)
+
+    def _groups(
+        self, values: dict[KeyPath, Array], count: int
+    ) -> list[tuple[tuple[Any, ...], Array]]:
+        """The points of each setting: what they have in common, and their rows."""
+        if not self._slow:
+            return [((), np.arange(count))]
+        groups: dict[tuple[Any, ...], list[int]] = {}
+        for row, key in enumerate(zip(*(values[p].tolist() for p in self._slow), strict=True)):
+            groups.setdefault(key, []).append(row)
+        return [(key, np.array(rows)) for key, rows in groups.items()]
+
+    def _solve_group(
+        self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array], parts: _Parts
+    ) -> None:
+        """Solve points of one setting."""
+        if self._engine == "python":
+            for at, row in enumerate(rows):
+                self._solve_alone(row, self._reader.read(_row(values, at)), parts)
+            return
+        at = 0
+        while key not in self._settings and at < len(rows):
+            # The first point that is valid shows the setting.
+            point = self._reader.read(_row(values, int(at)))
+            if point.scenario is not None and point.system is not None:
+                self._remember(key, Setting(point.scenario, point.system))
+            else:
+                self._solve_alone(rows[at], point, parts)
+                at += 1
+        if at < len(rows):
+            self._settings.move_to_end(key)
+            self._solve_setting(key, rows[at:], _taken(values, slice(at, None)), parts)
+
+    def _remember(self, key: tuple[Any, ...], setting: Setting) -> None:
+        self._settings[key] = setting
+        while len(self._settings) > _READY:
+            oldest, _ = self._settings.popitem(last=False)
+            self._batches.pop(oldest, None)
+
+    def _solve_setting(
+        self, key: tuple[Any, ...], rows: Array, values: dict[KeyPath, Array], parts: _Parts
+    ) -> None:
+        """Solve points of a known setting: first all that are surely valid, then the others."""
+        setting = self._settings[key]
+        systems = setting.systems(values, len(rows))
+        sure = np.zeros(len(rows), dtype=bool)
+        if len(systems.points):
+            # What the points have in common is in the setting's scenario.
+            own_values = {path: one for path, one in values.items() if path not in self._slow}
+            starts = setting.starts(_taken(own_values, systems.points), systems)
+            sure[systems.points] = starts.sure
+            if starts.sure.any():
+                self._solve_batch(key, starts, systems, rows[systems.points], parts)
+        found: dict[tuple[Any, ...], list[tuple[int, Point]]] = {}
+        for at in np.flatnonzero(~sure):
+            one = _row(values, int(at))
+            point = self._reader.read(one)
+            if point.system is None:
+                self._solve_alone(rows[at], point, parts)
+            else:
+                # Systems of which nothing was known before are made one by one.
+                own = (*key, *(one[path].item() for path in self._of_systems))
+                found.setdefault(own, []).append((rows[at], point))
+        for own, points in found.items():
+            self._solve_read(own, points, parts)
+
+    def _solve_read(
+        self, key: tuple[Any, ...], points: list[tuple[int, Point]], parts: _Parts
+    ) -> None:
+        """Solve valid points of one system that were read alone."""
+        if key not in self._settings:
+            _, first = points[0]
+            assert first.scenario is not None
+            assert first.system is not None
+            self._remember(key, Setting(first.scenario, first.system))
+        setting = self._settings[key]
+        starts = setting.starts_of([point for _, point in points])
+        systems = Systems(np.arange(len(points)), setting.system, None)
+        self._solve_batch(key, starts, systems, np.array([row for row, _ in points]), parts)
+
+    def _solve_batch(
+        self,
+        key: tuple[Any, ...],
+        starts: Starts,
+        systems: Systems,
+        rows: Array,
+        parts: _Parts,
+    ) -> None:
+        """Solve valid points of a setting with the compiled kernels."""
+        setting = self._settings[key]
+        if key not in self._batches:
+            self._batches[key] = Batch(setting.system, next(iter(self._batches.values()), None))
+        task = Task.of(starts, systems, self._indices[rows])
+        results = self._run(self._batches[key], task)
+        if self._wanted.lyapunov:
+            self._sums = self._batches[key].follow(
+                task.entries(), results, task.time_scales(), task.stack
+            )
+        outcomes: Any = results.outcomes
+        # What a batch leaves out: runs too long for its logs.
+        whole = outcomes["end_cause"] != LOG_FULL
+        rows = rows[starts.sure]
+        if whole.any():
+            self._take(task, rows, whole, results, self._batches[key].world, parts)
+        for row in rows[~whole]:
+            values = self._grid.design.columns(self._indices[[row]])
+            self._solve_alone(row, self._reader.read(_row(values, 0)), parts)
+
+    def _run(self, batch: Batch, task: Task) -> Results:
+        count, bodies = task.starts.piece.shape
+        points = task.entries()
+        # A little more room than the points before have needed.
+        results = empty_results(count, bodies, 0)
+        if self._grid.keep.collisions:
+            rows = int(self._room * count) + _ROWS_AT_FIRST
+            results = results._replace(impacts=self._logs.take(rows))
+        if self._wanted.lyapunov and not self._grid.keep.collisions:
+            return results  # they come with the tangent maps
+        results = batch.run_all(points, results, task.stack)
+        taken: Any = results.outcomes
+        self._room = max(self._room, 1.1 * float(np.mean(taken["kept"])))
+        return results
+
+    def _take(
+        self, task: Task, rows: Array, whole: Array, results: Results, world: World, parts: _Parts
+    ) -> None:
+        """Turn results of a batch into columns."""
+        starts, bodies = task.starts, task.starts.piece.shape[1]
+        every: Any = results.outcomes
+        states: Any = results.finals
+        outcomes, finals = every[whole], states.reshape(-1, bodies)[whole]
+        table = summary_columns(task.places(whole), starts.restitution[whole], outcomes, finals)
+        if self._wanted.lyapunov:
+            table |= exponent_columns(self._sums[whole], outcomes["end_t"])
+        parts.summaries.append((rows[whole], table))
+        if not self._grid.keep.collisions:
+            return
+        # A point that is left out has no rows here.
+        counts = every["kept"].copy()
+        log = self._logs.keep(results.impacts, int(counts.sum()))
+        parts.logged.append(
+            Logged(
+                system=task.system,
+                world=world if task.stack is None else own_records(world),
+                engine=self._engine,
+                points=task.points,
+                counts=counts,
+                log=log,
+                masses=starts.mass,
+                stack=task.stack,
+            )
+        )
+
+    def _solve_alone(self, number: int, point: Point, parts: _Parts) -> None:
+        """Solve one point by itself, or take down why it cannot be solved."""
+        row = np.array([number])
+        bodies = len(self._grid.base.data.get("balls", ()))
+        if point.system is None or point.scenario is None:
+            invalid = not_solved("invalid", point.reason, bodies, self._wanted.lyapunov)
+            parts.summaries.append((row, invalid))
+            return
+        stop = point.scenario.stop
+        try:
+            run = simulate_system(
+                point.system, stop.time, stop.collisions, self._engine, self._wanted
+            )
+            summary = run.summary
+        except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
+            text = f"{type(error).__name__}: {error}"
+            failed = not_solved("failed", text, bodies, self._wanted.lyapunov)
+            parts.summaries.append((row, failed))
+            return
+        parts.summaries.append((row, summary))
+        if self._grid.keep.collisions:
+            log = run.history()["impacts"]
+            counts, points = np.array([len(log)]), self._indices[row]
+            parts.logged.append(Logged(run.system, run.world, run.engine, points, counts, log))
+
+
+def _taken(values: dict[KeyPath, Array], at: Any) -> dict[KeyPath, Array]:
+    return {path: column[at] for path, column in values.items()}
+
+
+def _row(values: dict[KeyPath, Array], at: int) -> dict[KeyPath, Any]:
+    return {path: column[at] for path, column in values.items()}
+
+
+def _in_order(parts: list[tuple[Array, Columns]], count: int) -> Columns:
+    """One summary for all points, in their order."""
+    if len(parts) == 1:  # which has all of them
+        return parts[0][1]
+    rows = np.concatenate([rows for rows, _ in parts])
+    order = np.empty(count, dtype=np.int64)
+    order[rows] = np.arange(count)
+    names = parts[0][1]
+    return {name: _concatenated([table[name] for _, table in parts])[order] for name in names}
+
+
+def _concatenated(columns: list[Any]) -> Any:
+    if any(np.ma.isMaskedArray(column) for column in columns):
+        return np.ma.concatenate(columns)  # type: ignore[no-untyped-call]
+    return np.concatenate(columns)
