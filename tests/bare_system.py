@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibro_cli.mechanics.system import Body, InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.mechanics.trace import Trace
 
 GRAVITY = 9.81
@@ -12,7 +12,7 @@ GRAVITY = 9.81
 
 def bare_system(
     trace: Trace, bodies: tuple[Body, ...], initial: tuple[InitialState, ...], **fields: Any
-) -> System:
+) -> TraceSystem:
     """Return the system of bodies on a trace at rest without walls, k = 1, but for some fields."""
     rest: dict[str, Any] = {
         "gravity": GRAVITY,
@@ -24,4 +24,4 @@ def bare_system(
         "right_end": None,
         "turning": None,
     }
-    return System(trace=trace, bodies=bodies, initial=initial, **{**rest, **fields})
+    return TraceSystem(trace=trace, bodies=bodies, initial=initial, **{**rest, **fields})

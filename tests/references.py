@@ -10,13 +10,14 @@ from typing import Any
 from tests.highprecision.decimals import scene_of_decimals
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.stress.impacts import PLACES, SPEEDS, columns
 from vibro_cli.stress.oracles.reference_solver import Impact, Twin, happenings_of
 from vibro_cli.stress.oracles.scene import Scene, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import amplification
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 FOLDER = Path(__file__).parent / "reference"
 NAMES = tuple(sorted(path.stem for path in FOLDER.glob("*.json")))
@@ -42,7 +43,7 @@ def scenario(name: str) -> Scenario:
 
 
 @cache
-def system(name: str) -> System:
+def system(name: str) -> TraceSystem:
     """The system that the solver gets, in doubles."""
     return build_system(scenario(name))
 
@@ -91,7 +92,7 @@ def mark(quantity: str, row: int) -> float:
     return 1e-12 if row < 9 else 1e-10
 
 
-def solve(name: str, changed: System) -> Run:
+def solve(name: str, changed: TraceSystem) -> Run:
     """Run a changed system with the stop of a reference file."""
     stop = scenario(name).stop
     return simulate_system(changed, stop.time, stop.collisions, "python")

@@ -16,7 +16,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from vibro_cli.assemble import build_system
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.stress.drawing import draw
 
@@ -131,7 +131,7 @@ def _ball(draw: st.DrawFn, trace: dict[str, Any], share: float) -> dict[str, Any
     return ball
 
 
-def possible(document: dict[str, Any]) -> System | None:
+def possible(document: dict[str, Any]) -> TraceSystem | None:
     """The system of a document, None if the mechanics refuse it."""
     try:
         return build_system(scenario_of(document))

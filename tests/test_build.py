@@ -16,14 +16,14 @@ import pytest
 from tests.effort import calls
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.initial_conditions import gap
-from vibro_cli.mechanics.system import InitialState, System, Wall, mechanics_warnings
+from vibro_cli.mechanics.system import InitialState, TraceSystem, Wall, mechanics_warnings
 from vibro_cli.scenario import ScenarioError, load_scenario, parse_scenario
 
 FOLDER = Path(__file__).parent / "impossible_scenarios"
 GALLERY = Path(__file__).parents[1] / "scenarios"
 
 
-def system(data: dict[str, Any]) -> System:
+def system(data: dict[str, Any]) -> TraceSystem:
     return build_system(parse_scenario(json.dumps(data), "json"))
 
 

@@ -18,7 +18,7 @@ from vibro_cli.mechanics.system import (
     INERTIA_RATIO,
     Body,
     InitialState,
-    System,
+    TraceSystem,
     Wall,
     mass_from_density,
 )
@@ -56,10 +56,10 @@ def system_of(
     bodies: tuple[Body, ...],
     initial: tuple[InitialState, ...],
     turning: Turning | None,
-) -> System:
+) -> TraceSystem:
     """Return the system of a scenario from its parts."""
     left, right = scenario.ends.left, scenario.ends.right
-    return System(
+    return TraceSystem(
         gravity=scenario.gravity,
         trace=trace,
         bodies=bodies,
@@ -157,7 +157,7 @@ _MOST_SLOPE = 1e3
 _RATES = (1e-10, 1e10)
 
 
-def build_system(scenario: Scenario) -> System:
+def build_system(scenario: Scenario) -> TraceSystem:
     """Return the system of a scenario, checked against the mechanics.
 
     Raises ScenarioError with every problem: a trace that does not close or meets itself, bodies

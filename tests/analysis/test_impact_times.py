@@ -18,7 +18,7 @@ from vibro_cli.scenario.source import parsed_path
 from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
 from vibro_cli.stress.oracles.scene import Scene, chain, scene_of_system
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene
-from vibro_cli.systems.trace.event_loop import simulate_system
+from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
 

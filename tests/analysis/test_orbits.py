@@ -20,9 +20,9 @@ from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures.analyses import branch_figure
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.scenes import CIRCLE, VALLEY, ball, scene, system_of
-from vibro_cli.systems.trace.event_loop import simulate_system
+from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
 
@@ -30,7 +30,7 @@ FALLING = Path(__file__).parents[2] / "scenarios" / "falling_balls.toml"
 PULL = 9.81 * math.sin(math.radians(30.0))
 
 
-def _falling(upper: float = 1.0) -> System:
+def _falling(upper: float = 1.0) -> TraceSystem:
     system = build_system(load_scenario(FALLING))
     one, other = system.bodies
     return replace(system, bodies=(one, replace(other, mass=upper)))
@@ -165,7 +165,7 @@ def test_a_family_ends_where_an_impact_grazes() -> None:
     first = find_orbit(started(system, np.array(start)), 2)
     assert [word for word in first.shot.word if word == "12"] == ["12", "12"]
 
-    def at(upper: float) -> System:
+    def at(upper: float) -> TraceSystem:
         return replace(system, bodies=(system.bodies[0], replace(other, mass=upper)))
 
     branch = Family(at, first, 1.5, 1.2, 6.0).follow()

@@ -7,7 +7,7 @@ import math
 from tests.bare_system import bare_system
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.mechanics.potential import Turning
-from vibro_cli.mechanics.system import Body, InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.mechanics.trace import ArcShape, Trace
 
 DEGREE = math.pi / 180.0
@@ -33,7 +33,7 @@ def system(
     closed: bool = False,
     body: Body = BALL,
     turning: Turning | None = None,
-) -> System:
+) -> TraceSystem:
     trace = Trace.chain(start * DEGREE, shapes, closed)
     initial = (InitialState(0, trace.pieces[0].angle_start, 0.0),)
     return bare_system(trace, (body,), initial, restitution=(), law="hedrih", turning=turning)

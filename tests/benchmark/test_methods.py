@@ -35,7 +35,7 @@ from vibro_cli.benchmark.scenes import (
     reference_times,
 )
 from vibro_cli.storage.files import write_file
-from vibro_cli.systems.trace.event_loop import simulate_system
+from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
 

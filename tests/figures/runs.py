@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tests.analysis.traces import BALL, hump, line, system, valley
 from vibro_cli.analysis.levels import Landscape
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import ArcShape
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ HALF_PERIOD = 1.0
 class HandMade:
     """The recorded run of one body; what it strikes is outside the picture."""
 
-    system: System
+    system: TraceSystem
     rows: list[dict[str, Any]] = field(default_factory=list)
     struck: list[dict[str, Any]] = field(default_factory=list)
     sampled: list[int] = field(default_factory=list)

@@ -10,11 +10,12 @@ import pytest
 
 from tests.bare_system import bare_system
 from tests.mechanics.kernel_records import ball, three_arcs
-from vibro_cli.mechanics.system import Body, InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.stress.oracles.reference_solver import Twin
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import Real, mp
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 BODIES = (ball(0.1), Body("hoop", 0.08, 1.0, 1.0))
 TRACE = three_arcs()
@@ -32,7 +33,7 @@ TOUCHES = {
 }
 
 
-def system_of(starts: tuple[InitialState, ...]) -> System:
+def system_of(starts: tuple[InitialState, ...]) -> TraceSystem:
     return bare_system(TRACE, BODIES, starts, restitution=(0.8,))
 
 
@@ -47,7 +48,7 @@ def gap_rates(twin: Twin, t: Real) -> tuple[Real, Real]:
     return distance - reach, (dx * vx + dy * vy) / distance
 
 
-def beside(name: str, gap: float) -> System:
+def beside(name: str, gap: float) -> TraceSystem:
     """A state of closest approach: the surfaces a gap apart, at equal speeds along their line."""
     piece_a, place_a, piece_b, speed = TOUCHES[name]
     a = InitialState(piece_a, place_a, speed)
@@ -68,7 +69,7 @@ def beside(name: str, gap: float) -> System:
     return system_of((a, InitialState(piece_b, place, speed_b)))
 
 
-def earlier(system: System) -> System:
+def earlier(system: TraceSystem) -> TraceSystem:
     """The state ``BEFORE`` earlier: forwards with opposite speeds, over no junction."""
     turned = tuple(replace(state, speed=-state.speed) for state in system.initial)
     twin = Twin(scene_of_system(replace(system, initial=turned)))
@@ -81,7 +82,7 @@ def earlier(system: System) -> System:
     return replace(system, initial=tuple(states))
 
 
-def closest(system: System) -> tuple[Real, Real]:
+def closest(system: TraceSystem) -> tuple[Real, Real]:
     """Instant and size of the smallest gap near the closest approach, in high precision."""
     twin = Twin(scene_of_system(system))
     low, high = mp.mpf(BEFORE) - mp.mpf("0.05"), mp.mpf(BEFORE) + mp.mpf("0.05")
@@ -90,7 +91,7 @@ def closest(system: System) -> tuple[Real, Real]:
     return t, gap_rates(twin, t)[0]
 
 
-def meets(system: System) -> Run:
+def meets(system: TraceSystem) -> Run:
     return simulate_system(system, BEFORE + 0.04, 1, "python")
 
 

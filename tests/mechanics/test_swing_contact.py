@@ -19,9 +19,10 @@ from vibro_cli.kernels.numerics.elliptic import (
     set_two_theta_constants,
 )
 from vibro_cli.kernels.world import Flight
-from vibro_cli.mechanics.system import Body, InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=150)
 IMPACTS = 6
@@ -31,14 +32,14 @@ state = st.tuples(st.floats(-1.2, 1.2), st.floats(-2.5, 2.5))
 
 def two(
     a: Body, b: Body, left: tuple[float, float], right: tuple[float, float], k: float
-) -> System:
+) -> TraceSystem:
     initial = (InitialState(0, *left), InitialState(0, *right))
     return bare_system(
         VALLEY, (a, b), initial, restitution=(k,), law="hedrih", inadmissible="normal-impulse"
     )
 
 
-def step_by_step(system: System) -> Run:
+def step_by_step(system: TraceSystem) -> Run:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arc_contact, "swings", lambda flight: False)
         return simulate_system(system, None, IMPACTS, "python")

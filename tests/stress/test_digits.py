@@ -14,7 +14,7 @@ from vibro_cli.stress.finding import Document
 from vibro_cli.stress.oracles.oracle import Told
 from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 HARD = Path(__file__).parents[1] / "hard_cases"
 # Each within seconds for the oracle.

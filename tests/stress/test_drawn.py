@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress import physics
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Plan
@@ -24,7 +24,8 @@ from vibro_cli.stress.physics import (
 )
 from vibro_cli.stress.scenes import VALLEY, GivenUp, Watched, ball, scene, solve, system_of
 from vibro_cli.stress.suite import line_of
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 HARD = Path(__file__).parents[1] / "hard_cases"
 
@@ -103,12 +104,12 @@ def test_faults_are_found(a_run: Run) -> None:
 
 
 def test_the_mirror_image_of_a_good_run(a_run: Run) -> None:
-    def solved(system: System) -> Run:
+    def solved(system: TraceSystem) -> Run:
         return simulate_system(system, 3.0, None, "python")
 
     assert distance_from_image(a_run, solved) == (0.0, 0.0)
 
-    def heavier_image(system: System) -> Run:
+    def heavier_image(system: TraceSystem) -> Run:
         is_image = system.initial[0].position == -0.5
         return solved(replace(system, gravity=system.gravity * (1.01 if is_image else 1.0)))
 
@@ -183,7 +184,7 @@ def test_so_many_scenes_as_asked_for() -> None:
 def test_sequences_at_one_instant_have_mirror_images(name: str) -> None:
     document = tomllib.loads((HARD / f"{name}.toml").read_text(encoding="utf-8"))
 
-    def solved(system: System) -> Run:
+    def solved(system: TraceSystem) -> Run:
         return simulate_system(system, document["stop"]["time"], None)
 
     assert distance_from_image(solved(system_of(document)), solved) == (0.0, 0.0)

@@ -32,7 +32,7 @@ from vibro_cli.kernels.tangent.flight_jacobian import Arrival, find_arrivals
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
 from vibro_cli.kernels.world import CAUSE_NAMES, COLLISION, CROSSING, END_NAMES, START, WALL, Flight
 from vibro_cli.mechanics.initial_conditions import wall_position
-from vibro_cli.mechanics.system import InitialState, System, body_record
+from vibro_cli.mechanics.system import InitialState, TraceSystem, body_record
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.dual import Dual, Floats, change_of, value_of
@@ -92,7 +92,7 @@ def number_at(scenario: Scenario, path: KeyPath) -> float:
     return found
 
 
-def differentiated(scenario: Scenario, paths: Sequence[KeyPath]) -> System:
+def differentiated(scenario: Scenario, paths: Sequence[KeyPath]) -> TraceSystem:
     """Return the system of a scenario whose numbers carry their derivatives to those at paths."""
     unit = np.eye(len(paths))
     values = {
@@ -112,7 +112,7 @@ def differentiated(scenario: Scenario, paths: Sequence[KeyPath]) -> System:
 
 
 def impact_times(
-    scenario: Scenario, system: System, paths: Sequence[KeyPath], count: int, stop_time: float
+    scenario: Scenario, system: TraceSystem, paths: Sequence[KeyPath], count: int, stop_time: float
 ) -> ImpactTimes:
     """Return the first impacts of a motion, and how their instants change with some numbers.
 
@@ -148,7 +148,7 @@ def impact_times(
     )
 
 
-def _arrivals(system: System, stretch: Any) -> Any:
+def _arrivals(system: TraceSystem, stretch: Any) -> Any:
     own = make_world(system, None, None)
     world = with_logs(own, stretch.engine, stretch.logs, stretch.clock)
     arrivals = np.zeros(len(stretch.logs["log"]), dtype=engine.dtype(Arrival))
@@ -176,7 +176,7 @@ class _State:
 class _Walk:
     """Through the events of a run, with numbers that carry derivatives."""
 
-    def __init__(self, varied: System, system: System, size: int) -> None:
+    def __init__(self, varied: TraceSystem, system: TraceSystem, size: int) -> None:
         self._system = varied
         self._size = size
         self._records = [body_record(body) for body in varied.bodies]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vibro_cli.mechanics.potential import Pull, Turning, inside, zeros
-from vibro_cli.mechanics.system import Body, System
+from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics.elementwise import EPSILON
 
@@ -41,7 +41,7 @@ class Landscape:
     """On a trace that turns a height is y − Ω² (x − x₀)²/2g, whose weight is the potential."""
 
     @staticmethod
-    def of(system: System, ball: int) -> Landscape:
+    def of(system: TraceSystem, ball: int) -> Landscape:
         """Return the potential of a body of a system, counted from 1."""
         body = system.bodies[ball - 1]
         raw = Landscape(system.trace, body, system.gravity, 0.0, system.turning)

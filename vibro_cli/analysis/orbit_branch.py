@@ -33,7 +33,7 @@ from vibro_cli.analysis.orbits import (
     started,
 )
 from vibro_cli.assemble import build_system
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.source import parsed_path
 from vibro_cli.systems.trace.tangents import time_scale
@@ -53,7 +53,7 @@ GRAZING = 0.02
 _CHANGE = 1.0e-6
 _BISECTIONS = 36
 
-SystemAt = Callable[[float], System]
+SystemAt = Callable[[float], TraceSystem]
 """The system at a value."""
 
 
@@ -102,7 +102,7 @@ def family_of(scenario: Scenario, found: Orbit, path: str, low: float, high: flo
     """
 
     @lru_cache(maxsize=64)
-    def at(value: float) -> System:
+    def at(value: float) -> TraceSystem:
         return build_system(scenario.replace({path: value}))
 
     try:
@@ -151,7 +151,7 @@ class Family:
         packed: Floats = np.concatenate([state, [period, value]]) * self._units
         return packed
 
-    def _system_of(self, value: float) -> System:
+    def _system_of(self, value: float) -> TraceSystem:
         return self._system if self._system_at is None else self._system_at(value)
 
     def _energy_of(self, value: float) -> float:

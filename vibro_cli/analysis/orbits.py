@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
-from vibro_cli.mechanics.system import InitialState, System
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.mechanics.system import InitialState, TraceSystem
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.tangents import follow_system, time_scale
 
 Floats = NDArray[np.float64]
@@ -61,7 +62,7 @@ class Shot:
 class Orbit:
     """A periodic orbit."""
 
-    system: System
+    system: TraceSystem
     """With its start"""
     period: float
     """s"""
@@ -113,12 +114,12 @@ class Orbit:
         return apart < PARTED
 
 
-def scale_of(system: System) -> Floats:
+def scale_of(system: TraceSystem) -> Floats:
     """What one unit of each number of a state is in metres."""
     return np.tile([1.0, float(time_scale(system))], len(system.bodies))
 
 
-def _lengths(system: System, body: int) -> list[float]:
+def _lengths(system: TraceSystem, body: int) -> list[float]:
     """Length (m) of the path of a body's centre on each piece."""
     radius = system.bodies[body].radius
     return [
@@ -128,7 +129,7 @@ def _lengths(system: System, body: int) -> list[float]:
     ]  # fmt: skip
 
 
-def way_of(system: System, body: int, piece: int, position: float) -> float:
+def way_of(system: TraceSystem, body: int, piece: int, position: float) -> float:
     """Way (m) of a body's centre from the left end of its path."""
     on = system.trace.pieces[piece]
     before = sum(_lengths(system, body)[:piece])
@@ -137,7 +138,7 @@ def way_of(system: System, body: int, piece: int, position: float) -> float:
     return before + on.path_radius(system.bodies[body].radius) * (position - on.angle_start)
 
 
-def place_of(system: System, body: int, way: float) -> tuple[int, float]:
+def place_of(system: TraceSystem, body: int, way: float) -> tuple[int, float]:
     """Piece and position on it of a way."""
     lengths = _lengths(system, body)
     if system.trace.closed:
@@ -154,7 +155,7 @@ def place_of(system: System, body: int, way: float) -> tuple[int, float]:
     return piece, on.angle_start + way / on.path_radius(system.bodies[body].radius)
 
 
-def state_of(system: System) -> Floats:
+def state_of(system: TraceSystem) -> Floats:
     """Ways and speeds at the start of a system."""
     found = []
     for body, one in enumerate(system.initial):
@@ -162,7 +163,7 @@ def state_of(system: System) -> Floats:
     return np.array(found)
 
 
-def started(system: System, state: Floats) -> System:
+def started(system: TraceSystem, state: Floats) -> TraceSystem:
     """Return the system with another start."""
     initial = []
     for body in range(len(system.bodies)):
@@ -171,7 +172,7 @@ def started(system: System, state: Floats) -> System:
     return replace(system, initial=tuple(initial))
 
 
-def velocity(system: System, state: Floats) -> Floats:
+def velocity(system: TraceSystem, state: Floats) -> Floats:
     """Speeds (m/s) and accelerations (m/s^2) of a state without contact."""
     found = []
     for body in range(len(system.bodies)):
@@ -187,7 +188,7 @@ def velocity(system: System, state: Floats) -> Floats:
     return np.array(found)
 
 
-def energy_of(system: System, state: Floats) -> float:
+def energy_of(system: TraceSystem, state: Floats) -> float:
     """Energy (J), potential from the level of the trace's left end."""
     total = 0.0
     for number, body in enumerate(system.bodies):
@@ -200,7 +201,7 @@ def energy_of(system: System, state: Floats) -> float:
     return total
 
 
-def energy_gradient(system: System, state: Floats) -> Floats:
+def energy_gradient(system: TraceSystem, state: Floats) -> Floats:
     """Derivative of the energy to ways (J/m) and speeds (J s/m)."""
     flow = velocity(system, state)
     found = np.empty_like(state)
@@ -230,7 +231,7 @@ def events_of(run: Run) -> list[tuple[float, str, float]]:
     return sorted(found)
 
 
-def shoot(system: System, period: float) -> Shot:
+def shoot(system: TraceSystem, period: float) -> Shot:
     """Follow a motion and its tangent map over a period (s).
 
     Raises
@@ -289,7 +290,7 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     return Orbit(system, period, state, shot, residual_of(system, shot, state, None), orbit.energy)
 
 
-def gap_of(system: System, shot: Shot, state: Floats) -> Floats:
+def gap_of(system: TraceSystem, shot: Shot, state: Floats) -> Floats:
     """End of a motion less its start; whole rounds of a closed trace are none."""
     gap = shot.end - state
     if system.trace.closed:
@@ -299,13 +300,17 @@ def gap_of(system: System, shot: Shot, state: Floats) -> Floats:
     return gap
 
 
-def size_of(system: System, state: Floats) -> float:
+def size_of(system: TraceSystem, state: Floats) -> float:
     """Size (m) of a state, against which a residual is held."""
     return float(np.linalg.norm(state * scale_of(system)))
 
 
 def newton(
-    system: System, state: Floats, period: float, word: tuple[str, ...] | None, energy: float | None
+    system: TraceSystem,
+    state: Floats,
+    period: float,
+    word: tuple[str, ...] | None,
+    energy: float | None,
 ) -> Orbit:
     """Return the periodic orbit near a start.
 
@@ -356,7 +361,7 @@ def newton(
     return Orbit(start, period, state, shot, residual, energy_of(system, state))
 
 
-def residual_of(system: System, shot: Shot, state: Floats, energy: float | None) -> float:
+def residual_of(system: TraceSystem, shot: Shot, state: Floats, energy: float | None) -> float:
     """How far a motion is from closing (and from the energy), as a share of its size."""
     gap = gap_of(system, shot, state) * scale_of(system)
     found = float(np.linalg.norm(gap)) / size_of(system, state)
@@ -368,7 +373,7 @@ def residual_of(system: System, shot: Shot, state: Floats, energy: float | None)
 
 
 def equations(
-    system: System, shot: Shot, state: Floats, energy: float | None
+    system: TraceSystem, shot: Shot, state: Floats, energy: float | None
 ) -> tuple[Floats, Floats]:
     """Rows over the changes of state and period, in metres, and their right side."""
     scale = scale_of(system)
@@ -386,7 +391,7 @@ def equations(
 
 
 def _damped(
-    system: System,
+    system: TraceSystem,
     state: Floats,
     period: float,
     word: tuple[str, ...],
@@ -409,7 +414,9 @@ def _damped(
     return None
 
 
-def nearest_return(system: System, impacts: int | None, longest: float, most: int = 24) -> float:
+def nearest_return(
+    system: TraceSystem, impacts: int | None, longest: float, most: int = 24
+) -> float:
     """Time (s) at which a motion comes nearest to its start, after so many impacts.
 
     Of several numbers of impacts up to ``most``, if none is given, the one with the nearest return.
@@ -445,7 +452,7 @@ def nearest_return(system: System, impacts: int | None, longest: float, most: in
     return best[1]
 
 
-def _positions(system: System, sample: Any, mine: Any) -> Floats:
+def _positions(system: TraceSystem, sample: Any, mine: Any) -> Floats:
     """Positions on their pieces of the rows of a sample: angles, or distances along lines."""
     start = np.array([piece.start_s for piece in system.trace.pieces])
     along = sample["s"][mine] - start[sample["arc"][mine] - 1]
@@ -454,7 +461,10 @@ def _positions(system: System, sample: Any, mine: Any) -> Floats:
 
 
 def find_orbit(
-    system: System, impacts: int | None = None, period: float | None = None, longest: float = 100.0
+    system: TraceSystem,
+    impacts: int | None = None,
+    period: float | None = None,
+    longest: float = 100.0,
 ) -> Orbit:
     """Return the periodic orbit next to the start of a system.
 

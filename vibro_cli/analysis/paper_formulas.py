@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from scipy.special import ellipk, ellipkinc
 
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import VALLEY, Piece
 
 Pair = tuple[float, float]
@@ -170,13 +170,13 @@ def printed_time(swing: Swing, u: float, first: Swing | None = None) -> float:
     return 2.0 / swing.scale * (one + two) + 2.0 / last.scale * three
 
 
-def squared_rate(system: System, ball: int, piece: Piece) -> float:
+def squared_rate(system: TraceSystem, ball: int, piece: Piece) -> float:
     """Return ω² = 2g/κρ (1/s²) of a body (from 1) on an arc, B (50)."""
     body = system.bodies[ball - 1]
     return 2.0 * system.gravity / (body.kappa * piece.path_radius(body.radius))
 
 
-def starting_swing(system: System, ball: int) -> Swing | None:
+def starting_swing(system: TraceSystem, ball: int) -> Swing | None:
     """Return the swing of a body (from 1) from its start; None outside a valley at rest."""
     state = system.initial[ball - 1]
     piece = system.trace.pieces[state.piece]

@@ -33,8 +33,10 @@ from vibro_cli.benchmark.precision import installed_peers
 from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Document, Scene, ball
 from vibro_cli.grids.workers import available_cores
 from vibro_cli.storage.provenance import json_bytes
-from vibro_cli.systems.trace.ensemble import Batch
-from vibro_cli.systems.trace.event_loop import Run, Wanted, empty_results, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
+from vibro_cli.systems.trace.ensemble import Batch, empty_results
+from vibro_cli.systems.wanted import Wanted
 
 Work = TypeVar("Work")
 

@@ -38,15 +38,14 @@ from vibro_cli.grids.workers import (
     impact_density,
     solve_in_threads,
 )
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import any_scenario_of, scenario_of
 from vibro_cli.storage.provenance import json_bytes
 from vibro_cli.storage.tables import Table
 from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import Driver
-from vibro_cli.systems.trace.ensemble import Batch
-from vibro_cli.systems.trace.event_loop import empty_results
+from vibro_cli.systems.trace.ensemble import Batch, empty_results
 from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, impact_columns
 from vibro_cli.systems.trace.grid_solver import Task as Planned
 from vibro_cli.systems.trace.system_template import Setting
@@ -157,7 +156,7 @@ class _Kernels:
 class _Solver:
     """A batch, and the memory of one thread."""
 
-    def __init__(self, system: System, kept: Table | None) -> None:
+    def __init__(self, system: TraceSystem, kept: Table | None) -> None:
         self._batch = Batch(system)
         self._kept = kept
         self._logs, self._pieces = LogSpace(), Pieces()

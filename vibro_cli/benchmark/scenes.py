@@ -13,7 +13,7 @@ from importlib.resources import files
 from typing import Any
 
 from vibro_cli.assemble import build_system
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
 from vibro_cli.stress.scenes import CIRCLE, three_arcs, valley
 
@@ -50,7 +50,7 @@ class Scene:
         }
 
     @cached_property
-    def system(self) -> System:
+    def system(self) -> TraceSystem:
         """The system that every method gets, in doubles."""
         return build_system(scenario_of(self.document))
 
@@ -134,7 +134,7 @@ def computed_reference(scene: Scene) -> dict[str, Any]:
     from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
     from vibro_cli.stress.oracles.scene import scene_of_system
     from vibro_cli.stress.oracles.taylor import mp
-    from vibro_cli.systems.trace.event_loop import simulate_system
+    from vibro_cli.systems.trace import simulate_system
 
     run = simulate_system(scene.system, None, scene.compared, "python")
     impacts = Twin(scene_of_system(scene.system)).follow(happenings_of(run))

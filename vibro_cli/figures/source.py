@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -49,7 +49,7 @@ class Recorded(Protocol):
     """A finished run: the system, its impacts and its flights between events."""
 
     @property
-    def system(self) -> System:
+    def system(self) -> TraceSystem:
         """The system that was solved."""
 
     @property

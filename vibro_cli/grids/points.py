@@ -15,7 +15,7 @@ import numpy as np
 
 from vibro_cli.assemble import build_system
 from vibro_cli.grids.axes import Array, Axis, kind_of
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import Scenario, ScenarioError, scenario_of
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.loading import Document
@@ -102,7 +102,7 @@ class Point:
     """One point that went through the ordinary reader: a scenario, or the reason why not."""
 
     scenario: Scenario | None
-    system: System | None
+    system: TraceSystem | None
     reason: str | None
 
 

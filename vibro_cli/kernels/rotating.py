@@ -18,12 +18,7 @@ from vibro_cli.kernels.contact import (
     rotating_contact,
 )
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, supported
-from vibro_cli.kernels.events import (
-    event_detection,
-    event_handlers,
-    liftoff_slip,
-    rotating_passages,
-)
+from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip, rotating_passages
 from vibro_cli.kernels.events.event_detection import CAUTION
 from vibro_cli.kernels.flow import flight, flow, replay, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import launch_and_log, take_energy
@@ -175,7 +170,7 @@ TURNING = Overrides(
         flight.begin_flight: begin_rotating_flight,
         flight.begin_two_flights: begin_two_flights,
         flight.project: project,
-        event_handlers.rate_by_energy: rate_by_energy,
+        event_loop.rate_by_energy: rate_by_energy,
         contact_kinematics.free_acceleration: free_acceleration,
         contact_kinematics.parts_of_weight: parts_of_weight,
         clusters.launch_group_on_line: rotating_clusters.launch_group_on_line,

@@ -108,7 +108,7 @@ class InitialState:
 
 
 @dataclass(frozen=True)
-class System:
+class TraceSystem:
     """Bodies in order from left to right on a trace, and everything their motion depends on."""
 
     gravity: float
@@ -148,7 +148,7 @@ DRY_FRICTION = 1.0
 """A coefficient of friction that dry surfaces hardly exceed."""
 
 
-def mechanics_warnings(system: System, stop_time: float | None = None) -> tuple[str, ...]:
+def mechanics_warnings(system: TraceSystem, stop_time: float | None = None) -> tuple[str, ...]:
     """Return what a user should know about a sound system before running it, a sentence each.
 
     `stop_time` (s) is when its run ends at the latest.
@@ -185,7 +185,7 @@ def law_warnings(law: str, inadmissible: str, pairs: Sequence[tuple[Body, Body]]
     return warnings
 
 
-def _longest_phase(system: System) -> float:
+def _longest_phase(system: TraceSystem) -> float:
     """Return the time (s) after which a phase in double precision is off by a radian, or inf.
 
     An angle grows at most at a rate of √(φ̇₀² + 4 w²) on an arc, w² = g/(κ ρ).

@@ -12,7 +12,7 @@ from urllib.parse import quote
 import numpy as np
 
 from vibro_cli.figures.source import first_of
-from vibro_cli.mechanics.system import Body, System, mechanics_warnings
+from vibro_cli.mechanics.system import Body, TraceSystem, mechanics_warnings
 from vibro_cli.report.images import figures_of_run
 from vibro_cli.report.papers import analogy, series_rows
 from vibro_cli.report.words import END_CAUSES, LAWS, number, validity
@@ -107,7 +107,7 @@ def key_figures(run: StoredRun) -> list[tuple[str, str]]:
     return [(label, value) for label, value in found if value != "–"]
 
 
-def _rotation(system: System) -> list[tuple[str, str]]:
+def _rotation(system: TraceSystem) -> list[tuple[str, str]]:
     """Return how the trace turns, if it does."""
     turning = system.turning
     if turning is None:

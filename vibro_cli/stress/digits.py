@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.stress.drawing import draw
@@ -37,7 +37,8 @@ from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.physics import first_graze
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.tangents import follow_system, time_scale
 
 MARK = 64.0  # of eps times the amplification
@@ -332,7 +333,7 @@ def smooth_impacts(document: Document) -> int:
     return count if kept else 0
 
 
-def errors_of(system: System, count: int) -> tuple[float, float]:
+def errors_of(system: TraceSystem, count: int) -> tuple[float, float]:
     """Errors of the map after so many impacts and of their instants' derivatives.
 
     Ways (m) and speeds, as the way in the time scale of the system, are compared with one another.

@@ -31,7 +31,7 @@ from vibro_cli.stress.scenes import (
     solve,
     system_of,
 )
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 # Powers of two: sizes and gravity over 12 orders of magnitude, exactly representable.
 SCALES = (-20, -13, -7, 7, 13, 20)

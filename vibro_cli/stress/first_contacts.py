@@ -15,7 +15,7 @@ import numpy as np
 
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.world import NEVER, World
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress import kernels
 from vibro_cli.stress.finding import Document, Finding, Plan
 from vibro_cli.stress.flights import (
@@ -48,8 +48,7 @@ from vibro_cli.stress.oracles.interval_oracle import (
     UNDECIDED,
     judge_all,
 )  # fmt: skip
-from vibro_cli.systems.trace.event_loop import compiled_world
-from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.trace.world import compiled_world, make_world
 
 TOLERANCES = (1.0e-9, 1.0e-12)
 
@@ -113,7 +112,7 @@ def _centre(flight: Any, body: int, place: float) -> tuple[float, float]:
     return x, y
 
 
-def first_contacts(system: System, starts: Any) -> Any:
+def first_contacts(system: TraceSystem, starts: Any) -> Any:
     """The solver's first contact of each start, up to the first end of a flight.
 
     Parameters

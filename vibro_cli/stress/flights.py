@@ -16,7 +16,7 @@ import numpy as np
 
 from vibro_cli.assemble import build_system
 from vibro_cli.compile.native import compiled
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.stress.kernels import ORDER, START_COLUMNS, follow_all
@@ -42,7 +42,7 @@ class Family:
 
     kind: str
     document: Document
-    system: System
+    system: TraceSystem
 
     @property
     def pieces(self) -> tuple[Piece, Piece]:

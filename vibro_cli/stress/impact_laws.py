@@ -33,7 +33,7 @@ from vibro_cli.stress.scenes import (
     system_of,
 )
 from vibro_cli.stress.symmetry import mirrored
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 COEFFICIENTS = (0.0, 1.0e-300, 0.05, 0.5, 0.8, 0.95, 0.999, 1.0 - 2.0**-53)
 QUANTITY = "error of {} loss (ulp, beyond the rounding of the relative speeds)"

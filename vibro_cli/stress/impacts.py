@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
@@ -40,7 +40,8 @@ from vibro_cli.stress.scenes import (
     solve,
     system_of,
 )
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 # Name in the collision table: name in the reference files, and how the twin has it.
 SPEEDS: dict[str, tuple[str, Callable[[Impact], Any]]] = {
@@ -187,7 +188,7 @@ def _scene(rng: np.random.Generator, number: int) -> Document:
 KINDS = ("ball", "disk", "hollow_ball", "hoop")
 
 
-def _solve(system: System) -> Run:
+def _solve(system: TraceSystem) -> Run:
     return simulate_system(system, LONGEST, FIRST, "python")
 
 
@@ -216,7 +217,7 @@ class _Flight:
     """
 
     def __init__(
-        self, system: System, twin: Twin, event: Happening, last: Happening | None
+        self, system: TraceSystem, twin: Twin, event: Happening, last: Happening | None
     ) -> None:
         places = [twin.at(number, twin.t) for number in range(len(system.bodies))]
         states = [InitialState(now.piece, float(now.place), float(now.speed)) for now in places]
@@ -250,7 +251,7 @@ class _Flight:
         return float(error / twin.t), float(EPSILON * moved / abs(speed) / twin.t)
 
 
-def _first_event(system: System, told: Happening) -> Any:
+def _first_event(system: TraceSystem, told: Happening) -> Any:
     """The solver's instant of the first event of a kind."""
     run = simulate_system(system, 2.0 * told.t, 1, "python")
     if told.kind == "impact":
@@ -260,7 +261,7 @@ def _first_event(system: System, told: Happening) -> Any:
     return mp.mpf(float(events["t"][same][0])) if same.any() else mp.inf
 
 
-def _as_document(document: Document, system: System) -> Document:
+def _as_document(document: Document, system: TraceSystem) -> Document:
     """The scenario of a system that differs from a scenario's in its start alone."""
     balls = []
     for old, state in zip(document["balls"], system.initial, strict=True):

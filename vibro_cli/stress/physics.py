@@ -17,13 +17,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.left_open import size_of_places
 from vibro_cli.stress.oracles.sensitivity import neighbouring
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 # m, at sizes of a few metres: what rounding of places may do.
 OVERLAP = 1.0e-12
@@ -185,7 +186,7 @@ def standing(run: Run, motion: Motion) -> list[Fault]:
 
 def _pull(run: Run, motion: Motion, row: int, body: int) -> float:
     """Force of gravity and turning along the trace (N/kg)."""
-    system: System = run.system
+    system: TraceSystem = run.system
     piece = system.trace.pieces[int(motion.arc[row, body]) - 1]
     slope = piece.start_slope
     if not piece.is_line:
@@ -320,7 +321,7 @@ LOST = 1.0e-3
 Solve = Any  # a function of a system that returns its run
 
 
-def mirrored_system(system: System) -> System:
+def mirrored_system(system: TraceSystem) -> TraceSystem:
     """The mirror image of any system: right for left."""
     pieces = system.trace.pieces
     starts = []
@@ -495,7 +496,7 @@ def faults_of_document(document: Document, engine: str = "compiled") -> list[Fau
     """What is wrong with the run of a document."""
     stop = document["stop"]
 
-    def solve(system: System) -> Run:
+    def solve(system: TraceSystem) -> Run:
         begin = time.process_time()
         run = simulate_system(system, stop.get("time"), stop.get("collisions"))
         if (taken := time.process_time() - begin) > SECONDS:

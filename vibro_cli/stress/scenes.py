@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from vibro_cli.assemble import build_system
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import ScenarioError, scenario_of
 from vibro_cli.stress.finding import Document
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 GRAVITY = 9.81
 CIRCLE: Document = {
@@ -66,7 +67,7 @@ def scene(
     return document
 
 
-def system_of(document: Document) -> System:
+def system_of(document: Document) -> TraceSystem:
     """The system of a document."""
     return build_system(scenario_of(document))
 

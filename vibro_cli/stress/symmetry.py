@@ -10,7 +10,8 @@ import numpy as np
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.scenes import THREE_ARCS, VALLEY, ball, scene, solve, system_of
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 
 def check_symmetry(plan: Plan) -> list[Finding]:

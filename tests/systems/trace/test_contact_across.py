@@ -16,7 +16,7 @@ from mpmath import mpf
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import load_scenario
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 SCENARIO = Path(__file__).parents[3] / "scenarios" / "three_arcs.toml"
 DIGITS = 50

@@ -11,7 +11,7 @@ import pytest
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import scenario_of
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 pytestmark = pytest.mark.usefixtures("no_hang")
 EPSILON = 2.0**-52

@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from tests.strategies import ENGINE, FEWER, NUMBERS, SETTINGS, drawn
 from tests.systems.trace.test_continuing import assert_same_results
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.physics import judge
 from vibro_cli.stress.scenes import system_of
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.usefixtures("no_hang")
 # The interpreter would take minutes for some of the accumulations.
@@ -29,7 +30,7 @@ def test_a_run_ends_and_obeys_mechanics(number: int) -> None:
     assert judged(drawn(number)) == []
 
 
-def solve(system: System, time: float, engine: str) -> Run:
+def solve(system: TraceSystem, time: float, engine: str) -> Run:
     return simulate_system(system, time, MOST_IMPACTS, engine)
 
 

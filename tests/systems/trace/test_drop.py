@@ -9,7 +9,7 @@ from mpmath import mpf
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import scenario_of
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 GRAVITY, VALLEY, RADIUS, K = 9.81, 1.0, 0.1, 0.5
 STOP = 40.0

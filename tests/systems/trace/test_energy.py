@@ -13,7 +13,7 @@ from vibro_cli.api import load_scenario, simulate
 from vibro_cli.scenario import Scenario, scenario_of
 from vibro_cli.stress.oracles.scene import Scene, scene_of_system
 from vibro_cli.stress.oracles.taylor import Real, mp
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
 IMPACTS = 100_000

@@ -13,7 +13,7 @@ import pytest
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems import driver
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))

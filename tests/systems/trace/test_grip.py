@@ -10,7 +10,7 @@ import pytest
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import scenario_of
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 STEP = 1e-5  # of the differences that give accelerations
 

@@ -12,7 +12,7 @@ from scipy.integrate import quad, solve_ivp
 
 from vibro_cli.api import simulate
 from vibro_cli.scenario import load_scenario, scenario_of
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 CASES = Path(__file__).parents[2] / "hard_cases"
 

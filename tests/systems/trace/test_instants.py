@@ -19,11 +19,12 @@ from vibro_cli.kernels.impact.chattering import press_speeds
 from vibro_cli.kernels.impact.impulse_chain import apply_impulses
 from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE
 from vibro_cli.kernels.world import World
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import load_scenario, scenario_of
 from vibro_cli.stress.impact_laws import _Pendulum, _to_contact
 from vibro_cli.stress.physics import distance_from_image
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.world import make_world
 
 CASES = Path(__file__).parents[2] / "hard_cases"
@@ -177,7 +178,7 @@ def test_mirror_image_of_a_row_that_is_hit(name: str) -> None:
     system = build_system(scenario)
     stop = scenario.stop.time
 
-    def solve(one: System) -> Run:
+    def solve(one: TraceSystem) -> Run:
         return simulate_system(one, stop, None, "python")
 
     assert distance_from_image(solve(system), solve) == (0.0, 0.0)

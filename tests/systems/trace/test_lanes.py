@@ -10,10 +10,9 @@ import pytest
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.ensemble.points import Points, Results
 from vibro_cli.kernels.world import LOG_FULL, NEVER
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
-from vibro_cli.systems.trace.ensemble import Batch, make_points
-from vibro_cli.systems.trace.event_loop import empty_results
+from vibro_cli.systems.trace.ensemble import Batch, empty_results, make_points
 
 CIRCLE: dict[str, Any] = {
     "start_slope": "-160 deg",
@@ -39,7 +38,7 @@ TRACES: dict[str, dict[str, Any]] = {
 POINTS = 400
 
 
-def _system(trace: dict[str, Any], law: str, radius: float) -> System:
+def _system(trace: dict[str, Any], law: str, radius: float) -> TraceSystem:
     ball = {"radius": 0.1, "density": 7800.0, "arc": 1}
     balls = [ball | {"angle": -0.7}, ball | {"angle": 0.5, "radius": radius}]
     document = {

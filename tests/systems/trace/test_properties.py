@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 
 from tests.strategies import ENGINE, FEWER, SETTINGS, mirrored, possible, scenarios
 from tests.systems.trace.test_continuing import assert_same_results
-from vibro_cli.mechanics.system import InitialState, System
+from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.stress.oracles.sensitivity import CHANGE, amplification
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 EPSILON = 2.0**-52
 pytestmark = pytest.mark.usefixtures("no_hang")
@@ -214,7 +215,7 @@ def test_energy_is_kept_without_losses(document: dict[str, Any]) -> None:
     assert abs(record["energy_end"] - record["energy_start"]) <= 1e-14 * record["energy_start"]
 
 
-def first_times(system: System) -> dict[str, list[float]]:
+def first_times(system: TraceSystem) -> dict[str, list[float]]:
     """Times of the first impacts, and where they happened."""
     table = simulate_system(system, TIME, 4, ENGINE).collisions
     return {"t": table["t"].tolist(), "s": table["s_a"].tolist()}
@@ -348,7 +349,7 @@ def states(run: Run) -> tuple[InitialState, ...]:
     return tuple(found)
 
 
-def back_home(system: System, time: float) -> dict[str, list[float]]:
+def back_home(system: TraceSystem, time: float) -> dict[str, list[float]]:
     """Where a system is after a time."""
     record = simulate_system(system, time, None, ENGINE).summary_record()
     names = ("s", "speed")
@@ -356,7 +357,7 @@ def back_home(system: System, time: float) -> dict[str, list[float]]:
     return {name: [record[f"{name}_{ball + 1}"] for ball in range(count)] for name in names}
 
 
-def slightly_elsewhere(system: System) -> Iterator[System]:
+def slightly_elsewhere(system: TraceSystem) -> Iterator[TraceSystem]:
     """The system with each place and speed of its start changed by as much, however small it is.
 
     The end of a run is rounded as the motion before it was, also where a body is slow at a crest.

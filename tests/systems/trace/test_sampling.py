@@ -15,7 +15,7 @@ from vibro_cli.api import load_scenario, simulate
 from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
 from vibro_cli.stress.oracles.scene import scene_of_system
 from vibro_cli.stress.oracles.taylor import mp
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
 EPSILON = 2.0**-52

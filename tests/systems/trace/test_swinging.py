@@ -9,7 +9,7 @@ import pytest
 
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.world import LOGS
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.trace.event_loop import LOOP
@@ -23,7 +23,9 @@ CHAIN = [
 ]
 
 
-def _system(arcs: list[dict[str, Any]], angles: tuple[float, float], **collision: Any) -> System:
+def _system(
+    arcs: list[dict[str, Any]], angles: tuple[float, float], **collision: Any
+) -> TraceSystem:
     ball = {"radius": 0.1, "density": 7800.0, "arc": 1}
     second = {"radius": 0.13 if collision["law"] == "hedrih" else 0.1, "density": 2700.0}
     return build_system(
@@ -40,7 +42,7 @@ def _system(arcs: list[dict[str, Any]], angles: tuple[float, float], **collision
     )
 
 
-def _run(system: System, engine: str) -> Driver:
+def _run(system: TraceSystem, engine: str) -> Driver:
     driver = Driver(LOOP, make_world(system, None, 300), engine)
     driver.run()
     return driver

@@ -20,7 +20,7 @@ from vibro_cli.kernels.tangent.flight_jacobian import swing_jacobian
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
 from vibro_cli.kernels.tangent.rotating_jacobian import flight_jacobian
 from vibro_cli.kernels.world import Flight
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.folders import write_run
 from vibro_cli.stress.oracles.reference_solver import Happening, Twin, happenings_of
@@ -29,8 +29,9 @@ from vibro_cli.stress.oracles.sensitivity import differences
 from vibro_cli.stress.oracles.taylor import ArcMotion, mp
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems import driver
-from vibro_cli.systems.trace.event_loop import Wanted, simulate_system
+from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.tangents import follow_system, time_scale
+from vibro_cli.systems.wanted import Wanted
 
 pytestmark = pytest.mark.long
 
@@ -276,7 +277,7 @@ def test_a_run_in_several_stretches_is_one_run(monkeypatch: pytest.MonkeyPatch) 
         np.testing.assert_array_equal(getattr(whole, field), getattr(parts, field))
 
 
-def _by_neighbours(system: System, end: float, change: float) -> Any:
+def _by_neighbours(system: TraceSystem, end: float, change: float) -> Any:
     """The map by differences of the solver's own runs, in doubles."""
 
     def state(component: int, by: float) -> list[float]:
@@ -332,7 +333,7 @@ def test_joint_impacts_are_marked() -> None:
     assert np.isfinite(found.amplification).all()
 
 
-def _falling(rng: np.random.Generator) -> System:
+def _falling(rng: np.random.Generator) -> TraceSystem:
     """Two particles that fall onto a floor, the heavier one below: chaotic."""
     places = (rng.uniform(0.2, 0.8), rng.uniform(1.2, 2.0))
     balls = [
@@ -360,7 +361,7 @@ def _told(run: Any) -> list[Happening]:
     return told
 
 
-def _true_errors(system: System, run: Any) -> list[float]:
+def _true_errors(system: TraceSystem, run: Any) -> list[float]:
     """Error of both states after each impact at one time, as a share of the start's size."""
     tau = float(time_scale(system))
     found, errors = run.collisions, []

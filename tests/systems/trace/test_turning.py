@@ -25,7 +25,8 @@ from vibro_cli.scenario import load_scenario, parse_scenario
 from vibro_cli.stress.impacts import QUANTITIES, SPEEDS, solved
 from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
 from vibro_cli.stress.oracles.scene import scene_of_system
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 SCENES = {"circle": on_circle(), "three arcs": on_three_arcs(), "lines": on_lines()}
 

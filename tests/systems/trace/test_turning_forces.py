@@ -22,19 +22,19 @@ from vibro_cli.kernels.cluster.clusters import (
     launch_group,
     launch_group_on_line,
     limit_by_lift_off,
-    normal_force_now,
     set_group_flow,
     set_release,
 )
 from vibro_cli.kernels.cluster.collocation import launch_across
 from vibro_cli.kernels.cluster.rotating_clusters import normal_harmonics
+from vibro_cli.kernels.cluster.trace_forces import normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import set_normals, set_speed
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
 from vibro_cli.kernels.numerics.trigonometric_polynomial import harmonic_value
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.world import World
-from vibro_cli.systems.trace import world as records_of_trace
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import SYSTEM
 
 pytestmark = pytest.mark.long
 
@@ -210,7 +210,7 @@ def integrated(monkeypatch: pytest.MonkeyPatch) -> Any:
     variant = Overrides("integrated", {**kept, launch_group: launch_across})
 
     def solved(scene: dict[str, Any]) -> Run:
-        monkeypatch.setattr(records_of_trace, "overrides_of", lambda _: variant)
+        monkeypatch.setattr(SYSTEM, "overrides", lambda _: variant)
         return run(scene)
 
     return solved
@@ -268,7 +268,7 @@ def compared(world: World, first: int, count: int) -> None:
 def test_normal_forces_of_a_group_are_those_of_its_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
     COMPARED.clear()
     variant = Overrides("compared", {**TURNING.replaced, limit_by_lift_off: compared})
-    monkeypatch.setattr(records_of_trace, "overrides_of", lambda _: variant)
+    monkeypatch.setattr(SYSTEM, "overrides", lambda _: variant)
     scene = up_a_loop(0.7, 2.0)
     scene["balls"].append(scene["balls"][1] | {"density": 3000})
     run(scene)

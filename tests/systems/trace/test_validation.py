@@ -10,9 +10,9 @@ import pytest
 
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL, impact_of_pair
 from vibro_cli.kernels.world import BodyData
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.scenes import ball, scene, system_of, valley
-from vibro_cli.systems.trace.event_loop import simulate_system
+from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.tangents import follow_system
 
 Rows = list[tuple[float, float, float]]  # mass, position, speed
@@ -20,7 +20,7 @@ Rows = list[tuple[float, float, float]]  # mass, position, speed
 
 def _on_line(
     bodies: Rows, k: float = 1.0, wall: float | None = None, slope: str = "0 deg"
-) -> System:
+) -> TraceSystem:
     """Particles on one long line, with a wall at its left end or none."""
     balls = [
         {"body": "particle", "radius": 0.05, "mass": mass, "arc": 1, "position": x, "speed": v}
@@ -33,7 +33,7 @@ def _on_line(
     return system_of(document)
 
 
-def _count(system: System, time: float = 1.0e5) -> int:
+def _count(system: TraceSystem, time: float = 1.0e5) -> int:
     """Impacts of bodies, and with walls."""
     run = simulate_system(system, time, None)
     return len(run.collisions["n"]) + int(np.sum(run.events["event"] == "wall"))
@@ -89,7 +89,7 @@ def test_three_equal_balls_collapse_below_a_bound(beside: float, real: bool) -> 
     assert bool(np.trace(matrix) ** 2 >= 4.0 * np.linalg.det(matrix)) is real
 
 
-def _falling(lower: float, upper: float, start: float = 0.4) -> System:
+def _falling(lower: float, upper: float, start: float = 0.4) -> TraceSystem:
     bodies = [(lower, start, 0.3), (upper, 1.3, -0.2)]
     return _on_line(bodies, 1.0, 1.0, "30 deg")
 

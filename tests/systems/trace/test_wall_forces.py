@@ -13,7 +13,8 @@ from vibro_cli.kernels.cluster.trace_forces import AT_TIME, set_forces
 from vibro_cli.kernels.world import Flight, World
 from vibro_cli.mechanics.system import InitialState
 from vibro_cli.scenario import scenario_of
-from vibro_cli.systems.trace.event_loop import Run, simulate_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
 
 GRAVITY = 9.81
 RADII, MASSES = (0.1, 0.2, 0.1), (1.0, 2.0, 0.5)

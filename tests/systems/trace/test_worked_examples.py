@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from vibro_cli.api import load_scenario, simulate
-from vibro_cli.systems.trace.event_loop import Run
+from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"
 # (coefficient of the larger ball, of the smaller one, J_P larger/J_P smaller, speeds, k)

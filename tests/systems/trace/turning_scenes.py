@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from vibro_cli.assemble import build_system
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import parse_scenario
 
 CIRCLE = [{"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}]
@@ -75,5 +75,5 @@ def on_lines(**more: Any) -> dict[str, Any]:
     return data(LINES, balls, {"x": 1.3, "rate": 1.2}, "-60 deg", **({"collision": law} | more))
 
 
-def system(scenario: dict[str, Any]) -> System:
+def system(scenario: dict[str, Any]) -> TraceSystem:
     return build_system(parse_scenario(json.dumps(scenario), "json"))

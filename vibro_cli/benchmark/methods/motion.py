@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 
 INSIDE = 4e-16
 """A body that has just crossed is put so far (rad) inside its new arc: an event function that is
@@ -37,7 +37,7 @@ class Motion:
         What moves; arcs only, the laws ``hedrih`` and ``normal-impulse``.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: TraceSystem) -> None:
         self.gravity = system.gravity
         self.arcs = [
             Arc(p.sign, *p.center, p.angle_start, p.angle_end) for p in system.trace.pieces

@@ -11,10 +11,10 @@ from vibro_cli.benchmark.methods.runner import Course, Lost, Method, Runner, Set
 from vibro_cli.benchmark.scenes import Scene
 from vibro_cli.kernels.ensemble.points import Points
 from vibro_cli.kernels.world import NEVER
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.driver import Driver
-from vibro_cli.systems.trace.ensemble import Batch, make_points
-from vibro_cli.systems.trace.event_loop import LOOP, empty_results
+from vibro_cli.systems.trace.ensemble import Batch, empty_results, make_points
+from vibro_cli.systems.trace.event_loop import LOOP
 from vibro_cli.systems.trace.world import half_angle, make_world
 
 COMPILED = "vibro"
@@ -44,7 +44,7 @@ class DriverRunner(Runner):
     """
 
     def __init__(
-        self, system: System, engine: str, keep: bool = False, most: int | None = None
+        self, system: TraceSystem, engine: str, keep: bool = False, most: int | None = None
     ) -> None:
         self._system, self._engine, self._keep, self._most = system, engine, keep, most
         self._motion = Motion(system)
@@ -110,7 +110,7 @@ class BatchRunner(Runner):
         Impacts after which the motion is begun again, if it ends.
     """
 
-    def __init__(self, system: System, most: int | None) -> None:
+    def __init__(self, system: TraceSystem, most: int | None) -> None:
         self._system, self._most = system, most
         self._batch = Batch(system)
 
@@ -136,7 +136,7 @@ class BatchRunner(Runner):
         return Course(times, int(every["collisions"].sum()), int(every["crossings"].sum()))
 
 
-def points_of(system: System, count: int, impacts: int) -> Points:
+def points_of(system: TraceSystem, count: int, impacts: int) -> Points:
     """Return so many points of a system, all with its own starts and so many impacts each."""
     pieces = [start.piece for start in system.initial]
     halves = [

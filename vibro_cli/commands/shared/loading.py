@@ -15,7 +15,7 @@ from vibro_cli.commands.shared.options import scenario_files
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
     from vibro_cli.grids.document import Grid
-    from vibro_cli.mechanics.system import System
+    from vibro_cli.mechanics.system import TraceSystem
     from vibro_cli.scenario import Scenario
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.folders import EarlierRun
@@ -31,7 +31,7 @@ class Refused:
     error: CommandError
 
 
-def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "System"]:
+def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "TraceSystem"]:
     """The scenario of a trace with the system it describes.
 
     Raises `CommandError` with every problem of it, or if it is of another system.
@@ -39,7 +39,7 @@ def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "System"]:
     from vibro_cli.assemble import build_system
     from vibro_cli.scenario import load_scenario
 
-    def read() -> tuple["Scenario", "System"]:
+    def read() -> tuple["Scenario", "TraceSystem"]:
         scenario = load_scenario(source, overrides)
         return scenario, build_system(scenario)
 

@@ -16,7 +16,7 @@ from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.labels import line_of_entries
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Trace
 
 _COLUMNS = {"single": 2, "double": 4}
@@ -95,7 +95,7 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
     return figure
 
 
-def draw_ends(axes: Axes, system: System, high: float) -> None:
+def draw_ends(axes: Axes, system: TraceSystem, high: float) -> None:
     """Draw the walls at the ends of a trace, of a height (m)."""
     first, last = system.trace.pieces[0], system.trace.pieces[-1]
     ends = (first, first.angle_start, system.left_end), (last, last.angle_end, system.right_end)

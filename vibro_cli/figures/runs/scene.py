@@ -23,7 +23,7 @@ from vibro_cli.figures.runs.plan import draw_ends, trace_points, visited
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.mechanics.potential import Turning
-from vibro_cli.mechanics.system import PARTICLE, Body, System
+from vibro_cli.mechanics.system import PARTICLE, Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
 
 _LEFT = 11.0
@@ -358,7 +358,7 @@ def _states(run: Moving, times: Array) -> tuple[Array, Array]:
     return s.reshape(shape), speed.reshape(shape)
 
 
-def small_periods(system: System) -> list[float]:
+def small_periods(system: TraceSystem) -> list[float]:
     """Return the periods (s) of small oscillations on the arcs, shorter where the trace turns.
 
     Without an arc or gravity that of a pendulum as long as the trace, or 1 s.

@@ -13,10 +13,9 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.cluster.trace_forces import normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import (
-    centre_position,
     line_of_centres,
-    parts_of_weight,
     set_normals,
     set_speed,
     tangent,
@@ -192,37 +191,6 @@ def _normal_force(world: World, first: int, count: int, step: int) -> tuple[floa
         b += v * lever
         c += u * lever
     return a, b, c
-
-
-@kernel
-def normal_force_now(world: World, first: int, count: int, step: int) -> float:
-    """Normal force (N) of a member whose state, speed and contact forces (``solution``) are set."""
-    settings = world.settings[0]
-    ball = (first + step) % settings.bodies
-    flight = world.flights[ball]
-    piece = world.pieces[flight.piece]
-    track = world.tracks[ball * settings.pieces + flight.piece]
-    tx, ty = tangent(world, ball)
-    x, _ = centre_position(piece, track, flight.s, flight.c)
-    _, onto = parts_of_weight(world, x, ty, tx)
-    force = world.bodies[ball].mass * onto
-    if piece.sign != 0.0:
-        central = flight.speed * flight.speed / track.path_radius
-        force += piece.sign * world.bodies[ball].mass * central
-    if step > 0:
-        force -= _pushed_across(world, (first + step - 1) % settings.pairs, ball)
-    if step < count - 1:
-        force += _pushed_across(world, ball, ball)
-    return force
-
-
-@kernel
-def _pushed_across(world: World, j: int, ball: int) -> float:
-    """Part of the force of a contact (N) along the normal of a body's path."""
-    pair = world.pairs[j]
-    dx, dy = line_of_centres(world, j)
-    tx, ty = tangent(world, ball)
-    return pair.solution * (dy * tx - dx * ty) / pair.distance
 
 
 @kernel

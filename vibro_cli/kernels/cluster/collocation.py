@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import SERIES_LENGTH, Series, kernel
-from vibro_cli.kernels.cluster.clusters import normal_force_now
+from vibro_cli.kernels.cluster.trace_forces import normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import free_acceleration, set_normals
 from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_to
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, path_on_segment, polynomial_flow

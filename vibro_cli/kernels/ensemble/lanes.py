@@ -4,7 +4,7 @@ The sums of ``kernels.statistics.run_statistics`` for librations that one impact
 ends; what bounds
 do not decide there is left to it: the lane fails.
 
-The operations of ``kernels.events.event_handlers`` and ``kernels.flow.flight`` for an impact
+The operations of ``kernels.events.event_loop`` and ``kernels.flow.flight`` for an impact
 between librations
 that are not near a crest or an end of the arc, and whose bounces are not small, without jumps.
 

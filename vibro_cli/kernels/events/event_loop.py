@@ -1,30 +1,382 @@
-"""The event loop: to the next event, carry it out, again."""
+"""The event loop: to the next event, carry it out, again; and what an event changes."""
 
 from __future__ import annotations
 
+import math
+
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.cluster.contact_changes import count_corrections, launch_chain, settle
+from vibro_cli.kernels.cluster.collocation import SEGMENT_END
+from vibro_cli.kernels.cluster.contact_changes import (
+    close_accumulated,
+    count_corrections,
+    launch_chain,
+    open_contacts,
+    relaunch_run,
+    settle,
+)
 from vibro_cli.kernels.contact.contact_kinematics import (
     CONTACT_ROUNDING,
+    bounce_is_lost,
+    last_row_of,
+    lifted_body,
     present_gap,
     set_normals,
     set_speed,
 )
 from vibro_cli.kernels.events.event_detection import first_contact
-from vibro_cli.kernels.events.event_handlers import collide, leave_piece, release
-from vibro_cli.kernels.impact.event_log import log_contacts
+from vibro_cli.kernels.events.simultaneous_impacts import (
+    collide_jointly,
+    complete_inadmissible,
+    energy_of_chain,
+)
+from vibro_cli.kernels.flow.flight import (
+    LIFT_OFF,
+    anchor_at_crest,
+    begin_flight,
+    begin_two_flights,
+    bring_to,
+    head_from_state,
+    is_same_instant,
+    place_at,
+    project,
+    set_arc_energy,
+)
+from vibro_cli.kernels.impact.chattering import FORCED
+from vibro_cli.kernels.impact.event_log import log_contacts, log_impact, parts
+from vibro_cli.kernels.impact.impulse_chain import chain_of_contacts, held_run, row_from
+from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, impact_of_pair
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.world import (
+    COLLISION,
+    CROSSING,
+    END_COLLISIONS,
+    END_INADMISSIBLE,
+    END_LIFT_OFF,
     END_NO_MORE_COLLISIONS,
+    END_OF_TRACE,
     END_REST,
     END_TIME,
     LOG_FULL,
     NEVER,
+    PARTING,
+    RELEASED,
     RUNNING,
+    SEGMENT,
     START,
+    WALL,
     Clock,
+    Flight,
+    PairData,
+    TrackData,
     World,
 )
+
+# Below this share of the whole energy, a speed is carried over a junction instead of the energy.
+SLOW_CROSSING = 1.0e-2
+
+
+@kernel
+def collide(world: World, j: int) -> int:
+    """Carry out the impact of pair ``j`` at its contact time.
+
+    Return the cause of an end, or RUNNING.
+    """
+    settings = world.settings[0]
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    clock.t = pair.contact_t
+    clock.t_low = pair.contact_t_low
+    first = j
+    count = 1
+    if settings.bodies > 2:
+        first, count = chain_of_contacts(world, j)
+    bound = _is_bound(world, pair.a, pair.a_s, pair.a_c)
+    if count > 1 or bound or _is_bound(world, pair.b, pair.b_s, pair.b_c):
+        at_once = clock.t == pair.begin_t and clock.t_low == pair.begin_t_low
+        if at_once and (pair.touching == PARTING or pair.touching == RELEASED):
+            # Launched in contact, and in one another at once: without an impact they press.
+            pair.pressing = FORCED
+        cause = collide_jointly(world, first, count)
+    else:
+        cause = _collide_alone(world, j)
+    if cause == RUNNING and clock.collisions >= settings.stop_collisions:
+        return END_COLLISIONS
+    return cause
+
+
+@kernel
+def _is_bound(world: World, ball: int, s: float, c: float) -> bool:
+    """Tell whether an impact of a body at a place is not one of two free bodies.
+
+    It may depend on a contact that lasts, on a wall at which it rests, or on an earlier impact of
+    this instant.
+    """
+    clock = world.clock[0]
+    flight = world.flights[ball]
+    again = flight.impacts > 0 and is_same_instant(flight, clock.t, clock.t_low, s, c)
+    return flight.grouped == 1 or flight.wall_side != 0 or again
+
+
+@kernel
+def _collide_alone(world: World, j: int) -> int:
+    """Impact of two bodies that touch no other one."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    body_a = world.bodies[pair.a]
+    body_b = world.bodies[pair.b]
+    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    if a.frequency > 0.0:
+        pair.a_s, pair.a_c, pair.a_p = project(a, pair.a_s, pair.a_c, pair.a_p)
+    if b.frequency > 0.0:
+        pair.b_s, pair.b_c, pair.b_p = project(b, pair.b_s, pair.b_c, pair.b_p)
+    place_at(a, pair.contact_t, pair.contact_t_low, pair.a_s, pair.a_c, pair.a_p)
+    place_at(b, pair.contact_t, pair.contact_t_low, pair.b_s, pair.b_c, pair.b_p)
+    set_normals(world, j)
+    a.speed = track_a.speed_factor * pair.a_p
+    b.speed = track_b.speed_factor * pair.b_p
+    law = settings.law
+    wa, wb, loss = impact_of_pair(
+        law, pair.restitution, body_a, body_b, pair.normal_a, pair.normal_b, a.speed, b.speed
+    )
+    substituted = 0
+    # What the law leaves of the speeds is rounded as they were before it.
+    admissible = parts(pair, wa, wb, abs(a.speed) + abs(b.speed))
+    if admissible == 0 and settings.substitute == 1:
+        law = NORMAL_IMPULSE
+        substituted = 1
+        wa, wb, loss = impact_of_pair(
+            law, pair.restitution, body_a, body_b, pair.normal_a, pair.normal_b, a.speed, b.speed
+        )
+    row = world.impacts[clock.impact_rows]
+    log_impact(world, j, wa, wb, law, loss)
+    row.substituted = substituted
+    row.admissible = admissible
+    row.head_a_pre = a.head
+    row.head_b_pre = b.head
+    if admissible == 0 and substituted == 0:
+        complete_inadmissible(world, row)
+        return END_INADMISSIBLE
+    if settings.one_sided == 1:
+        lifted = lifted_body(world, j)
+        if lifted >= 0:
+            clock.last_ball = lifted
+            complete_inadmissible(world, row)
+            return END_LIFT_OFF
+    a.p = wa / track_a.speed_factor
+    b.p = wb / track_b.speed_factor
+    a.speed = wa
+    b.speed = wb
+    _share_energy(world, pair, loss)
+    pair.touching = PARTING
+    if close_accumulated(world, j, 1):
+        # The row has the energy of all further bounces, which have none of their own.
+        before = body_a.weight * a.head + body_b.weight * b.head
+        row.contact = 1
+        row.loss += pair.closing_loss
+        after = energy_of_chain(world, j, 1)
+        clock.energy_correction += abs(before - pair.closing_loss - after)
+    row.head_a_post = a.head
+    row.head_b_post = b.head
+    return RUNNING
+
+
+@kernel
+def _share_energy(world: World, pair: PairData, loss: float) -> None:
+    """Give both bodies their energies after an impact, so that the sum keeps the law exactly.
+
+    The body with less energy takes it from its state, the other one the rest; what that corrects is
+    added up. A tie is shared evenly, so that mirror images stay mirror images.
+    """
+    settings = world.settings[0]
+    a = world.flights[pair.a]
+    b = world.flights[pair.b]
+    body_a = world.bodies[pair.a]
+    body_b = world.bodies[pair.b]
+    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    total = body_a.weight * a.head + body_b.weight * b.head - loss
+    energy_a = body_a.weight * head_from_state(a, body_a, track_a, settings.gravity)
+    energy_b = body_b.weight * head_from_state(b, body_b, track_b, settings.gravity)
+    excess = total - (energy_a + energy_b)
+    world.clock[0].energy_correction += abs(excess)
+    if energy_a > energy_b:
+        a.head = (total - energy_b) / body_a.weight
+        anchor_at_crest(a, track_a)
+        begin_two_flights(world, pair.b, pair.a, COLLISION, 1, 0)
+    elif energy_b > energy_a:
+        b.head = (total - energy_a) / body_b.weight
+        anchor_at_crest(b, track_b)
+        begin_two_flights(world, pair.a, pair.b, COLLISION, 1, 0)
+    else:
+        a.head = (energy_a + 0.5 * excess) / body_a.weight
+        b.head = (energy_b + 0.5 * excess) / body_b.weight
+        anchor_at_crest(a, track_a)
+        anchor_at_crest(b, track_b)
+        begin_two_flights(world, pair.a, pair.b, COLLISION, 0, 0)
+
+
+@kernel
+def release(world: World, j: int) -> int:
+    """End the lasting contact of a pair whose force has changed its sign."""
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    clock.t = pair.release_t
+    clock.t_low = pair.release_t_low
+    first, count = held_run(world, j)
+    for step in range(count + 1):
+        bring_to(world, (first + step) % world.settings[0].bodies, clock.t, clock.t_low)
+    open_contacts(world, j, first, count)
+    return RUNNING
+
+
+@kernel
+def leave_piece(world: World, ball: int) -> int:
+    """Carry out the end of a flight: a crossing, a wall, the end of the trace or a lift-off."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    flight = world.flights[ball]
+    clock.t = flight.exit_t
+    clock.t_low = flight.exit_t_low
+    clock.last_ball = ball
+    if flight.exit_kind == LIFT_OFF:
+        return END_LIFT_OFF
+    if flight.grouped == 1:
+        return _leave_in_group(world, ball)
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    right = flight.exit_side > 0
+    exit_p = flight.exit_p
+    _place_at_end(flight, track, right, exit_p)
+    target = flight.piece + (1 if right else -1)
+    if settings.closed == 1 or 0 <= target < settings.pieces:
+        _enter(world, ball, target, right, track.speed_factor * exit_p)
+        track = world.tracks[ball * settings.pieces + flight.piece]
+        speed = track.speed_factor * flight.p
+        kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / settings.gravity
+        if kinetic > SLOW_CROSSING * flight.head:
+            flight.p = rate_by_energy(world, ball, flight, track)
+        begin_flight(world, ball, CROSSING, 0)
+        return RUNNING
+    return _hit_wall(world, ball, right)
+
+
+@kernel
+def _place_at_end(flight: Flight, track: TrackData, right: bool, p: float) -> None:
+    """Put a flight at an end of its piece at the instant of its exit, as it arrives there."""
+    s = track.right_s if right else track.left_s
+    c = track.right_c if right else track.left_c
+    place_at(flight, flight.exit_t, flight.exit_t_low, s, c, p)
+
+
+@kernel
+def _enter(world: World, ball: int, target: int, right: bool, speed: float) -> None:
+    """Put a body onto the next piece: its centre and its speed (m/s) continue."""
+    settings = world.settings[0]
+    flight = world.flights[ball]
+    if target < 0:
+        target = settings.pieces - 1
+        flight.lap -= 1
+    elif target >= settings.pieces:
+        target = 0
+        flight.lap += 1
+    world.clock[0].crossings += 1
+    flight.piece = target
+    track = world.tracks[ball * settings.pieces + target]
+    flight.s = track.left_s if right else track.right_s
+    flight.c = track.left_c if right else track.right_c
+    flight.p = speed / track.speed_factor
+
+
+@kernel
+def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) -> float:
+    """``P`` at the end of a piece from the carried energy, with the sign of the present ``P``."""
+    settings = world.settings[0]
+    if track.path_radius == 0.0:
+        rise = flight.head - (track.bottom + track.line_rise * flight.s)
+        rate = math.sqrt(max(2.0 * settings.gravity * rise / world.bodies[ball].kappa, 0.0))
+    else:
+        anchor = flight.anchor if flight.anchor >= 0 else flight.piece
+        set_arc_energy(flight, track, world.tracks[ball * settings.pieces + anchor])
+        s2 = flight.s * flight.s
+        if s2 > 0.5:
+            root = flight.root_complement
+            rate = math.sqrt(max(flight.c * flight.c - root * abs(root), 0.0))
+        else:
+            rate = math.sqrt(max(flight.parameter - s2, 0.0))
+    if rate == 0.0:
+        return flight.p
+    return rate if flight.p > 0.0 else -rate
+
+
+@kernel
+def _leave_in_group(world: World, ball: int) -> int:
+    """Carry a member of a group over a junction, or go on with the next segment of its motion."""
+    settings = world.settings[0]
+    clock = world.clock[0]
+    flight = world.flights[ball]
+    segment_only = flight.exit_kind == SEGMENT_END
+    right = flight.exit_side > 0
+    exit_p = flight.exit_p
+    j = ball if ball < settings.pairs and world.pairs[ball].held == 1 else ball - 1
+    first, count = held_run(world, j % settings.bodies)
+    for step in range(count + 1):
+        bring_to(world, (first + step) % settings.bodies, clock.t, clock.t_low)
+    if segment_only:
+        relaunch_run(world, first, count, SEGMENT)
+        return RUNNING
+    track = world.tracks[ball * settings.pieces + flight.piece]
+    flight.exit_t = clock.t
+    flight.exit_t_low = clock.t_low
+    _place_at_end(flight, track, right, exit_p)
+    target = flight.piece + (1 if right else -1)
+    if settings.closed == 1 or 0 <= target < settings.pieces:
+        _enter(world, ball, target, right, track.speed_factor * exit_p)
+        relaunch_run(world, first, count, CROSSING)
+        return RUNNING
+    return _hit_wall(world, ball, right)
+
+
+@kernel
+def _hit_wall(world: World, ball: int, right: bool) -> int:
+    """Carry out the impact of a body that is at the end of its flight, at a wall.
+
+    A group, a body hit before at this instant and one whose next bounce is lost in rounding depend
+    on what touches them: the whole row at the wall is settled.
+    """
+    settings = world.settings[0]
+    flight = world.flights[ball]
+    restitution = settings.right_wall if right else settings.left_wall
+    if restitution < 0.0:
+        return END_OF_TRACE
+    side = 1 if right else -1
+    arriving = flight.p
+    flight.p = -restitution * flight.p
+    bound = flight.grouped == 1 or flight.impacts > 0 or bounce_is_lost(world, ball, side)
+    flight.impacts += 1
+    if not bound:
+        begin_flight(world, ball, WALL, 1 if restitution < 1.0 else 0)
+        return RUNNING
+    count = row_from(world, ball, right)
+    first = ball - count if right else ball
+    for step in range(count + 1):
+        member = first + step
+        if member != ball:
+            bring_to(world, member, flight.t, flight.t_low)
+        set_speed(world, member)
+    for step in range(count):
+        set_normals(world, first + step)
+    if arriving == 0.0:
+        # Launched at the wall without speed, and out at once: it presses.
+        flight.pressing = FORCED
+    settle(world, first, count)
+    count_corrections(world, first, count)
+    # It alone is at the wall; the others only go on.
+    launch_chain(world, first, count, SEGMENT)
+    last_row_of(world, ball).cause = WALL
+    return RUNNING
 
 
 @kernel

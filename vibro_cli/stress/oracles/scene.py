@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.oracles.taylor import Real, mp
 
 Pair = Sequence[Any]
@@ -117,7 +117,7 @@ def slope_of(double: float) -> Real:
     return mp.mpf(double)
 
 
-def scene_of_system(system: System) -> Scene:
+def scene_of_system(system: TraceSystem) -> Scene:
     """The scene of the very doubles that the solver gets."""
     pieces = system.trace.pieces
     shapes = [

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.stress.oracles.reference_solver import Happening, Impact, Twin
 from vibro_cli.stress.oracles.scene import Scene
@@ -23,10 +23,10 @@ from vibro_cli.stress.oracles.taylor import mp
 CHANGE = 2.0**-30
 
 Columns = dict[str, list[float]]
-Solve = Callable[[System], Columns]
+Solve = Callable[[TraceSystem], Columns]
 
 
-def neighbouring(system: System, change: float = CHANGE) -> Iterator[System]:
+def neighbouring(system: TraceSystem, change: float = CHANGE) -> Iterator[TraceSystem]:
     """The system with each of its inputs in turn changed by a relative ``change``."""
     factor = 1.0 + change
     yield replace(system, gravity=system.gravity * factor)
@@ -68,7 +68,7 @@ def _stretched(trace: Trace, number: int, factor: float) -> Trace:
     return Trace.chain(trace.pieces[0].start_slope, shapes, trace.closed)
 
 
-def amplification(system: System, solve: Solve) -> Columns:
+def amplification(system: TraceSystem, solve: Solve) -> Columns:
     """Greatest change of every quantity of every collision for a relative change of 1 of an input.
 
     At least the quantity itself, which is what the rounding of the result alone would change.

@@ -16,10 +16,12 @@ if TYPE_CHECKING:
     from vibro_cli.figures.film import Frames
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
+    from vibro_cli.mechanics.system import TraceSystem
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
+    from vibro_cli.systems.run import Run
     from vibro_cli.systems.stream import Stretch
     from vibro_cli.systems.trace.event_loop import TraceStretches
     from vibro_cli.systems.trace.flights import Paths
@@ -70,9 +72,11 @@ class Trace(System):
         return make_world(system, limits.time, limits.collisions)
 
     def overrides(self, system: Any) -> Overrides | None:
-        from vibro_cli.systems.trace.world import overrides_of
+        if system.turning is None:
+            return None
+        from vibro_cli.kernels.rotating import TURNING
 
-        return overrides_of(system)
+        return TURNING
 
     def stretches(self, driver: Driver, stop_time: float | None) -> TraceStretches:
         from vibro_cli.systems.trace.event_loop import TraceStretches
@@ -181,3 +185,20 @@ class Trace(System):
 
 
 SYSTEM = Trace()
+
+
+def simulate_system(
+    system: TraceSystem,
+    stop_time: float | None,
+    stop_collisions: int | None,
+    engine: str = "compiled",
+    wanted: Wanted | None = None,
+    checkpoint: dict[str, Any] | None = None,
+    history: dict[str, Any] | None = None,
+) -> Run:
+    """Run bodies on a trace until the first of the stops (s and a count), see ``systems.run``."""
+    from vibro_cli.systems.run import simulate
+    from vibro_cli.systems.wanted import Limits, Wanted
+
+    limits = Limits(stop_time, stop_collisions)
+    return simulate(SYSTEM, system, limits, engine, wanted or Wanted(), checkpoint, history)

@@ -12,14 +12,14 @@ from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.paper_formulas import contact_angle, starting_swing, stays
 from vibro_cli.analysis.singular import as_record, portrait_of
 from vibro_cli.figures.portraits.portrait import structure
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.fields import settings
 from vibro_cli.systems.describe import body_line, described
 
 
-def understood(scenario: Any, system: System, warnings: tuple[str, ...]) -> dict[str, Any]:
+def understood(scenario: Any, system: TraceSystem, warnings: tuple[str, ...]) -> dict[str, Any]:
     """Return what a scenario means: given values, defaults and what follows from them."""
     return {
         "name": scenario.name,
@@ -52,7 +52,7 @@ def _piece(piece: Piece) -> dict[str, Any]:
     }
 
 
-def _bodies(system: System) -> Iterator[dict[str, Any]]:
+def _bodies(system: TraceSystem) -> Iterator[dict[str, Any]]:
     for ball, (body, state) in enumerate(zip(system.bodies, system.initial, strict=True), 1):
         on_line = system.trace.pieces[state.piece].shape == "line"
         yield {
@@ -64,7 +64,7 @@ def _bodies(system: System) -> Iterator[dict[str, Any]]:
         }
 
 
-def _swing(system: System, ball: int) -> dict[str, float | None] | None:
+def _swing(system: TraceSystem, ball: int) -> dict[str, float | None] | None:
     """The papers' constants of the swing from a body's start; None outside a valley at rest."""
     swing = starting_swing(system, ball)
     if swing is None:
@@ -79,7 +79,7 @@ def _swing(system: System, ball: int) -> dict[str, float | None] | None:
     }
 
 
-def _pairs(system: System) -> Iterator[dict[str, Any]]:
+def _pairs(system: TraceSystem) -> Iterator[dict[str, Any]]:
     """The neighbours with their coefficients of restitution; on a closed trace the seam's last."""
     number = len(system.bodies)
     for left, k in enumerate(system.restitution):
@@ -92,7 +92,7 @@ def _pairs(system: System) -> Iterator[dict[str, Any]]:
         }
 
 
-def _contacts(system: System, left: int, right: int) -> Iterator[dict[str, float]]:
+def _contacts(system: TraceSystem, left: int, right: int) -> Iterator[dict[str, float]]:
     """How far apart two bodies touch on each piece, with the papers' ratios on an arc."""
     one, other = (system.bodies[number].radius for number in (left, right))
     for piece in system.trace.pieces:
@@ -169,7 +169,9 @@ def _contact_line(contact: dict[str, float]) -> str:
     )
 
 
-def portrait(system: System, width: str, drawn: bool) -> tuple[dict[str, Any], dict[str, Figure]]:
+def portrait(
+    system: TraceSystem, width: str, drawn: bool
+) -> tuple[dict[str, Any], dict[str, Figure]]:
     """Return the singular points of each body, and figures; equal bodies share theirs."""
     portraits = [portrait_of(Landscape.of(system, n + 1)) for n in range(len(system.bodies))]
     groups: dict[tuple[float, float], list[int]] = {}

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibro_cli.compile import kernel as engine
+from vibro_cli.compile.kernel import Overrides, dtype
 from vibro_cli.compile.lanes import LANES
+from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
-from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes
+from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes, run_points_in_lanes
 from vibro_cli.kernels.ensemble.points import (
     PairNumbers,
     PointData,
@@ -20,20 +23,25 @@ from vibro_cli.kernels.ensemble.points import (
     Stack,
     StartData,
     SystemNumber,
+    follow_points,
+    run_points,
+    run_stacked,
 )
-from vibro_cli.kernels.tangent.frame import TangentState
-from vibro_cli.kernels.world import BodyData, Flight, PairTrack, PieceData, TrackData, World
-from vibro_cli.mechanics.system import System
+from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome
+from vibro_cli.kernels.tangent.frame import Tangents, TangentState
+from vibro_cli.kernels.world import (
+    BodyData,
+    Flight,
+    ImpactRow,
+    PairTrack,
+    PieceData,
+    TrackData,
+    World,
+)
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.tangents import room_for
-from vibro_cli.systems.trace.event_loop import (
-    LOOP,
-    compiled_world,
-    enter_followed,
-    enter_lanes,
-    enter_points,
-    zeros,
-)
-from vibro_cli.systems.trace.world import make_world, overrides_of
+from vibro_cli.systems.trace import SYSTEM
+from vibro_cli.systems.trace.world import compiled_world, make_world, zeros
 
 
 class Progress(NamedTuple):
@@ -59,12 +67,14 @@ class Batch:
         they can: that takes less time and gives the same bits.
     """
 
-    def __init__(self, system: System, beside: Batch | None = None, in_lanes: bool = True) -> None:
-        self._overrides = overrides_of(system)
+    def __init__(
+        self, system: TraceSystem, beside: Batch | None = None, in_lanes: bool = True
+    ) -> None:
+        self._overrides = SYSTEM.overrides(system)
         logs_of = None if beside is None else beside.world
         self.world: World = compiled_world(make_world(system, None, None), logs_of)
         """The records of the system; bodies, pairs, flights and clock are those of the last run."""
-        copies: Any = {name: np.array(getattr(self.world, name)) for name in LOOP.state}
+        copies: Any = {name: np.array(getattr(self.world, name)) for name in SYSTEM.loop.state}
         self._fresh = self.world._replace(**copies)
         self._scratch: Any = np.zeros(1, dtype=engine.dtype(Flight))
         two = len(system.bodies) == 2 and not system.trace.closed
@@ -189,3 +199,104 @@ def make_points(
     restitutions = zeros(k.size, RestitutionData)
     restitutions["k"] = k.reshape(-1)
     return Points(own, starts, restitutions)
+
+
+def enter_points(
+    world: World,
+    fresh: World,
+    scratch: Any,
+    points: Points,
+    results: Results,
+    first: int,
+    last: int,
+    filled: int,
+    overrides: Overrides | None,
+    stack: Stack | None = None,
+) -> tuple[int, int]:
+    """Run some points (see ``kernels.ensemble.points``), perhaps of a stack of systems."""
+    if stack is not None:
+        several = compiled(run_stacked, overrides)
+        point, rows = several(world, fresh, scratch, points, results, stack, first, last, filled)
+        return int(point), int(rows)
+    run = compiled(run_points, overrides)
+    point, rows = run(world, fresh, scratch, points, results, first, last, filled)
+    return int(point), int(rows)
+
+
+def enter_lanes(
+    world: World,
+    fresh: World,
+    scratch: Any,
+    points: Points,
+    results: Results,
+    first: int,
+    last: int,
+    group: LaneGroup,
+) -> int:
+    """Run some points in lanes (see ``kernels.ensemble.lanes``)."""
+    run = compiled(run_points_in_lanes)
+    return int(run(world, fresh, scratch, points, results, first, last, group))
+
+
+def enter_followed(
+    world: World,
+    fresh: World,
+    scratch: Any,
+    points: Points,
+    results: Results,
+    stack: Stack,
+    tangents: Tangents,
+    sums: Any,
+    overrides: Overrides | None,
+) -> None:
+    """Run some points with their tangent maps (see ``kernels.ensemble.points``)."""
+    run = compiled(follow_points, overrides)
+    run(world, fresh, scratch, points, results, stack, tangents, sums)
+
+
+def empty_results(points: int, bodies: int, impact_rows: int) -> Results:
+    """Return room for the results of some points."""
+    return Results(
+        outcomes=zeros(points, Outcome),
+        finals=zeros(points * bodies, FinalState),
+        impacts=zeros(impact_rows, ImpactRow),
+    )
+
+
+def stack_of(system: TraceSystem, count: int, of_runs: Any) -> Stack:
+    """Return the records of ``count`` systems, whose numbers are arrays.
+
+    ``of_runs`` tells the number of the system of each run.
+    """
+
+    world = make_world(system, None, None, far_apart=False)
+    numbers = np.zeros(len(of_runs), dtype=dtype(SystemNumber))
+    numbers["number"] = of_runs
+    return Stack(
+        settings=_rows(world.settings, SettingNumbers, count),
+        bodies=_rows(world.bodies, BodyData, count),
+        pieces=_rows(world.pieces, PieceData, count),
+        tracks=_rows(world.tracks, TrackData, count),
+        contacts=_rows(world.contacts, PairTrack, count),
+        pairs=_rows(world.pairs, PairNumbers, count),
+        of_runs=numbers,  # type: ignore[arg-type]
+    )
+
+
+def own_records(world: World) -> World:
+    """Return a compiled world whose records are its own where those of a stack are installed."""
+    changed: Any = {
+        name: getattr(world, name).copy()
+        for name in ("settings", "bodies", "pieces", "tracks", "contacts", "pairs")
+    }
+    return world._replace(**changed)
+
+
+def _rows(records: Sequence[Any], cls: type, count: int) -> Any:
+    """Records with arrays of ``count`` numbers as rows of plain records, system by system."""
+
+    rows = np.zeros((count, len(records)), dtype=dtype(cls))
+    for place, one in enumerate(records):
+        for name in rows.dtype.names or ():
+            rows[name][:, place] = getattr(one, name)
+    return rows.reshape(-1)

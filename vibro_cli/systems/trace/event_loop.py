@@ -15,19 +15,8 @@ import numpy as np
 from vibro_cli.compile.kernel import Overrides, dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoSwings, TwoTracks
-from vibro_cli.kernels.ensemble.lanes import LaneGroup, run_points_in_lanes
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
-from vibro_cli.kernels.ensemble.points import (
-    Points,
-    Results,
-    Stack,
-    follow_points,
-    run_points,
-    run_stacked,
-)
 from vibro_cli.kernels.events.event_loop import advance, proceed, start
-from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome
-from vibro_cli.kernels.tangent.frame import Tangents
 from vibro_cli.kernels.world import (
     END_INTERRUPTED,
     END_NAMES,
@@ -35,17 +24,13 @@ from vibro_cli.kernels.world import (
     LOG_FULL,
     LOGS,
     RECORDS,
-    ImpactRow,
     World,
 )
-from vibro_cli.mechanics.system import System
-from vibro_cli.systems import driver, run
+from vibro_cli.systems import driver
 from vibro_cli.systems.driver import Driver, EventLoop
 from vibro_cli.systems.rows import joined
-from vibro_cli.systems.run import Run
 from vibro_cli.systems.stream import Stretch, Stretches
-from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.wanted import Limits, Wanted
+from vibro_cli.systems.trace.world import zeros
 
 
 def enter_advance(world: World, overrides: Overrides | None) -> int:
@@ -56,75 +41,6 @@ def enter_advance(world: World, overrides: Overrides | None) -> int:
         lanes = TwoBodies(zeros(1, TwoSwings), zeros(1, TwoTracks))
         return int(compiled(proceed_swinging)(world, lanes))
     return int(compiled(proceed, overrides)(world, False))
-
-
-def enter_points(
-    world: World,
-    fresh: World,
-    scratch: Any,
-    points: Points,
-    results: Results,
-    first: int,
-    last: int,
-    filled: int,
-    overrides: Overrides | None,
-    stack: Stack | None = None,
-) -> tuple[int, int]:
-    """Run some points (see ``kernels.ensemble.points``), perhaps of a stack of systems."""
-    if stack is not None:
-        several = compiled(run_stacked, overrides)
-        point, rows = several(world, fresh, scratch, points, results, stack, first, last, filled)
-        return int(point), int(rows)
-    run = compiled(run_points, overrides)
-    point, rows = run(world, fresh, scratch, points, results, first, last, filled)
-    return int(point), int(rows)
-
-
-def enter_lanes(
-    world: World,
-    fresh: World,
-    scratch: Any,
-    points: Points,
-    results: Results,
-    first: int,
-    last: int,
-    group: LaneGroup,
-) -> int:
-    """Run some points in lanes (see ``kernels.ensemble.lanes``)."""
-    run = compiled(run_points_in_lanes)
-    return int(run(world, fresh, scratch, points, results, first, last, group))
-
-
-def enter_followed(
-    world: World,
-    fresh: World,
-    scratch: Any,
-    points: Points,
-    results: Results,
-    stack: Stack,
-    tangents: Tangents,
-    sums: Any,
-    overrides: Overrides | None,
-) -> None:
-    """Run some points with their tangent maps (see ``kernels.ensemble.points``)."""
-    run = compiled(follow_points, overrides)
-    run(world, fresh, scratch, points, results, stack, tangents, sums)
-
-
-def empty_results(points: int, bodies: int, impact_rows: int) -> Results:
-    """Return room for the results of some points."""
-    return Results(
-        outcomes=zeros(points, Outcome),
-        finals=zeros(points * bodies, FinalState),
-        impacts=zeros(impact_rows, ImpactRow),
-    )
-
-
-def zeros(count: int, cls: type) -> Any:
-    """Return an array of structs that are zero."""
-    import numpy as np
-
-    return np.zeros(count, dtype=dtype(cls))
 
 
 LOOP = driver.EventLoop(
@@ -148,12 +64,6 @@ LOOP = driver.EventLoop(
     work_done=("searches", "evaluations", "skipped_apart"),
     quiet_log=("log", "flights between crossings"),
 )
-
-
-def compiled_world(world: World, logs_of: World | None = None) -> World:
-    """Return a world of a trace as arrays, see :func:`systems.driver.compiled_world`."""
-    arrays: World = driver.compiled_world(LOOP, world, logs_of)
-    return arrays
 
 
 class TraceStretches(Stretches):
@@ -218,20 +128,3 @@ def earliest_unlogged(pairs: Any) -> float:
     else:
         times = [pair.change_t + pair.delay for pair in pairs if pair.held != pair.logged]
     return min(times, default=np.inf)
-
-
-__all__ = ["Run", "Wanted", "simulate_system"]
-
-
-def simulate_system(
-    system: System,
-    stop_time: float | None,
-    stop_collisions: int | None,
-    engine: str = "compiled",
-    wanted: Wanted | None = None,
-    checkpoint: dict[str, Any] | None = None,
-    history: dict[str, Any] | None = None,
-) -> Run:
-    """Run bodies on a trace until the first of the stops (s and a count), see ``systems.run``."""
-    limits = Limits(stop_time, stop_collisions)
-    return run.simulate(SYSTEM, system, limits, engine, wanted or Wanted(), checkpoint, history)

@@ -14,7 +14,7 @@ from vibro_cli.compile.kernel import Overrides, dtype, interpreted, interpreted_
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.flow.replay import Sample, sample_flights
 from vibro_cli.kernels.world import CAUSE_NAMES, Flight, World
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.numerics import elementwise
 from vibro_cli.systems.rows import record_array
@@ -51,7 +51,7 @@ class Places:
         rows, and pieces are to be given for each.
     """
 
-    def __init__(self, system: System, of_rows: Any = None) -> None:
+    def __init__(self, system: TraceSystem, of_rows: Any = None) -> None:
         self._of_rows = of_rows
         pieces, bodies = system.trace.pieces, system.bodies
         self.sign = np.array([piece.sign for piece in pieces])

@@ -23,7 +23,7 @@ from vibro_cli.grids.solving import (
 from vibro_cli.kernels.ensemble.points import Points, Results, Stack
 from vibro_cli.kernels.statistics.impact_columns import WORDS
 from vibro_cli.kernels.world import LOG_FULL, NEVER, ImpactRow, World
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.storage.tables import (
     Table,
@@ -31,15 +31,21 @@ from vibro_cli.storage.tables import (
     record_batch,
 )
 from vibro_cli.systems.tangents import exponent_columns
-from vibro_cli.systems.trace.ensemble import Batch, make_points
-from vibro_cli.systems.trace.event_loop import Wanted, empty_results, simulate_system, zeros
+from vibro_cli.systems.trace import simulate_system
+from vibro_cli.systems.trace.ensemble import (
+    Batch,
+    empty_results,
+    make_points,
+    own_records,
+    stack_of,
+)
 from vibro_cli.systems.trace.flights import Places
 from vibro_cli.systems.trace.summary import summary_columns
 from vibro_cli.systems.trace.system_template import Setting, Starts, Systems, is_of_system
 from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness
 from vibro_cli.systems.trace.tangents import time_scale
-from vibro_cli.systems.trace.world import own_records, stack_of
-from vibro_cli.systems.wanted import UNLIMITED
+from vibro_cli.systems.trace.world import zeros
+from vibro_cli.systems.wanted import UNLIMITED, Wanted
 
 _ROWS_AT_LEAST = 1 << 14
 
@@ -48,7 +54,7 @@ _ROWS_AT_LEAST = 1 << 14
 class Logged:
     """Impacts of some points that share a setting, as the solver has logged them."""
 
-    system: System
+    system: TraceSystem
     world: World
     """The records of the system, of either engine."""
     engine: str
@@ -138,7 +144,7 @@ class Task:
     """Points for a batch: how they start, and of which systems they are."""
 
     starts: Starts
-    system: System
+    system: TraceSystem
     """One system, or several as one of arrays."""
     of_points: Array | None
     """Then the number of the system of each point."""

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.kernels.world import CAUSE_NAMES, RUNNING, World
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems import contract
 from vibro_cli.systems.stream import Stretch, ahead, begun
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.event_loop import last_of_each
 from vibro_cli.systems.trace.flights import (
     CAUSES,
@@ -27,7 +28,7 @@ from vibro_cli.systems.trace.flights import (
     states_at,
 )
 from vibro_cli.systems.trace.summary import with_logs
-from vibro_cli.systems.trace.world import make_world, overrides_of
+from vibro_cli.systems.trace.world import make_world
 from vibro_cli.systems.wanted import Limits, within_run
 
 MOST_FLIGHTS = 200_000
@@ -54,7 +55,7 @@ class LongMotion:
     def __init__(
         self,
         kind: contract.System,
-        system: System,
+        system: TraceSystem,
         limits: Limits,
         flights: int,
         interrupted: bool = False,
@@ -64,7 +65,7 @@ class LongMotion:
         self._limits = limits
         self._most = flights if interrupted else math.inf
         self._places = Places(system)
-        self._overrides = overrides_of(system)
+        self._overrides = SYSTEM.overrides(system)
         self._world = make_world(system, None, None)
         self.state: dict[str, Any] = {}
         """All that changes in the run, after its last event."""

@@ -12,8 +12,9 @@ from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
 from vibro_cli.kernels.world import END_NAMES, LOGS, NEVER, RECORDS, Flight, World
-from vibro_cli.systems.trace.event_loop import LOOP, compiled_world
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.flights import Floats, Places
+from vibro_cli.systems.trace.world import compiled_world
 from vibro_cli.systems.wanted import Wanted
 
 
@@ -35,12 +36,12 @@ def with_logs(
     if isinstance(records, np.ndarray):
         for name, value in clock.items():
             records[name] = value
-        for name, used in LOOP.logs.items():
+        for name, used in SYSTEM.loop.logs.items():
             records[used] = len(logs[name])
         return world._replace(**logs)
     for name, value in clock.items():
         setattr(world.clock[0], name, value)
-    for name, used in LOOP.logs.items():
+    for name, used in SYSTEM.loop.logs.items():
         setattr(world.clock[0], used, len(logs[name]))
     if engine_name == "compiled":
         return compiled_world(world, world._replace(**logs))

@@ -31,7 +31,7 @@ from vibro_cli.mechanics.reachability import (
     over_others,
     surely_clear,
 )
-from vibro_cli.mechanics.system import Body, InitialState, System
+from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics.elementwise import taken
 from vibro_cli.scenario import Scenario
@@ -58,8 +58,8 @@ def is_of_system(path: KeyPath) -> bool:
 
 
 def sound_systems(
-    known: Scenario, like: System, values: Values, count: int
-) -> tuple[Array, System]:
+    known: Scenario, like: TraceSystem, values: Values, count: int
+) -> tuple[Array, TraceSystem]:
     """Return which systems are surely sound, and these as one system of arrays.
 
     Parameters
@@ -128,7 +128,7 @@ def _is_chain(scenario: Scenario, values: Values) -> Any:
     return sound
 
 
-def _bodies_fit(trace: Trace, bodies: tuple[Body, ...], like: System) -> Any:
+def _bodies_fit(trace: Trace, bodies: tuple[Body, ...], like: TraceSystem) -> Any:
     """Where bodies fit every valley, alone and beside another as those of a known system do."""
     fit: Any = True
     for piece in trace.pieces:
@@ -181,7 +181,7 @@ def _only_neighbours_touch(trace: Trace, bodies: tuple[Body, ...], count: int) -
     return fit
 
 
-def _walls_fit(system: System) -> Any:
+def _walls_fit(system: TraceSystem) -> Any:
     """Where the outer bodies can meet the walls, and no other."""
     fit: Any = True
     pieces = system.trace.pieces
@@ -234,7 +234,7 @@ class Systems:
 
     points: Array
     """Which points these are, of those that were asked for."""
-    system: System
+    system: TraceSystem
     """One system, or several as one of arrays."""
     of_points: Array | None
     """Then the number of the system of each of these points, from 0."""
@@ -250,7 +250,7 @@ class Setting:
     """A setting, known from one valid point of it."""
 
     scenario: Scenario
-    system: System
+    system: TraceSystem
 
     @cached_property
     def pairs(self) -> int:
@@ -338,7 +338,7 @@ def _table(columns: Sequence[Any], count: int) -> Array:
 
 
 def _state(
-    scenario: Scenario, system: System, number: int, values: Values, sure: Array
+    scenario: Scenario, system: TraceSystem, number: int, values: Values, sure: Array
 ) -> InitialState:
     """Position and speed of the centre of one body; where they are in doubt, not sure."""
     given, body = scenario.balls[number], system.bodies[number]
@@ -369,7 +369,7 @@ def _stops(scenario: Scenario, sure: Array) -> tuple[Array, Array]:
     )
 
 
-def _check_order(system: System, states: list[InitialState], sure: Array) -> None:
+def _check_order(system: TraceSystem, states: list[InitialState], sure: Array) -> None:
     """Leave sure only points whose neighbours are in order and clear of one another."""
     count = len(states)
     pairs = [(n, n + 1) for n in range(count - 1)]
@@ -392,7 +392,7 @@ def _check_order(system: System, states: list[InitialState], sure: Array) -> Non
             sure &= along < math.tau - needed - SURE
 
 
-def _check_walls(system: System, states: list[InitialState], sure: Array) -> None:
+def _check_walls(system: TraceSystem, states: list[InitialState], sure: Array) -> None:
     pieces = system.trace.pieces
     for wall, ball, piece, side in (
         (system.left_end, 0, pieces[0], 1.0),

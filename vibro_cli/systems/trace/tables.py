@@ -20,7 +20,7 @@ from vibro_cli.kernels.statistics.impact_columns import (
 )
 from vibro_cli.kernels.statistics.regimes import EIGHTS, REGIMES, ROWS
 from vibro_cli.kernels.world import RUNNING, ImpactRow, World
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
     GROWTH,
     IMPULSE,
@@ -40,12 +40,12 @@ from vibro_cli.systems.columns import (
 from vibro_cli.systems.contract import Sink
 from vibro_cli.systems.stream import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
-from vibro_cli.systems.trace.event_loop import compiled_world
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.events import NAMES, Events, event_columns
 from vibro_cli.systems.trace.flights import Paths, Places
 from vibro_cli.systems.trace.summary import Tally, summary_columns, with_logs
 from vibro_cli.systems.trace.tangents import TangentMap
-from vibro_cli.systems.trace.world import make_world, overrides_of
+from vibro_cli.systems.trace.world import compiled_world, make_world
 from vibro_cli.systems.wanted import Sampling, Wanted
 
 
@@ -344,13 +344,15 @@ class ImpactTable:
         return {name: found[name] for name in ("scenario", *IN_ORDER) if name in self._wanted}
 
 
-def sidedness(system: System) -> float:
+def sidedness(system: TraceSystem) -> float:
     """Length (m) of a closed trace with two bodies, which may meet on two sides; else 0."""
     two_ways = system.trace.closed and len(system.bodies) == 2
     return system.trace.length if two_ways else 0.0
 
 
-def runs_of(system: System, numbers: Any, counts: Any, firsts: Any, masses: Any = None) -> Runs:
+def runs_of(
+    system: TraceSystem, numbers: Any, counts: Any, firsts: Any, masses: Any = None
+) -> Runs:
     """Return the runs of a log; those of a single one have the masses of the system."""
     if masses is None:
         masses = np.array([[body.mass for body in system.bodies]])
@@ -368,7 +370,7 @@ class Impacts:
         What is solved.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: TraceSystem) -> None:
         self._system = system
         self._around = sidedness(system)
         self._names = [name for name in IN_ORDER if name != "side" or self._around > 0.0]
@@ -404,12 +406,14 @@ class Tables:
         Takes their rows.
     """
 
-    def __init__(self, system: System, wanted: Wanted, names: Collection[str], sink: Sink) -> None:
+    def __init__(
+        self, system: TraceSystem, wanted: Wanted, names: Collection[str], sink: Sink
+    ) -> None:
         self._world = make_world(system, None, None)
         self._places = Places(system)
         self._system = system
         self._sink = sink
-        overrides = overrides_of(system)
+        overrides = SYSTEM.overrides(system)
         bodies = len(system.bodies)
         self._impacts = Impacts(system) if "collisions" in names else None
         self._events = self._motion = None
@@ -461,7 +465,7 @@ class Tables:
         return columns if self._tangents is None else columns | self._tangents.summary()
 
 
-def trajectory_of(system: System, run: Stretch) -> Paths:
+def trajectory_of(system: TraceSystem, run: Stretch) -> Paths:
     """Return the motion in a whole run, given as one stretch."""
     world = with_logs(make_world(system, None, None), run.engine, run.logs, run.clock)
-    return Paths(Places(system), world, run.logs["log"], *run.end, overrides_of(system))
+    return Paths(Places(system), world, run.logs["log"], *run.end, SYSTEM.overrides(system))

@@ -16,19 +16,19 @@ from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.world import END_NAMES, Flight, ImpactRow, World
-from vibro_cli.mechanics.system import System
+from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems import tangents
 from vibro_cli.systems.contract import Rows
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.tangents import Growth
-from vibro_cli.systems.trace.event_loop import LOOP, TraceStretches
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.summary import with_logs
-from vibro_cli.systems.trace.world import make_world, overrides_of
+from vibro_cli.systems.trace.world import make_world
 
 Floats = NDArray[np.float64]
 
 
-def time_scale(system: System) -> Any:
+def time_scale(system: TraceSystem) -> Any:
     """Time (s) by which speeds are compared with ways: that of a body's swing on the widest arc.
 
     On lines alone, that of a fall through ten of its radii. Of a system of arrays, an array.
@@ -52,8 +52,8 @@ class TangentMap(tangents.TangentMap):
         Whether derivatives of the impacts' times are wanted.
     """
 
-    def __init__(self, system: System, times: bool = False) -> None:
-        self._overrides = overrides_of(system)
+    def __init__(self, system: TraceSystem, times: bool = False) -> None:
+        self._overrides = SYSTEM.overrides(system)
         super().__init__(float(time_scale(system)), len(system.bodies), 2, times)
 
     def take(self, world: World, known: int, cause: int, end: tuple[float, float]) -> Rows:
@@ -82,7 +82,7 @@ class TangentMap(tangents.TangentMap):
 class TangentRun:
     """The tangent map of a run that is over."""
 
-    system: System
+    system: TraceSystem
     end_cause: str
     end_time: float
     """s"""
@@ -102,15 +102,15 @@ class TangentRun:
 
 
 def follow_system(
-    system: System,
+    system: TraceSystem,
     stop_time: float | None,
     stop_collisions: int | None,
     engine_name: str = "compiled",
 ) -> TangentRun:
     """Solve a system and its tangent map; arguments as of ``systems.trace.run.simulate_system``."""
     world = make_world(system, stop_time, stop_collisions)
-    driver = Driver(LOOP, world, engine_name, overrides=overrides_of(system))
-    stretches = TraceStretches(LOOP, driver, stop_time)
+    driver = Driver(SYSTEM.loop, world, engine_name, overrides=SYSTEM.overrides(system))
+    stretches = SYSTEM.stretches(driver, stop_time)
     followed = TangentMap(system, times=True)
     own = make_world(system, None, None)
     found: list[dict[str, Any]] = []

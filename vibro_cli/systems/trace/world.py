@@ -7,17 +7,15 @@ in numbers only are made into a stack (``kernels.ensemble.points``).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
-from vibro_cli.compile.kernel import Overrides, dtype, interpreted_rows
-from vibro_cli.kernels.ensemble.points import PairNumbers, SettingNumbers, Stack, SystemNumber
+import numpy as np
+
+from vibro_cli.compile.kernel import dtype, interpreted_rows
 from vibro_cli.kernels.flow.flight import NOWHERE
 from vibro_cli.kernels.impact.laws import LAW_NAMES
-from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.world import (
     NEVER,
-    BodyData,
     BodyForces,
     Clock,
     ContactRow,
@@ -43,16 +41,18 @@ from vibro_cli.mechanics.potential import (
     roots,
 )
 from vibro_cli.mechanics.reachability import contact_angle, reach
-from vibro_cli.mechanics.system import Body, System, body_record
+from vibro_cli.mechanics.system import Body, TraceSystem, body_record
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import elementwise
+from vibro_cli.systems import driver
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.wanted import UNLIMITED
 
 # Bounds are kept above the rounding of what they bound.
 CAUTION = 1.0 + 1.0e-12
 
 
-def set_turning(world: World, system: System, turning: Turning) -> None:
+def set_turning(world: World, system: TraceSystem, turning: Turning) -> None:
     """Complete the records of a system on a trace that turns."""
     settings = world.settings[0]
     settings.axis_x = turning.x
@@ -71,7 +71,7 @@ def set_turning(world: World, system: System, turning: Turning) -> None:
 
 
 def _set_line(
-    system: System, turning: Turning, number: int, piece: Piece, track: TrackData
+    system: TraceSystem, turning: Turning, number: int, piece: Piece, track: TrackData
 ) -> float:
     """A line; returns the least potential height (m) on it, from the lowest place at rest."""
     kappa = system.bodies[number].kappa
@@ -93,7 +93,7 @@ def _set_line(
 
 
 def _set_arc(
-    system: System, turning: Turning, number: int, piece: Piece, track: TrackData
+    system: TraceSystem, turning: Turning, number: int, piece: Piece, track: TrackData
 ) -> float:
     """An arc; returns the least potential height (m) on it, from the lowest place at rest."""
     pull = Pull.on_arc(piece, system.bodies[number].radius, turning, system.gravity)
@@ -174,7 +174,7 @@ def half_angle(piece: Piece, position: float) -> tuple[float, float]:
     return flip * cosine, -flip * sine
 
 
-def neighbours(system: System) -> list[tuple[int, int, int]]:
+def neighbours(system: TraceSystem) -> list[tuple[int, int, int]]:
     """Return the pairs of neighbours as (a, b, 1 across the seam)."""
     count = len(system.bodies)
     pairs = [(j, j + 1, 0) for j in range(count - 1)]
@@ -184,7 +184,7 @@ def neighbours(system: System) -> list[tuple[int, int, int]]:
 
 
 def make_world(
-    system: System,
+    system: TraceSystem,
     stop_time: float | None,
     stop_collisions: int | None,
     far_apart: bool = True,
@@ -241,7 +241,7 @@ def _clock() -> Clock:
 
 
 def _settings(
-    system: System, pairs: int, stop_time: float | None, stop_collisions: int | None
+    system: TraceSystem, pairs: int, stop_time: float | None, stop_collisions: int | None
 ) -> Settings:
     settings = Settings()
     settings.gravity = system.gravity
@@ -277,7 +277,7 @@ def _piece_data(piece: Piece) -> PieceData:
     return data
 
 
-def _track_data(system: System, piece: Piece, number: int, levels: Heights) -> TrackData:
+def _track_data(system: TraceSystem, piece: Piece, number: int, levels: Heights) -> TrackData:
     body = system.bodies[number]
     track = TrackData()
     track.gravity_rate = system.gravity / body.kappa
@@ -310,7 +310,7 @@ def _track_data(system: System, piece: Piece, number: int, levels: Heights) -> T
     return track
 
 
-def _ends(system: System, piece: Piece, number: int) -> tuple[float, float]:
+def _ends(system: TraceSystem, piece: Piece, number: int) -> tuple[float, float]:
     """The places at which a body leaves a piece: its ends, or where it touches a wall there."""
     left, right = piece.angle_start, piece.angle_end
     if system.trace.closed:
@@ -339,7 +339,7 @@ def _at_wall(piece: Piece, radius: float, right: bool, outermost: bool) -> float
     return end
 
 
-def _pair_data(system: System, a: int, b: int, seam: int, number: int) -> PairData:
+def _pair_data(system: TraceSystem, a: int, b: int, seam: int, number: int) -> PairData:
     pair = PairData()
     pair.a = a
     pair.b = b
@@ -376,7 +376,7 @@ def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
     return contact
 
 
-def initial_flight(system: System, number: int) -> Flight:
+def initial_flight(system: TraceSystem, number: int) -> Flight:
     """Return a body before its first flight: its piece, place and motion."""
     state = system.initial[number]
     body = system.bodies[number]
@@ -395,47 +395,13 @@ def initial_flight(system: System, number: int) -> Flight:
     return flight
 
 
-def overrides_of(system: System) -> Overrides | None:
-    """Return the overrides of the kernels for a system; None for a trace at rest."""
-    return TURNING if system.turning else None
+def zeros(count: int, cls: type) -> Any:
+    """Return an array of structs that are zero."""
+
+    return np.zeros(count, dtype=dtype(cls))
 
 
-def stack_of(system: System, count: int, of_runs: Any) -> Stack:
-    """Return the records of ``count`` systems, whose numbers are arrays.
-
-    ``of_runs`` tells the number of the system of each run.
-    """
-    import numpy as np
-
-    world = make_world(system, None, None, far_apart=False)
-    numbers = np.zeros(len(of_runs), dtype=dtype(SystemNumber))
-    numbers["number"] = of_runs
-    return Stack(
-        settings=_rows(world.settings, SettingNumbers, count),
-        bodies=_rows(world.bodies, BodyData, count),
-        pieces=_rows(world.pieces, PieceData, count),
-        tracks=_rows(world.tracks, TrackData, count),
-        contacts=_rows(world.contacts, PairTrack, count),
-        pairs=_rows(world.pairs, PairNumbers, count),
-        of_runs=numbers,  # type: ignore[arg-type]
-    )
-
-
-def own_records(world: World) -> World:
-    """Return a compiled world whose records are its own where those of a stack are installed."""
-    changed: Any = {
-        name: getattr(world, name).copy()
-        for name in ("settings", "bodies", "pieces", "tracks", "contacts", "pairs")
-    }
-    return world._replace(**changed)
-
-
-def _rows(records: Sequence[Any], cls: type, count: int) -> Any:
-    """Records with arrays of ``count`` numbers as rows of plain records, system by system."""
-    import numpy as np
-
-    rows = np.zeros((count, len(records)), dtype=dtype(cls))
-    for place, one in enumerate(records):
-        for name in rows.dtype.names or ():
-            rows[name][:, place] = getattr(one, name)
-    return rows.reshape(-1)
+def compiled_world(world: World, logs_of: World | None = None) -> World:
+    """Return a world of a trace as arrays, see :func:`systems.driver.compiled_world`."""
+    arrays: World = driver.compiled_world(SYSTEM.loop, world, logs_of)
+    return arrays
