@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from vibro_cli.interface.scenarios import example as example
     from vibro_cli.interface.scenarios import load_scenario as load_scenario
     from vibro_cli.interface.scenarios import portrait as portrait
-    from vibro_cli.scenario import Scenario as Scenario
-    from vibro_cli.scenario import ScenarioError as ScenarioError
+    from vibro_cli.scenario.models import Scenario as Scenario
+    from vibro_cli.scenario.problems import ScenarioError as ScenarioError
     from vibro_cli.storage.folders import NotContinuable as NotContinuable
     from vibro_cli.storage.frame import Table as Table
     from vibro_cli.storage.provenance import FolderRefused as FolderRefused

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from vibro_cli.assemble import build_any
 from vibro_cli.errors import VibroError
-from vibro_cli.scenario import load_scenario
+from vibro_cli.scenario.loading import load_scenario
 from vibro_cli.systems import run, system_named
 from vibro_cli.systems.contract import Motion, Sink
 from vibro_cli.systems.driver import CannotContinue, TooQuiet, check_continuable

@@ -12,7 +12,8 @@ from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.translate import Program
 from vibro_cli.kernels.ensemble.lanes import run_points_in_lanes
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
-from vibro_cli.kernels.ensemble.points import fill_stacked, follow_points, run_points, run_stacked
+from vibro_cli.kernels.ensemble.points import follow_points, run_points, run_stacked
+from vibro_cli.kernels.ensemble.records import fill_stacked
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.events.liftoff_slip import find_passages
 from vibro_cli.kernels.flow.replay import sample_flights

@@ -11,18 +11,18 @@ from pathlib import Path
 import pytest
 
 from vibro_cli.benchmark import end_to_end
-from vibro_cli.benchmark.end_to_end import (
+from vibro_cli.benchmark.end_to_end import DOCUMENTS, ROWS, SUMMARIES, measure_command, measure_grid
+from vibro_cli.benchmark.measurement import (
     COMMAND,
-    DOCUMENTS,
     EVENT_LOOP,
     GRID,
     KERNEL,
-    ROWS,
-    SUMMARIES,
-    measure_command,
-    measure_grid,
+    PLANS,
+    TABLE,
+    Row,
+    parquet,
+    read_rows,
 )
-from vibro_cli.benchmark.measurement import PLANS, TABLE, Row, parquet, read_rows
 from vibro_cli.benchmark.methods.motion import Motion
 from vibro_cli.benchmark.methods.runner import Event, LegRunner, Lost, Method, Setting
 from vibro_cli.benchmark.methods.with_series import Leg, coefficients

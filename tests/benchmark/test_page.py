@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.report.page_parser import Page
+from vibro_cli.benchmark.conclusions import conclude
 from vibro_cli.benchmark.measurement import Row
-from vibro_cli.benchmark.suite import conclude
 from vibro_cli.figures.work_precision import growth, work_precision
 from vibro_cli.report.benchmark_page import benchmark_html
 

@@ -8,8 +8,8 @@ import random
 import numpy as np
 import pytest
 
+from vibro_cli.kernels.numerics.constants import QuarticConstants
 from vibro_cli.kernels.numerics.weierstrass_motion import (
-    QuarticConstants,
     period_of,
     quartic_motion,
     set_quartic_constants,

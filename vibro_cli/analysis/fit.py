@@ -26,8 +26,8 @@ from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_ti
 from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError
 from vibro_cli.numerics.dual import Floats
-from vibro_cli.scenario import Scenario, ScenarioError
-from vibro_cli.scenario.problems import KeyPath, path_text
+from vibro_cli.scenario.models import Scenario
+from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
 from vibro_cli.scenario.source import parsed_path
 
 COLUMNS = ("t", "n", "error", "ball_a", "ball_b")

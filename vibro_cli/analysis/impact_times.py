@@ -32,14 +32,15 @@ from vibro_cli.kernels.tangent.flight_jacobian import Arrival, find_arrivals
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
 from vibro_cli.kernels.world import CAUSE_NAMES, COLLISION, CROSSING, END_NAMES, START, WALL, Flight
 from vibro_cli.mechanics.initial_conditions import wall_position
-from vibro_cli.mechanics.system import InitialState, TraceSystem, body_record
+from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.dual import Dual, Floats, change_of, value_of
-from vibro_cli.scenario import Scenario, ScenarioError
-from vibro_cli.scenario.problems import KeyPath, path_text
+from vibro_cli.scenario.models import Scenario
+from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
 from vibro_cli.systems.driver import Driver
-from vibro_cli.systems.trace.event_loop import LOOP, TraceStretches
+from vibro_cli.systems.rows import body_record
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.summary import with_logs
 from vibro_cli.systems.trace.world import make_world
 
@@ -134,8 +135,8 @@ def impact_times(
     if system.turning is not None:
         raise NoDerivative("found a trace that turns, expected one at rest")
     walk = _Walk(differentiated(scenario, paths), system, len(paths))
-    driver = Driver(LOOP, make_world(system, stop_time, count), "compiled")
-    stretch, _ = TraceStretches(LOOP, driver, stop_time).whole()
+    driver = Driver(SYSTEM.loop, make_world(system, stop_time, count), "compiled")
+    stretch, _ = SYSTEM.stretches(driver, stop_time).whole()
     logs = stretch.logs
     walk.follow(logs["log"], logs["impacts"], _arrivals(system, stretch))
     t = np.array([one.value for one in walk.instants])

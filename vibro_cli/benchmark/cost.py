@@ -7,38 +7,41 @@ heyoka calls back into Python for each impact, so that its batches need a proces
 
 from __future__ import annotations
 
-import contextlib
 import math
 import multiprocessing
 import os
 import subprocess
 import sys
 import tempfile
-import threading
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
+from vibro_cli.benchmark.measurement import (
+    WITH,
+    WITHOUT,
+    Plan,
+    Row,
+    Task,
+    by_turns,
+    greatest_memory,
+    shared_out,
+    warmed,
+)
 from vibro_cli.benchmark.methods.motion import Motion
-from vibro_cli.benchmark.methods.runner import Lost
+from vibro_cli.benchmark.methods.runner import DriverRunner, Lost
 from vibro_cli.benchmark.methods.with_heyoka_batch import NAME, TOLERANCES, Lanes
-from vibro_cli.benchmark.methods.with_vibro import DriverRunner, points_of
 from vibro_cli.benchmark.precision import installed_peers
 from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Document, Scene, ball
-from vibro_cli.grids.workers import available_cores
-from vibro_cli.storage.provenance import json_bytes
+from vibro_cli.storage.provenance import available_cores, json_bytes
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
-from vibro_cli.systems.trace.ensemble import Batch, empty_results
+from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
 from vibro_cli.systems.wanted import Wanted
-
-Work = TypeVar("Work")
 
 _IMPACTS = 20_000
 _DENSITY = (7800.0, 2700.0)
@@ -119,26 +122,6 @@ def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row
 def first_halves(numbers: Any, count: int) -> Any:
     """Half the angles (rad) at which the first ball starts in so many scenarios."""
     return -0.36 - 0.05 * numbers / count
-
-
-def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -> int:
-    """Have solvers, each in a thread of its own, take work until none is left; return their sum."""
-    left, lock, done = iter(work), threading.Lock(), list[int]()
-
-    def serve(solve: Callable[[Work], int]) -> None:
-        while True:
-            with lock:
-                taken = next(left, None)
-            if taken is None:
-                return
-            done.append(solve(taken))
-
-    crew = [threading.Thread(target=serve, args=(solve,)) for solve in solvers]
-    for thread in crew:
-        thread.start()
-    for thread in crew:
-        thread.join()
-    return sum(done)
 
 
 class Crew:
@@ -225,21 +208,6 @@ def _measure_memory(plan: Plan) -> list[Row]:
     return rows
 
 
-def greatest_memory(process: subprocess.Popen[bytes]) -> int | None:
-    """Wait for a process; return the greatest memory it had (B), None where nobody tells.
-
-    Asked while it runs: what the system tells afterwards begins with the memory of this process.
-    """
-    greatest = None
-    while process.poll() is None:
-        with contextlib.suppress(OSError):
-            status = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
-            found = [line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")]
-            greatest = int(found[0]) * 1024 if found else greatest
-        time.sleep(0.01)
-    return greatest
-
-
 PART = "grid"
 _SCENE = "circle"
 _SCENARIOS = {"quick": 64, "default": 10_000, "full": 10_000}
@@ -322,7 +290,6 @@ def measure_on_all_cores(plan: Plan) -> list[Row]:
     return rows
 
 
-WITH, WITHOUT = "skipped", "not skipped"
 APART = "searches of pairs out of reach"
 ROWS = "rows that nobody keeps"
 TABLES = "tables that nobody asks for"

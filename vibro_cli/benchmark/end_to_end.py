@@ -23,8 +23,21 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.assemble import build_any, build_system
-from vibro_cli.benchmark.cost import greatest_memory, shared_out
-from vibro_cli.benchmark.measurement import Plan, Row, Task, by_turns, warmed
+from vibro_cli.benchmark.measurement import (
+    COMMAND,
+    COMMAND_PART,
+    EVENT_LOOP,
+    GRID,
+    GRID_PART,
+    KERNEL,
+    Plan,
+    Row,
+    Task,
+    by_turns,
+    greatest_memory,
+    shared_out,
+    warmed,
+)
 from vibro_cli.benchmark.other_systems import SLOW, WHOLE
 from vibro_cli.benchmark.scenes import BY_NAME, Document, ball
 from vibro_cli.grids.axes import Array
@@ -32,15 +45,10 @@ from vibro_cli.grids.buffers import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.solving import impact_table_of
-from vibro_cli.grids.workers import (
-    available_cores,
-    expected_impacts,
-    impact_density,
-    solve_in_threads,
-)
+from vibro_cli.grids.workers import expected_impacts, impact_density, solve_in_threads
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario import any_scenario_of, scenario_of
-from vibro_cli.storage.provenance import json_bytes
+from vibro_cli.scenario.loading import any_scenario_of, scenario_of
+from vibro_cli.storage.provenance import available_cores, json_bytes
 from vibro_cli.storage.tables import Table
 from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems import system_named
@@ -50,8 +58,6 @@ from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, impact_columns
 from vibro_cli.systems.trace.grid_solver import Task as Planned
 from vibro_cli.systems.trace.system_template import Setting
 
-GRID_PART = "kept"
-KERNEL, GRID = "kernel alone", "grid on the disk"
 ROWS, SUMMARIES = "every impact", "summaries only"
 _SCENE = "three_arcs"
 _SIDE = {"quick": 12, "default": 700, "full": 1000}
@@ -188,8 +194,6 @@ class _Solver:
         return impacts
 
 
-COMMAND_PART = "command"
-EVENT_LOOP, COMMAND = "event loop alone", "vibro run"
 SIZES = {
     "quick": (100, 1000),
     "default": (1000, 100_000),

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import math
 import os
 import platform
+import subprocess
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib import metadata
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from vibro_cli import __version__
-from vibro_cli.grids.workers import available_cores
+from vibro_cli.storage.provenance import available_cores
 from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, to_arrow
 
 TABLE = Table(
@@ -157,7 +161,6 @@ def parquet(rows: Sequence[Row], details: dict[str, Any]) -> bytes:
 
 def read_rows(path: Path) -> tuple[list[Row], dict[str, Any]]:
     """Return the rows of a table that was written, and its details."""
-    import json
 
     from vibro_cli.storage.tables import read_parquet
 
@@ -201,3 +204,56 @@ def _processor() -> str:
         return platform.processor() or "unknown"
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else "unknown"
+
+
+COMPILED = "vibro"
+KEPT = "vibro, all rows kept"
+INTERPRETED = "vibro, interpreted"
+BATCH = "vibro, batch"
+
+
+Work = TypeVar("Work")
+
+
+def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -> int:
+    """Have solvers, each in a thread of its own, take work until none is left; return their sum."""
+    left, lock, done = iter(work), threading.Lock(), list[int]()
+
+    def serve(solve: Callable[[Work], int]) -> None:
+        while True:
+            with lock:
+                taken = next(left, None)
+            if taken is None:
+                return
+            done.append(solve(taken))
+
+    crew = [threading.Thread(target=serve, args=(solve,)) for solve in solvers]
+    for thread in crew:
+        thread.start()
+    for thread in crew:
+        thread.join()
+    return sum(done)
+
+
+def greatest_memory(process: subprocess.Popen[bytes]) -> int | None:
+    """Wait for a process; return the greatest memory it had (B), None where nobody tells.
+
+    Asked while it runs: what the system tells afterwards begins with the memory of this process.
+    """
+    greatest = None
+    while process.poll() is None:
+        with contextlib.suppress(OSError):
+            status = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
+            found = [line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")]
+            greatest = int(found[0]) * 1024 if found else greatest
+        time.sleep(0.01)
+    return greatest
+
+
+WITH, WITHOUT = "skipped", "not skipped"
+
+
+GRID_PART = "kept"
+KERNEL, GRID = "kernel alone", "grid on the disk"
+COMMAND_PART = "command"
+EVENT_LOOP, COMMAND = "event loop alone", "vibro run"

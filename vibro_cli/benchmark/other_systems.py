@@ -6,7 +6,7 @@ from typing import Any
 
 from vibro_cli.assemble import build_any
 from vibro_cli.benchmark.measurement import Plan, Row, by_turns, warmed
-from vibro_cli.scenario import any_scenario_of
+from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.wanted import Limits

@@ -14,7 +14,7 @@ from typing import Any
 
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario import scenario_of
+from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import CIRCLE, three_arcs, valley
 
 Document = dict[str, Any]

@@ -118,7 +118,8 @@ def _point(grid: "Grid", index: int) -> str | None:
 
     from vibro_cli.assemble import build_any
     from vibro_cli.grids.points import document_at, reason_of
-    from vibro_cli.scenario import ScenarioError, any_scenario_of
+    from vibro_cli.scenario.loading import any_scenario_of
+    from vibro_cli.scenario.problems import ScenarioError
 
     values = {path: column[0] for path, column in grid.design.columns(np.array([index])).items()}
     try:

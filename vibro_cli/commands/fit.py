@@ -15,7 +15,7 @@ from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit, Free
-    from vibro_cli.scenario import Scenario
+    from vibro_cli.scenario.models import Scenario
 
 DOUBTFUL = 1.0e-6
 """A likelihood below this is told of as a warning."""

@@ -173,7 +173,7 @@ def load(wishes: Wishes) -> "Grid":
 
     from vibro_cli.commands.shared.error_handling import reason
     from vibro_cli.grids.document import load_grid
-    from vibro_cli.scenario import ScenarioError
+    from vibro_cli.scenario.problems import ScenarioError
 
     try:
         return load_grid(wishes.source, wishes.overrides)
@@ -185,7 +185,7 @@ def load(wishes: Wishes) -> "Grid":
 
 
 def _workers(wishes: Wishes) -> int:
-    from vibro_cli.grids.workers import available_cores
+    from vibro_cli.storage.provenance import available_cores
 
     return wishes.workers or available_cores()
 

@@ -77,8 +77,8 @@ def _print_names(as_json: bool) -> int:
 
 def _write(name: str, output: str | None, force: bool, as_json: bool) -> int:
     """Write a scenario or grid of the gallery to a file or to standard output."""
-    from vibro_cli.scenario import ScenarioError
     from vibro_cli.scenario.gallery import text
+    from vibro_cli.scenario.problems import ScenarioError
 
     try:
         content = text(name)

@@ -15,7 +15,7 @@ from vibro_cli.commands.shared.terminal import json_text
 if TYPE_CHECKING:
     from vibro_cli.analysis.orbit_branch import Branch
     from vibro_cli.analysis.orbits import Orbit
-    from vibro_cli.scenario import Scenario
+    from vibro_cli.scenario.models import Scenario
 
 
 @dataclass(frozen=True)

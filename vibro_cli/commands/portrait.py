@@ -42,7 +42,7 @@ class Source:
         from vibro_cli.analysis.levels import Landscape
         from vibro_cli.analysis.singular import portrait_of
         from vibro_cli.assemble import build_system
-        from vibro_cli.scenario import load_scenario
+        from vibro_cli.scenario.loading import load_scenario
 
         scenario = load_scenario(self.name, [*self.overrides, f"{path}={value}"])
         return portrait_of(Landscape.of(build_system(scenario), ball_of(path)))
@@ -50,7 +50,7 @@ class Source:
     def system(self, path: str, value: Any) -> Any:
         """The system with one more override; raises `ScenarioError` where it is not possible."""
         from vibro_cli.assemble import build_any
-        from vibro_cli.scenario import load_any
+        from vibro_cli.scenario.loading import load_any
 
         return build_any(load_any(self.name, [*self.overrides, f"{path}={value}"]))
 
@@ -195,7 +195,7 @@ def _members(
 
 def _member(path: str, value: float, member: "Callable[[str, Any], Any]") -> Any:
     """The member at a value, or in words why it is not possible."""
-    from vibro_cli.scenario import ScenarioError
+    from vibro_cli.scenario.problems import ScenarioError
 
     try:
         return member(path, repr(value))
@@ -209,7 +209,7 @@ def compared(
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The singular points of a few members, and one figure of them all."""
     from vibro_cli.analysis.singular import as_record
-    from vibro_cli.scenario import ScenarioError
+    from vibro_cli.scenario.problems import ScenarioError
 
     path, values = parsed_values(compare)
     try:

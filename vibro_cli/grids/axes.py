@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic_core import PydanticCustomError
 
-from vibro_cli.scenario import Scenario, fields
+from vibro_cli.scenario import fields
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.fields import unknown_key
+from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, path_text, shown, suggestion
 from vibro_cli.scenario.source import parsed_path
 

@@ -20,8 +20,9 @@ from vibro_cli.api import simulate
 from vibro_cli.grids.axes import Array, Model, kind_of, type_of, unit_of
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.points import document_at, reason_of
-from vibro_cli.scenario import ScenarioError, any_scenario_of, fields
-from vibro_cli.scenario.problems import KeyPath, path_text
+from vibro_cli.scenario import fields
+from vibro_cli.scenario.loading import any_scenario_of
+from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
 from vibro_cli.storage.parquet_files import PartFile
 from vibro_cli.storage.tables import (
     Column,

@@ -6,7 +6,6 @@ A few points are solved ahead, which tell how many impacts to expect, and how la
 from __future__ import annotations
 
 import ipaddress
-import os
 import queue
 import threading
 import time
@@ -27,6 +26,7 @@ from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many
 from vibro_cli.grids.dataset import known_division, opened
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Solver, solver_of
+from vibro_cli.storage.provenance import available_cores
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""
@@ -61,13 +61,6 @@ class _Work:
         """Return the next stretch, None after the last."""
         with self._lock:
             return next(self._next, None)
-
-
-def available_cores() -> int:
-    """Return how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):  # Linux
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def solve_in_threads(

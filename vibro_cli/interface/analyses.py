@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit
     from vibro_cli.analysis.orbit_branch import Branch
     from vibro_cli.analysis.orbits import Orbit
-    from vibro_cli.scenario import Scenario
     from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.scenario.models import Scenario
 
 
 def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | None = None) -> Orbit:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from vibro_cli.assemble import build_any, warnings_of
 from vibro_cli.interface.drawing import Drawing
-from vibro_cli.scenario import any_scenario_of, gallery, load_any
-from vibro_cli.scenario.loading import parse_document
+from vibro_cli.scenario import gallery
+from vibro_cli.scenario.loading import any_scenario_of, load_any, parse_document
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

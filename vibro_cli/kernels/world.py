@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from vibro_cli.compile.kernel import Series, struct
+from vibro_cli.kernels.numerics.constants import QuarticConstants
 from vibro_cli.kernels.numerics.tridiagonal import ChainRow
-from vibro_cli.kernels.numerics.weierstrass_motion import QuarticConstants
 
 PARTING = 1  # after an impact, with a speed
 RELEASED = 2  # after lasting contact, with neither speed nor acceleration

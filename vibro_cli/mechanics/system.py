@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vibro_cli.kernels.world import BodyData
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.trace import Trace
 from vibro_cli.numerics import elementwise
@@ -131,17 +130,6 @@ class TraceSystem:
     """Wall at the right end of an open trace; None stops the run there."""
     turning: Turning | None
     """The vertical axis about which the trace turns, and its rate; None at rest."""
-
-
-def body_record(body: Body, gravity: float = 0.0) -> BodyData:
-    """Return the record of a body; without gravity (m/s²), where it plays no part, no weight."""
-    data = BodyData()
-    data.radius = body.radius
-    data.kappa = body.kappa
-    data.mass = body.mass
-    data.rolling_mass = body.kappa * body.mass
-    data.weight = body.mass * gravity
-    return data
 
 
 DRY_FRICTION = 1.0

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from vibro_cli.benchmark.conclusions import conclude
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import SCENES
-from vibro_cli.benchmark.suite import conclude
 from vibro_cli.figures.work_precision import growth, work_precision
-from vibro_cli.report.images import image
-from vibro_cli.report.page import rendered
+from vibro_cli.report.html import image, rendered
 
 GENERATOR = "vibro bench"
 _METHOD = (

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 
 from vibro_cli.figures.source import first_of
 from vibro_cli.mechanics.system import Body, TraceSystem, mechanics_warnings
-from vibro_cli.report.images import figures_of_run
+from vibro_cli.report.html import figures_of_run
 from vibro_cli.report.papers import analogy, series_rows
-from vibro_cli.report.words import END_CAUSES, LAWS, number, validity
+from vibro_cli.report.words import END_CAUSES, LAWS, cell, flat, link, number, validity, versions
 from vibro_cli.storage.stored import StoredRun
 from vibro_cli.storage.tables import Column, table_named
 
@@ -273,28 +271,6 @@ def first_rows(
     }
 
 
-def cell(table: Mapping[str, Any], column: Column, row: int) -> tuple[str, str]:
-    """Return a value to sort by and the value as it is shown."""
-    value = table[column.name][row]
-    if value is None or value is np.ma.masked or (isinstance(value, float) and math.isnan(value)):
-        return "", "–"
-    if isinstance(value, str):
-        return value, value.replace("_", " ")
-    return repr(float(value)), number(value.item(), digits=7)
-
-
-def link(target: Path, beside: Path) -> str:
-    """Return a link to a file from a page in a folder."""
-    return quote(os.path.relpath(target.resolve(), beside.resolve()).replace(os.sep, "/"))
-
-
-def versions(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return what the results were made with."""
-    program = manifest["program"]
-    environment = manifest.get("environment", {})
-    return [(program["name"], program["version"]), *environment.items()]
-
-
 def compared(
     runs: Sequence[StoredRun], names: Sequence[str], sections: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
@@ -319,14 +295,3 @@ def compared(
             if path != "name"
         ],
     }
-
-
-def flat(value: Any, path: str = "") -> dict[str, Any]:
-    """Return plain values by their key path: `balls[1].radius`."""
-    if isinstance(value, dict):
-        inner = ((f"{path}.{key}" if path else key, each) for key, each in value.items())
-    elif isinstance(value, list | tuple):
-        inner = ((f"{path}[{place}]", each) for place, each in enumerate(value, 1))
-    else:
-        return {path: value}
-    return {key: leaf for name, each in inner for key, leaf in flat(each, name).items()}

@@ -11,7 +11,7 @@ from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.film import SIZE, TRAIL, Frames, Stage
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import render
-from vibro_cli.report.page import rendered
+from vibro_cli.report.html import rendered
 from vibro_cli.report.words import number
 
 GENERATOR = "vibro film"

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.figures.grids.maps import Endings
-from vibro_cli.report.content import cell, flat, link, versions
-from vibro_cli.report.images import figures_of_grid
-from vibro_cli.report.words import END_CAUSES, STATES, number
+from vibro_cli.report.html import figures_of_grid
+from vibro_cli.report.words import END_CAUSES, STATES, cell, flat, link, number, versions
 from vibro_cli.storage.stored import StoredGrid
 from vibro_cli.storage.tables import Column, summary
 

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-from collections.abc import Mapping, Sequence
-from importlib.resources import files
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vibro_cli.report.content import page
 from vibro_cli.report.grid_content import grid_page
+from vibro_cli.report.html import rendered
 from vibro_cli.report.words import method_of
 from vibro_cli.storage.stored import StoredGrid, StoredRun
 from vibro_cli.systems import system_named
@@ -43,36 +38,6 @@ def grid_html(grid: StoredGrid, beside: Path, version: str, columns: Sequence[st
     return rendered("grid", values, assets="report")
 
 
-def rendered(name: str, values: Mapping[str, Any], assets: str = "") -> bytes:
-    """Return the page of a template with its style and its script, and a policy for these alone.
-
-    `assets` is the name of both, if not that of the template.
-    """
-    environment = Environment(
-        loader=PackageLoader("vibro_cli.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    style, script = (_asset(f"{assets or name}.{kind}") for kind in ("css", "js"))
-    policy = (
-        "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
-        f"style-src {_hash(style)}; script-src {_hash(script)}"
-    )
-    ours = {"policy": policy, "style": style, "script": script}  # the template takes them as is
-    return environment.get_template(f"{name}.html").render({**values, **ours}).encode()
-
-
 def is_report(content: bytes, generator: str = GENERATOR) -> bool:
     """Return whether the bytes are those of a report of ours, or of another page of ours."""
     return f'<meta name="generator" content="{generator}">'.encode() in content[:2000]
-
-
-def _asset(name: str) -> str:
-    return (files("vibro_cli.report") / "templates" / name).read_text(encoding="utf-8")
-
-
-def _hash(text: str) -> str:
-    """Return the source expression that lets just this text through the content policy."""
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

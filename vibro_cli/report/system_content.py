@@ -10,15 +10,10 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.assemble import warnings_of
-from vibro_cli.report.content import (
-    BODY_HEADS,
-    body_cells,
-    first_rows,
-    flat,
-)
-from vibro_cli.report.images import figures_of_run
+from vibro_cli.report.content import BODY_HEADS, body_cells, first_rows
+from vibro_cli.report.html import figures_of_run
 from vibro_cli.report.papers import analogy
-from vibro_cli.report.words import KEYS, LAWS, named, number
+from vibro_cli.report.words import KEYS, LAWS, flat, named, number
 from vibro_cli.storage.stored import StoredRun
 
 _FIGURES = (

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -173,3 +174,10 @@ def _check(folder: Path, name: str, described: Mapping[str, Any]) -> Finding | N
         detail = f"SHA-256 {found[:12]}…, expected {described['sha256'][:12]}…"
         return Finding(name, "damaged", detail)
     return None
+
+
+def available_cores() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):  # Linux
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -20,7 +20,7 @@ import numpy as np
 from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.numerics.elementwise import EPSILON
-from vibro_cli.scenario import ScenarioError
+from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.left_open import (

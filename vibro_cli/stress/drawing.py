@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.scenario import ScenarioError
+from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.finding import Document
 from vibro_cli.stress.scenes import system_of
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.numerics.elementwise import EPSILON
-from vibro_cli.scenario import ScenarioError
+from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.flights import Family, States, for_judge
 from vibro_cli.stress.impacts import solved

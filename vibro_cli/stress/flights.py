@@ -18,7 +18,8 @@ from vibro_cli.assemble import build_system
 from vibro_cli.compile.native import compiled
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.scenario import ScenarioError, scenario_of
+from vibro_cli.scenario.loading import scenario_of
+from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.kernels import ORDER, START_COLUMNS, follow_all
 from vibro_cli.stress.oracles.interval_oracle import BODY_COLUMNS, COLUMNS
 from vibro_cli.systems.trace.flights import centres

@@ -16,7 +16,8 @@ from typing import Any, Generic, TypeVar
 
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario import ScenarioError, scenario_of
+from vibro_cli.scenario.loading import scenario_of
+from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.finding import Document
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system

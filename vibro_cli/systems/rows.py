@@ -13,6 +13,7 @@ import numpy as np
 
 from vibro_cli.compile.kernel import compiled_rows, dtype, interpreted_rows
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL
+from vibro_cli.kernels.world import BodyData
 from vibro_cli.mechanics.system import Body
 
 
@@ -269,3 +270,14 @@ def set_rows(rows: Sequence[Any], cls: type, values: Sequence[Sequence[Any]]) ->
     for row, value in zip(rows, values, strict=True):
         for field, number in zip(names, value, strict=True):
             setattr(row, field, _plain(number))
+
+
+def body_record(body: Body, gravity: float = 0.0) -> BodyData:
+    """Return the record of a body; without gravity (m/s²), where it plays no part, no weight."""
+    data = BodyData()
+    data.radius = body.radius
+    data.kappa = body.kappa
+    data.mass = body.mass
+    data.rolling_mass = body.kappa * body.mass
+    data.weight = body.mass * gravity
+    return data

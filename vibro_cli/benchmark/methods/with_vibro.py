@@ -6,97 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.benchmark.methods.motion import Motion
-from vibro_cli.benchmark.methods.runner import Course, Lost, Method, Runner, Setting, course_of
+from vibro_cli.benchmark.measurement import BATCH, COMPILED, INTERPRETED, KEPT
+from vibro_cli.benchmark.methods.runner import (
+    Course,
+    DriverRunner,
+    Method,
+    Runner,
+    Setting,
+)
 from vibro_cli.benchmark.scenes import Scene
-from vibro_cli.kernels.ensemble.points import Points
-from vibro_cli.kernels.world import NEVER
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.systems.driver import Driver
-from vibro_cli.systems.trace.ensemble import Batch, empty_results, make_points
-from vibro_cli.systems.trace.event_loop import LOOP
-from vibro_cli.systems.trace.world import half_angle, make_world
+from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
 
-COMPILED = "vibro"
-KEPT = "vibro, all rows kept"
-INTERPRETED = "vibro, interpreted"
-BATCH = "vibro, batch"
 EXACT = (Setting("exact"),)
-_FIRST = 64
-"""Impacts whose times are told."""
 _EACH = 60
 """Impacts of each run of a batch; it starts as the scene does."""
-
-
-class DriverRunner(Runner):
-    """Single runs through the driver; short motions several times over.
-
-    Parameters
-    ----------
-    system
-        What moves.
-    engine
-        ``"compiled"`` or ``"python"``.
-    keep
-        Whether the rows of impacts and flights are kept.
-    most
-        Impacts after which the motion is begun again, if it ends.
-    """
-
-    def __init__(
-        self, system: TraceSystem, engine: str, keep: bool = False, most: int | None = None
-    ) -> None:
-        self._system, self._engine, self._keep, self._most = system, engine, keep, most
-        self._motion = Motion(system)
-
-    def ready(self, impacts: int) -> None:
-        """Make the records of the runs."""
-        each = impacts if self._most is None else min(impacts, self._most)
-        self._each = each
-        self.drivers = []
-        for _ in range(impacts // each):
-            world = make_world(self._system, None, each)
-            world.settings[0].keep = int(self._keep)
-            self.drivers.append(Driver(LOOP, world, self._engine))
-
-    def go(self) -> None:
-        """Run."""
-        for driver in self.drivers:
-            driver.run()
-
-    def course(self) -> Course:
-        """Return what the last of the runs left."""
-        driver = self.drivers[-1]
-        pieces, y = self._state(driver)
-        times = self._times() if len(self.drivers) == 1 else []
-        crossings = int(driver.clock_value("crossings"))
-        course = course_of(self._motion, times, crossings, pieces, y)
-        course.impacts = int(driver.clock_value("collisions"))
-        if course.impacts < self._each:
-            raise Lost(f"the run ended after {course.impacts} impacts")
-        return course
-
-    def _times(self) -> list[float]:
-        """Times of the first impacts, from a run that keeps them."""
-        driver = Driver(LOOP, make_world(self._system, None, _FIRST), self._engine)
-        driver.run()
-        rows: Any = driver.logs["impacts"].table()
-        return [float(t) for t in rows["t"]]
-
-    def _state(self, driver: Driver) -> tuple[list[int], list[float]]:
-        """Pieces, angles and rates of the bodies where their last flights began."""
-        pieces, y = [], []
-        for ball in range(len(self._system.bodies)):
-            flight: Any = driver.world.flights[ball]
-            read = flight.__getitem__ if driver.engine == "compiled" else flight.__getattribute__
-            piece = int(read("piece"))
-            s, c, p = (float(read(name)) for name in "scp")
-            on_valley = self._motion.arcs[piece].sign > 0.0
-            angle = 2.0 * (np.arctan2(s, c) if on_valley else np.arctan2(-c, s))
-            w2 = abs(self._motion.w2[ball][piece])
-            pieces.append(piece)
-            y += [float(angle), 2.0 * float(np.sqrt(w2)) * p]
-        return pieces, y
 
 
 class BatchRunner(Runner):
@@ -134,31 +58,6 @@ class BatchRunner(Runner):
         every: Any = self._results.outcomes
         times = rows["t"][: int(outcomes["kept"][0])].tolist()
         return Course(times, int(every["collisions"].sum()), int(every["crossings"].sum()))
-
-
-def points_of(system: TraceSystem, count: int, impacts: int) -> Points:
-    """Return so many points of a system, all with its own starts and so many impacts each."""
-    pieces = [start.piece for start in system.initial]
-    halves = [
-        half_angle(system.trace.pieces[start.piece], start.position) for start in system.initial
-    ]
-    rates = []
-    for body, start in zip(system.bodies, system.initial, strict=True):
-        rho = system.trace.pieces[start.piece].path_radius(body.radius)
-        frequency = float(np.sqrt(system.gravity / (body.kappa * rho)))
-        rates.append(start.speed / (2.0 * frequency * rho))
-    pairs = list(system.restitution) or [1.0]
-    if system.trace.closed and len(system.bodies) == 2:
-        pairs = 2 * pairs
-
-    def tiled(values: Any, kind: type = float) -> Any:
-        return np.tile(np.array(values, dtype=kind), (count, 1))
-
-    return make_points(
-        np.full(count, NEVER), np.full(count, impacts), tiled(pieces, np.int64),
-        tiled([s for s, _ in halves]), tiled([c for _, c in halves]), tiled(rates),
-        tiled([body.mass for body in system.bodies]), tiled(pairs),
-    )  # fmt: skip
 
 
 def _driver(engine: str, keep: bool, scene: Scene) -> Runner:

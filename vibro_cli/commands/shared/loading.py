@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
     from vibro_cli.grids.document import Grid
     from vibro_cli.mechanics.system import TraceSystem
-    from vibro_cli.scenario import Scenario
     from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.scenario.models import Scenario
     from vibro_cli.storage.folders import EarlierRun
 
 Loaded = TypeVar("Loaded")
@@ -37,7 +37,7 @@ def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "TraceSyste
     Raises `CommandError` with every problem of it, or if it is of another system.
     """
     from vibro_cli.assemble import build_system
-    from vibro_cli.scenario import load_scenario
+    from vibro_cli.scenario.loading import load_scenario
 
     def read() -> tuple["Scenario", "TraceSystem"]:
         scenario = load_scenario(source, overrides)
@@ -52,7 +52,7 @@ def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", "Any
     Raises `CommandError` with every problem of it.
     """
     from vibro_cli.assemble import build_any
-    from vibro_cli.scenario import load_any as load_scenario
+    from vibro_cli.scenario.loading import load_any as load_scenario
 
     def read() -> tuple["AnyScenario", "AnySystem"]:
         scenario = load_scenario(source, overrides)
@@ -63,7 +63,7 @@ def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", "Any
 
 def _refusals_told(source: str, read: Callable[[], Loaded]) -> Loaded:
     """What is read; why it cannot be is told as a `CommandError`."""
-    from vibro_cli.scenario import ScenarioError
+    from vibro_cli.scenario.problems import ScenarioError
 
     try:
         return read()
@@ -99,8 +99,7 @@ def load_scenario_or_grid(
     Raises `CommandError` with every problem of it.
     """
     from vibro_cli.assemble import build_any
-    from vibro_cli.scenario import any_scenario_of
-    from vibro_cli.scenario.loading import is_grid, load_document
+    from vibro_cli.scenario.loading import any_scenario_of, is_grid, load_document
 
     def read() -> "tuple[AnyScenario, AnySystem] | Grid":
         document = load_document(source)

@@ -16,17 +16,14 @@ from vibro_cli.kernels.cluster.collocation import FORCE_ROUNDING, launch_across
 from vibro_cli.kernels.contact.contact_kinematics import (
     free_acceleration,
     free_approach,
-    lost_height,
     mobility,
     parting_speed,
     present_gap,
-    rest,
     set_normals,
     set_speed,
     speed_of_pair,
-    stand_at_wall,
-    touched_wall,
 )
+from vibro_cli.kernels.contact.wall_contact import lost_height, rest, stand_at_wall, touched_wall
 from vibro_cli.kernels.flow.flight import begin_flight, log_flight
 from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.impact.chattering import (

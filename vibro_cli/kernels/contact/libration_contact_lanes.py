@@ -16,7 +16,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.compile.lanes import Lanes, Two, any_lane, both, choose, either, in_lane, opposite
+from vibro_cli.compile.lanes import (
+    Lanes,
+    Two,
+    any_lane,
+    both,
+    choose,
+    either,
+    in_lane,
+    opposite,
+)
 from vibro_cli.kernels.contact.arc_contact import (
     LONGEST_CHANGE,
     derivatives_of_sine,
@@ -33,6 +42,7 @@ from vibro_cli.kernels.flow.flow import (
     by_addition,
     pendulum_acceleration,
     pendulum_jerk,
+    swings,
 )
 from vibro_cli.kernels.numerics.conservative_advancement import (
     is_clear_before,
@@ -42,10 +52,20 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
 )
 from vibro_cli.kernels.numerics.elliptic import (
     REDUCTION_LIMIT,
+    TRIGONOMETRIC,
     sine_cosine_in_lanes,
     trigonometric_form,
 )
-from vibro_cli.kernels.world import BodyData, Clock, Flight, PairTrack, TrackData
+from vibro_cli.kernels.world import (
+    NEVER,
+    PARTING,
+    BodyData,
+    Clock,
+    Flight,
+    PairTrack,
+    TrackData,
+    World,
+)
 
 # Evaluations of both flows for one contact; a lane that needs more fails.
 MOST_EVALUATIONS = 5
@@ -292,3 +312,26 @@ def _refined_of_two(two: TwoSwings, h: float, contact: PairTrack, clock: Clock) 
             two.contact_s, two.contact_c, two.contact_p = advance_slightly(w, change, s, c, p)
             return h
     return NONE_BEFORE_LIMIT
+
+
+# Where there is nothing to go this way, the event loop is left alone for up to so many impacts.
+LONGEST_STAY = 1 << 12
+
+
+@kernel
+def fits(world: World, piece: int) -> bool:
+    """Tell whether two bodies have just parted and swing on an arc, far from its ends."""
+    clock = world.clock[0]
+    pair = world.pairs[0]
+    valley = world.pieces[piece].sign > 0.0 and world.contacts[piece].normal_a > 0.0
+    fit = valley and clock.held_pairs == 0 and clock.unlogged == 0
+    fit = fit and pair.touching == PARTING and pair.searched == 0.0 and pair.contact_t == NEVER
+    for ball in range(2):
+        flight = world.flights[ball]
+        track = world.tracks[ball * world.settings[0].pieces + piece]
+        end = min(track.left_s * track.left_s, track.right_s * track.right_s)
+        fit = fit and flight.piece == piece and swings(flight) and flight.form == TRIGONOMETRIC
+        fit = fit and track.lowest_s2 == 0.0 and flight.exit_after == NEVER
+        fit = fit and 0.0 < flight.parameter < end and flight.root_complement > 0.0
+        fit = fit and flight.anchor < 0 and flight.t == clock.t and flight.t_low == clock.t_low
+    return fit

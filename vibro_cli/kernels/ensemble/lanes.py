@@ -33,12 +33,13 @@ from vibro_cli.compile.lanes import (
     with_lane,
 )
 from vibro_cli.kernels.contact.libration_contact_lanes import (
+    LONGEST_STAY,
     BodyLanes,
     SwingLanes,
     contact_in_lanes,
+    fits,
 )
-from vibro_cli.kernels.ensemble.libration_fast_path import LONGEST_STAY, fits
-from vibro_cli.kernels.ensemble.points import Points, Results, prepare_point, tally_point
+from vibro_cli.kernels.ensemble.records import Points, Results, prepare_point, tally_point
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,

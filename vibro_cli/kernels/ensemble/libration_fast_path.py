@@ -10,10 +10,12 @@ from __future__ import annotations
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.compile.lanes import Two, any_lane, either, in_lane, two_lanes
 from vibro_cli.kernels.contact.libration_contact_lanes import (
+    LONGEST_STAY,
     TwoBodies,
     TwoSwings,
     TwoTracks,
     contact_of_two,
+    fits,
 )
 from vibro_cli.kernels.events.event_loop import drop_rows, proceed
 from vibro_cli.kernels.flow.flight import (
@@ -29,14 +31,12 @@ from vibro_cli.kernels.flow.flight import (
     size_of_root,
     widest_pull,
 )
-from vibro_cli.kernels.flow.flow import swings
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
 from vibro_cli.kernels.impact.event_log import do_part, log_impact
 from vibro_cli.kernels.impact.laws import impact_of_pair
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import (
     PARAMETER_SPLIT,
-    TRIGONOMETRIC,
     set_libration,
     set_two_theta_constants,
 )
@@ -44,14 +44,10 @@ from vibro_cli.kernels.world import (
     COLLISION,
     END_COLLISIONS,
     LOG_FULL,
-    NEVER,
     PARTING,
     RUNNING,
     World,
 )
-
-# Where there is nothing to go this way, the event loop is left alone for up to so many impacts.
-LONGEST_STAY = 1 << 12
 
 
 @kernel
@@ -75,25 +71,6 @@ def proceed_swinging(world: World, bodies: TwoBodies) -> int:
         if cause != END_COLLISIONS or clock.collisions >= most:
             return cause
         stay = min(2 * stay, LONGEST_STAY)
-
-
-@kernel
-def fits(world: World, piece: int) -> bool:
-    """Tell whether two bodies have just parted and swing on an arc, far from its ends."""
-    clock = world.clock[0]
-    pair = world.pairs[0]
-    valley = world.pieces[piece].sign > 0.0 and world.contacts[piece].normal_a > 0.0
-    fit = valley and clock.held_pairs == 0 and clock.unlogged == 0
-    fit = fit and pair.touching == PARTING and pair.searched == 0.0 and pair.contact_t == NEVER
-    for ball in range(2):
-        flight = world.flights[ball]
-        track = world.tracks[ball * world.settings[0].pieces + piece]
-        end = min(track.left_s * track.left_s, track.right_s * track.right_s)
-        fit = fit and flight.piece == piece and swings(flight) and flight.form == TRIGONOMETRIC
-        fit = fit and track.lowest_s2 == 0.0 and flight.exit_after == NEVER
-        fit = fit and 0.0 < flight.parameter < end and flight.root_complement > 0.0
-        fit = fit and flight.anchor < 0 and flight.t == clock.t and flight.t_low == clock.t_low
-    return fit
 
 
 @kernel

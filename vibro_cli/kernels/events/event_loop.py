@@ -16,13 +16,12 @@ from vibro_cli.kernels.cluster.contact_changes import (
 )
 from vibro_cli.kernels.contact.contact_kinematics import (
     CONTACT_ROUNDING,
-    bounce_is_lost,
-    last_row_of,
     lifted_body,
     present_gap,
     set_normals,
     set_speed,
 )
+from vibro_cli.kernels.contact.wall_contact import bounce_is_lost, last_row_of
 from vibro_cli.kernels.events.event_detection import first_contact
 from vibro_cli.kernels.events.simultaneous_impacts import (
     collide_jointly,

@@ -14,11 +14,13 @@ from vibro_cli.kernels.cluster.contact_changes import (
     settle,
 )
 from vibro_cli.kernels.contact.contact_kinematics import (
-    last_row_of,
     lifted_body,
     parting_speed,
     set_normals,
     set_speed,
+)
+from vibro_cli.kernels.contact.wall_contact import (
+    last_row_of,
     touched_wall,
     touches_dissipative_wall,
 )

@@ -22,8 +22,8 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     present_approach,
     present_gap,
     speed_of_pair,
-    touched_wall,
 )
+from vibro_cli.kernels.contact.wall_contact import touched_wall
 from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.flow.flow import angular_jerk, tangential_acceleration
 from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING

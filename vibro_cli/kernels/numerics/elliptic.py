@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.compile.kernel import kernel
 from vibro_cli.compile.lanes import Lanes, choose, has_bit
+from vibro_cli.kernels.numerics.constants import ThetaConstants
 
 TWO_OVER_PI = 2.0 / math.pi
 # pi/2 in two parts; the first has 33 bits, so that its product with a quadrant number is exact.
@@ -91,33 +92,6 @@ SMALL_ARGUMENT = 0.35
 TRIGONOMETRIC = 0
 HYPERBOLIC = 1
 HYPERBOLIC_TINY = 2  # hyperbolic, complement so small that its products would underflow
-
-
-@struct
-class ThetaConstants:
-    """What the theta series of one parameter need (fields of a flight)."""
-
-    parameter: float  # m
-    root_complement: float  # sign(1 - m) sqrt|1 - m|
-    form: int  # TRIGONOMETRIC, HYPERBOLIC, HYPERBOLIC_TINY
-    reciprocal: int  # 1: m > 1, so cn and dn change places
-    argument_scale: float  # z = u scale (trigonometric), z = u + u scale (hyperbolic)
-    even_0: float
-    even_2: float
-    even_4: float
-    odd_1: float
-    odd_3: float
-    sum_0: float
-    sum_2: float
-    difference_1: float
-    difference_3: float
-    sine_scale: float
-    cosine_scale: float
-    delta_scale: float
-    two_nome: float
-    root_nome: float  # square root of the complementary nome (hyperbolic)
-    half_period: float  # -ln(complementary nome), high part
-    half_period_low: float  # and low part
 
 
 @kernel

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.numerics.constants import QuarticConstants
 from vibro_cli.kernels.numerics.elliptic import (
-    ThetaConstants,
     carlson_rf,
     quarter_period,
     set_theta_constants,
@@ -33,25 +33,6 @@ NEAR_NOTHING = 1.0e-3
 # A square of the rate above this share of its terms gives the rate better than the derivative does;
 # one of the first form above it has nearly all its digits.
 CLEAR = 0.125
-
-
-@struct
-class QuarticConstants(ThetaConstants):
-    """What the motion under one quartic needs (fields of a flight)."""
-
-    quartic_0: float  # a0
-    quartic_1: float  # a1
-    quartic_2: float  # a2
-    quartic_3: float  # a3
-    start_rate: float  # u' at the start: its square is a4
-    lattice: int  # RECTANGULAR or RHOMBIC
-    turns_over: int  # 1: u passes infinity
-    root: float  # z of the greatest real root (rectangular), of the real one (rhombic)
-    second: float  # e1 - e2; rhombic: real part of e1 - e2
-    third: float  # e1 - e3; rhombic: imaginary part of e1 - e2
-    rate_scale: float  # argument of the theta functions for one unit of time
-    back: float  # u'^2 z where it comes back to the start
-    returns_early: int  # 1: it does so within half a period
 
 
 @kernel

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.scenario import any_scenario_of
+from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.systems import system_named

@@ -14,7 +14,7 @@ import numpy as np
 
 from vibro_cli.api import simulate
 from vibro_cli.kernels.impact.laws import LAW_NAMES
-from vibro_cli.scenario import any_scenario_of
+from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.stress.oracles.neighbours import check_maps

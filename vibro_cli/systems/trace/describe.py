@@ -14,8 +14,8 @@ from vibro_cli.analysis.singular import as_record, portrait_of
 from vibro_cli.figures.portraits.portrait import structure
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.scenario import Scenario
 from vibro_cli.scenario.fields import settings
+from vibro_cli.scenario.models import Scenario
 from vibro_cli.systems.describe import body_line, described
 
 

@@ -13,7 +13,8 @@ from vibro_cli.compile.lanes import LANES
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
 from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes, run_points_in_lanes
-from vibro_cli.kernels.ensemble.points import (
+from vibro_cli.kernels.ensemble.points import follow_points, run_points, run_stacked
+from vibro_cli.kernels.ensemble.records import (
     PairNumbers,
     PointData,
     Points,
@@ -23,13 +24,11 @@ from vibro_cli.kernels.ensemble.points import (
     Stack,
     StartData,
     SystemNumber,
-    follow_points,
-    run_points,
-    run_stacked,
 )
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome
 from vibro_cli.kernels.tangent.frame import Tangents, TangentState
 from vibro_cli.kernels.world import (
+    NEVER,
     BodyData,
     Flight,
     ImpactRow,
@@ -41,7 +40,7 @@ from vibro_cli.kernels.world import (
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.tangents import room_for
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.world import compiled_world, make_world, zeros
+from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world, zeros
 
 
 class Progress(NamedTuple):
@@ -300,3 +299,28 @@ def _rows(records: Sequence[Any], cls: type, count: int) -> Any:
         for name in rows.dtype.names or ():
             rows[name][:, place] = getattr(one, name)
     return rows.reshape(-1)
+
+
+def points_of(system: TraceSystem, count: int, impacts: int) -> Points:
+    """Return so many points of a system, all with its own starts and so many impacts each."""
+    pieces = [start.piece for start in system.initial]
+    halves = [
+        half_angle(system.trace.pieces[start.piece], start.position) for start in system.initial
+    ]
+    rates = []
+    for body, start in zip(system.bodies, system.initial, strict=True):
+        rho = system.trace.pieces[start.piece].path_radius(body.radius)
+        frequency = float(np.sqrt(system.gravity / (body.kappa * rho)))
+        rates.append(start.speed / (2.0 * frequency * rho))
+    pairs = list(system.restitution) or [1.0]
+    if system.trace.closed and len(system.bodies) == 2:
+        pairs = 2 * pairs
+
+    def tiled(values: Any, kind: type = float) -> Any:
+        return np.tile(np.array(values, dtype=kind), (count, 1))
+
+    return make_points(
+        np.full(count, NEVER), np.full(count, impacts), tiled(pieces, np.int64),
+        tiled([s for s, _ in halves]), tiled([c for _, c in halves]), tiled(rates),
+        tiled([body.mass for body in system.bodies]), tiled(pairs),
+    )  # fmt: skip

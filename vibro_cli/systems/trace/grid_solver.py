@@ -20,7 +20,7 @@ from vibro_cli.grids.solving import (
     is_followed,
     not_solved,
 )
-from vibro_cli.kernels.ensemble.points import Points, Results, Stack
+from vibro_cli.kernels.ensemble.records import Points, Results, Stack
 from vibro_cli.kernels.statistics.impact_columns import WORDS
 from vibro_cli.kernels.world import LOG_FULL, NEVER, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem

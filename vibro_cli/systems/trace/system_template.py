@@ -34,8 +34,8 @@ from vibro_cli.mechanics.reachability import (
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics.elementwise import taken
-from vibro_cli.scenario import Scenario
 from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.systems.trace.flights import centres
 from vibro_cli.systems.trace.world import initial_flight, neighbours

@@ -9,7 +9,7 @@ import numpy as np
 
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.ensemble.points import Stack, fill_stacked
+from vibro_cli.kernels.ensemble.records import Stack, fill_stacked
 from vibro_cli.kernels.statistics.impact_columns import (
     FLAGS,
     INTEGERS,

@@ -41,10 +41,11 @@ from vibro_cli.mechanics.potential import (
     roots,
 )
 from vibro_cli.mechanics.reachability import contact_angle, reach
-from vibro_cli.mechanics.system import Body, TraceSystem, body_record
+from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.systems import driver
+from vibro_cli.systems.rows import body_record
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.wanted import UNLIMITED
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Sequence
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.resources import files
 from typing import Any
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.grids.kinds import draw_grid
@@ -55,3 +58,33 @@ def image(figure: Figure) -> dict[str, str]:
         "width": f"{width:.0f}",
         "height": f"{height:.0f}",
     }
+
+
+def rendered(name: str, values: Mapping[str, Any], assets: str = "") -> bytes:
+    """Return the page of a template with its style and its script, and a policy for these alone.
+
+    `assets` is the name of both, if not that of the template.
+    """
+    environment = Environment(
+        loader=PackageLoader("vibro_cli.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    style, script = (_asset(f"{assets or name}.{kind}") for kind in ("css", "js"))
+    policy = (
+        "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
+        f"style-src {_hash(style)}; script-src {_hash(script)}"
+    )
+    ours = {"policy": policy, "style": style, "script": script}  # the template takes them as is
+    return environment.get_template(f"{name}.html").render({**values, **ours}).encode()
+
+
+def _asset(name: str) -> str:
+    return (files("vibro_cli.report") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    """Return the source expression that lets just this text through the content policy."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -1,0 +1,182 @@
+"""Records of many runs: how each starts, what comes of it, and the numbers of several systems."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.kernels.statistics.impact_columns import Columns, Runs, fill_run
+from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
+from vibro_cli.kernels.world import (
+    END_TIME,
+    NEVER,
+    BodyData,
+    Flight,
+    ImpactRow,
+    PairTrack,
+    PieceData,
+    TrackData,
+    World,
+)
+
+
+@struct
+class PointData:
+    """What is a run's own, besides its bodies and pairs."""
+
+    stop_t: float  # s
+    stop_collisions: int
+
+
+@struct
+class StartData:
+    """One body at the start of one run."""
+
+    piece: int
+    s: float  # (S, C, P) as in kernels.structs
+    c: float
+    p: float
+    mass: float  # kg
+
+
+@struct
+class RestitutionData:
+    """One pair of one run."""
+
+    k: float
+
+
+class Points(NamedTuple):
+    """The runs of a batch: a row for each, and one for each of its bodies and pairs."""
+
+    own: Sequence[PointData]
+    starts: Sequence[StartData]  # run by run
+    restitutions: Sequence[RestitutionData]  # run by run
+
+
+class Results(NamedTuple):
+    """What the runs of a batch gave."""
+
+    outcomes: Sequence[Outcome]  # one for each run
+    finals: Sequence[FinalState]  # run by run
+    impacts: Sequence[ImpactRow]  # of all runs, if they are kept
+
+
+@kernel
+def tally_point(
+    world: World,
+    known: int,
+    cause: int,
+    points: Points,
+    results: Results,
+    point: int,
+    scratch: Sequence[Flight],
+) -> None:
+    """Tally a run, or a part of one (see ``kernels.statistics.run_statistics``)."""
+    end_t = world.clock[0].t
+    end_low = world.clock[0].t_low
+    if cause == END_TIME and points.own[point].stop_t < NEVER:
+        end_t = points.own[point].stop_t
+        end_low = 0.0
+    tally(world, known, cause, end_t, end_low, results.outcomes, point, results.finals, scratch)
+
+
+@kernel
+def prepare_point(world: World, fresh: World, points: Points, point: int) -> None:
+    """Put the records into the state before the start of a run."""
+    settings = world.settings[0]
+    world.clock[0] = fresh.clock[0]  # type: ignore[index]
+    settings.stop_t = points.own[point].stop_t
+    settings.stop_collisions = points.own[point].stop_collisions
+    for j in range(settings.pairs):
+        world.pairs[j] = fresh.pairs[j]  # type: ignore[index]
+        world.pairs[j].restitution = points.restitutions[point * settings.pairs + j].k
+    for ball in range(settings.bodies):
+        given = points.starts[point * settings.bodies + ball]
+        body = world.bodies[ball]
+        body.mass = given.mass
+        body.rolling_mass = body.kappa * given.mass
+        body.weight = given.mass * settings.gravity
+        world.flights[ball] = fresh.flights[ball]  # type: ignore[index]
+        flight = world.flights[ball]
+        flight.piece = given.piece
+        flight.s = given.s
+        flight.c = given.c
+        flight.p = given.p
+
+
+@struct
+class SettingNumbers:
+    """What of the settings of a run differs from system to system."""
+
+    gravity: float
+    left_wall: float
+    right_wall: float
+
+
+@struct
+class PairNumbers:
+    """And of two neighbours."""
+
+    distance: float  # r_a + r_b, m
+
+
+@struct
+class SystemNumber:
+    """Which of the systems a run is of, from 0."""
+
+    number: int
+
+
+class Stack(NamedTuple):
+    """The records of the systems, system by system, and which system each run is of."""
+
+    settings: Sequence[SettingNumbers]
+    bodies: Sequence[BodyData]
+    pieces: Sequence[PieceData]
+    tracks: Sequence[TrackData]
+    contacts: Sequence[PairTrack]
+    pairs: Sequence[PairNumbers]
+    of_runs: Sequence[SystemNumber]
+
+
+@kernel
+def install(world: World, stack: Stack, system: int) -> None:
+    """Put the records of a system in place."""
+    numbers = stack.settings[system]
+    settings = world.settings[0]
+    settings.gravity = numbers.gravity
+    settings.left_wall = numbers.left_wall
+    settings.right_wall = numbers.right_wall
+    for j in range(len(world.bodies)):
+        world.bodies[j] = stack.bodies[system * len(world.bodies) + j]  # type: ignore[index]
+    for j in range(len(world.pieces)):
+        world.pieces[j] = stack.pieces[system * len(world.pieces) + j]  # type: ignore[index]
+    for j in range(len(world.tracks)):
+        world.tracks[j] = stack.tracks[system * len(world.tracks) + j]  # type: ignore[index]
+    for j in range(len(world.contacts)):
+        world.contacts[j] = stack.contacts[system * len(world.contacts) + j]  # type: ignore[index]
+    for j in range(len(world.pairs)):
+        world.pairs[j].distance = stack.pairs[system * len(world.pairs) + j].distance
+
+
+@kernel
+def fill_stacked(
+    world: World,
+    log: Sequence[ImpactRow],
+    runs: Runs,
+    columns: Columns,
+    around: float,
+    stack: Stack,
+) -> int:
+    """Fill the columns of runs, each of its own system; see ``impact_columns.fill_columns``."""
+    row = 0
+    installed = -1
+    for run in range(len(runs.counts)):
+        system = stack.of_runs[run].number
+        if system != installed and runs.counts[run] > 0:
+            install(world, stack, system)
+            installed = system
+        row = fill_run(world, log, row, runs, run, columns, around)
+    return row
