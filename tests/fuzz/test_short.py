@@ -61,7 +61,7 @@ def test_the_judge_sees_what_a_reader_leaks(monkeypatch: pytest.MonkeyPatch) -> 
     def leak(*_: object) -> None:
         raise KeyError("leaked")
 
-    monkeypatch.setattr("vibro_cli.scenario.json_form.read", leak)
+    monkeypatch.setattr("vibro_cli.scenario.forms.read_json", leak)
     (fault, *_) = judge("json", range(5)).faults
     assert "cannot be read (KeyError)" in fault
     monkeypatch.setattr("vibro_cli.scenario.loading.parse_document", leak)

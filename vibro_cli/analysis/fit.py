@@ -27,8 +27,7 @@ from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError
 from vibro_cli.numerics.dual import Floats
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
-from vibro_cli.scenario.source import parsed_path
+from vibro_cli.scenario.problems import KeyPath, ScenarioError, parsed_path, path_text
 
 COLUMNS = ("t", "n", "error", "ball_a", "ball_b")
 

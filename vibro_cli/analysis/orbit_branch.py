@@ -35,7 +35,7 @@ from vibro_cli.analysis.orbits import (
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.source import parsed_path
+from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.systems.trace.tangents import time_scale
 
 Floats = NDArray[np.float64]

@@ -231,7 +231,7 @@ def _axis(path: str) -> str:
     from vibro_cli.analysis.orbit_branch import ENERGY
     from vibro_cli.figures.grids.maps import words_of
     from vibro_cli.scenario.fields import unit_at
-    from vibro_cli.scenario.source import parsed_path
+    from vibro_cli.scenario.problems import parsed_path
 
     if path == ENERGY:
         return "energy [J]"

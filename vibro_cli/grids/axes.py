@@ -17,8 +17,15 @@ from vibro_cli.scenario import fields
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.fields import unknown_key
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.problems import Fault, KeyPath, listing, path_text, shown, suggestion
-from vibro_cli.scenario.source import parsed_path
+from vibro_cli.scenario.problems import (
+    Fault,
+    KeyPath,
+    listing,
+    parsed_path,
+    path_text,
+    shown,
+    suggestion,
+)
 
 # What a grid's tables do not depend on.
 _WITHOUT_EFFECT = ("name", "output")

@@ -20,12 +20,12 @@ from vibro_cli.scenario.problems import (
     KeyPath,
     Problem,
     ScenarioError,
+    Source,
     listing,
     path_text,
     shown,
     suggestion,
 )
-from vibro_cli.scenario.source import Source
 from vibro_cli.storage.tables import Column, table_named
 from vibro_cli.systems import system_named
 
@@ -202,7 +202,7 @@ class _Within(Source):
     """The source of the scenario that stands in a grid file: its places are further in."""
 
     def place(self, key_path: str | KeyPath, on_key: bool = False) -> Any:
-        from vibro_cli.scenario.source import parsed_path
+        from vibro_cli.scenario.problems import parsed_path
 
         loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
         for path, _ in self.overrides:

@@ -23,8 +23,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.problems import Fault, KeyPath, Place, shown
-from vibro_cli.scenario.source import Source
+from vibro_cli.scenario.problems import Fault, KeyPath, Place, Source, shown
 from vibro_cli.systems import NAMES, system_named
 
 if TYPE_CHECKING:

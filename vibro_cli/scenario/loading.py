@@ -12,21 +12,24 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from pydantic import ValidationError
 
-from vibro_cli.scenario import fields
+from vibro_cli.scenario import fields, forms
 from vibro_cli.scenario.base import ScenarioTable, model_of, plain
+from vibro_cli.scenario.forms import MOST_BYTES
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.overrides import Override, OverrideError, apply, given, parse
 from vibro_cli.scenario.problems import (
     Fault,
+    FormError,
     KeyPath,
     Place,
     Problem,
     ScenarioError,
+    Source,
+    line_and_column,
     path_text,
     shortened,
     shown,
 )
-from vibro_cli.scenario.source import MOST_BYTES, FormError, Node, Source, line_and_column
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
@@ -322,7 +325,7 @@ def parse_document(text: str, form: str, file: str = "<text>", name: str = "scen
         most = f"{MOST_BYTES:,} characters"
         raise _error(file, f"more than {most}", f"at most {most}")
     try:
-        data, tree = _read(text, form)
+        data, tree = forms.read(text, form)
     except FormError as error:
         place = Place(file, *line_and_column(text, error.offset))
         fault = Fault(error.loc, error.found, error.expected)
@@ -335,17 +338,3 @@ def parse_document(text: str, form: str, file: str = "<text>", name: str = "scen
     if isinstance(data.get("$schema"), str):  # what an editor is told, and nobody else
         del data["$schema"]
     return Document(data, Source(file, form, text, _tree=tree), name)
-
-
-def _read(text: str, form: str) -> tuple[Any, Node | None]:
-    if form == "toml":
-        from vibro_cli.scenario import toml_form
-
-        return toml_form.read(text), None
-    if form == "json":
-        from vibro_cli.scenario import json_form
-
-        return json_form.read(text), None
-    from vibro_cli.scenario import yaml_form
-
-    return yaml_form.read(text)

@@ -12,8 +12,8 @@ from typing import Any
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.base import ScenarioTable, model_of, plain
 from vibro_cli.scenario.fields import unknown_key
-from vibro_cli.scenario.problems import Fault, KeyPath, path_text, shown
-from vibro_cli.scenario.source import FormError, check_toml, parsed_path
+from vibro_cli.scenario.forms import check_toml
+from vibro_cli.scenario.problems import Fault, FormError, KeyPath, parsed_path, path_text, shown
 
 _LONGEST = 100_000
 

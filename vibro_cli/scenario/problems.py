@@ -1,9 +1,11 @@
-"""What is wrong with a scenario, and where: places, problems and the one error of this package."""
+"""What is wrong with a scenario, and where in its text: places, problems and the one error."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from vibro_cli.errors import VibroError
 
@@ -139,3 +141,110 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     """Return ` (did you mean "x"?)` for a mistyped word, or an empty text."""
     close = similar(word, known)
     return "" if close is None else f' (did you mean "{close}"?)'
+
+
+@dataclass
+class Node:
+    """A value in a text: its offset, that of its key, and the values in it."""
+
+    offset: int
+    key_offset: int | None = None
+    children: dict[str | int, Node] = field(default_factory=dict)
+
+    def offset_of(self, path: KeyPath, on_key: bool = False) -> int:
+        """Return where the value (or its key) at a path is, or the nearest table above it."""
+        node = self
+        for part in path:
+            child = node.children.get(part)
+            if child is None:
+                return node.offset
+            node = child
+        return node.key_offset if on_key and node.key_offset is not None else node.offset
+
+
+class FormError(Exception):
+    """A text that is not of its form, or beyond the limits; `offset` is where."""
+
+    def __init__(self, offset: int, found: str, expected: str, loc: KeyPath = ()) -> None:
+        super().__init__(found)
+        self.offset = offset
+        self.found = found
+        self.expected = expected
+        self.loc = loc
+
+
+def line_and_column(text: str, offset: int) -> tuple[int, int]:
+    """Return line and column, counted from 1, of an offset into a text."""
+    offset = min(max(offset, 0), len(text))
+    return text.count("\n", 0, offset) + 1, offset - (text.rfind("\n", 0, offset) + 1) + 1
+
+
+@dataclass(eq=False)
+class Source:
+    """The text a scenario was read from.
+
+    Any two are equal, so that scenarios are equal when their values are, wherever they came from.
+    """
+
+    file: str = "<scenario>"
+    form: str = ""
+    text: str = field(default="", repr=False)
+    overrides: tuple[tuple[KeyPath, str], ...] = ()
+    """Paths that were overridden, and what errors call the override."""
+    data: dict[str, Any] | None = field(default=None, repr=False)
+    """The data as it was given, after overrides: what further changes start from."""
+    _tree: Node | None = field(default=None, repr=False)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Source)
+
+    def __hash__(self) -> int:
+        return hash(Source)
+
+    def place(self, key_path: str | KeyPath, on_key: bool = False) -> Place:
+        """Return where a key was given, or the nearest table to it.
+
+        Parameters
+        ----------
+        key_path : str or KeyPath
+            `balls[2].radius` counted from 1, or its parts counted from 0.
+        on_key : bool
+            Whether the place of the key is wanted, rather than that of its value.
+        """
+        loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
+        for path, override in reversed(self.overrides):
+            if loc[: len(path)] == path:
+                return Place(override)
+        if not self.text:
+            return Place(self.file)
+        offset = self.tree().offset_of(loc, on_key)
+        return Place(self.file, *line_and_column(self.text, offset))
+
+    def tree(self) -> Node:
+        """Return the tree of places, made when it is first needed."""
+        if self._tree is None:
+            from vibro_cli.scenario.forms import places
+
+            self._tree = places(self.text, self.form)
+        return self._tree
+
+
+def parsed_path(text: str) -> KeyPath:
+    """Return the parts of a path such as `balls[2].radius`, counted from 0.
+
+    Raises
+    ------
+    ValueError
+        If the text is no path.
+    """
+    path: list[str | int] = []
+    for part in text.split("."):
+        match = re.fullmatch(r"\s*([A-Za-z_][\w-]*)((?:\[[0-9]{1,9}\])*)\s*", part, re.ASCII)
+        if match is None:
+            raise ValueError(f"no path: {text}")
+        path.append(match[1])
+        for number in re.findall(r"[0-9]+", match[2]):
+            if int(number) < 1:
+                raise ValueError("counted from 1")
+            path.append(int(number) - 1)
+    return tuple(path)

@@ -1,0 +1,556 @@
+"""The texts of scenarios: their data, the places of keys and values in them, and their limits.
+
+Limits are checked before a parser sees the text. Parsers have inputs they cannot bear: `tomllib`
+needs seconds and gigabytes for one dotted key of 40 kB, 100,000 opening brackets end in a
+RecursionError (or the interpreter's end), a few hundred bytes of YAML aliases stand for megabytes.
+A scenario comes nowhere near these limits.
+
+TOML is read with `tomllib`, JSON with `json`; where their parts are is found out after an error.
+YAML 1.2 is read by the core schema, without tags, with few aliases and each key once: only the
+scanner and parser of ruamel.yaml are used. They give a stream of events with places, from which
+data and tree are built here; nothing constructs objects, so a tag cannot run anything, and the
+limits are checked while the text is read.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from vibro_cli.scenario.problems import FormError, KeyPath, Node, shown
+
+MOST_BYTES = 1_000_000
+MOST_DEPTH = 16
+MOST_KEYS = 10_000
+LONGEST_KEY = 256
+LONGEST_BARE = 400
+"""Characters of a number or another value without quotes."""
+MOST_ALIASES = 100
+MOST_VALUES = 200_000
+"""Values of a YAML text with its aliases written out."""
+
+_TOML_TOKEN = re.compile(
+    r"""(?P<comment>\#[^\n]*)
+    |(?P<string>\"{3}(?:\\[\s\S]|[^\\])*?\"{3,5}|'{3}[\s\S]*?'{3,5}
+                |"(?:\\.|[^"\\\n])*"|'[^'\n]*')
+    |(?P<open>[\[{])|(?P<close>[\]}])|(?P<key>=)|(?P<end>[,\n])|(?P<dot>\.)
+    |(?P<bare>[^\s=,\[\]{}\#"'.]+)""",
+    re.VERBOSE,
+)
+_JSON_TOKEN = re.compile(
+    r"""(?P<key>"(?:\\.|[^"\\])*"\s*:)|(?P<string>"(?:\\.|[^"\\])*")
+    |(?P<open>[\[{])|(?P<close>[\]}])|(?P<bare>[^\s,:\[\]{}"]+)""",
+    re.VERBOSE,
+)
+
+
+def check_toml(text: str) -> None:
+    """Raise a `FormError` if a TOML text is nested too deeply or has too long or too many keys."""
+    depth = parts = keys = 0
+    start: int | None = None  # of the dotted key that is being read
+    for token in _TOML_TOKEN.finditer(text):
+        kind, at = token.lastgroup, token.start()
+        if kind in ("bare", "string", "dot"):
+            start = at if start is None else start
+            if kind == "bare":
+                _check_bare(at, len(token[0]))
+            if kind == "dot":
+                parts += 1
+                _check_depth(parts, at)
+        elif kind == "key":
+            keys += 1
+            start = at if start is None else start
+            _check_key(start, at - start)
+            _check_count("keys", keys, MOST_KEYS, at)
+        elif kind == "open":
+            depth += 1
+            _check_depth(depth, at)
+        elif kind == "close":
+            depth -= 1
+        if kind in ("key", "open", "close", "end"):
+            start, parts = None, 0
+
+
+def check_json(text: str) -> None:
+    """Raise a `FormError` if a JSON text is nested too deeply or has too long or too many keys."""
+    depth = keys = 0
+    for token in _JSON_TOKEN.finditer(text):
+        kind = token.lastgroup
+        if kind == "open":
+            depth += 1
+            _check_depth(depth, token.start())
+        elif kind == "close":
+            depth -= 1
+        elif kind == "key":
+            keys += 1
+            _check_key(token.start(), len(token[0]))
+            _check_count("keys", keys, MOST_KEYS, token.end())
+        elif kind == "bare":
+            _check_bare(token.start(), len(token[0]))
+
+
+def _check_depth(depth: int, offset: int) -> None:
+    if depth > MOST_DEPTH:
+        found = f"more than {MOST_DEPTH} levels"
+        raise FormError(offset, found, f"at most {MOST_DEPTH} levels of nesting")
+
+
+def _check_bare(offset: int, length: int) -> None:
+    if length > LONGEST_BARE:
+        expected = f"at most {LONGEST_BARE} characters without quotes"
+        raise FormError(offset, f"a value of {length} characters", expected)
+
+
+def _check_key(start: int, length: int) -> None:
+    if length > LONGEST_KEY:
+        expected = f"keys of at most {LONGEST_KEY} characters"
+        raise FormError(start, f"a key of {length} characters", expected)
+
+
+def _check_count(what: str, count: int, most: int, offset: int) -> None:
+    if count > most:
+        raise FormError(offset, f"more than {most} {what}", f"at most {most} {what}")
+
+
+_AT = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_SPACE = re.compile(r"[ \t]*")
+_STRING = re.compile(
+    r'"{3}(?:\\[\s\S]|[^\\])*?"{3,5}|' r"'{3}[\s\S]*?'{3,5}|" r'"(?:\\.|[^"\\\n])*"|' r"'[^'\n]*'"
+)
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_BARE_VALUE = re.compile(r"[^,\]}#\n]+")
+
+
+def read_toml(text: str) -> dict[str, Any]:
+    """Return the data of a TOML text.
+
+    Raises
+    ------
+    FormError
+        If the text is not TOML (a key given twice is not), or beyond the limits.
+    """
+    check_toml(text)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _syntax_error(text, str(error)) from None
+
+
+def _syntax_error(text: str, message: str) -> FormError:
+    match = _AT.search(message)
+    offset = len(text)
+    if match is not None and match[1] is not None:
+        before = text.split("\n", int(match[1]) - 1)[:-1]
+        offset = min(sum(map(len, before)) + len(before) + int(match[2]) - 1, len(text))
+    reason = _AT.sub("", message)
+    scanner = Scanner(text[:offset])
+    with suppress(FormError):
+        scanner.scan()
+    if reason == "Cannot overwrite a value" or reason.startswith(("Cannot declare", "Cannot mut")):
+        where = scanner.last_key_offset
+        return FormError(where, "a key given twice", "each key once", scanner.last_key)
+    found = f"broken TOML ({reason[:1].lower()}{reason[1:]})"
+    return FormError(offset, found, "valid TOML", scanner.last_key)
+
+
+def toml_places(text: str) -> Node:
+    """Return the tree of places of a TOML text that `tomllib` has accepted."""
+    scanner = Scanner(text)
+    scanner.scan()
+    return scanner.root
+
+
+class Scanner:
+    """Walks through valid TOML and notes where each key and value is.
+
+    It understands structure only: which text is a key, a table, a list or a single value. On
+    broken text it raises a `FormError`, and `last_key` is the key it got to.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.at = 0
+        self.root = Node(0)
+        self.last_key: KeyPath = ()
+        self.last_key_offset = 0
+
+    def scan(self) -> None:
+        """Walk through the whole text."""
+        table: Node = self.root
+        path: KeyPath = ()
+        self._skip(_BLANK)
+        while self.at < len(self.text):
+            if self._peek("["):
+                table, path = self._header()
+            else:
+                self._pair(table, path)
+            self._skip(_BLANK)
+
+    def _peek(self, chars: str) -> bool:
+        return self.text.startswith(chars, self.at)
+
+    def _skip(self, pattern: re.Pattern[str]) -> str:
+        match = pattern.match(self.text, self.at)
+        if match is None:
+            raise FormError(self.at, "an unexpected character", "TOML")
+        self.at = match.end()
+        return match[0]
+
+    def _take(self, chars: str) -> None:
+        if not self._peek(chars):
+            raise FormError(self.at, "an unexpected character", chars)
+        self.at += len(chars)
+
+    def _key(self) -> list[tuple[str, int]]:
+        """Return the parts of a dotted key with their offsets."""
+        parts = []
+        while True:
+            self._skip(_SPACE)
+            start = self.at
+            quoted = self.text[start : start + 1] in ("'", '"')
+            part = self._skip(_STRING if quoted else _BARE_KEY)
+            name = str(tomllib.loads(f"value = {part}")["value"]) if quoted else part
+            parts.append((name, start))
+            self._skip(_SPACE)
+            if not self._peek("."):
+                return parts
+            self.at += 1
+
+    def _step(self, node: Node, part: str, offset: int, path: KeyPath) -> tuple[Node, KeyPath]:
+        """Go into a table of the name, into the last one if it is a list of tables."""
+        node = node.children.setdefault(part, Node(offset, offset))
+        path = (*path, part)
+        if node.children and isinstance(last := next(reversed(node.children)), int):
+            return node.children[last], (*path, last)
+        return node, path
+
+    def _header(self) -> tuple[Node, KeyPath]:
+        start, many = self.at, self._peek("[[")
+        self.last_key = ()
+        self._take("[[" if many else "[")
+        *parents, (name, offset) = self._key()
+        self._take("]]" if many else "]")
+        node: Node = self.root
+        path: KeyPath = ()
+        for part, at in parents:
+            node, path = self._step(node, part, at, path)
+        if not many:
+            node, path = self._step(node, name, offset, path)
+            node.offset = start
+        else:
+            rows = node.children.setdefault(name, Node(start, offset))
+            index = len(rows.children)
+            node, path = Node(start, offset), (*path, name, index)
+            rows.children[index] = node
+        self.last_key, self.last_key_offset = path, offset
+        return node, path
+
+    def _pair(self, table: Node, path: KeyPath) -> None:
+        *parents, (name, offset) = self._key()
+        for part, at in parents:
+            table, path = self._step(table, part, at, path)
+        path = (*path, name)
+        self.last_key, self.last_key_offset = path, offset
+        self._take("=")
+        self._skip(_SPACE)
+        node = self._value(path)
+        node.key_offset = offset
+        table.children.setdefault(name, node)
+
+    def _value(self, path: KeyPath) -> Node:
+        node = Node(self.at)
+        if self._peek("["):
+            self._list(node, path)
+        elif self._peek("{"):
+            self._inline_table(node, path)
+        elif self._peek('"') or self._peek("'"):
+            self._skip(_STRING)
+        else:
+            self._skip(_BARE_VALUE)
+        return node
+
+    def _list(self, node: Node, path: KeyPath) -> None:
+        self._take("[")
+        self._skip(_BLANK)
+        while not self._peek("]"):
+            index = len(node.children)
+            node.children[index] = self._value((*path, index))
+            self._skip(_BLANK)
+            if not self._peek("]"):
+                self._take(",")
+                self._skip(_BLANK)
+        self._take("]")
+
+    def _inline_table(self, node: Node, path: KeyPath) -> None:
+        self._take("{")
+        self._skip(_BLANK)
+        while not self._peek("}"):
+            self._pair(node, path)
+            self._skip(_BLANK)
+            if not self._peek("}"):
+                self._take(",")
+                self._skip(_BLANK)
+        self._take("}")
+
+
+_JSON_SPACE = re.compile(r"[ \t\r\n]*")
+_JSON_STRINGS = json.JSONDecoder()
+_JSON_BARE = re.compile(r"[^\s,:\[\]{}\"]+")
+
+
+class _GivenTwice(Exception):
+    """A key was given twice; the tree of places tells which."""
+
+
+def read_json(text: str) -> Any:
+    """Return the data of a JSON text; NaN and infinities are left to the fields to refuse.
+
+    Raises
+    ------
+    FormError
+        If the text is not JSON, gives a key twice, or is beyond the limits.
+    """
+    check_json(text)
+    try:
+        return json.loads(text, object_pairs_hook=_unique)
+    except json.JSONDecodeError as error:
+        reason = error.msg[:1].lower() + error.msg[1:]
+        raise FormError(error.pos, f"broken JSON ({reason})", "valid JSON") from None
+    except _GivenTwice:
+        json_places(text)
+        raise
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        raise _GivenTwice
+    return table
+
+
+def json_places(text: str) -> Node:
+    """Return the tree of places of a JSON text; a key given twice is a `FormError`."""
+    node, _ = _json_value(text, _after_space(text, 0), ())
+    return node
+
+
+def _after_space(text: str, at: int) -> int:
+    match = _JSON_SPACE.match(text, at)
+    return at if match is None else match.end()
+
+
+def _json_value(text: str, at: int, path: KeyPath) -> tuple[Node, int]:
+    node = Node(at)
+    first = text[at : at + 1]
+    if first == "{":
+        return node, _json_table(text, at, node, path)
+    if first == "[":
+        return node, _json_list(text, at, node, path)
+    if first == '"':
+        return node, _JSON_STRINGS.raw_decode(text, at)[1]
+    match = _JSON_BARE.match(text, at)
+    return node, at + 1 if match is None else match.end()
+
+
+def _json_table(text: str, at: int, node: Node, path: KeyPath) -> int:
+    at = _after_space(text, at + 1)
+    while text[at] != "}":
+        start = at
+        key, at = _JSON_STRINGS.raw_decode(text, at)
+        if key in node.children:
+            raise FormError(start, f"the key {shown(key)} twice", "each key once", (*path, key))
+        at = _after_space(text, _after_space(text, at) + 1)  # over the colon
+        child, at = _json_value(text, at, (*path, key))
+        child.key_offset = start
+        node.children[key] = child
+        at = _after_comma(text, at)
+    return at + 1
+
+
+def _json_list(text: str, at: int, node: Node, path: KeyPath) -> int:
+    at = _after_space(text, at + 1)
+    while text[at] != "]":
+        index = len(node.children)
+        node.children[index], at = _json_value(text, at, (*path, index))
+        at = _after_comma(text, at)
+    return at + 1
+
+
+def _after_comma(text: str, at: int) -> int:
+    at = _after_space(text, at)
+    return _after_space(text, at + 1) if text[at] == "," else at
+
+
+_INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", re.ASCII)
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", re.ASCII)
+_INFINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_WORDS: dict[str, Any] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+
+
+def plain_scalar(text: str) -> Any:
+    """Return the value of a scalar without quotes by the core schema of YAML 1.2."""
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INTEGER.fullmatch(text):
+        return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    return float(text.replace(".", "", 1)) if _INFINITE.fullmatch(text) else text
+
+
+def read_yaml(text: str) -> tuple[Any, Node]:
+    """Return the data of a YAML text and the tree of its places.
+
+    Raises
+    ------
+    FormError
+        If the text is not YAML, gives a key twice, has a tag, or is beyond the limits.
+    """
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    try:
+        return _Builder(text, YAML(typ="safe", pure=True).parse(text)).document()
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        offset = len(text) if mark is None else mark.index
+        reason = str(error.problem or error.context)
+        raise FormError(offset, f"broken YAML ({reason})", "valid YAML") from None
+    except YAMLError as error:  # a character that YAML does not allow
+        offset = getattr(error, "position", 0)
+        reason = str(getattr(error, "reason", "unreadable"))
+        raise FormError(offset, f"broken YAML ({reason})", "valid YAML") from None
+
+
+@dataclass
+class _Anchor:
+    value: Any = None
+    node: Node = field(default_factory=lambda: Node(0))
+    size: int = 0
+    """Values in it with aliases written out; 0 while it is still being read."""
+
+
+class _Builder:
+    """Builds data and places from the events of one document."""
+
+    def __init__(self, text: str, events: Iterator[Any]) -> None:
+        self.text = text
+        self.events = events
+        self.anchors: dict[str, _Anchor] = {}
+        self.aliases = self.keys = self.size = 0
+
+    def document(self) -> tuple[Any, Node]:
+        value, node = None, Node(0)
+        documents = 0
+        for event in self.events:
+            kind = type(event).__name__
+            if kind == "DocumentStartEvent":
+                documents += 1
+                if documents > 1:
+                    found = "a second document"
+                    raise FormError(event.start_mark.index, found, "one document")
+                value, node = self._value(next(self.events), (), 0)
+        return value, node
+
+    def _value(self, event: Any, path: KeyPath, depth: int) -> tuple[Any, Node]:
+        at = event.start_mark.index
+        self.size += 1
+        self._check(event, path)
+        kind = type(event).__name__
+        if kind == "AliasEvent":
+            return self._alias(event, path)
+        anchor = None
+        if event.anchor is not None:
+            anchor = self.anchors[event.anchor] = _Anchor()
+        before, node = self.size, Node(at)
+        if kind == "ScalarEvent":
+            value = self._scalar(event, path)
+        else:
+            _check_depth(depth + 1, at)
+            read = self._mapping if kind == "MappingStartEvent" else self._sequence
+            value = read(node, path, depth)
+        if anchor is not None:
+            anchor.value, anchor.node, anchor.size = value, node, self.size - before + 1
+        return value, node
+
+    def _check(self, event: Any, path: KeyPath) -> None:
+        at = event.start_mark.index
+        _check_count("values", self.size, MOST_VALUES, at)
+        tag = getattr(event, "tag", None)
+        if tag is not None:
+            raise FormError(at, f"the tag {shown(str(tag))}", "a value without a tag", path)
+
+    def _scalar(self, event: Any, path: KeyPath) -> Any:
+        if not event.implicit[0]:  # quoted
+            return event.value
+        _check_bare(event.start_mark.index, len(event.value))
+        return plain_scalar(event.value)
+
+    def _alias(self, event: Any, path: KeyPath) -> tuple[Any, Node]:
+        at, name = event.start_mark.index, event.anchor
+        self.aliases += 1
+        _check_count("aliases", self.aliases, MOST_ALIASES, at)
+        anchor = self.anchors.get(name)
+        if anchor is None or anchor.size == 0:
+            found = f"the alias *{name[:20]}"
+            raise FormError(at, found, "an alias of an earlier, finished value", path)
+        self.size += anchor.size
+        self._check(event, path)
+        return anchor.value, Node(at, None, anchor.node.children)
+
+    def _mapping(self, node: Node, path: KeyPath, depth: int) -> dict[str, Any]:
+        table: dict[str, Any] = {}
+        while type(event := next(self.events)).__name__ != "MappingEndEvent":
+            at = event.start_mark.index
+            if type(event).__name__ != "ScalarEvent":
+                raise FormError(at, "a key that is no word", "a word as key", path)
+            key = str(event.value)
+            self.keys += 1
+            self._check(event, path)
+            _check_key(at, len(key))
+            _check_count("keys", self.keys, MOST_KEYS, at)
+            if key in table:
+                found = f"the key {shown(key)} twice"
+                raise FormError(at, found, "each key once", (*path, key))
+            table[key], child = self._value(next(self.events), (*path, key), depth + 1)
+            child.key_offset = at
+            node.children[key] = child
+        return table
+
+    def _sequence(self, node: Node, path: KeyPath, depth: int) -> list[Any]:
+        values: list[Any] = []
+        while type(event := next(self.events)).__name__ != "SequenceEndEvent":
+            value, child = self._value(event, (*path, len(values)), depth + 1)
+            node.children[len(values)] = child
+            values.append(value)
+        return values
+
+
+def read(text: str, form: str) -> tuple[Any, Node | None]:
+    """Return the data of a text in a form; and the tree of places where reading made it.
+
+    Raises
+    ------
+    FormError
+        If the text is not of its form, gives a key twice, or is beyond the limits.
+    """
+    if form == "yaml":
+        return read_yaml(text)
+    return (read_toml(text) if form == "toml" else read_json(text)), None
+
+
+def places(text: str, form: str) -> Node:
+    """Return the tree of places of a text that could be read in a form."""
+    if form == "yaml":
+        return read_yaml(text)[1]
+    return toml_places(text) if form == "toml" else json_places(text)
