@@ -24,7 +24,7 @@ from vibro_cli.mechanics.system import (
 )
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace
 from vibro_cli.numerics import elementwise
-from vibro_cli.scenario.base import AnyScenario, BodyTable, ScenarioTable, check_scenario
+from vibro_cli.scenario.base import AnyScenario, BodyTable, check_scenario
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
 from vibro_cli.scenario.problems import Problem, ScenarioError
@@ -86,7 +86,7 @@ Given = tuple[str, float | None]
 class Findings:
     """Collects what is wrong, each with its place in the scenario."""
 
-    def __init__(self, scenario: ScenarioTable) -> None:
+    def __init__(self, scenario: AnyScenario) -> None:
         self._scenario = scenario
         self.problems: list[Problem] = []
 

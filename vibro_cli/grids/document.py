@@ -11,7 +11,7 @@ from typing import Any
 from vibro_cli.grids.axes import Axis, Wrong, read_axis
 from vibro_cli.grids.points import MODES, SAMPLED, Design
 from vibro_cli.scenario import loading
-from vibro_cli.scenario.base import ScenarioTable, model_of, system_of
+from vibro_cli.scenario.base import AnyScenario, model_of, system_of
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, exactly_one, identifier, json_schema
 from vibro_cli.scenario.loading import Document, load_document, located
 from vibro_cli.scenario.overrides import OverrideError, apply
@@ -60,7 +60,7 @@ class Grid:
         return system_of(self.base.data)
 
     @property
-    def root(self) -> type[ScenarioTable]:
+    def root(self) -> type[AnyScenario]:
         """The model of its scenarios."""
         return model_of(self.base.data)
 

@@ -168,7 +168,7 @@ def _allowed(known: Scenario, path: KeyPath, value: Any) -> bool:
     """Whether a number is one that the key of a known scenario allows, whatever the others are."""
     kind = kind_of(path)
     assert isinstance(kind, kinds.Quantity | kinds.Count)
-    number = kind.read_or_none(value)
+    number: float | None = kind.read_or_none(value)
     if number is None:
         return False
     if path[-1] == "radius":

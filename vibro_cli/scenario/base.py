@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from html import escape
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -25,9 +25,6 @@ from pydantic_core import InitErrorDetails
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import Fault, KeyPath, Place, Source, shown
 from vibro_cli.systems import NAMES, system_named
-
-if TYPE_CHECKING:
-    pass
 
 
 def as_tuple(value: object) -> object:
@@ -51,7 +48,7 @@ class Table(BaseModel):
     )
 
 
-class ScenarioTable(Table):
+class AnyScenario(Table):
     """The scenario of some system; its rules between fields are checked with the fields."""
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ()
@@ -59,6 +56,13 @@ class ScenarioTable(Table):
 
     name: Annotated[str, kinds.NAME] = "scenario"
     """Name of the scenario and of its folder of results; the file's stem if not given."""
+
+    if TYPE_CHECKING:  # every system declares them in its own way
+        system: str
+        balls: tuple[Any, ...]
+        collision: Any
+        stop: Any
+        output: Any
 
     _source: Source = PrivateAttr(default_factory=Source)
 
@@ -213,55 +217,12 @@ def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 def check_scenario(found: object) -> None:
     """Raise ``TypeError`` for what is no scenario, such as the name of its file."""
-    if not isinstance(found, ScenarioTable):
+    if not isinstance(found, AnyScenario):
         shown = f"{found!r:.60} ({type(found).__name__})"
         raise TypeError(f"found {shown}, expected a scenario: load_scenario(file) reads one")
 
 
-class AnyScenario(Protocol):
-    """What the scenarios of every system have."""
-
-    @property
-    def name(self) -> str:
-        """Of the scenario."""
-
-    @property
-    def system(self) -> str:
-        """Of which system it is."""
-
-    @property
-    def balls(self) -> tuple[Any, ...]:
-        """The bodies."""
-
-    @property
-    def collision(self) -> Any:
-        """The impact law."""
-
-    @property
-    def stop(self) -> Any:
-        """When the run ends."""
-
-    @property
-    def output(self) -> Any:
-        """What is wanted beside the impacts."""
-
-    def given(self) -> dict[str, Any]:
-        """What a user wrote of it."""
-
-    def replace(self, changes: Mapping[str, Any]) -> Self:
-        """Return the scenario with other values, by their paths."""
-
-    def _repr_html_(self) -> str:
-        """Show it in a notebook."""
-
-    def place(self, key_path: str) -> Place:
-        """Return where a key stands in its file."""
-
-    def resolved(self) -> dict[str, Any]:
-        """Return every key with its value, as plain values."""
-
-
-def model_named(system: str) -> type[ScenarioTable]:
+def model_named(system: str) -> type[AnyScenario]:
     """Return the model of the scenarios of a system."""
     return system_named(system).model
 
@@ -272,7 +233,7 @@ def system_of(data: Any) -> str:
     return system if isinstance(system, str) and system in NAMES else "trace"
 
 
-def model_of(data: Any) -> type[ScenarioTable]:
+def model_of(data: Any) -> type[AnyScenario]:
     """Return the model for the data of a scenario; without a system it knows, that of a trace."""
     return model_named(system_of(data))
 

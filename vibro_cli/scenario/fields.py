@@ -17,7 +17,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from vibro_cli.scenario.base import ScenarioTable, model_named
+from vibro_cli.scenario.base import AnyScenario, model_named
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, similar, suggestion
 from vibro_cli.scenario.quantities import Quantity
@@ -265,7 +265,7 @@ def json_schema(system: str = "trace") -> dict[str, Any]:
     return {**head, **schema, **SCHEMA_KEY, "title": "vibro scenario"}
 
 
-def _described(root: type[ScenarioTable]) -> dict[str, Any]:
+def _described(root: type[AnyScenario]) -> dict[str, Any]:
     """Return the schema of a model and those below it, with the descriptions of their fields."""
     schema = root.model_json_schema()
     for _, model in tables(root, ""):

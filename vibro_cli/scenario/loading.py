@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from pydantic import ValidationError
 
 from vibro_cli.scenario import fields, forms
-from vibro_cli.scenario.base import ScenarioTable, model_of, plain
+from vibro_cli.scenario.base import AnyScenario, model_of, plain
 from vibro_cli.scenario.forms import MOST_BYTES
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.overrides import Override, OverrideError, apply, given, parse
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 FORMS = {".toml": "toml", ".json": "json", ".yaml": "yaml", ".yml": "yaml"}
 """The form of a file by its suffix."""
 
-Changed = TypeVar("Changed", bound=ScenarioTable)
+Changed = TypeVar("Changed", bound=AnyScenario)
 
 _STANDARD_INPUT = "<stdin>"
 
@@ -176,7 +176,7 @@ def _validated(
     if problems:
         raise ScenarioError(problems)
     scenario._source = source
-    return cast("AnyScenario", scenario)
+    return scenario
 
 
 def is_grid(data: Mapping[str, Any]) -> bool:

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import BodyTable, Sampling, ScenarioTable, Table, as_tuple
+from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
 from vibro_cli.scenario.problems import Fault
 from vibro_cli.scenario.rules import ALTERNATIVES, all_faults, prepared
 from vibro_cli.systems import NAMES
@@ -185,7 +185,7 @@ Growth = Annotated[Analysis | None, BeforeValidator(_as_analysis)]
 """The growth of small changes, if wanted."""
 
 
-class Scenario(ScenarioTable):
+class Scenario(AnyScenario):
     """A vibro-impact scenario: trace, bodies, impact law, and when to stop."""
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ALTERNATIVES

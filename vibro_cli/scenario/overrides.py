@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibro_cli.scenario import fields
-from vibro_cli.scenario.base import ScenarioTable, model_of, plain
+from vibro_cli.scenario.base import AnyScenario, model_of, plain
 from vibro_cli.scenario.fields import unknown_key
 from vibro_cli.scenario.forms import check_toml
 from vibro_cli.scenario.problems import Fault, FormError, KeyPath, parsed_path, path_text, shown
@@ -127,14 +127,14 @@ def apply(
     return changed
 
 
-def _spread_restitution(data: dict[str, Any], root: type[ScenarioTable]) -> None:
+def _spread_restitution(data: dict[str, Any], root: type[AnyScenario]) -> None:
     """Write one k for all pairs as a list, so that the k of one pair can be changed."""
     spread = root.prepared(data)
     if "collision" in spread:
         data["collision"] = spread["collision"]
 
 
-def _entered(place: Any, path: KeyPath, depth: int, root: type[ScenarioTable]) -> Any:
+def _entered(place: Any, path: KeyPath, depth: int, root: type[AnyScenario]) -> Any:
     """Return the table or list that one step of the path leads to."""
     part, here = path[depth], path[: depth + 1]
     _check_step(place, here, root)
@@ -154,7 +154,7 @@ def _entered(place: Any, path: KeyPath, depth: int, root: type[ScenarioTable]) -
     return place[part]
 
 
-def _check_step(place: Any, path: KeyPath, root: type[ScenarioTable]) -> None:
+def _check_step(place: Any, path: KeyPath, root: type[AnyScenario]) -> None:
     """Check that the last part of a path is a key or a number of the place it is in."""
     part = path[-1]
     if isinstance(part, int):

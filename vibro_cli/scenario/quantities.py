@@ -37,7 +37,7 @@ EXAMPLES = {
     "density": "kg/m^3, g/cm^3",
     "stiffness": "N/m, kN/m",
 }
-"""Units to name in an error, for each dimension."""
+"""Units to name in an error for each dimension a value can have, that of SI first."""
 
 
 def fault(found: str, expected: str) -> PydanticCustomError:
@@ -52,6 +52,13 @@ class Kind:
     def read(self, value: object) -> Any:
         """Return the value, or raise a `PydanticCustomError` made by `fault`."""
         raise NotImplementedError
+
+    def read_or_none(self, value: object) -> Any:
+        """Return the value, or None where there is none: the field itself reports that."""
+        try:
+            return self.read(value)
+        except PydanticCustomError:
+            return None
 
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema of the value."""
@@ -68,25 +75,15 @@ class Kind:
         return self.schema()
 
 
-SI = {
-    "length": "m",
-    "mass": "kg",
-    "time": "s",
-    "angle": "rad",
-    "angular rate": "rad/s",
-    "speed": "m/s",
-    "acceleration": "m/s^2",
-    "density": "kg/m^3",
-    "stiffness": "N/m",
-}
-"""Units of the numbers, by the dimensions of `units.DIMENSIONS`."""
+SI = {dimension: units.partition(",")[0] for dimension, units in EXAMPLES.items()}
+"""Units of the numbers, by their dimensions."""
 
 
 @dataclass(frozen=True)
 class Quantity(Kind):
     """A finite real number, with a dimension (then also a text with its unit) and bounds.
 
-    `dimension` is a key of `units.DIMENSIONS` or empty; `above` is an open lower bound, `at_least`
+    `dimension` is a key of `DIMENSIONS` or empty; `above` is an open lower bound, `at_least`
     and `at_most` are closed ones; `bounds` says them in other words.
     """
 
@@ -114,13 +111,6 @@ class Quantity(Kind):
             raise fault(self._found(value, number), f"a number{self._bounds()}")
         return number
 
-    def read_or_none(self, value: object) -> float | None:
-        """Return the SI value, or None where there is none: the field itself reports that."""
-        try:
-            return self.read(value)
-        except PydanticCustomError:
-            return None
-
     def _number(self, value: object) -> float:
         if isinstance(value, str) and self.dimension:
             return self._with_unit(value)
@@ -135,7 +125,6 @@ class Quantity(Kind):
             return math.inf if value > 0 else -math.inf
 
     def _with_unit(self, text: str) -> float:
-
         article = "an" if self.dimension[0] in "aeiou" else "a"
         expected = f"{article} {self.dimension} ({EXAMPLES[self.dimension]}, ...)"
         try:
@@ -187,13 +176,6 @@ class Count(Kind):
         if isinstance(value, int) and not isinstance(value, bool) and 1 <= value < 2**63:
             return value
         raise fault(shown(value), "a whole number of at least 1")
-
-    def read_or_none(self, value: object) -> int | None:
-        """Return the whole number, or None where there is none."""
-        try:
-            return self.read(value)
-        except PydanticCustomError:
-            return None
 
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema: an integer from 1."""
@@ -288,19 +270,6 @@ _TIME: Dimension = (0, 0, 1, 0)
 _ANGLE: Dimension = (0, 0, 0, 1)
 _RATE: Dimension = (0, 0, -1, 1)
 
-DIMENSIONS: dict[str, Dimension] = {
-    "length": _LENGTH,
-    "mass": _MASS,
-    "time": _TIME,
-    "angle": _ANGLE,
-    "angular rate": _RATE,
-    "speed": (1, 0, -1, 0),
-    "acceleration": (1, 0, -2, 0),
-    "density": (-3, 1, 0, 0),
-    "stiffness": (0, 1, -2, 0),
-}
-"""The dimensions a value of a scenario can have."""
-
 
 @dataclass(frozen=True)
 class Unit:
@@ -360,7 +329,7 @@ UNITS: dict[str, Unit] = {
     ),
     **_units(_RATE, {"rpm": PI / 30}),
     **_units((1, 1, -2, 0), {"N": "1", "kN": "1000"}),
-    **_units(DIMENSIONS["acceleration"], {"g0 gn": "9.80665"}),
+    **_units((1, 0, -2, 0), {"g0 gn": "9.80665"}),
 }
 """Every unit that is understood."""
 
@@ -458,12 +427,14 @@ def unit_of(text: str) -> Unit:
             raise UnitError("an unknown unit")
         power = -power if match["over"] == "/" else power
         factor *= UNITS[name].factor ** power
-        a, b, c, d = UNITS[name].dimension
-        dimension = (
-            dimension[0] + power * a,
-            dimension[1] + power * b,
-            dimension[2] + power * c,
-            dimension[3] + power * d,
+        length, mass, time, angle = (
+            before + power * added
+            for before, added in zip(dimension, UNITS[name].dimension, strict=True)
         )
+        dimension = length, mass, time, angle
         position = match.end()
     return Unit(factor, dimension)
+
+
+DIMENSIONS = {name: unit_of(unit).dimension for name, unit in SI.items()}
+"""The dimensions a value of a scenario can have."""

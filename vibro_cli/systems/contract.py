@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import Solver
-    from vibro_cli.scenario.base import ScenarioTable
+    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
@@ -115,7 +115,7 @@ class System(ABC):
 
     @property
     @abstractmethod
-    def model(self) -> type[ScenarioTable]:
+    def model(self) -> type[AnyScenario]:
         """The pydantic model of its scenarios."""
 
     @abstractmethod

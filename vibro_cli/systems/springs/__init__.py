@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from vibro_cli.compile.kernel import Kernel
     from vibro_cli.figures.film import Frames
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
-    from vibro_cli.scenario.base import ScenarioTable
+    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import EventLoop
     from vibro_cli.systems.springs.motion import Motion
@@ -33,7 +33,7 @@ class BodiesOnSprings(System):
     default_figures = ("portrait", "motion", "energy")
 
     @property
-    def model(self) -> type[ScenarioTable]:
+    def model(self) -> type[AnyScenario]:
         from vibro_cli.systems.springs.scenario import SpringsScenario
 
         return SpringsScenario

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import BodyTable, Sampling, ScenarioTable, Table, as_tuple
+from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
 from vibro_cli.scenario.models import Collision, Growth, Stop
 from vibro_cli.scenario.problems import Fault, shown
 from vibro_cli.scenario.rules import (
@@ -60,7 +60,7 @@ class SpringBall(BodyTable):
     """The spring that holds the body."""
 
 
-class SpringsScenario(ScenarioTable):
+class SpringsScenario(AnyScenario):
     """Bodies rolling on a straight line, each held by a spring, that collide as neighbours."""
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (

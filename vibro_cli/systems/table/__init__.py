@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from vibro_cli.compile.kernel import Kernel
     from vibro_cli.figures.film import Frames
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
-    from vibro_cli.scenario.base import ScenarioTable
+    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import EventLoop
     from vibro_cli.systems.stream import Stretch
@@ -37,7 +37,7 @@ class BallsOnTable(System):
     default_figures = ("plan", "energy")
 
     @property
-    def model(self) -> type[ScenarioTable]:
+    def model(self) -> type[AnyScenario]:
         from vibro_cli.systems.table.scenario import TableScenario
 
         return TableScenario

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import BodyTable, Sampling, ScenarioTable, Table, as_tuple
+from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
 from vibro_cli.scenario.models import Growth, Inadmissible, Law, Stop
 from vibro_cli.scenario.problems import Fault, listing, shown
 from vibro_cli.scenario.rules import (
@@ -111,7 +111,7 @@ class TableStop(Stop):
     """The run ends with this impact on the wall."""
 
 
-class TableScenario(ScenarioTable):
+class TableScenario(AnyScenario):
     """Balls that roll on a horizontal plane: they collide with one another and with a wall."""
 
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from vibro_cli.figures.runs.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.mechanics.system import TraceSystem
-    from vibro_cli.scenario.base import ScenarioTable
+    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
@@ -42,7 +42,7 @@ class Trace(System):
     exponents = 2
 
     @property
-    def model(self) -> type[ScenarioTable]:
+    def model(self) -> type[AnyScenario]:
         from vibro_cli.scenario.models import Scenario
 
         return Scenario
