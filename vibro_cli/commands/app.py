@@ -17,7 +17,7 @@ COMMANDS = (
     "run", "grid", "section", "basins", "orbit", "fit", "portrait", "report", "check", "show",
     "verify", "schema", "new", "stress", "bench", "help",
 )  # fmt: skip
-"""Each is a function of this name (help: `help_command`), in the module that `HOMES` names."""
+"""Each is a class, as `RunCommand`, in the module that `HOMES` names."""
 HOMES = {"verify": "check", "schema": "new", "stress": "bench"}
 """Modules of commands that have none of their own name."""
 
@@ -38,7 +38,7 @@ def application(commands: Sequence[str] = COMMANDS) -> typer.Typer:
     )
     for name in commands:
         module = import_module(f"vibro_cli.commands.{HOMES.get(name, name)}")
-        command = getattr(module, "help_command" if name == "help" else name)
+        command = getattr(module, f"{name.title()}Command")
         app.command(name, epilog=epilog(name))(with_common_options(command))
     return app
 

@@ -1,15 +1,14 @@
 """`vibro basins`: where and how the runs of a grid end, and how finely the outcomes are mixed."""
 
 from collections.abc import Iterator, Sequence
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
-from vibro_cli.commands.shared.options import Task
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import print_found
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
@@ -21,63 +20,56 @@ _MANY = 0.05
 """A smaller share of runs that were stopped leaves the map as it is."""
 
 
-def basins(
+@dataclass(frozen=True, kw_only=True)
+class BasinsCommand:
+    """Map where the runs of a grid end. Basin entropy, uncertainty exponent."""
+
     grid: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder of a grid over one axis or two.")
-    ],
+    ]
     outcome: Annotated[
         list[str],
         typer.Option(
+            default_factory=list,
             metavar="COLUMN",
             help="Column of the summary that states the outcome, in words or whole numbers; "
             "repeatable: the outcome is their combination [default: end_cause and, on a "
             "trace of several pieces, arc_1, arc_2, …].",
             show_default=False,
         ),
-    ] = [],  # noqa: B006 (typer copies it)
+    ]
     output: Annotated[
         str | None,
         typer.Option(
             "--output", "-o", metavar="DIR", help="Folder of results [default: DIR-basins]."
         ),
-    ] = None,
+    ] = None
     figures: Annotated[
         bool, typer.Option("--figures/--no-figures", help="Draw the map and the scaling.")
-    ] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
-) -> Task:
-    """Map where the runs of a grid end. Basin entropy, uncertainty exponent."""
-    target = Path(output) if output is not None else grid.with_name(f"{grid.name}-basins")
-    return partial(_basins, grid, outcome, target, figures, as_json)
+    ] = True
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False
 
+    def __call__(self) -> int:
+        """Read, measure, draw, write and print."""
+        from vibro_cli.analysis.basins import NoBasins
+        from vibro_cli.figures.grids.basins import mapped_basins
+        from vibro_cli.storage.folders import check_basins_folder, write_basins
+        from vibro_cli.storage.stored import open_grid
 
-def _basins(
-    source: Path, outcome: Sequence[str], target: Path, figures: bool, as_json: bool
-) -> int:
-    """Read, measure, draw, write and print."""
-    from vibro_cli.analysis.basins import NoBasins
-    from vibro_cli.figures.grids.basins import mapped_basins
-    from vibro_cli.storage.folders import check_basins_folder, write_basins
-    from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.storage.stored import NotAGrid, open_grid
-
-    try:
+        source = self.grid
+        target = Path(self.output or source.with_name(f"{source.name}-basins"))
         check_basins_folder(target)
         stored = open_grid(source)
-        found = mapped_basins(stored, outcome)
+        try:
+            found = mapped_basins(stored, self.outcome)
+        except NoBasins as error:
+            raise CommandError(f"vibro: {source}: no basins: {error}") from error
         record = record_of(found.basins, [one.path for one in found.shown.coordinates])
-        write_basins(record, target, _drawn(found) if figures else {})
-    except NoBasins as error:
-        raise CommandError(f"vibro: {source}: no basins: {error}") from error
-    except (NotAGrid, FolderRefused) as error:
-        raise CommandError(f"vibro: {error}") from error
-    if as_json:
-        print(json_text(record))
-    else:
-        print("\n".join(_lines(stored.name, found)))
-    _warn_of_stops(stored, found)
-    say(f"{stored.name}: files in {target}")
-    return DONE
+        write_basins(record, target, _drawn(found) if self.figures else {})
+        print_found(record, _lines(stored.name, found), self.as_json)
+        _warn_of_stops(stored, found)
+        say(f"{stored.name}: files in {target}")
+        return DONE
 
 
 def _warn_of_stops(stored: "StoredGrid", found: "Mapped") -> None:
@@ -141,13 +133,8 @@ def _shown(one: "Estimate") -> str:
 
 
 def _drawn(found: "Mapped") -> dict[str, bytes]:
-    """The figures that there are, each in both forms."""
-    from vibro_cli.figures.style import render
+    """The figures that there are."""
+    from vibro_cli.interface.drawing import pictures
 
     drawn = {"basins": found.map("double"), "uncertainty": found.scaling("single")}
-    return {
-        f"{name}.{form}": render(figure, form)
-        for name, figure in drawn.items()
-        if figure is not None
-        for form in ("png", "pdf")
-    }
+    return pictures({name: figure for name, figure in drawn.items() if figure is not None})

@@ -3,7 +3,7 @@
 Run time against error is drawn; the stability suite tells every mark and what was reached.
 """
 
-from collections.abc import Callable
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,39 +12,33 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, say
-from vibro_cli.commands.shared.options import Quiet, Task
+from vibro_cli.commands.shared.options import Quiet
 from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
 
 
-@dataclass(frozen=True)
-class _BenchOptions:
-    """What was asked of `vibro bench`."""
+@dataclass(frozen=True, kw_only=True)
+class BenchCommand:
+    """Measure run time against error. Of this solver and of others that are installed."""
 
-    form: str
-    scenes: tuple[str, ...]
-    output: str
-    as_json: bool
-    quiet: bool
-
-
-def bench(
-    quick: Annotated[
-        bool, typer.Option("--quick", help="One scene, few repeats: a trial.")
-    ] = False,
-    full: Annotated[
-        bool, typer.Option("--full", help="More repeats, up to 1e6 scenarios.")
-    ] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="One scene, few repeats: a trial.")] = False
+    full: Annotated[bool, typer.Option("--full", help="More repeats, up to 1e6 scenarios.")] = False
     scene: Annotated[
         list[str],
-        typer.Option("--scene", metavar="NAME", help="Only this scene; repeatable."),
-    ] = [],  # noqa: B006 (typer copies it)
+        typer.Option(
+            "--scene",
+            default_factory=list,
+            show_default=False,
+            metavar="NAME",
+            help="Only this scene; repeatable.",
+        ),
+    ]
     output: Annotated[
         str,
         typer.Option("--output", "-o", metavar="DIR", help="Folder of table, figures and page."),
-    ] = "outputs/benchmark",
+    ] = "outputs/benchmark"
     references: Annotated[
         str | None,
         typer.Option(
@@ -53,57 +47,61 @@ def bench(
             help="Compute the references anew to 40 digits, write them to this folder, say what "
             "differs from those in use, and measure nothing.",
         ),
-    ] = None,
+    ] = None
     as_json: Annotated[
         bool, typer.Option("--json", help="Print each row of the table as a JSON line.")
-    ] = False,
-    quiet: Quiet = False,
-) -> Task:
-    """Measure run time against error. Of this solver and of others that are installed."""
-    if quick and full:
-        raise typer.BadParameter("--quick does not go with --full")
-    if references is not None:
-        return partial(_renew, references, tuple(scene))
-    form = "quick" if quick else "full" if full else "default"
-    return partial(_measure, _BenchOptions(form, tuple(scene), output, as_json, quiet))
+    ] = False
+    quiet: Quiet = False
+
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is measured."""
+        if self.quick and self.full:
+            raise typer.BadParameter("--quick does not go with --full")
+
+    def __call__(self) -> int:
+        """Measure, or compute the references anew."""
+        if self.references is not None:
+            return _renew(Path(self.references), self.scene)
+        return _measure(self, "quick" if self.quick else "full" if self.full else "default")
 
 
-def _check_scenes(names: tuple[str, ...]) -> None:
-    from vibro_cli.benchmark.scenes import BY_NAME
-
-    unknown = sorted(set(names) - set(BY_NAME))
+def _check_names(option: str, what: str, names: Sequence[str], known: Collection[str]) -> None:
+    """Raise `CommandError` for a name that an option does not know."""
+    unknown = sorted(set(names) - set(known))
     if unknown:
-        expected = ", ".join(BY_NAME)
-        raise CommandError(f"vibro: --scene: no scene {unknown[0]!r}; expected one of {expected}")
+        expected = ", ".join(known)
+        text = f"vibro: {option}: no {what} {unknown[0]!r}; expected one of {expected}"
+        raise CommandError(text)
 
 
-def _measure(wishes: _BenchOptions) -> int:
+def _measure(wishes: BenchCommand, form: str) -> int:
     from vibro_cli.benchmark import precision, suite
     from vibro_cli.benchmark.measurement import PLANS, describe_machine
-    from vibro_cli.benchmark.scenes import ReferenceOutdated
-    from vibro_cli.storage.provenance import FolderRefused, check_replaceable
+    from vibro_cli.benchmark.scenes import BY_NAME, ReferenceOutdated
+    from vibro_cli.storage.provenance import check_replaceable
 
-    _check_scenes(wishes.scenes)
-    details = {"machine": describe_machine(), "plan": wishes.form}
+    _check_names("--scene", "scene", wishes.scene, BY_NAME)
+    details = {"machine": describe_machine(), "plan": form}
     missing = sorted(set(precision.PEERS.values()) - set(precision.installed_peers()))
     if missing and not wishes.quiet:
         names = ", ".join(missing)
         say(f"vibro: not measured because not installed: {names} (pip install 'vibro-cli[peers]')")
     rows: list[Row] = []
+    target = Path(wishes.output)
+    check_replaceable(target, "benchmark")
     try:
-        check_replaceable(Path(wishes.output), "benchmark")
-        for found in suite.run(PLANS[wishes.form], wishes.scenes):
+        for found in suite.run(PLANS[form], tuple(wishes.scene)):
             rows += found
             _tell(found, wishes)
-        _write(rows, details, Path(wishes.output))
-    except (FolderRefused, ReferenceOutdated) as error:
+    except ReferenceOutdated as error:
         raise CommandError(f"vibro: {error}") from error
+    _write(rows, details, target)
     if not wishes.quiet:
-        say(f"vibro: wrote {Path(wishes.output) / 'benchmark.html'}")
+        say(f"vibro: wrote {target / 'benchmark.html'}")
     return DONE
 
 
-def _tell(rows: "list[Row]", wishes: _BenchOptions) -> None:
+def _tell(rows: "list[Row]", wishes: BenchCommand) -> None:
     from vibro_cli.benchmark.measurement import record_of
 
     for row in rows:
@@ -120,89 +118,81 @@ def _tell(rows: "list[Row]", wishes: _BenchOptions) -> None:
 def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli import __version__
     from vibro_cli.benchmark.measurement import parquet
-    from vibro_cli.figures.style import render
     from vibro_cli.figures.work_precision import growth, work_precision
+    from vibro_cli.interface.drawing import pictures
     from vibro_cli.report.benchmark_page import benchmark_html
-    from vibro_cli.storage.files import new_folder
-    from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
 
+    figures = {"work_precision": work_precision(rows)}
+    if any(row.part == "bodies" for row in rows):
+        figures["growth"] = growth(rows)
     files = {
         "benchmark.parquet": parquet(rows, details),
         "benchmark.html": benchmark_html(rows, details, __version__),
+        **pictures(figures),
     }
-    figures: dict[str, Callable[..., Any]] = {"work_precision": work_precision}
-    if any(row.part == "bodies" for row in rows):
-        figures["growth"] = growth
-    for name, draw in figures.items():
-        for form in ("png", "pdf"):
-            files[f"{name}.{form}"] = render(draw(rows), form)
-    with new_folder(target, partial(check_replaceable, kind="benchmark")) as folder:
+    _write_folder("benchmark", files, details, target)
+
+
+def _write_folder(
+    kind: str, files: dict[str, bytes], details: dict[str, Any], target: Path
+) -> None:
+    """Write a folder of results with its manifest, whole or not at all."""
+    from vibro_cli.storage.files import new_folder
+    from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+
+    with new_folder(target, partial(check_replaceable, kind=kind)) as folder:
         for name, content in files.items():
             folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest("benchmark", files, details)))
+        folder.write(MANIFEST_NAME, json_bytes(manifest(kind, files, details)))
 
 
-def _renew(target: str, names: tuple[str, ...]) -> int:
+def _renew(target: Path, names: Sequence[str]) -> int:
+    """Compute the references anew, and say what differs from those in use."""
     from vibro_cli.benchmark.scenes import (
+        BY_NAME,
         SCENES,
         computed_reference,
         reference_difference,
         reference_file,
     )
-    from vibro_cli.storage.files import new_folder
-    from vibro_cli.storage.provenance import (
-        MANIFEST_NAME,
-        FolderRefused,
-        check_replaceable,
-        json_bytes,
-        manifest,
-    )
+    from vibro_cli.storage.provenance import check_replaceable, json_bytes
 
-    _check_scenes(names)
-    files, check = {}, partial(check_replaceable, kind="references")
+    _check_names("--scene", "scene", names, BY_NAME)
+    files = {}
+    check_replaceable(target, "references")
     try:
-        check(Path(target))
         for scene in SCENES:
             if names and scene.name not in names:
                 continue
             content = computed_reference(scene)
             files[reference_file(scene)] = json_bytes(content)
             print(f"{scene.name}: {reference_difference(scene, content)}", flush=True)
-        with new_folder(Path(target), check) as folder:
-            for name, bytes_ in files.items():
-                folder.write(name, bytes_)
-            folder.write(MANIFEST_NAME, json_bytes(manifest("references", files, {})))
     except ModuleNotFoundError as error:
         raise CommandError(
             "vibro: mpmath is missing; install it with: pip install 'vibro-cli[stress]'"
         ) from error
-    except FolderRefused as error:
-        raise CommandError(f"vibro: {error}") from error
+    _write_folder("references", files, {}, target)
     return DONE
 
 
-@dataclass(frozen=True)
-class _StressOptions:
-    """What was asked of `vibro stress`."""
+@dataclass(frozen=True, kw_only=True)
+class StressCommand:
+    """Try to break the solver. Every mark, what was tried, the worst found. Exit code 1: missed."""
 
-    full: bool
-    seed: int
-    only: tuple[str, ...]
-    cases: int | None
-    as_json: bool
-    output: str | None
-    quiet: bool
-
-
-def stress(
     full: Annotated[
         bool, typer.Option("--full", help="The long form: under half an hour, not a minute.")
-    ] = False,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random cases.")] = 1,
+    ] = False
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random cases.")] = 1
     only: Annotated[
         list[str],
-        typer.Option("--only", metavar="NAME", help="Only this check; repeatable."),
-    ] = [],  # noqa: B006 (typer copies it)
+        typer.Option(
+            "--only",
+            default_factory=list,
+            show_default=False,
+            metavar="NAME",
+            help="Only this check; repeatable.",
+        ),
+    ]
     cases: Annotated[
         int | None,
         typer.Option(
@@ -211,10 +201,10 @@ def stress(
             min=1,
             help="How many scenes the checks drawn and digits draw [default: as many as each has].",
         ),
-    ] = None,
+    ] = None
     as_json: Annotated[
         bool, typer.Option("--json", help="Print it as JSON, a line for each finding.")
-    ] = False,
+    ] = False
     output: Annotated[
         str | None,
         typer.Option(
@@ -223,40 +213,34 @@ def stress(
             metavar="DIR",
             help="Write the table and the scenarios of the worst cases to this folder.",
         ),
-    ] = None,
-    quiet: Quiet = False,
-) -> Task:
-    """Try to break the solver. Every mark, what was tried, the worst found. Exit code 1: missed."""
-    wishes = _StressOptions(full, seed, tuple(only), cases, as_json, output, quiet)
-    return partial(_run_suite, wishes)
+    ] = None
+    quiet: Quiet = False
 
+    def __call__(self) -> int:
+        """Run the suite and tell what was found."""
+        from vibro_cli.stress.finding import Plan
+        from vibro_cli.stress.oracles.fifty_digits import MissingLibrary
+        from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run
+        from vibro_cli.stress.suite import write as write_folder
 
-def _run_suite(wishes: _StressOptions) -> int:
-    from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.stress.finding import Plan
-    from vibro_cli.stress.oracles.fifty_digits import MissingLibrary
-    from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run, write
-
-    unknown = sorted(set(wishes.only) - set(NAMES))
-    if unknown:
-        expected = ", ".join(NAMES)
-        raise CommandError(f"vibro: --only: no check {unknown[0]!r}; expected one of {expected}")
-    plan = Plan(wishes.seed, wishes.full, wishes.cases)
-    findings = []
-    try:
-        if wishes.output is not None:
-            check_stress_folder(Path(wishes.output))
-        for finding in run(plan, wishes.only):
-            findings.append(finding)
-            if wishes.as_json:
-                print(json_text(record_of(finding)), flush=True)
-            elif not wishes.quiet:
-                print(line_of(finding), flush=True)
-        if wishes.output is not None:
-            write(findings, plan, Path(wishes.output))
-    except (FolderRefused, MissingLibrary) as error:
-        raise CommandError(f"vibro: {error}") from error
-    missed = sum(not finding.met for finding in findings)
-    if missed and not wishes.quiet:
-        say(f"vibro: {missed} of {len(findings)} marks missed")
-    return FAILED if missed else DONE
+        _check_names("--only", "check", self.only, NAMES)
+        folder = None if self.output is None else Path(self.output)
+        plan = Plan(self.seed, self.full, self.cases)
+        findings = []
+        if folder is not None:
+            check_stress_folder(folder)
+        try:
+            for finding in run(plan, tuple(self.only)):
+                findings.append(finding)
+                if self.as_json:
+                    print(json_text(record_of(finding)), flush=True)
+                elif not self.quiet:
+                    print(line_of(finding), flush=True)
+        except MissingLibrary as error:
+            raise CommandError(f"vibro: {error}") from error
+        if folder is not None:
+            write_folder(findings, plan, folder)
+        missed = sum(not finding.met for finding in findings)
+        if missed and not self.quiet:
+            say(f"vibro: {missed} of {len(findings)} marks missed")
+        return FAILED if missed else DONE

@@ -1,16 +1,15 @@
 """`vibro check`, `vibro verify`: are scenarios and grids valid, are results as they were made?"""
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict
-from functools import partial
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, MISUSED, CommandError, say
-from vibro_cli.commands.shared.options import FailFast, Overrides, Quiet, Scenarios, Task
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.options import FailFast, Overrides, Quiet, scenario_argument
+from vibro_cli.commands.shared.terminal import json_text, print_found
 
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
@@ -18,46 +17,37 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
 
 
-def check(
-    scenarios: Scenarios,
-    overrides: Overrides = [],  # noqa: B006 (typer copies it)
-    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON, a line each.")] = False,
-    fail_fast: FailFast = False,
-    quiet: Quiet = False,
-) -> Task:
+@dataclass(frozen=True, kw_only=True)
+class CheckCommand:
     """Validate scenarios or grids and show what was understood."""
-    return partial(_check_all, scenarios, overrides, as_json, fail_fast, quiet)
 
+    scenarios: Annotated[list[str], scenario_argument()]
+    overrides: Overrides
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON, a line each.")] = False
+    fail_fast: FailFast = False
+    quiet: Quiet = False
 
-def _check_all(
-    sources: Sequence[str],
-    overrides: Sequence[str],
-    as_json: bool,
-    fail_fast: bool,
-    quiet: bool,
-) -> int:
-    """Show what was understood of each scenario, or what is wrong with it, in their order."""
-    from vibro_cli.commands.shared.loading import check_standard_input, load_scenario_or_grid
+    def __call__(self) -> int:
+        """Show what was understood of each scenario, or what is wrong with it, in their order."""
+        from vibro_cli.commands.shared.loading import check_standard_input, load_scenario_or_grid
 
-    check_standard_input(sources)
-    code = DONE
-    for source in sources:
-        try:
-            found, lines = _understood(load_scenario_or_grid(source, overrides))
-        except CommandError as error:
-            if as_json:
-                refusal = {"source": source, "valid": False, "problems": error.problems}
-                print(json_text(refusal))
-            if fail_fast or len(sources) == 1:
-                raise
-            say(str(error), "error", problems=error.problems)
-            code = MISUSED
-            continue
-        if as_json:
-            print(json_text(found))
-        elif not quiet:
-            print("\n".join(lines))
-    return code
+        check_standard_input(self.scenarios)
+        code = DONE
+        for source in self.scenarios:
+            try:
+                found, lines = _understood(load_scenario_or_grid(source, self.overrides))
+            except CommandError as error:
+                if self.as_json:
+                    refusal = {"source": source, "valid": False, "problems": error.problems}
+                    print(json_text(refusal))
+                if self.fail_fast or len(self.scenarios) == 1:
+                    raise
+                say(str(error), "error", problems=error.problems)
+                code = MISUSED
+                continue
+            if self.as_json or not self.quiet:
+                print_found(found, lines, self.as_json)
+        return code
 
 
 def _understood(
@@ -152,44 +142,43 @@ def _shown(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def verify(
+@dataclass(frozen=True, kw_only=True)
+class VerifyCommand:
+    """Check folders of results against their checksums. Exit code 1: missing or damaged."""
+
     folders: Annotated[
         list[Path],
         typer.Argument(metavar="DIR", help="Folders of results.", show_default=False),
-    ],
+    ]
     as_json: Annotated[
         bool, typer.Option("--json", help="Print what was found as JSON, a line for each folder.")
-    ] = False,
-) -> Task:
-    """Check folders of results against their checksums. Exit code 1: missing or damaged."""
-    return partial(_verify, folders, as_json)
+    ] = False
 
+    def __call__(self) -> int:
+        """Say what is missing or damaged in each folder."""
+        from vibro_cli.commands.shared.terminal import count, size
+        from vibro_cli.grids.dataset import NoManifest, verify
 
-def _verify(folders: list[Path], as_json: bool) -> int:
-    from vibro_cli.commands.shared.terminal import count, size
-    from vibro_cli.grids.dataset import NoManifest
-    from vibro_cli.grids.dataset import verify as verdict_on
-
-    sound, ours = True, True
-    for folder in folders:
-        try:
-            verdict = verdict_on(folder)
-        except NoManifest as error:
-            ours = False
-            say(f"vibro: {error}" if folder.exists() else f"{folder}: no such folder", "error")
-            continue
-        sound = sound and verdict.sound
-        if as_json:
-            print(json_text({"folder": str(folder), "sound": verdict.sound, **asdict(verdict)}))
-        for finding in verdict.findings:
-            text = f"{folder / finding.file}: {finding.state}: {finding.detail}"
-            say(text, "error", file=finding.file, state=finding.state)
-        if verdict.missing_chunks:
-            chunks = count(verdict.missing_chunks, "chunk", "chunks")
-            say(f"{folder}: {chunks} not finished; vibro grid goes on with them", "error")
-        state = "as written" if verdict.sound else "not sound"
-        files = count(verdict.files, "file", "files")
-        say(f"{folder}: {state} ({verdict.kind}, {files}, {size(verdict.bytes)})")
-    if not ours:
-        return MISUSED
-    return DONE if sound else FAILED
+        sound, ours = True, True
+        for folder in self.folders:
+            try:
+                verdict = verify(folder)
+            except NoManifest as error:
+                ours = False
+                say(f"vibro: {error}" if folder.exists() else f"{folder}: no such folder", "error")
+                continue
+            sound = sound and verdict.sound
+            if self.as_json:
+                print(json_text({"folder": str(folder), "sound": verdict.sound, **asdict(verdict)}))
+            for finding in verdict.findings:
+                text = f"{folder / finding.file}: {finding.state}: {finding.detail}"
+                say(text, "error", file=finding.file, state=finding.state)
+            if verdict.missing_chunks:
+                chunks = count(verdict.missing_chunks, "chunk", "chunks")
+                say(f"{folder}: {chunks} not finished; vibro grid goes on with them", "error")
+            state = "as written" if verdict.sound else "not sound"
+            files = count(verdict.files, "file", "files")
+            say(f"{folder}: {state} ({verdict.kind}, {files}, {size(verdict.bytes)})")
+        if not ours:
+            return MISUSED
+        return DONE if sound else FAILED

@@ -3,15 +3,14 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason, say
-from vibro_cli.commands.shared.options import Task, scenario_keys
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.options import scenario_keys
+from vibro_cli.commands.shared.terminal import print_found
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit, Free
@@ -21,28 +20,17 @@ DOUBTFUL = 1.0e-6
 """A likelihood below this is told of as a warning."""
 
 
-@dataclass(frozen=True)
-class _Wishes:
-    """What was asked of `vibro fit`."""
+@dataclass(frozen=True, kw_only=True)
+class FitCommand:
+    """Fit numbers of a scenario to measured instants of impacts, with their standard errors."""
 
-    source: str
-    measured: Path
-    free: Sequence[str]
-    noise: float | None
-    overrides: Sequence[str]
-    output: str | None
-    figures: bool
-    as_json: bool
-
-
-def fit(
     scenario: Annotated[
         str,
         typer.Argument(
             metavar="SCENARIO",
             help="Scenario file, or - for standard input; its numbers are those to begin with.",
         ),
-    ],
+    ]
     measured: Annotated[
         Path,
         typer.Argument(
@@ -51,7 +39,7 @@ def fit(
             "missing, n, the number of the impact from 1; if their errors differ, error (s), the "
             "standard deviation; if the bodies are known, ball_a and ball_b.",
         ),
-    ],
+    ]
     free: Annotated[
         list[str],
         typer.Option(
@@ -61,40 +49,74 @@ def fit(
             "as balls[2].mass=0.1:10; repeatable.",
             autocompletion=scenario_keys,
         ),
-    ],
+    ]
     noise: Annotated[
         float | None,
         typer.Option(
             metavar="SECONDS",
             help="Standard deviation of the instants [default: estimated from the residuals].",
         ),
-    ] = None,
+    ] = None
     overrides: Annotated[
         list[str],
         typer.Option(
             "--set",
+            default_factory=list,
             metavar="PATH=VALUE",
             help="Override a value of the scenario; repeatable.",
             show_default=False,
             autocompletion=scenario_keys,
         ),
-    ] = [],  # noqa: B006 (typer copies it)
+    ]
     output: Annotated[
         str | None,
         typer.Option(
             "--output", "-o", metavar="DIR", help="Folder of results [default: none is written]."
         ),
-    ] = None,
-    figures: Annotated[
-        bool, typer.Option("--figures/--no-figures", help="Draw the residuals.")
-    ] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
-) -> Task:
-    """Fit numbers of a scenario to measured instants of impacts, with their standard errors."""
-    if noise is not None and not 0.0 < noise < float("inf"):
-        raise typer.BadParameter(f"--noise: found {noise!r}, expected seconds, greater than 0")
-    wishes = _Wishes(scenario, measured, free, noise, overrides, output, figures, as_json)
-    return partial(_fit, wishes)
+    ] = None
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the residuals.")] = (
+        True
+    )
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False
+
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is read."""
+        if self.noise is not None and not 0.0 < self.noise < float("inf"):
+            text = f"--noise: found {self.noise!r}, expected seconds, greater than 0"
+            raise typer.BadParameter(text)
+
+    def __call__(self) -> int:
+        """Read, fit, draw, write and print."""
+        from vibro_cli.analysis.fit import NoFit, fit_impacts, read_measured
+        from vibro_cli.commands.shared.loading import load_any
+        from vibro_cli.storage.folders import check_fit_folder, write_fit
+        from vibro_cli.systems import system_named
+
+        scenario, _ = load_any(self.scenario, self.overrides)
+        if not system_named(scenario.system).has_orbits:
+            raise CommandError(f"vibro: {scenario.name}: numbers are fitted of bodies on a trace")
+        folder = None if self.output is None else Path(self.output)
+        free = parsed_free(self.free)
+        if folder is not None:
+            check_fit_folder(folder)
+        try:
+            measured = read_measured(self.measured)
+            found = fit_impacts(cast("Scenario", scenario), measured, free, self.noise)
+        except NoFit as error:
+            raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
+        except OSError as error:
+            if error.filename != str(self.measured):
+                raise
+            text = f"vibro: {self.measured}: cannot be read: {reason(error)}"
+            raise CommandError(text) from error
+        if folder is not None:
+            columns = residual_columns(found)
+            drawn = _drawn(columns) if self.figures else {}
+            write_fit(found.scenario, record_of(found), columns, folder, drawn)
+        print_found(record_of(found), _lines(found), self.as_json)
+        if folder is not None:
+            say(f"{scenario.name}: files in {folder}")
+        return DONE
 
 
 def parsed_free(texts: Sequence[str]) -> "list[Free]":
@@ -112,42 +134,6 @@ def parsed_free(texts: Sequence[str]) -> "list[Free]":
                 f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH"
             ) from error
     return found
-
-
-def _fit(wishes: _Wishes) -> int:
-    """Read, fit, draw, write and print."""
-    from vibro_cli.analysis.fit import NoFit, NotMeasured, fit_impacts, read_measured
-    from vibro_cli.commands.shared.loading import load_any
-    from vibro_cli.storage.folders import check_fit_folder, write_fit
-    from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.systems import system_named
-
-    scenario, _ = load_any(wishes.source, wishes.overrides)
-    if not system_named(scenario.system).has_orbits:
-        raise CommandError(f"vibro: {scenario.name}: numbers are fitted of bodies on a trace")
-    folder = None if wishes.output is None else Path(wishes.output)
-    free = parsed_free(wishes.free)
-    try:
-        if folder is not None:
-            check_fit_folder(folder)
-        measured = read_measured(wishes.measured)
-        found = fit_impacts(cast("Scenario", scenario), measured, free, wishes.noise)
-        if folder is not None:
-            columns = residual_columns(found)
-            drawn = _drawn(columns) if wishes.figures else {}
-            write_fit(found.scenario, record_of(found), columns, folder, drawn)
-    except NoFit as error:
-        raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
-    except (NotMeasured, FolderRefused) as error:
-        raise CommandError(f"vibro: {error}") from error
-    except OSError as error:
-        if error.filename != str(wishes.measured):
-            raise
-        raise CommandError(f"vibro: {wishes.measured}: cannot be read: {reason(error)}") from error
-    print(json_text(record_of(found)) if wishes.as_json else "\n".join(_lines(found)))
-    if folder is not None:
-        say(f"{scenario.name}: files in {folder}")
-    return DONE
 
 
 def residual_columns(found: "Fit") -> dict[str, Any]:
@@ -229,9 +215,8 @@ def _rounded(value: float, error: float) -> str:
 
 
 def _drawn(columns: dict[str, Any]) -> dict[str, bytes]:
-    """The figure of the residuals in both forms."""
+    """The figure of the residuals."""
     from vibro_cli.figures.analyses import fit_figure
-    from vibro_cli.figures.style import render
+    from vibro_cli.interface.drawing import pictures
 
-    figure = fit_figure(columns, "single")
-    return {f"residuals.{form}": render(figure, form) for form in ("png", "pdf")}
+    return pictures({"residuals": fit_figure(columns, "single")})

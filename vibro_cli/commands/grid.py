@@ -3,14 +3,13 @@
 import shlex
 from collections import Counter
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError, say
-from vibro_cli.commands.shared.options import Engine, Overrides, Strict, Task, scenario_files
+from vibro_cli.commands.shared.options import Engine, Overrides, Strict, scenario_files
 from vibro_cli.commands.shared.terminal import (
     EARLY_ENDS,
     INADMISSIBLE_HINT,
@@ -29,56 +28,34 @@ if TYPE_CHECKING:
     from vibro_cli.grids.dataset import Dataset, Shard
     from vibro_cli.grids.document import Grid
 
-GridFile = Annotated[
-    str,
-    typer.Argument(
-        metavar="GRID",
-        help="Grid file (TOML, JSON or YAML), or - for standard input.",
-        show_default=False,
-        autocompletion=scenario_files,
-    ),
-]
 
+@dataclass(frozen=True, kw_only=True)
+class GridCommand:
+    """Sweep parameters of a scenario into a dataset. Summaries, and every impact if kept."""
 
-@dataclass(frozen=True)
-class Wishes:
-    """What was asked of `vibro grid`."""
-
-    source: str
-    output: str | None
-    overrides: tuple[str, ...]
-    engine: str
-    workers: int
-    max_failures: int | None
-    strict: bool
-    force: bool
-    repair: bool
-    merge: bool
-    shard: "Shard | None"
-    dask: str | None
-    as_json: bool
-
-    def folder_of(self, grid: "Grid") -> Path:
-        """Where the dataset goes."""
-        return Path(self.output) if self.output is not None else Path("outputs") / grid.name
-
-
-def grid(
-    source: GridFile,
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="GRID",
+            help="Grid file (TOML, JSON or YAML), or - for standard input.",
+            show_default=False,
+            autocompletion=scenario_files,
+        ),
+    ]
     output: Annotated[
         str | None,
         typer.Option(
             "--output", "-o", metavar="DIR", help="Folder of the dataset [default: outputs/<name>]."
         ),
-    ] = None,
-    overrides: Overrides = [],  # noqa: B006 (typer copies it)
+    ] = None
+    overrides: Overrides
     dry_run: Annotated[
         bool,
         typer.Option(
             "--dry-run",
             help="Only estimate points, chunks, bytes and time, from a timed sample.",
         ),
-    ] = False,
+    ] = False
     workers: Annotated[
         int,
         typer.Option(
@@ -87,8 +64,8 @@ def grid(
             help="Threads that solve; 0 for one on each processor.",
             envvar="VIBRO_WORKERS",
         ),
-    ] = 0,
-    engine: Engine = "compiled",
+    ] = 0
+    engine: Engine = "compiled"
     max_failures: Annotated[
         int | None,
         typer.Option(
@@ -97,17 +74,17 @@ def grid(
             metavar="N",
             help="Stop once more than N points are invalid or failed; else go on.",
         ),
-    ] = None,
-    strict: Strict = False,
+    ] = None
+    strict: Strict = False
     force: Annotated[
         bool, typer.Option("--force", help="Start anew where DIR holds another grid.")
-    ] = False,
+    ] = False
     repair: Annotated[
         bool,
         typer.Option(
             "--repair", help="Solve again what `vibro verify DIR` finds missing or damaged."
         ),
-    ] = False,
+    ] = False
     shard: Annotated[
         str | None,
         typer.Option(
@@ -115,10 +92,10 @@ def grid(
             metavar="I/N",
             help="Solve the I-th of N parts only, into a folder of its own within DIR.",
         ),
-    ] = None,
+    ] = None
     merge: Annotated[
         bool, typer.Option("--merge", help="Put the finished shards of DIR together.")
-    ] = False,
+    ] = False
     dask: Annotated[
         str | None,
         typer.Option(
@@ -128,35 +105,31 @@ def grid(
             "must share DIR.",
             envvar="VIBRO_DASK",
         ),
-    ] = None,
+    ] = None
     as_json: Annotated[
         bool, typer.Option("--json", help="Print what was done as one JSON object.")
-    ] = False,
-) -> Task:
-    """Sweep parameters of a scenario into a dataset. Summaries, and every impact if kept."""
-    if merge and (shard is not None or dask is not None or repair or force):
-        raise typer.BadParameter("--merge goes with none of --shard, --dask, --repair and --force")
-    wishes = Wishes(
-        source=source,
-        output=output,
-        overrides=tuple(overrides),
-        engine=engine,
-        workers=workers,
-        max_failures=max_failures,
-        strict=strict,
-        force=force,
-        repair=repair,
-        merge=merge,
-        shard=_read_shard(shard),
-        dask=dask,
-        as_json=as_json,
-    )
-    return partial(_estimate if dry_run else _sweep, wishes)
+    ] = False
+
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is read."""
+        if self.merge and (
+            self.shard is not None or self.dask is not None or self.repair or self.force
+        ):
+            expected = "--merge goes with none of --shard, --dask, --repair and --force"
+            raise typer.BadParameter(expected)
+        if self.shard is not None:
+            _read_shard(self.shard)
+
+    def __call__(self) -> int:
+        """Estimate what the grid takes, or solve what is missing of its dataset."""
+        return _estimate(self) if self.dry_run else _sweep(self)
+
+    def folder_of(self, grid: "Grid") -> Path:
+        """Where the dataset goes."""
+        return Path(self.output) if self.output is not None else Path("outputs") / grid.name
 
 
-def _read_shard(text: str | None) -> "Shard | None":
-    if text is None:
-        return None
+def _read_shard(text: str) -> "Shard":
     from vibro_cli.grids.dataset import Shard
 
     try:
@@ -167,30 +140,28 @@ def _read_shard(text: str | None) -> "Shard | None":
         ) from None
 
 
-def load(wishes: Wishes) -> "Grid":
+def load(wishes: GridCommand) -> "Grid":
     """The grid that was asked for; raises `CommandError` with every problem of it."""
-    from dataclasses import asdict
-
     from vibro_cli.commands.shared.error_handling import reason
+    from vibro_cli.commands.shared.loading import invalid
     from vibro_cli.grids.document import load_grid
     from vibro_cli.scenario.problems import ScenarioError
 
     try:
         return load_grid(wishes.source, wishes.overrides)
     except ScenarioError as error:
-        problems = [asdict(problem) for problem in error.problems]
-        raise CommandError(str(error), problems=problems) from error
+        raise invalid(error) from error
     except OSError as error:
         raise CommandError(f"{wishes.source}: cannot be read: {reason(error)}") from error
 
 
-def _workers(wishes: Wishes) -> int:
+def _workers(wishes: GridCommand) -> int:
     from vibro_cli.storage.provenance import available_cores
 
     return wishes.workers or available_cores()
 
 
-def _estimate(wishes: Wishes) -> int:
+def _estimate(wishes: GridCommand) -> int:
     """Say what the grid would take: the start, which is made here too, and the solving."""
     import time
 
@@ -239,7 +210,7 @@ def _span(sizes: list[int]) -> str:
     return f"{least:,}" if least == most else f"{least:,} to {most:,}"
 
 
-def _sweep(wishes: Wishes) -> int:
+def _sweep(wishes: GridCommand) -> int:
     """Solve what is missing of the dataset."""
     import os
 
@@ -257,22 +228,22 @@ def _sweep(wishes: Wishes) -> int:
     return NOT_STRICT if wishes.strict and unsound else DONE
 
 
-def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
+def sweep(wishes: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
     """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
-    from vibro_cli.grids.dataset import FolderInUse, GridChanged, MergeRefused, merge, opened
+    from vibro_cli.grids.dataset import MergeRefused, merge, opened
     from vibro_cli.grids.workers import ClusterError
-    from vibro_cli.storage.provenance import FolderRefused
 
     whole = wishes.folder_of(grid)
-    folder = whole if wishes.shard is None else wishes.shard.folder_in(whole)
+    shard = None if wishes.shard is None else _read_shard(wishes.shard)
+    folder = whole if shard is None else shard.folder_in(whole)
     try:
         chunks = _chunks(wishes, grid, folder)
         wanted = None
-        if wishes.shard is not None:
-            _warn_of_few_chunks(grid.name, chunks.count, wishes.shard.count)
-            wanted = wishes.shard.wanted_of(whole, grid, chunks)
+        if shard is not None:
+            _warn_of_few_chunks(grid.name, chunks.count, shard.count)
+            wanted = shard.wanted_of(whole, grid, chunks)
             if not wanted and not folder.exists():
-                return _nothing_to_do(grid, whole, wishes.shard.number > chunks.count)
+                return _nothing_to_do(grid, whole, shard.number > chunks.count)
         with opened(folder, grid, chunks, wishes.force, wanted) as dataset:
             if wishes.merge:
                 for _ in merge(dataset):
@@ -281,8 +252,6 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
                 if wishes.repair:
                     _drop_damaged(dataset)
                 _solve(wishes, dataset, workers)
-    except (FolderRefused, GridChanged, FolderInUse) as error:
-        raise CommandError(f"vibro: {error}") from error
     except (MergeRefused, ClusterError) as error:
         raise CommandError(f"vibro: {error}", FAILED) from error
     state = _state(dataset)
@@ -290,7 +259,7 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     return state
 
 
-def _chunks(wishes: "Wishes", grid: "Grid", folder: Path) -> "Chunks":
+def _chunks(wishes: GridCommand, grid: "Grid", folder: Path) -> "Chunks":
     """How the grid is divided: as its folder or that of a shard has it, if it is there already."""
     from vibro_cli.grids.dataset import division_of_shards, known_division
     from vibro_cli.grids.workers import chunks_of
@@ -342,7 +311,7 @@ def _drop_damaged(dataset: "Dataset") -> None:
             del dataset.receipts[chunk]
 
 
-def _solve(wishes: "Wishes", dataset: "Dataset", workers: int) -> None:
+def _solve(wishes: GridCommand, dataset: "Dataset", workers: int) -> None:
     """Solve the missing chunks; what is finished is taken down, however it ends."""
     from vibro_cli.grids.workers import solve_in_threads, solve_on_cluster
 
@@ -389,7 +358,7 @@ def _points(dataset: "Dataset", chunk: int) -> int:
     return last - first
 
 
-def _check_failures(wishes: "Wishes", dataset: "Dataset") -> None:
+def _check_failures(wishes: GridCommand, dataset: "Dataset") -> None:
     most = wishes.max_failures
     found = sum(one.invalid + one.failed for one in dataset.receipts.values())
     if most is not None and found > most:

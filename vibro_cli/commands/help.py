@@ -1,12 +1,11 @@
 """`vibro help`: the reference on the terminal."""
 
-from functools import partial
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, suggestion
-from vibro_cli.commands.shared.options import Task
 from vibro_cli.commands.shared.reference import TOPICS, commands
 from vibro_cli.commands.shared.terminal import as_terminal_text, json_text, terminal_width
 
@@ -16,33 +15,33 @@ def help_topics(incomplete: str) -> list[str]:
     return [topic for topic in TOPICS if topic.startswith(incomplete)]
 
 
-def help_command(
-    context: typer.Context,
+@dataclass(frozen=True, kw_only=True)
+class HelpCommand:
+    """Print the reference of a topic, or the help of a command. Without either: the topics."""
+
+    context: typer.Context
     topic: Annotated[
         str | None,
         typer.Argument(
             help="A topic, or a command.", show_default=False, autocompletion=help_topics
         ),
-    ] = None,
+    ] = None
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print a topic as Markdown, not for the terminal.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print topic and text as JSON.")] = False,
-) -> Task:
-    """Print the reference of a topic, or the help of a command. Without either: the topics."""
-    assert context.parent is not None
-    return partial(_print, topic, context.parent, markdown, as_json)
+    ] = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print topic and text as JSON.")] = False
 
-
-def _print(topic: str | None, program: Any, markdown: bool, as_json: bool) -> int:
-    text = _text(topic, program)
-    if topic in TOPICS and not markdown:
-        text = as_terminal_text(text, terminal_width())
-    if as_json:
-        print(json_text({"topic": topic, "text": text}))
-    else:
-        print(text, end="")
-    return DONE
+    def __call__(self) -> int:
+        """Print what is asked for."""
+        program = self.context.parent
+        text = _text(self.topic, program)
+        if self.topic in TOPICS and not self.markdown:
+            text = as_terminal_text(text, terminal_width())
+        if self.as_json:
+            print(json_text({"topic": self.topic, "text": text}))
+        else:
+            print(text, end="")
+        return DONE
 
 
 def _text(topic: str | None, program: Any) -> str:

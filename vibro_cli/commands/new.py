@@ -5,14 +5,14 @@ The schema is for editors; the tables of results are described likewise.
 
 import json
 import sys
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
-from vibro_cli.commands.shared.options import Task, gallery_names
+from vibro_cli.commands.shared.options import gallery_names
 from vibro_cli.commands.shared.terminal import json_text, printable
 from vibro_cli.systems import NAMES
 
@@ -22,7 +22,10 @@ else:
     System = Literal[NAMES]
 
 
-def new(
+@dataclass(frozen=True, kw_only=True)
+class NewCommand:
+    """Write a commented scenario or grid to start from."""
+
     name: Annotated[
         str | None,
         typer.Argument(
@@ -30,11 +33,11 @@ def new(
             show_default=False,
             autocompletion=gallery_names,
         ),
-    ] = None,
-    listing: Annotated[bool, typer.Option("--list", help="Print the gallery's names.")] = False,
-    whole: Annotated[
-        bool, typer.Option("--all", help="Write the whole gallery into a folder.")
-    ] = False,
+    ] = None
+    listing: Annotated[bool, typer.Option("--list", help="Print the gallery's names.")] = False
+    whole: Annotated[bool, typer.Option("--all", help="Write the whole gallery into a folder.")] = (
+        False
+    )
     output: Annotated[
         str | None,
         typer.Option(
@@ -44,20 +47,25 @@ def new(
             help="File [default: NAME.toml], - prints it; with --all the folder "
             "[default: scenarios].",
         ),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    ] = None
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the names, or the files written, as JSON.")
-    ] = False,
-) -> Task:
-    """Write a commented scenario or grid to start from."""
-    if listing:
-        return partial(_print_names, as_json)
-    if whole and name is None and output != "-":
-        return partial(_write_all, Path(output or "scenarios"), force, as_json)
-    if name is None or whole:
-        raise typer.BadParameter("expected the NAME of a scenario, or --list, or --all")
-    return partial(_write, name, output, force, as_json)
+    ] = False
+
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is written."""
+        wrong = (self.name is not None or self.output == "-") if self.whole else self.name is None
+        if wrong and not self.listing:
+            raise typer.BadParameter("expected the NAME of a scenario, or --list, or --all")
+
+    def __call__(self) -> int:
+        """Print the names of the gallery, or write one or all of it."""
+        if self.listing:
+            return _print_names(self.as_json)
+        if self.name is None:
+            return _write_all(Path(self.output or "scenarios"), self.force, self.as_json)
+        return _write(self.name, self.output, self.force, self.as_json)
 
 
 def _print_names(as_json: bool) -> int:
@@ -156,43 +164,39 @@ def _write_with_schema(path: Path, content: str, kind: str) -> None:
 Subject = Literal["scenario", "grid", "tables"]
 
 
-def schema(
-    subject: Annotated[Subject, typer.Argument(help="What to describe.")] = "scenario",
-    system: Annotated[System, typer.Option(help="Of which system's scenarios or grids.")] = NAMES[
-        0
-    ],
+@dataclass(frozen=True, kw_only=True)
+class SchemaCommand:
+    """Describe scenarios or grids as JSON Schema, or the tables."""
+
+    subject: Annotated[Subject, typer.Argument(help="What to describe.")] = "scenario"
+    system: Annotated[System, typer.Option(help="Of which system's scenarios or grids.")] = NAMES[0]
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print the tables for reading, not as JSON.")
-    ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON, which is the default.")
-    ] = False,
-) -> Task:
-    """Describe scenarios or grids as JSON Schema, or the tables."""
-    if system != NAMES[0] and subject == "tables":
-        raise typer.BadParameter("--system is of scenarios and grids; expected one of these")
-    if markdown and as_json:
-        raise typer.BadParameter("expected one of --markdown and --json")
-    if markdown and subject != "tables":
-        raise typer.BadParameter("--markdown describes the tables; expected `schema tables`")
-    return partial(_print_schema, subject, system, markdown)
+    ] = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, which is the default.")] = (
+        False
+    )
 
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is printed."""
+        if self.system != NAMES[0] and self.subject == "tables":
+            raise typer.BadParameter("--system is of scenarios and grids; expected one of these")
+        if self.markdown and self.as_json:
+            raise typer.BadParameter("expected one of --markdown and --json")
+        if self.markdown and self.subject != "tables":
+            raise typer.BadParameter("--markdown describes the tables; expected `schema tables`")
 
-def _print_schema(subject: Subject, system: str, markdown: bool) -> int:
-    if subject == "scenario":
-        from vibro_cli.scenario.fields import json_schema
-
-        print(json_text(json_schema(system), indent=2))
-        return DONE
-    if subject == "grid":
+    def __call__(self) -> int:
+        """Print the schema, or the tables."""
         from vibro_cli.grids.document import grid_schema
+        from vibro_cli.scenario.fields import json_schema
+        from vibro_cli.storage.tables import as_json, as_markdown
 
-        print(json_text(grid_schema(system), indent=2))
+        if self.markdown:
+            print(as_markdown(), end="")
+        elif self.subject == "tables":
+            print(json_text(as_json(), indent=2))
+        else:
+            schema = json_schema if self.subject == "scenario" else grid_schema
+            print(json_text(schema(self.system), indent=2))
         return DONE
-    from vibro_cli.storage.tables import as_json, as_markdown
-
-    if markdown:
-        print(as_markdown(), end="")
-    else:
-        print(json_text(as_json(), indent=2))
-    return DONE

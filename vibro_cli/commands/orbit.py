@@ -1,16 +1,15 @@
 """`vibro orbit`: periodic orbits, their multipliers, and how they change with a number."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
-from vibro_cli.commands.shared.options import Task, scenario_keys
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.options import scenario_keys
+from vibro_cli.commands.shared.terminal import print_found
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.orbit_branch import Branch
@@ -18,41 +17,31 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.models import Scenario
 
 
-@dataclass(frozen=True)
-class _Wishes:
-    """What was asked of `vibro orbit`."""
+@dataclass(frozen=True, kw_only=True)
+class OrbitCommand:
+    """Find the periodic orbit of impacts near the start. Period, events, multipliers."""
 
-    source: str
-    overrides: Sequence[str]
-    impacts: int | None
-    period: float | None
-    vary: str | None
-    output: str | None
-    figures: bool
-    as_json: bool
-
-
-def orbit(
     scenario: Annotated[
         str, typer.Argument(metavar="SCENARIO", help="Scenario file, or - for standard input.")
-    ],
+    ]
     overrides: Annotated[
         list[str],
         typer.Option(
             "--set",
+            default_factory=list,
             metavar="PATH=VALUE",
             help="Override a value of the scenario, e.g. --set balls[2].mass=1.2; repeatable.",
             show_default=False,
             autocompletion=scenario_keys,
         ),
-    ] = [],  # noqa: B006 (typer copies it)
+    ]
     impacts: Annotated[
         int | None,
         typer.Option(min=1, help="Impacts of one period [default: those of the nearest return]."),
-    ] = None,
+    ] = None
     period: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="A guess of the period, instead.")
-    ] = None,
+    ] = None
     vary: Annotated[
         str | None,
         typer.Option(
@@ -60,7 +49,7 @@ def orbit(
             help="Follow the orbit over a number of the scenario (SI units, radians), at constant "
             "energy, e.g. --vary balls[2].mass=0.9:1.1, or the energy: --vary energy=5:20 (J).",
         ),
-    ] = None,
+    ] = None
     output: Annotated[
         str | None,
         typer.Option(
@@ -69,17 +58,48 @@ def orbit(
             metavar="DIR",
             help="Folder of the table [default: outputs/<name>-orbit, with --vary].",
         ),
-    ] = None,
+    ] = None
     figures: Annotated[
         bool, typer.Option("--figures/--no-figures", help="Draw a family of orbits.")
-    ] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
-) -> Task:
-    """Find the periodic orbit of impacts near the start. Period, events, multipliers."""
-    if vary is not None:
-        parsed_span(vary)  # a wrong usage is told before anything is read
-    wishes = _Wishes(scenario, overrides, impacts, period, vary, output, figures, as_json)
-    return partial(_find, wishes)
+    ] = True
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False
+
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is read."""
+        if self.vary is not None:
+            parsed_span(self.vary)
+
+    def __call__(self) -> int:
+        """Find, follow, draw, write and print."""
+        from vibro_cli.analysis.orbit_branch import family_of
+        from vibro_cli.analysis.orbits import NoOrbit, find_orbit
+        from vibro_cli.commands.shared.loading import load_any
+        from vibro_cli.storage.folders import check_orbit_folder, write_orbits
+        from vibro_cli.systems import system_named
+
+        scenario, system = load_any(self.scenario, self.overrides)
+        if not system_named(scenario.system).has_orbits:
+            raise CommandError(f"vibro: {scenario.name}: orbits are of bodies on a trace")
+        span = None if self.vary is None else parsed_span(self.vary)
+        folder = None
+        if span is not None or self.output is not None:
+            folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
+            check_orbit_folder(folder)
+        branch = None
+        try:
+            found = find_orbit(system, self.impacts, self.period, scenario.stop.time or 1000.0)
+            if span is not None:
+                branch = family_of(cast("Scenario", scenario), found, *span)
+        except NoOrbit as error:
+            raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
+        if folder is not None:
+            columns = orbit_columns(found, branch)
+            drawn = {} if span is None or not self.figures else _drawn(columns, _axis(span[0]))
+            write_orbits(scenario, columns, folder, drawn)
+        print_found(record_of(found, branch), _lines(scenario.name, found, branch), self.as_json)
+        if folder is not None:
+            say(f"{scenario.name}: files in {folder}")
+        return DONE
 
 
 def parsed_span(vary: str) -> tuple[str, float, float]:
@@ -95,48 +115,6 @@ def parsed_span(vary: str) -> tuple[str, float, float]:
             "both in SI units and radians"
         )
     return path.strip(), low, high
-
-
-def _find(wishes: _Wishes) -> int:
-    """Find, follow, draw, write and print."""
-    from vibro_cli.analysis.orbit_branch import family_of
-    from vibro_cli.analysis.orbits import NoOrbit, find_orbit
-    from vibro_cli.commands.shared.loading import load_any
-    from vibro_cli.storage.folders import check_orbit_folder, write_orbits
-    from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.systems import system_named
-
-    scenario, system = load_any(wishes.source, wishes.overrides)
-    if not system_named(scenario.system).has_orbits:
-        raise CommandError(f"vibro: {scenario.name}: orbits are of bodies on a trace")
-    folder = None
-    if wishes.vary is not None or wishes.output is not None:
-        folder = Path(wishes.output or Path("outputs") / f"{scenario.name}-orbit")
-    longest = scenario.stop.time or 1000.0
-    try:
-        if folder is not None:
-            check_orbit_folder(folder)
-        found = find_orbit(system, wishes.impacts, wishes.period, longest)
-        branch = None
-        if wishes.vary is not None:
-            branch = family_of(cast("Scenario", scenario), found, *parsed_span(wishes.vary))
-        if folder is not None:
-            columns = orbit_columns(found, branch)
-            drawn = {}
-            if wishes.vary is not None and wishes.figures:
-                drawn = _drawn(columns, _axis(parsed_span(wishes.vary)[0]))
-            write_orbits(scenario, columns, folder, drawn)
-    except NoOrbit as error:
-        raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
-    except FolderRefused as error:
-        raise CommandError(f"vibro: {error}") from error
-    if wishes.as_json:
-        print(json_text(record_of(found, branch)))
-    else:
-        print("\n".join(_lines(scenario.name, found, branch)))
-    if folder is not None:
-        say(f"{scenario.name}: files in {folder}")
-    return DONE
 
 
 def orbit_columns(found: "Orbit", branch: "Branch | None") -> dict[str, Any]:
@@ -240,10 +218,9 @@ def _axis(path: str) -> str:
 
 
 def _drawn(columns: dict[str, Any], label: str) -> dict[str, bytes]:
-    """The figure of a family in both forms."""
+    """The figure of a family."""
     from vibro_cli.figures.analyses import branch_figure
-    from vibro_cli.figures.style import render
+    from vibro_cli.interface.drawing import pictures
 
     told = columns | {"special": [kind or "" for kind in columns["special"]]}
-    figure = branch_figure(told, label, "single")
-    return {f"orbits.{form}": render(figure, form) for form in ("png", "pdf")}
+    return pictures({"orbits": branch_figure(told, label, "single")})

@@ -5,15 +5,14 @@ One portrait, or a family: one number varied, or a few values of anything compar
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
-from vibro_cli.commands.shared.options import Overrides, Quiet, Task
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.options import Overrides, Quiet
+from vibro_cli.commands.shared.terminal import print_found
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,36 +22,29 @@ if TYPE_CHECKING:
     from vibro_cli.systems.contract import System
 
 MOST_COMPARED = 6
-Draw = Callable[[str, Any], dict[str, bytes]]
-"""From the stem of the files and a figure to their names and contents."""
 
 
 @dataclass(frozen=True)
 class Source:
     """The scenario of a family, to be read once more for each member."""
 
-    name: str
-    overrides: tuple[str, ...]
-    width: str
-    model: Any
-    """Of the scenarios of its system."""
-
-    def portrait(self, path: str, value: Any) -> "Portrait":
-        """The portrait with one more override; raises `ScenarioError` where it is not possible."""
-        from vibro_cli.analysis.levels import Landscape
-        from vibro_cli.analysis.singular import portrait_of
-        from vibro_cli.assemble import build_system
-        from vibro_cli.scenario.loading import load_scenario
-
-        scenario = load_scenario(self.name, [*self.overrides, f"{path}={value}"])
-        return portrait_of(Landscape.of(build_system(scenario), ball_of(path)))
+    wishes: "PortraitCommand"
+    kind: "System"
 
     def system(self, path: str, value: Any) -> Any:
         """The system with one more override; raises `ScenarioError` where it is not possible."""
         from vibro_cli.assemble import build_any
         from vibro_cli.scenario.loading import load_any
 
-        return build_any(load_any(self.name, [*self.overrides, f"{path}={value}"]))
+        overrides = [*self.wishes.overrides, f"{path}={value}"]
+        return build_any(load_any(self.wishes.scenario, overrides))
+
+    def portrait(self, path: str, value: Any) -> "Portrait":
+        """The portrait of a body on its trace; else as `system`."""
+        from vibro_cli.analysis.levels import Landscape
+        from vibro_cli.analysis.singular import portrait_of
+
+        return portrait_of(Landscape.of(self.system(path, value), ball_of(path)))
 
 
 def ball_of(path: str) -> int:
@@ -94,28 +86,30 @@ def parsed_values(compare: str) -> tuple[str, list[str]]:
     return path.strip(), found
 
 
-def varied(source: Source, vary: str, draw: Draw | None) -> tuple[dict[str, Any], dict[str, bytes]]:
+Figures = dict[str, "Figure"]
+"""By the stems of their files."""
+
+
+def varied(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
     """The types of a family, where they change, and the figure of its portraits."""
     record, shown = _varied(source, vary, source.portrait, lambda one: one.type)
-    if draw is None or not shown:
+    if not source.wishes.figures or not shown:
         return record, {}
     from vibro_cli.figures.portraits.trace_phase_plane import family
 
-    return record, draw("family", family(_titled(record["path"], shown), source.width))
+    return record, {"family": family(_titled(record["path"], shown), source.wishes.width)}
 
 
-def varied_systems(
-    kind: "System", source: Source, vary: str, draw: Draw | None
-) -> tuple[dict[str, Any], dict[str, bytes]]:
+def varied_systems(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
     """The same of a system that tells the type of a body's portrait (C, part 3: l ≶ b)."""
-    ball = ball_of(vary)
+    ball, kind = ball_of(vary), source.kind
     record, shown = _varied(
         source, vary, source.system, lambda one: str(kind.family_type(one, ball))
     )
-    if draw is None or not shown:
+    if not source.wishes.figures or not shown:
         return record, {}
     titled = _titled(record["path"], shown)
-    return record, draw("family", kind.family_figure(titled, ball, source.width))
+    return record, {"family": kind.family_figure(titled, ball, source.wishes.width)}
 
 
 def _titled(path: str, shown: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
@@ -135,19 +129,18 @@ def _varied(
     from vibro_cli.analysis.singular import IMPOSSIBLE, changes
 
     path, *ends, number = parsed_range(vary)
-    (first, last), unit = _numbers(path, ends, source.model)
+    (first, last), unit = _numbers(path, ends, source.kind.model)
     values = [first + (last - first) * step / (number - 1) for step in range(number)]
-    members, reasons = _members(path, values, member)
+    found = {value: _member(path, value, member) for value in values}
+    reasons = {value: one for value, one in found.items() if isinstance(one, str)}
+    members = {value: one for value, one in found.items() if value not in reasons}
     if not members:
         raise CommandError(f"vibro: --vary: no member is possible: {reasons[values[0]]}")
 
     def type_of(value: float) -> str:
-        if value in reasons:
-            return IMPOSSIBLE
-        one = members[value] if value in members else _member(path, value, member)
+        one = found[value] if value in found else _member(path, value, member)
         return IMPOSSIBLE if isinstance(one, str) else type_of_member(one)
 
-    found = changes(type_of, sorted(values))
     record = {
         "path": path,
         "ball": ball_of(path),
@@ -156,7 +149,7 @@ def _varied(
             | ({"reason": reasons[value]} if value in reasons else {})
             for value in values
         ],
-        "changes": [vars(change) for change in found],
+        "changes": [vars(change) for change in changes(type_of, sorted(values))],
     }
     shown = [(f"{value:.6g} {unit}".rstrip(), one) for value, one in members.items()]
     return record, shown
@@ -184,15 +177,6 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
         raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error
 
 
-def _members(
-    path: str, values: list[float], member: "Callable[[str, Any], Any]"
-) -> tuple[dict[float, Any], dict[float, str]]:
-    """The members at values, and of those that are not possible the reasons."""
-    found = {value: _member(path, value, member) for value in values}
-    reasons = {value: one for value, one in found.items() if isinstance(one, str)}
-    return {value: one for value, one in found.items() if value not in reasons}, reasons
-
-
 def _member(path: str, value: float, member: "Callable[[str, Any], Any]") -> Any:
     """The member at a value, or in words why it is not possible."""
     from vibro_cli.scenario.problems import ScenarioError
@@ -204,9 +188,7 @@ def _member(path: str, value: float, member: "Callable[[str, Any], Any]") -> Any
         return f"{first.path}: found {first.found}, expected {first.expected}"
 
 
-def compared(
-    source: Source, compare: str, draw: Draw | None
-) -> tuple[dict[str, Any], dict[str, bytes]]:
+def compared(source: Source, compare: str) -> tuple[dict[str, Any], Figures]:
     """The singular points of a few members, and one figure of them all."""
     from vibro_cli.analysis.singular import as_record
     from vibro_cli.scenario.problems import ScenarioError
@@ -224,11 +206,11 @@ def compared(
         "ball": ball_of(path),
         "members": [{"value": value, **as_record(one)} for value, one in members.items()],
     }
-    if draw is None:
+    if not source.wishes.figures:
         return record, {}
     from vibro_cli.figures.portraits.portrait import comparison
 
-    return record, draw("comparison", comparison(list(members.items()), source.width))
+    return record, {"comparison": comparison(list(members.items()), source.wishes.width)}
 
 
 def family_lines(family: dict[str, Any]) -> Iterator[str]:
@@ -252,29 +234,14 @@ def comparison_lines(comparison: dict[str, Any]) -> Iterator[str]:
             yield f"    {point['name']}: E/(m g) = {point['height']:.6g} m{own}"
 
 
-_FORMS = ("png", "pdf")
+@dataclass(frozen=True, kw_only=True)
+class PortraitCommand:
+    """Draw phase portraits without a run. Singular points, separatrices and type of each body."""
 
-
-@dataclass(frozen=True)
-class _Wishes:
-    """What was asked of `vibro portrait`."""
-
-    source: str
-    overrides: Sequence[str]
-    vary: str | None
-    compare: str | None
-    output: str | None
-    width: str
-    figures: bool
-    as_json: bool
-    quiet: bool
-
-
-def portrait(
     scenario: Annotated[
         str, typer.Argument(metavar="SCENARIO", help="Scenario file, or - for standard input.")
-    ],
-    overrides: Overrides = [],  # noqa: B006 (typer copies it)
+    ]
+    overrides: Overrides
     vary: Annotated[
         str | None,
         typer.Option(
@@ -282,75 +249,68 @@ def portrait(
             help="A family of N portraits, and where their type changes, e.g. --vary "
             "balls[1].radius=0.05:0.3:6 (SI units, or with units: 5 cm:30 cm:6).",
         ),
-    ] = None,
+    ] = None
     compare: Annotated[
         str | None,
         typer.Option(
             metavar="PATH=A,B,…",
             help="A few portraits overlaid, e.g. --compare balls[1].body=particle,ball.",
         ),
-    ] = None,
+    ] = None
     output: Annotated[
         str | None,
         typer.Option(
             "--output", "-o", metavar="DIR", help="Folder [default: outputs/<name>-portrait]."
         ),
-    ] = None,
+    ] = None
     width: Annotated[
         Literal["single", "double"], typer.Option(help="One column (85 mm) or two (170 mm).")
-    ] = "double",
-    figures: Annotated[
-        bool, typer.Option("--figures/--no-figures", help="Draw the portraits.")
-    ] = True,
+    ] = "double"
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the portraits.")] = (
+        True
+    )
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the table of singular points as JSON.")
-    ] = False,
-    quiet: Quiet = False,
-) -> Task:
-    """Draw phase portraits without a run. Singular points, separatrices and type of each body."""
-    wishes = _Wishes(scenario, overrides, vary, compare, output, width, figures, as_json, quiet)
-    if vary is not None:
-        parsed_range(vary)  # a wrong usage is told before anything is read
-    if compare is not None:
-        parsed_values(compare)
-    return partial(_portray, wishes)
+    ] = False
+    quiet: Quiet = False
 
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is read."""
+        if self.vary is not None:
+            parsed_range(self.vary)
+        if self.compare is not None:
+            parsed_values(self.compare)
 
-def _portray(wishes: _Wishes) -> int:
-    """Analyse, draw, write and print."""
-    from vibro_cli.commands.shared.loading import load_any
-    from vibro_cli.storage.folders import check_portrait_folder, write_portraits
-    from vibro_cli.storage.provenance import FolderRefused
+    def __call__(self) -> int:
+        """Analyse, draw, write and print."""
+        from vibro_cli.commands.shared.loading import load_any
+        from vibro_cli.storage.folders import check_portrait_folder, write_portraits
 
-    scenario, system = load_any(wishes.source, wishes.overrides)
-    if (wishes.vary or wishes.compare) and wishes.source == "-":
-        raise CommandError(
-            "vibro: --vary and --compare read the scenario several times; expected a file, not -"
-        )
-    folder = None
-    if wishes.figures or wishes.output is not None:
-        folder = Path(wishes.output or Path("outputs") / f"{scenario.name}-portrait")
-    try:
-        if folder is not None:
+        scenario, system = load_any(self.scenario, self.overrides)
+        if (self.vary or self.compare) and self.scenario == "-":
+            raise CommandError(
+                "vibro: --vary and --compare read the scenario several times; expected a file, "
+                "not -"
+            )
+        folder = None
+        if self.figures or self.output is not None:
+            folder = Path(self.output or Path("outputs") / f"{scenario.name}-portrait")
             check_portrait_folder(folder)
-        found, drawn = _analysed(wishes, scenario, system)
+        found, drawn = _analysed(self, scenario, system)
         if folder is not None:
             write_portraits(scenario, found, folder, drawn)
-    except FolderRefused as error:
-        raise CommandError(f"vibro: {error}") from error
-    if wishes.as_json:
-        print(json_text(found))
-    elif not wishes.quiet:
-        print("\n".join(_lines(scenario, found)))
-    if folder is not None and not wishes.quiet:
-        say(f"{scenario.name}: files in {folder}")
-    return DONE
+        if self.as_json or not self.quiet:
+            print_found(found, _lines(scenario, found), self.as_json)
+        if folder is not None and not self.quiet:
+            say(f"{scenario.name}: files in {folder}")
+        return DONE
 
 
 def _analysed(
-    wishes: _Wishes, scenario: "AnyScenario", system: Any
+    wishes: PortraitCommand, scenario: "AnyScenario", system: Any
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The singular points of each body, and the figures' files."""
+    from vibro_cli.interface.drawing import pictures
     from vibro_cli.systems import system_named
     from vibro_cli.systems.contract import NoPortrait
 
@@ -364,26 +324,16 @@ def _analysed(
     except NoPortrait as error:
         raise CommandError(f"vibro: {scenario.name}: {error}") from error
     found: dict[str, Any] = {"name": scenario.name, **table}
-    drawn = {
-        name: file for stem, one in figures.items() for name, file in _files(stem, one).items()
-    }
-    source = Source(wishes.source, tuple(wishes.overrides), wishes.width, kind.model)
-    draw = _files if wishes.figures else None
+    drawn = dict(figures)
+    source = Source(wishes, kind)
     if wishes.vary is not None:
-        of_kind = varied if kind.has_families else partial(varied_systems, kind)
-        found["family"], more = of_kind(source, wishes.vary, draw)
+        of_kind = varied if kind.has_families else varied_systems
+        found["family"], more = of_kind(source, wishes.vary)
         drawn |= more
     if wishes.compare is not None:
-        found["comparison"], more = compared(source, wishes.compare, draw)
+        found["comparison"], more = compared(source, wishes.compare)
         drawn |= more
-    return found, drawn
-
-
-def _files(stem: str, figure: "Figure") -> dict[str, bytes]:
-    """A figure in all forms."""
-    from vibro_cli.figures.style import render
-
-    return {f"{stem}.{form}": render(figure, form) for form in _FORMS}
+    return found, pictures(drawn)
 
 
 def _lines(scenario: "AnyScenario", found: dict[str, Any]) -> Iterator[str]:

@@ -1,10 +1,9 @@
-"""`vibro report`: a page that explains one run or a grid, or compares several runs."""
+"""`vibro report`: a page that explains one run or a grid, or compares several runs; films."""
 
 import gc
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,8 +11,6 @@ import typer
 
 from vibro_cli import __version__
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
-from vibro_cli.commands.shared.filming import FilmWishes, check_film, write_film
-from vibro_cli.commands.shared.options import Task
 from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
@@ -24,21 +21,18 @@ if TYPE_CHECKING:
     Subject = Runs | StoredGrid
 
 
-@dataclass(frozen=True)
-class _Wishes:
-    """What was asked of `vibro report`."""
-
-    folders: Sequence[Path]
-    output: str | None
-    pdf: Path | None
-    figures: Path | None
-    width: str
-    maps: Sequence[str]
-    film: FilmWishes | None
-    as_json: bool
+SECONDS = 30.0
+"""Length of a film (s) where no span is asked for."""
+MOST_FRAMES = 20000
+FORMS = (".mp4", ".gif", ".html")
+_HUNDREDTHS = 100
+"""A GIF has the time of each frame in hundredths of a second."""
 
 
-def report(
+@dataclass(frozen=True, kw_only=True)
+class ReportCommand:
+    """Write an HTML page of a run, of runs compared, or of a grid. It needs no other file."""
+
     folders: Annotated[
         list[Path],
         typer.Argument(
@@ -46,7 +40,7 @@ def report(
             help="Folders that `vibro run` wrote, or one of a grid.",
             show_default=False,
         ),
-    ],
+    ]
     output: Annotated[
         str | None,
         typer.Option(
@@ -56,28 +50,29 @@ def report(
             help="The page [default: DIR-report.html, of several report.html beside the first]; "
             "- prints it.",
         ),
-    ] = None,
+    ] = None
     pdf: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Also the figures as one PDF, a page each."),
-    ] = None,
+    ] = None
     figures: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Also each figure as PNG, PDF and SVG."),
-    ] = None,
+    ] = None
     width: Annotated[
         Literal["single", "double"],
         typer.Option(help="Width of --pdf and --figures: one column (85 mm) or two (170 mm)."),
-    ] = "double",
+    ] = "double"
     maps: Annotated[
         list[str],
         typer.Option(
             "--map",
+            default_factory=list,
             metavar="COLUMN",
             help="For a grid: also a map of this column of the summary over two axes; repeatable.",
             show_default=False,
         ),
-    ] = [],  # noqa: B006 (typer copies it)
+    ]
     animate: Annotated[
         Path | None,
         typer.Option(
@@ -85,18 +80,18 @@ def report(
             help="Also the motion of the run as a film, exact at every frame's time: "
             ".mp4 (needs ffmpeg), .gif or .html.",
         ),
-    ] = None,
+    ] = None
     span: Annotated[
         str | None,
         typer.Option(
             metavar="FROM:TO",
             help="Times shown by --animate, in s [default: the first 30 s of film].",
         ),
-    ] = None,
+    ] = None
     pace: Annotated[
         float,
         typer.Option(min=1e-6, help="Seconds of motion in a second of the film (--animate)."),
-    ] = 1.0,
+    ] = 1.0
     fps: Annotated[
         int,
         typer.Option(
@@ -105,36 +100,71 @@ def report(
             help="Frames per second of the film (--animate); of a GIF 1, 2, 4, 5, 10, 20, 25, 50 "
             "or 100.",
         ),
-    ] = 25,
+    ] = 25
     as_json: Annotated[
         bool, typer.Option("--json", help="Print what was written as one JSON object.")
-    ] = False,
-) -> Task:
-    """Write an HTML page of a run, of runs compared, or of a grid. It needs no other file."""
-    film = None if animate is None else FilmWishes(animate, span, pace, fps)
-    if film is not None and len(folders) > 1:
-        raise typer.BadParameter("--animate: found several runs, expected one")
-    if as_json and output == "-":
-        raise typer.BadParameter("--json and a printed page both need standard output")
-    return partial(_report, _Wishes(folders, output, pdf, figures, width, maps, film, as_json))
+    ] = False
+
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is read."""
+        if self.animate is not None:
+            self._check_film(self.animate)
+            if len(self.folders) > 1:
+                raise typer.BadParameter("--animate: found several runs, expected one")
+        if self.as_json and self.output == "-":
+            raise typer.BadParameter("--json and a printed page both need standard output")
+
+    def _check_film(self, target: Path) -> None:
+        form = target.suffix.lower()
+        if form not in FORMS:
+            raise typer.BadParameter(
+                f"--animate: found {target.name!r}, expected a file {', '.join(FORMS)}"
+            )
+        if form == ".gif" and _HUNDREDTHS % self.fps:
+            raise typer.BadParameter(
+                f"--fps: found {self.fps}, expected a divisor of 100 for a GIF, as 10, 20, 25, 50"
+            )
+        try:
+            self.bounds(float("inf"))
+        except CommandError as error:
+            raise typer.BadParameter(str(error).removeprefix("vibro: ")) from error
+
+    def bounds(self, end: float) -> tuple[float, float]:
+        """First and last time (s) of the film of a run that ends at `end` (s)."""
+        if self.span is None:
+            return 0.0, min(end, SECONDS * self.pace)
+        low, _, high = self.span.partition(":")
+        try:
+            start, stop = float(low or 0.0), min(float(high), end)
+        except ValueError:
+            start = stop = -1.0
+        if not 0.0 <= start < stop:
+            raise CommandError(
+                f"vibro: --span: found {self.span!r}, expected FROM:TO in s, 0 ≤ FROM < TO, "
+                "FROM before the end of the run"
+            )
+        return start, stop
+
+    @property
+    def target(self) -> Path:
+        """Where the page goes."""
+        if self.output is not None:
+            return Path(self.output)
+        first = self.folders[0].resolve()
+        several = len(self.folders) > 1
+        return first.with_name("report.html" if several else f"{first.name}-report.html")
+
+    def __call__(self) -> int:
+        """Check, draw and write; what is printed is the page, or what was written."""
+        return _report(self)
 
 
-def _target(wishes: _Wishes) -> Path:
-    """Where the page goes."""
-    if wishes.output is not None:
-        return Path(wishes.output)
-    first = Path(wishes.folders[0]).resolve()
-    if len(wishes.folders) > 1:
-        return first.with_name("report.html")
-    return first.with_name(f"{first.name}-report.html")
-
-
-def _report(wishes: _Wishes) -> int:
+def _report(wishes: ReportCommand) -> int:
     from vibro_cli.report.page import is_report
     from vibro_cli.storage.files import write_file
 
     _check(wishes)
-    target = _target(wishes)
+    target = wishes.target
     printed = wishes.output == "-"
     if not printed and target.exists() and not is_report(target.read_bytes()):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
@@ -154,44 +184,46 @@ def _report(wishes: _Wishes) -> int:
         _write_pdf(subject, wishes.pdf, wishes)
     if wishes.figures is not None:
         _write_figures(subject, wishes.figures, wishes)
-    if wishes.film is not None:
+    if wishes.animate is not None:
         assert isinstance(subject, list)
-        (run,) = subject
-        write_film(run, wishes.film)
+        _write_film(subject[0], wishes.animate, wishes)
     if wishes.as_json:
-        film = None if wishes.film is None else wishes.film.target
-        written = {"page": target, "pdf": wishes.pdf, "figures": wishes.figures, "film": film}
+        written = {
+            "page": target,
+            "pdf": wishes.pdf,
+            "figures": wishes.figures,
+            "film": wishes.animate,
+        }
         print(json_text({kind: path and str(path) for kind, path in written.items()}))
     return DONE
 
 
-def _subject(wishes: _Wishes) -> "Subject":
+def _subject(wishes: ReportCommand) -> "Subject":
     """What is reported: runs, or one grid; raises `CommandError` where that is not possible."""
-    from vibro_cli.storage.stored import NotAGrid, is_grid, open_grid
+    from vibro_cli.storage.stored import is_grid, open_grid
 
     grids = [folder for folder in wishes.folders if is_grid(folder)]
     if not grids:
         return _runs(wishes)
     if len(wishes.folders) > 1:
         raise CommandError(f"vibro: {grids[0]} holds a grid, which is reported alone")
-    if wishes.film is not None:
+    if wishes.animate is not None:
         raise CommandError(f"vibro: {grids[0]} holds a grid; --animate takes a run")
-    try:
-        return open_grid(grids[0])
-    except NotAGrid as error:
-        raise CommandError(f"vibro: {error}") from error
+    return open_grid(grids[0])
 
 
-def _runs(wishes: _Wishes) -> "Runs":
+def _runs(wishes: ReportCommand) -> "Runs":
     """The runs of the folders, all of one system; raises `CommandError` where that is not so."""
-    found = [_opened(folder) for folder in wishes.folders]
+    from vibro_cli.storage.stored import open_run
+
+    found = [open_run(folder) for folder in wishes.folders]
     systems = [run.scenario.system for run in found]
     for folder, system in zip(wishes.folders, systems, strict=True):
         if system != systems[0]:
             first = f"{wishes.folders[0]} of {systems[0]}"
             raise CommandError(f"vibro: {folder} is of {system} and {first}; expected one system")
-    if wishes.film is not None:
-        check_film(found[0], wishes.film)
+    if wishes.animate is not None:
+        _check_film(found[0], wishes.animate, wishes)
     return found
 
 
@@ -218,29 +250,15 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
     return grid_html(subject, beside, __version__, maps)
 
 
-def _opened(folder: Path) -> "StoredRun":
-    """The run of a folder; raises `CommandError` when there is none."""
-    from vibro_cli.storage.folders import NotContinuable
-    from vibro_cli.storage.stored import open_run
-
-    try:
-        return open_run(folder)
-    except NotContinuable as error:
-        raise CommandError(f"vibro: {error}") from error
-
-
-def _check(wishes: _Wishes) -> None:
+def _check(wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if some file could not take its place."""
-    from vibro_cli.storage.provenance import FolderRefused, check_replaceable
+    from vibro_cli.storage.provenance import check_replaceable
 
     pdf = wishes.pdf
     if pdf is not None and pdf.exists() and pdf.read_bytes()[:5] != b"%PDF-":
         raise CommandError(f"vibro: {pdf} exists and is no PDF; it is left as it is")
-    try:
-        if wishes.figures is not None:
-            check_replaceable(wishes.figures, "figures")
-    except FolderRefused as error:
-        raise CommandError(f"vibro: {error}") from error
+    if wishes.figures is not None:
+        check_replaceable(wishes.figures, "figures")
 
 
 def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tuple[str, Drawn]]":
@@ -258,7 +276,7 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
         yield from ((f"{prefix}{drawn.name}", drawn) for drawn in each)
 
 
-def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:
+def _write_pdf(subject: "Subject", target: Path, wishes: ReportCommand) -> None:
     """Write all figures into one PDF."""
     from vibro_cli.figures.style import render_pages
     from vibro_cli.storage.files import write_file
@@ -268,15 +286,46 @@ def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:
     say(f"figures in {target}")
 
 
-def _write_figures(subject: "Subject", target: Path, wishes: _Wishes) -> None:
+def _write_figures(subject: "Subject", target: Path, wishes: ReportCommand) -> None:
     """Write every figure into a folder, in all forms."""
-    from vibro_cli.figures.style import FORMATS, render
+    from vibro_cli.figures.style import FORMATS
+    from vibro_cli.interface.drawing import pictures
     from vibro_cli.storage.folders import write_figures
 
-    files = {
-        f"{stem}.{form}": render(drawn.figure, form)
-        for stem, drawn in _drawn(subject, wishes.width, wishes.maps)
-        for form in FORMATS
-    }
-    write_figures(files, target)
+    drawn = _drawn(subject, wishes.width, wishes.maps)
+    write_figures(pictures(((stem, one.figure) for stem, one in drawn), FORMATS), target)
     say(f"figures in {target}")
+
+
+def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
+    """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
+    from vibro_cli.report.film_page import GENERATOR
+    from vibro_cli.report.page import is_report
+
+    start, stop = wishes.bounds(float(run.summary["end_time"]))
+    number = (stop - start) / wishes.pace * wishes.fps
+    if number > MOST_FRAMES:
+        raise CommandError(
+            f"vibro: a film of {number:.0f} frames, expected at most {MOST_FRAMES}; "
+            "a shorter --span, a greater --pace or a smaller --fps has fewer"
+        )
+    if not target.exists():
+        return
+    head = target.read_bytes()[:2000]
+    ours = {
+        ".mp4": head[4:8] == b"ftyp",
+        ".gif": head.startswith(b"GIF8"),
+        ".html": is_report(head, GENERATOR),
+    }
+    if not ours[target.suffix.lower()]:
+        raise CommandError(f"vibro: {target} exists and is no film; it is left as it is")
+
+
+def _write_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
+    """Write the film of a run, whole or not at all."""
+    from vibro_cli.interface.runs import write_film
+
+    end = float(run.summary["end_time"])
+    start, stop = wishes.bounds(end)
+    write_film(run, target, (start, stop), wishes.pace, wishes.fps)
+    say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")

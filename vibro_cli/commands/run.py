@@ -1,8 +1,18 @@
-"""`vibro run`: solve scenarios; tables, figures and a summary of each."""
+"""`vibro run`: solve scenarios; tables, figures and a summary of each.
 
+Tables are written while the solver goes on.
+"""
+
+import contextlib
+import re
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,71 +20,82 @@ from vibro_cli.commands.shared.error_handling import (
     DONE,
     FAILED,
     MISUSED,
+    NOT_STRICT,
     CommandError,
+    Terminated,
     attempt,
+    leaving,
     say,
+    suggestion,
 )
 from vibro_cli.commands.shared.options import (
-    CollisionStream,
     Engine,
     FailFast,
     Overrides,
-    Scenarios,
     Strict,
-    Task,
+    TableFormat,
+    scenario_argument,
 )
-from vibro_cli.commands.shared.solving import Wishes, solve
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import RunProgress, json_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from vibro_cli.assemble import AnySystem
     from vibro_cli.commands.shared.loading import Refused
     from vibro_cli.scenario.base import AnyScenario
+    from vibro_cli.storage.folders import EarlierRun, StreamedFolder
+    from vibro_cli.systems.contract import Sink
+    from vibro_cli.systems.stream import Streamed
 
-OutputFolder = Annotated[
-    str | None,
-    typer.Option(
-        "--output",
-        "-o",
-        metavar="DIR",
-        help="Folder of the results [default: outputs/<name>]; of several scenarios DIR/<name>; "
-        "- streams the collision table instead.",
-    ),
-]
-Earlier = Annotated[
-    Path | None,
-    typer.Option(
-        "--continue",
-        metavar="DIR",
-        help="Continue the run in DIR to a later stop (--set stop.time=…), as if it had "
-        "never stopped; the results replace DIR unless -o says otherwise, and the kinds of figures "
-        "that it holds are drawn again unless --figures does.",
-    ),
-]
-FiguresWanted = Annotated[
-    str | None,
-    typer.Option(
-        "--figures",
-        metavar="all|NAME,…",
-        envvar="VIBRO_FIGURES",
-        help="Draw these kinds of figures, or all there are; vibro help figures names them. "
-        "default: for traces the phase portraits, for tables and springs what shows the motion; "
-        "0: none.",
-    ),
-]
+_NONE = ("0", "false", "none")
 
 
-def run(
-    scenarios: Scenarios = [],  # noqa: B006 (typer copies it)
-    output: OutputFolder = None,
-    overrides: Overrides = [],  # noqa: B006
-    earlier: Earlier = None,
-    figures: FiguresWanted = None,
-    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw nothing.")] = False,
-    engine: Engine = "compiled",
-    stream: CollisionStream = None,
+@dataclass(frozen=True, kw_only=True)
+class RunCommand:
+    """Solve scenarios: tables, phase portraits and a summary of each."""
+
+    scenarios: Annotated[list[str], scenario_argument(default_factory=list)]
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            help="Folder of the results [default: outputs/<name>]; of several scenarios "
+            "DIR/<name>; - streams the collision table instead.",
+        ),
+    ] = None
+    overrides: Overrides
+    earlier: Annotated[
+        Path | None,
+        typer.Option(
+            "--continue",
+            metavar="DIR",
+            help="Continue the run in DIR to a later stop (--set stop.time=…), as if it had "
+            "never stopped; the results replace DIR unless -o says otherwise, and the kinds of "
+            "figures that it holds are drawn again unless --figures does.",
+        ),
+    ] = None
+    figures: Annotated[
+        str | None,
+        typer.Option(
+            "--figures",
+            metavar="all|NAME,…",
+            envvar="VIBRO_FIGURES",
+            help="Draw these kinds of figures, or all there are; vibro help figures names them. "
+            "default: for traces the phase portraits, for tables and springs what shows the "
+            "motion; 0: none.",
+        ),
+    ] = None
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw nothing.")] = False
+    engine: Engine = "compiled"
+    form: Annotated[
+        TableFormat | None,
+        typer.Option(
+            "--format",
+            help="Stream the collision table to standard output in this form; no folder is written "
+            "unless -o names one.",
+        ),
+    ] = None
     summary_as_json: Annotated[
         bool,
         typer.Option(
@@ -82,47 +103,94 @@ def run(
             help="Print a JSON line for each run: scenario, overrides, folder and, at the same "
             "level, the columns of its summary.",
         ),
-    ] = False,
-    strict: Strict = False,
-    fail_fast: FailFast = False,
+    ] = False
+    strict: Strict = False
+    fail_fast: FailFast = False
     force: Annotated[
         bool, typer.Option("--force", help="Replace a run in DIR that has other parameters.")
-    ] = False,
-) -> Task:
-    """Solve scenarios: tables, phase portraits and a summary of each."""
-    if (earlier is None) == (not scenarios):
-        raise CommandError(
-            "vibro: Missing argument 'SCENARIO', or --continue DIR (see vibro run --help)"
-            if earlier is None
-            else "vibro: found a SCENARIO and --continue, expected one of them"
+    ] = False
+
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is read."""
+        if (self.earlier is None) == (not self.scenarios):
+            raise CommandError(
+                "vibro: Missing argument 'SCENARIO', or --continue DIR (see vibro run --help)"
+                if self.earlier is None
+                else "vibro: found a SCENARIO and --continue, expected one of them"
+            )
+        if self.stream is not None and len(self.scenarios) > 1:
+            raise typer.BadParameter("one table is streamed at a time; expected one SCENARIO")
+        if self.stream is not None and self.summary_as_json:
+            raise typer.BadParameter("--json and a streamed table both need standard output")
+
+    def __call__(self) -> int:
+        """Run every scenario, or go on with an earlier run."""
+        return _run_all(self) if self.earlier is None else _continue(self, self.earlier)
+
+    @property
+    def stream(self) -> TableFormat | None:
+        """The form in which the collision table is streamed, None if it is not."""
+        return "csv" if self.output == "-" and self.form is None else self.form
+
+    def folder_of(self, name: str) -> Path | None:
+        """Where the results of a scenario go, or None where they are only streamed."""
+        if self.output is None:
+            if self.stream is not None:
+                return None
+            return Path("outputs") / name if self.earlier is None else self.earlier
+        if self.output == "-":
+            return None
+        folder = Path(self.output)
+        return folder / name if len(self.scenarios) > 1 else folder
+
+    def kinds_of(self, system: str) -> list[str]:
+        """The kinds of figures that are drawn of a run of a system.
+
+        Raises `CommandError` for a name that is none of its kinds.
+        """
+        from vibro_cli.systems import system_named
+
+        asked = _kinds_drawn(self.earlier) if self.figures is None else self.figures.strip()
+        if self.no_figures or asked.lower() in _NONE:
+            return []
+        if asked.lower() in ("default", "1", "true"):
+            return list(system_named(system).default_figures)
+        known = list(system_named(system).figures)
+        names = known if asked == "all" else [name.strip() for name in asked.split(",")]
+        for name in names:
+            if name not in known:
+                raise CommandError(
+                    f"vibro: --figures: found {name!r}{suggestion(name, known)}, expected all or "
+                    f"some of {', '.join(known)} (system {system})"
+                )
+        return list(dict.fromkeys(names))
+
+    def line_head(self, scenario: str, folder: Path | None) -> dict[str, Any]:
+        """What the JSON line of a scenario begins with: what was run, and where its results are."""
+        return {
+            "scenario": scenario,
+            "overrides": overrides_told(self.overrides),
+            "folder": None if folder is None else str(folder),
+        }
+
+    def unwritten(self, name: str) -> str:
+        """What is said of a run that is interrupted before its folder is written."""
+        if len(self.scenarios) > 1:
+            return f"nothing of {name} was written, what was finished is kept"
+        return "nothing was written"
+
+    def may_replace(self, folder: Path) -> bool:
+        """Whether a run of other parameters may be replaced: the one that is continued may be."""
+        return self.force or (
+            self.earlier is not None and self.earlier.resolve() == folder.resolve()
         )
-    if output == "-" and stream is None:
-        stream = "csv"
-    if stream is not None and len(scenarios) > 1:
-        raise typer.BadParameter("one table is streamed at a time; expected one SCENARIO")
-    if stream is not None and summary_as_json:
-        raise typer.BadParameter("--json and a streamed table both need standard output")
-    wishes = Wishes(
-        sources=scenarios,
-        overrides=overrides,
-        earlier=earlier,
-        engine=engine,
-        output=output,
-        stream=stream,
-        summary_as_json=summary_as_json,
-        figures="0" if no_figures else figures,
-        strict=strict,
-        fail_fast=fail_fast,
-        force=force,
-    )
-    return partial(_run_all if earlier is None else _continue, wishes)
 
 
-def _run_all(wishes: Wishes) -> int:
+def _run_all(wishes: RunCommand) -> int:
     """Check everything that can be checked, then run one scenario after the other."""
     from vibro_cli.commands.shared.loading import check_names, load_each, together
 
-    loaded, refused = load_each(wishes.sources, wishes.overrides)
+    loaded, refused = load_each(wishes.scenarios, wishes.overrides)
     for scenario, _ in loaded:
         wishes.kinds_of(scenario.system)
     check_names([scenario for scenario, _ in loaded])
@@ -142,12 +210,11 @@ def _run_all(wishes: Wishes) -> int:
     return _worst(codes)
 
 
-def _continue(wishes: Wishes) -> int:
+def _continue(wishes: RunCommand, folder: Path) -> int:
     """Go on with an earlier run."""
     from vibro_cli.commands.shared.loading import load_any, read_earlier
 
-    assert wishes.earlier is not None
-    source, found = read_earlier(wishes.earlier, wishes.overrides)
+    source, found = read_earlier(folder, wishes.overrides)
     scenario, _ = load_any(str(source), wishes.overrides)
     wishes.kinds_of(scenario.system)
     _check_folders(wishes, [scenario])
@@ -159,21 +226,17 @@ def _worst(codes: list[int]) -> int:
     return next((code for code in (FAILED, MISUSED) if code in codes), max(codes, default=DONE))
 
 
-def _check_folders(wishes: Wishes, scenarios: "Sequence[AnyScenario]") -> None:
-    """Raise `CommandError` before anything runs if some results could not take their place."""
+def _check_folders(wishes: RunCommand, scenarios: "Sequence[AnyScenario]") -> None:
+    """Raise `FolderRefused` before anything runs if some results could not take their place."""
     from vibro_cli.storage.folders import check_run_folder
-    from vibro_cli.storage.provenance import FolderRefused
 
     for scenario in scenarios:
         folder = wishes.folder_of(scenario.name)
-        try:
-            if folder is not None:
-                check_run_folder(folder, scenario, wishes.may_replace(folder))
-        except FolderRefused as error:
-            raise CommandError(f"vibro: {error}") from error
+        if folder is not None:
+            check_run_folder(folder, scenario, wishes.may_replace(folder))
 
 
-def _print_refused(wishes: Wishes, refused: "list[Refused]") -> None:
+def _print_refused(wishes: RunCommand, refused: "list[Refused]") -> None:
     """With --json, a line for each scenario that cannot be run, as there is for those that can."""
     if wishes.summary_as_json:
         for one in refused:
@@ -192,3 +255,200 @@ def _warn(scenario: "AnyScenario", system: "AnySystem") -> None:
 
     for warning in warnings_of(scenario, system):
         say(f"{scenario.name}: warning: {warning}", "warning", scenario=scenario.name)
+
+
+def _kinds_drawn(earlier: Path | None) -> str:
+    """The kinds of figures that an earlier run has, as `--figures` takes them."""
+    from vibro_cli.storage.provenance import read_manifest
+
+    manifest = None if earlier is None else read_manifest(earlier)
+    if manifest is None:
+        return "default"
+    pictures = [Path(file).stem for file in manifest["files"] if file.endswith(".png")]
+    # Where there is a figure of each body, its number follows the kind: portrait_1.png.
+    return ",".join(re.sub(r"_\d+$", "", stem) for stem in pictures) or "0"
+
+
+def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
+    """Overrides as plain values by their paths; what JSON has no form for, as it was given."""
+    from vibro_cli.scenario.overrides import parse_value
+
+    told: dict[str, Any] = {}
+    for text in texts:
+        path, _, given = (part.strip() for part in text.partition("="))
+        try:
+            told[path] = parse_value(given)
+            json_text(told[path])
+        except ValueError:
+            told[path] = given
+    return told
+
+
+def solve(wishes: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | None") -> int:
+    """Run a scenario, put its results where they were asked, say so; return the exit code."""
+    from vibro_cli.commands.shared.terminal import summary_text
+    from vibro_cli.systems import system_named
+
+    folder = wishes.folder_of(scenario.name)
+    result = stream_run(wishes, scenario, earlier, folder)
+    record = result.summary_record()
+    if wishes.summary_as_json:
+        print(json_text({**wishes.line_head(scenario.name, folder), **record}), flush=True)
+    one_sided = system_named(scenario.system).one_sided(scenario)
+    say(summary_text(scenario.name, record, folder, one_sided), scenario=scenario.name)
+    for omission in result.skipped:
+        say(f"  skipped    {omission}", "detail", scenario=scenario.name)
+    sound = record["status"] == "ok" and record["end_cause"] != "inadmissible"
+    return DONE if sound or not wishes.strict else NOT_STRICT
+
+
+@contextlib.contextmanager
+def followed(wishes: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
+    """Tell how far a run in the block is, and say why it cannot go on."""
+    from vibro_cli.api import CannotContinue, TooQuiet
+    from vibro_cli.systems.wanted import watched_by
+
+    progress = RunProgress(scenario.name, scenario.stop.time, scenario.stop.collisions)
+    try:
+        with watched_by(progress.tell):
+            yield
+    except TooQuiet as error:
+        raise CommandError(f"vibro: {scenario.name}: {error}") from error
+    except CannotContinue as error:
+        raise CommandError(f"vibro: {wishes.earlier} cannot be continued: {error}") from error
+    finally:
+        progress.end()
+
+
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+class Interruption:
+    """The first signal that asks a run to end: it ends after its last event, with its tables."""
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+
+    def __bool__(self) -> bool:
+        return self.number is not None
+
+    def note(self, number: int, frame: FrameType | None) -> None:
+        """Take a signal; a second one ends the program at once."""
+        if self.number is not None:
+            raise _exception(number)
+        self.number = number
+
+    def passed_on(self) -> None:
+        """Raise what the signal would have raised, now that the tables are written."""
+        if self.number is not None:
+            raise _exception(self.number)
+
+
+def _exception(number: int) -> BaseException:
+    return KeyboardInterrupt() if number == signal.SIGINT else Terminated(number)
+
+
+@contextlib.contextmanager
+def _heard(interruption: Interruption) -> Iterator[None]:
+    """Have signals noted, but for those that whoever started us wants ignored (nohup)."""
+    before: dict[int, Any] = {}
+    try:
+        for name in _SIGNALS:
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) != signal.SIG_IGN:
+                before[number] = signal.signal(number, interruption.note)
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def stream_run(
+    wishes: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | None", target: Path | None
+) -> "Streamed":
+    """Run a scenario; its tables are in the folder, and streamed, when this returns.
+
+    A run that is interrupted is written as far as it came; then the signal is passed on.
+    """
+    from vibro_cli.storage.folders import streamed_folder
+
+    interruption = Interruption()
+    with contextlib.ExitStack() as open_ones:
+        open_ones.enter_context(leaving(wishes.unwritten(scenario.name)))
+        sinks: list[Sink] = []
+        folder = None
+        if target is not None:
+            made = streamed_folder(scenario, target, wishes.may_replace(target))
+            folder = open_ones.enter_context(made)
+            sinks.append(folder.add)
+        if wishes.stream is not None:
+            sinks.append(open_ones.enter_context(_standard_output(wishes.stream, scenario)))
+        result = _streamed(wishes, scenario, earlier, sinks, interruption)
+        if folder is not None:
+            folder.finish(result, _figures(wishes, scenario, result, folder))
+    interruption.passed_on()
+    return result
+
+
+def _streamed(
+    wishes: RunCommand,
+    scenario: "AnyScenario",
+    earlier: "EarlierRun | None",
+    sinks: "list[Sink]",
+    interruption: Interruption,
+) -> "Streamed":
+    """The run, told of to some sinks as it goes on."""
+    from vibro_cli.api import simulate_streamed
+    from vibro_cli.systems import system_named
+
+    def add(name: str, rows: Any) -> None:
+        for sink in sinks:
+            sink(name, rows)
+
+    checkpoint = None if earlier is None else earlier.checkpoint
+    of_system = [table.file for table in system_named(scenario.system).tables()]
+    names = of_system if len(sinks) > (wishes.stream is not None) else ["collisions"]
+    # A reader of the stream may be slow, or have stopped: a signal is to end the waiting for it.
+    heard = _heard(interruption) if len(names) > 1 else contextlib.nullcontext()
+    with followed(wishes, scenario), heard:
+        return simulate_streamed(
+            scenario, add, wishes.engine, checkpoint, names=names,
+            interrupted=interruption.__bool__, in_background=wishes.stream is None,
+        )  # fmt: skip
+
+
+@contextlib.contextmanager
+def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
+    """Standard output as a sink of the collision table."""
+    from vibro_cli.storage.folders import origin_of
+    from vibro_cli.storage.parquet_files import StreamedTable
+    from vibro_cli.storage.tables import table_named
+
+    streams: list[StreamedTable] = []
+
+    def add(name: str, rows: Any) -> None:
+        if name != "collisions":
+            return
+        if not streams:
+            table = table_named(name, list(rows), scenario.system)
+            streams.append(StreamedTable(sys.stdout.buffer, form, table, origin_of(scenario)))
+        streams[0].add(rows)
+
+    yield add
+    for stream in streams:
+        stream.finish()
+
+
+def _figures(
+    wishes: RunCommand, scenario: "AnyScenario", result: "Streamed", folder: "StreamedFolder"
+) -> dict[str, bytes]:
+    """The figures of the run, which is solved again for them."""
+    from vibro_cli.interface.drawing import figures_of
+    from vibro_cli.storage.stored import stored_run
+
+    names = wishes.kinds_of(scenario.system)
+    if not names:
+        return {}
+    written, summary = folder.end_tables(), result.summary_record()
+    run = stored_run(written, scenario, result.checkpoint(), {}, summary)
+    return figures_of(run.whole or run, names)

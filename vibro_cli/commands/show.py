@@ -3,7 +3,7 @@
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +18,7 @@ from vibro_cli.commands.shared.error_handling import (
     say,
     suggestion,
 )
-from vibro_cli.commands.shared.options import TableFormat, Task, table_files
+from vibro_cli.commands.shared.options import TableFormat, table_files
 from vibro_cli.commands.shared.terminal import json_text, printable
 
 if TYPE_CHECKING:
@@ -28,10 +28,13 @@ _ROWS = "20"
 _DIGITS = 9
 
 
-def show(
+@dataclass(frozen=True, kw_only=True)
+class ShowCommand:
+    """Show a table on the terminal, with its units."""
+
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="A parquet table.", autocompletion=table_files)
-    ],
+    ]
     rows: Annotated[
         str | None,
         typer.Option(
@@ -39,24 +42,49 @@ def show(
             help="The first N rows, the last with -N, rows FROM:TO (from 1), or all "
             f"[default: {_ROWS}; with --format and --json all].",
         ),
-    ] = None,
+    ] = None
     columns: Annotated[
         str | None, typer.Option(metavar="A,B,…", help="Only these columns, in this order.")
-    ] = None,
+    ] = None
     form: Annotated[
         TableFormat | None, typer.Option("--format", help="Write the rows in this form.")
-    ] = None,
+    ] = None
     as_json: Annotated[
         bool, typer.Option("--json", help="Print columns, units and rows as one JSON object.")
-    ] = False,
-) -> Task:
-    """Show a table on the terminal, with its units."""
-    if form is not None and as_json:
-        raise typer.BadParameter("expected one of --format and --json")
-    everything = form is not None or as_json
-    chosen = rows if rows is not None else ("all" if everything else _ROWS)
-    names = None if columns is None else [name.strip() for name in columns.split(",")]
-    return partial(_show, file, _row_range(chosen), names, form, as_json)
+    ] = False
+
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is read."""
+        if self.form is not None and self.as_json:
+            raise typer.BadParameter("expected one of --format and --json")
+        _row_range(self._rows)
+
+    @property
+    def _rows(self) -> str:
+        everything = self.form is not None or self.as_json
+        return self.rows if self.rows is not None else ("all" if everything else _ROWS)
+
+    def __call__(self) -> int:
+        """Print the chosen rows and columns of a table in the chosen form."""
+        names = None if self.columns is None else [name.strip() for name in self.columns.split(",")]
+        chosen, first, total = _read(self.file, _row_range(self._rows), names)
+        if self.form is not None or self.as_json:
+            try:
+                _print_whole(chosen, self.form)
+            except (TypeError, ValueError) as error:  # of a table that is not one of ours
+                text = f"cannot be shown as {self.form or 'json'}: {' '.join(str(error).split())}"
+                text = f"{self.file}: {text} (choose columns with --columns)"
+                raise CommandError(text) from error
+        elif total == chosen.num_rows == 1 and names is None:
+            print("\n".join(_listed(chosen)))
+        else:
+            width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+            print("\n".join(_blocks(chosen, first, width)))
+            shown = (
+                f"rows {first + 1} to {first + chosen.num_rows}" if chosen.num_rows else "no row"
+            )
+            say(f"{shown} of {total}")
+        return DONE
 
 
 def _row_range(text: str) -> tuple[int | None, int | None]:
@@ -76,31 +104,6 @@ def _row_range(text: str) -> tuple[int | None, int | None]:
             f"--rows: found {text!r}, expected N, -N, FROM:TO or all"
         ) from error
     return (0, number) if number >= 0 else (number, None)
-
-
-def _show(
-    file: Path,
-    rows: tuple[int | None, int | None],
-    columns: Sequence[str] | None,
-    form: TableFormat | None,
-    as_json: bool,
-) -> int:
-    """Print the chosen rows and columns of a table in the chosen form."""
-    chosen, first, total = _read(file, rows, columns)
-    if form is not None or as_json:
-        try:
-            _print_whole(chosen, form)
-        except (TypeError, ValueError) as error:  # of a table that is not one of ours
-            text = f"cannot be shown as {form or 'json'}: {' '.join(str(error).split())}"
-            raise CommandError(f"{file}: {text} (choose columns with --columns)") from error
-    elif total == chosen.num_rows == 1 and columns is None:
-        print("\n".join(_listed(chosen)))
-    else:
-        width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-        print("\n".join(_blocks(chosen, first, width)))
-        shown = f"rows {first + 1} to {first + chosen.num_rows}" if chosen.num_rows else "no row"
-        say(f"{shown} of {total}")
-    return DONE
 
 
 def _print_whole(data: "pyarrow.Table", form: TableFormat | None) -> None:

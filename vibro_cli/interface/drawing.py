@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,3 +35,22 @@ class Drawing:
         from vibro_cli.figures.style import render
 
         return render(self.figure, "png", 150.0)
+
+
+def pictures(
+    figures: Mapping[str, Figure] | Iterable[tuple[str, Figure]],
+    forms: Sequence[str] = ("png", "pdf"),
+) -> dict[str, bytes]:
+    """Return the files of figures, which are given by their stems, by their names."""
+    from vibro_cli.figures.style import render
+
+    pairs = figures.items() if isinstance(figures, Mapping) else figures
+    return {f"{stem}.{form}": render(figure, form) for stem, figure in pairs for form in forms}
+
+
+def figures_of(run: Any, kinds: Sequence[str]) -> dict[str, bytes]:
+    """Return the files of some kinds of figures of a run."""
+    from vibro_cli.figures.runs.kinds import draw_all
+
+    drawn = draw_all(run, kinds, run.kind.figure_width(run.system))
+    return pictures((one.name, one.figure) for one in drawn)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from vibro_cli import __version__, api
 from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
-from vibro_cli.interface.drawing import Drawing
+from vibro_cli.interface.drawing import Drawing, figures_of
 from vibro_cli.storage import folders
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.provenance import available_cores
@@ -179,15 +179,10 @@ class Run:
         OSError
             If it cannot be written.
         """
-        from vibro_cli.figures.runs.kinds import draw_all
-        from vibro_cli.figures.style import render
-
         target = Path("outputs") / self.name if folder is None else Path(folder)
         if isinstance(figures, bool):
             figures = self._shown.kind.default_figures if figures else ()
-        width = self._shown.kind.figure_width(self._shown.system)
-        drawn = draw_all(self._shown, figures, width)
-        files = {f"{one.name}.{form}": render(one.figure, form) for one in drawn for form in _FORMS}
+        files = figures_of(self._shown, figures)
         folders.write_run(self.solved, self.scenario, target, files, force)
         return target
 
@@ -294,11 +289,9 @@ class Run:
         NoFilm
             If ffmpeg is not there, or fails.
         """
-        from vibro_cli.figures.film import FORMS, frame_times, movie
-        from vibro_cli.report.film_page import film_html
-        from vibro_cli.storage.files import write_file
+        from vibro_cli.figures.film import FORMS
 
-        target, run, last = Path(file), self._shown, self.summary["end_time"]
+        target, last = Path(file), self.summary["end_time"]
         form = target.suffix.lower().removeprefix(".")
         stop = min(last, start + _SECONDS * pace) if end is None else end
         if form not in (*FORMS, "html") or (form == "gif" and 100 % fps):
@@ -310,11 +303,7 @@ class Run:
             raise ValueError(
                 f"found {start:g} s to {stop:g} s, expected times from 0 to {last:g} s"
             )
-        shown = run.kind.film(run, frame_times(start, stop, pace, fps))
-        if form == "html":
-            write_file(target, film_html(shown, fps, self.name, __version__))
-        else:
-            write_file(target, movie(shown, fps, form))
+        write_film(self._shown, target, (start, stop), pace, fps)
         return target
 
     def report(self, file: str | Path) -> Path:
@@ -345,10 +334,22 @@ class Run:
         return f"<table><caption>{escape(_in_words(self))}</caption>{rows}</table>"
 
 
-_FORMS = ("png", "pdf")
-
 _SECONDS = 30.0
 """Length of a film (s) where no end is asked for."""
+
+
+def write_film(run: Any, target: Path, span: tuple[float, float], pace: float, fps: int) -> None:
+    """Write the film of a run as figures take it, whole or not at all; raises as `Run.film`."""
+    from vibro_cli.figures.film import frame_times, movie
+    from vibro_cli.report.film_page import film_html
+    from vibro_cli.storage.files import write_file
+
+    shown, form = run.kind.film(run, frame_times(*span, pace, fps)), target.suffix.lower()[1:]
+    if form == "html":
+        content = film_html(shown, fps, run.scenario.name, __version__)
+    else:
+        content = movie(shown, fps, form)
+    write_file(target, content)
 
 
 def _in_words(run: Run) -> str:

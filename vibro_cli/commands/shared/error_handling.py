@@ -28,7 +28,7 @@ from vibro_cli.commands.shared.terminal import (
 from vibro_cli.commands.shared.terminal import (
     say as say,  # a command takes all it ends with from here
 )
-from vibro_cli.errors import NoLibrary
+from vibro_cli.errors import NoLibrary, VibroError
 
 DONE, FAILED, MISUSED, NOT_STRICT = 0, 1, 2, 3
 HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143
@@ -86,8 +86,9 @@ def attempt(task: Task) -> int:
         say(f"vibro: {reason(error)}", "error")
     except MemoryError:
         say("vibro: out of memory", "error")
-    except NoLibrary as error:
+    except VibroError as error:
         say(f"vibro: {error}", "error")
+        return FAILED if isinstance(error, NoLibrary) else MISUSED
     except Exception as fault:
         say(*_report_fault(fault))
     return FAILED

@@ -15,9 +15,8 @@ from vibro_cli.commands.shared.options import scenario_files
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
     from vibro_cli.grids.document import Grid
-    from vibro_cli.mechanics.system import TraceSystem
     from vibro_cli.scenario.base import AnyScenario
-    from vibro_cli.scenario.models import Scenario
+    from vibro_cli.scenario.problems import ScenarioError
     from vibro_cli.storage.folders import EarlierRun
 
 Loaded = TypeVar("Loaded")
@@ -29,21 +28,6 @@ class Refused:
 
     source: str
     error: CommandError
-
-
-def load(source: str, overrides: Sequence[str]) -> tuple["Scenario", "TraceSystem"]:
-    """The scenario of a trace with the system it describes.
-
-    Raises `CommandError` with every problem of it, or if it is of another system.
-    """
-    from vibro_cli.assemble import build_system
-    from vibro_cli.scenario.loading import load_scenario
-
-    def read() -> tuple["Scenario", "TraceSystem"]:
-        scenario = load_scenario(source, overrides)
-        return scenario, build_system(scenario)
-
-    return _refusals_told(source, read)
 
 
 def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", "AnySystem"]:
@@ -68,14 +52,18 @@ def _refusals_told(source: str, read: Callable[[], Loaded]) -> Loaded:
     try:
         return read()
     except ScenarioError as error:
-        problems = [asdict(problem) for problem in error.problems]
-        raise CommandError(str(error), problems=problems) from error
+        raise invalid(error) from error
     except OSError as error:
         text = f"cannot be read: {reason(OSError(error.errno, error.strerror))}"
         if isinstance(error, FileNotFoundError):
             text += _file_meant(source)
         problem = {"path": "", "message": text, "file": source}
         raise CommandError(f"{source}: {text}", problems=[problem]) from error
+
+
+def invalid(error: "ScenarioError") -> CommandError:
+    """Everything that is wrong with a scenario or a grid, as a command tells it."""
+    return CommandError(str(error), problems=[asdict(problem) for problem in error.problems])
 
 
 def _file_meant(source: str) -> str:
@@ -159,10 +147,10 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
 
     That is None where a run was killed on its way there: it is solved from its start.
 
-    Raises `CommandError` when it holds no run that can be continued, and for overrides that would
-    make it another run.
+    Raises `NotContinuable` when it holds no run that can be continued, and `CommandError` for
+    overrides that would make it another run.
     """
-    from vibro_cli.storage.folders import NotContinuable, read_earlier_run, scenario_of_killed_run
+    from vibro_cli.storage.folders import read_earlier_run, scenario_of_killed_run
 
     for text in overrides:
         section = text.partition("=")[0].strip().partition(".")[0]
@@ -174,8 +162,5 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
     killed = scenario_of_killed_run(folder)
     if killed is not None:
         return killed, None
-    try:
-        found = read_earlier_run(folder)
-        return found.scenario, found
-    except NotContinuable as error:
-        raise CommandError(f"vibro: {error}") from error
+    found = read_earlier_run(folder)
+    return found.scenario, found

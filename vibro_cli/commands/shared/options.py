@@ -7,6 +7,7 @@ be found out is not offered.
 import functools
 import inspect
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -115,19 +116,18 @@ Task = Callable[[], int]
 
 TableFormat = Literal["csv", "jsonl", "arrow", "parquet"]
 
-Scenarios = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="SCENARIO",
-        help="Scenario files (TOML, JSON or YAML), or - for standard input.",
-        show_default=False,
-        autocompletion=scenario_files,
-    ),
-]
+scenario_argument = partial(
+    typer.Argument,
+    metavar="SCENARIO",
+    help="Scenario files (TOML, JSON or YAML), or - for standard input.",
+    show_default=False,
+    autocompletion=scenario_files,
+)
 Overrides = Annotated[
     list[str],
     typer.Option(
         "--set",
+        default_factory=list,
         metavar="PATH=VALUE",
         help="Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable.",
         show_default=False,
@@ -140,14 +140,6 @@ Engine = Annotated[
         "--engine",
         envvar="VIBRO_ENGINE",
         help="Kernels: compiled, or interpreted by Python; the results are the same to the bit.",
-    ),
-]
-CollisionStream = Annotated[
-    TableFormat | None,
-    typer.Option(
-        "--format",
-        help="Stream the collision table to standard output in this form; no folder is written "
-        "unless -o names one.",
     ),
 ]
 Strict = Annotated[
@@ -210,12 +202,12 @@ LogFormat = Annotated[
 ]
 
 
-def with_common_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def with_common_options(command: Callable[..., Task]) -> Callable[..., Task]:
     """A command that also takes the options every command has: words and their form."""
     own = inspect.signature(command)
 
-    @functools.wraps(command)
-    def performed(**given: Any) -> Any:
+    @functools.wraps(command, updated=())
+    def performed(**given: Any) -> Task:
         if given.get("output") == "":  # such as -o "$FOLDER" where no such variable is set
             raise typer.BadParameter("--output: found an empty text, expected a name")
         return command(**{name: given[name] for name in own.parameters})

@@ -14,7 +14,7 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any, TextIO
@@ -64,6 +64,11 @@ def json_text(value: Any, stream: TextIO | None = None, indent: int | None = Non
     encoding = getattr(stream or sys.stdout, "encoding", None) or "ascii"
     plain = codecs.lookup(encoding).name != "utf-8"
     return json.dumps(value, indent=indent, ensure_ascii=plain, allow_nan=False)
+
+
+def print_found(found: Any, lines: Iterable[str], as_json: bool) -> None:
+    """Print results as JSON or as lines of text."""
+    print(json_text(found) if as_json else "\n".join(lines))
 
 
 def prepare_streams() -> None:
