@@ -10,7 +10,7 @@ import pytest
 from tests.pages import DOCS, README, ROOT, blocks, pages, text_of
 from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import COMMANDS, run_command_line
-from vibro_cli.commands.shared.reference import TOPICS
+from vibro_cli.commands.help import TOPICS
 from vibro_cli.grids.document import load_grid
 from vibro_cli.scenario import load_scenario
 

@@ -28,10 +28,7 @@ if TYPE_CHECKING:
     from vibro_cli.grids.dataset import FolderInUse as FolderInUse
     from vibro_cli.grids.dataset import GridChanged as GridChanged
     from vibro_cli.grids.dataset import NoManifest as NoManifest
-    from vibro_cli.interface.analyses import fit as fit
-    from vibro_cli.interface.analyses import orbit as orbit
-    from vibro_cli.interface.analyses import orbit_family as orbit_family
-    from vibro_cli.interface.drawing import Drawing as Drawing
+    from vibro_cli.interface import Drawing as Drawing
     from vibro_cli.interface.grids import Grid as Grid
     from vibro_cli.interface.grids import open_grid as open_grid
     from vibro_cli.interface.grids import sweep as sweep
@@ -42,7 +39,10 @@ if TYPE_CHECKING:
     from vibro_cli.interface.runs import verify as verify
     from vibro_cli.interface.scenarios import check as check
     from vibro_cli.interface.scenarios import example as example
+    from vibro_cli.interface.scenarios import fit as fit
     from vibro_cli.interface.scenarios import load_scenario as load_scenario
+    from vibro_cli.interface.scenarios import orbit as orbit
+    from vibro_cli.interface.scenarios import orbit_family as orbit_family
     from vibro_cli.interface.scenarios import portrait as portrait
     from vibro_cli.scenario.models import Scenario as Scenario
     from vibro_cli.scenario.problems import ScenarioError as ScenarioError
@@ -61,11 +61,18 @@ _HOME = {
     "vibro_cli.errors": ("VibroError",),
     "vibro_cli.figures.film": ("NoFilm",),
     "vibro_cli.grids.dataset": ("FolderInUse", "GridChanged", "NoManifest"),
-    "vibro_cli.interface.analyses": ("fit", "orbit", "orbit_family"),
-    "vibro_cli.interface.drawing": ("Drawing",),
+    "vibro_cli.interface": ("Drawing",),
     "vibro_cli.interface.grids": ("Grid", "open_grid", "sweep"),
     "vibro_cli.interface.runs": ("Run", "open_run", "simulate", "simulate_many", "verify"),
-    "vibro_cli.interface.scenarios": ("check", "example", "load_scenario", "portrait"),
+    "vibro_cli.interface.scenarios": (
+        "check",
+        "example",
+        "fit",
+        "load_scenario",
+        "orbit",
+        "orbit_family",
+        "portrait",
+    ),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
     "vibro_cli.storage.frame": ("Table",),
     "vibro_cli.storage.provenance": ("FolderRefused",),

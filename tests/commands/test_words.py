@@ -7,7 +7,7 @@ from typing import Any, get_args
 import pytest
 
 from tests.fake_run import FakeRun
-from vibro_cli.commands.shared import reference
+from vibro_cli.commands import help
 from vibro_cli.commands.shared.terminal import END_CAUSES, summary_text
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.report import words
@@ -112,5 +112,5 @@ def test_a_run_that_is_not_possible_is_one_line() -> None:
 
 
 def test_every_law_has_its_words() -> None:
-    for named in (get_args(get_args(Law)[0]), reference.LAWS, words.LAWS):
+    for named in (get_args(get_args(Law)[0]), help.LAWS, words.LAWS):
         assert set(named) == set(LAW_NAMES)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from tests.scenario.cases import bad, ball, closed, data, good
-from vibro_cli.scenario.overrides import parse_value
+from vibro_cli.scenario.loading import parse_value
 
 
 def value_at(source: dict[str, Any], override: str) -> Any:

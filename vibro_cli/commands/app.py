@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from vibro_cli import __version__
+from vibro_cli.commands.help import epilog
 from vibro_cli.commands.shared.error_handling import perform, usage_error
 from vibro_cli.commands.shared.options import with_common_options
-from vibro_cli.commands.shared.reference import epilog
 
 COMMANDS = (
     "run", "grid", "section", "basins", "orbit", "fit", "portrait", "report", "check", "show",

@@ -134,7 +134,7 @@ def _shown(one: "Estimate") -> str:
 
 def _drawn(found: "Mapped") -> dict[str, bytes]:
     """The figures that there are."""
-    from vibro_cli.interface.drawing import pictures
+    from vibro_cli.interface import pictures
 
     drawn = {"basins": found.map("double"), "uncertainty": found.scaling("single")}
     return pictures({name: figure for name, figure in drawn.items() if figure is not None})

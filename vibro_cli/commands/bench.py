@@ -119,7 +119,7 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli import __version__
     from vibro_cli.benchmark.measurement import parquet
     from vibro_cli.figures.work_precision import growth, work_precision
-    from vibro_cli.interface.drawing import pictures
+    from vibro_cli.interface import pictures
     from vibro_cli.report.benchmark_page import benchmark_html
 
     figures = {"work_precision": work_precision(rows)}

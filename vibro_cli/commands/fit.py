@@ -217,6 +217,6 @@ def _rounded(value: float, error: float) -> str:
 def _drawn(columns: dict[str, Any]) -> dict[str, bytes]:
     """The figure of the residuals."""
     from vibro_cli.figures.analyses import fit_figure
-    from vibro_cli.interface.drawing import pictures
+    from vibro_cli.interface import pictures
 
     return pictures({"residuals": fit_figure(columns, "single")})

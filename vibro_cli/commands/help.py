@@ -1,13 +1,353 @@
-"""`vibro help`: the reference on the terminal."""
+"""`vibro help`: the reference on the terminal.
 
+Commands with examples, keys, tables, exit codes, environment: said once. `vibro help TOPIC` prints
+it, and docs/ holds it between markers; a test keeps them equal.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, suggestion
-from vibro_cli.commands.shared.reference import TOPICS, commands
+from vibro_cli.commands.shared.error_handling import DONE, EXIT_CODES, CommandError, suggestion
 from vibro_cli.commands.shared.terminal import as_terminal_text, json_text, terminal_width
+from vibro_cli.systems import NAMES as SYSTEMS
+
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "new": (
+        "vibro new --list",
+        "vibro new three_arcs",
+        "vibro new --all",
+        "vibro new three_arcs_grid",
+        "vibro new falling_balls",
+    ),
+    "check": (
+        "vibro check three_arcs.toml",
+        "vibro check three_arcs_grid.toml --json",
+    ),
+    "run": (
+        "vibro run three_arcs.toml",
+        "vibro run three_arcs.toml --set collision.k=1 -o outputs/elastic",
+        'vibro run three_arcs.toml --set "stop.time=5 s" --format csv > impacts.csv',
+        "vibro run --continue outputs/three_arcs --set stop.time=120",
+    ),
+    "show": (
+        "vibro show outputs/three_arcs/summary.parquet",
+        "vibro show outputs/three_arcs/collisions.parquet --rows -5 --columns n,t",
+    ),
+    "report": (
+        "vibro report outputs/three_arcs",
+        "vibro report outputs/three_arcs --animate film.html --span 0:5",
+    ),
+    "portrait": (
+        "vibro portrait three_arcs.toml",
+        "vibro portrait three_arcs.toml --vary balls[1].radius=0.05:0.3:6",
+    ),
+    "orbit": (
+        "vibro orbit falling_balls.toml --impacts 1",
+        "vibro orbit falling_balls.toml --impacts 1 --vary balls[2].mass=0.8:2.5",
+    ),
+    "fit": ("vibro fit three_arcs.toml impacts.csv --free collision.k",),
+    "grid": (
+        "vibro grid three_arcs_grid.toml --dry-run",
+        "vibro grid three_arcs_grid.toml",
+        "vibro grid three_arcs_grid.toml --shard 1/2 -o outputs/sharded",
+    ),
+    "section": (
+        "vibro section outputs/three_arcs --column s_a --column speed_a_pre",
+        "vibro section outputs/three_arcs_grid --column angle_a --transient 1",
+    ),
+    "basins": ("vibro basins outputs/three_arcs_grid",),
+    "verify": ("vibro verify outputs/three_arcs outputs/three_arcs_grid",),
+    "schema": (
+        "vibro schema grid > grid.schema.json",
+        "vibro schema tables --markdown",
+    ),
+    "stress": ("vibro stress --only elliptic",),
+    "bench": ("vibro bench --references times --scene five_balls",),
+    "help": (
+        "vibro help laws",
+        "vibro help units",
+        "vibro help grid",
+    ),
+}
+"""They make one session, in this order and in one folder."""
+
+
+def epilog(command: str) -> str:
+    """What the help of a command ends with; its lines stay as they are (`\\b`)."""
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in EXAMPLES[command])
+
+
+COMMON = ("quiet", "verbose", "log_format")
+"""Options that every command has."""
+
+ENVIRONMENT = {
+    "VIBRO_ENGINE": "`--engine` of every command that has it",
+    "VIBRO_FIGURES": "`--figures` of `vibro run`; `0`: as with `--no-figures`",
+    "VIBRO_STRICT": "`1`: as with `--strict`",
+    "VIBRO_WORKERS": "`--workers` of `vibro grid`",
+    "VIBRO_DASK": "`--dask` of `vibro grid`",
+    "VIBRO_LOG_FORMAT": "`--log-format` of every command",
+    "NO_COLOR": "has no effect: the output is never coloured",
+}
+
+
+def commands(program: Any) -> str:
+    """Every command and its options, from the program itself (the context of its main command)."""
+    every = program.command.commands
+    lines = ["| command | what it does |", "|---|---|"]
+    for name, command in every.items():
+        usage = " ".join(["vibro", name, *_arguments(command)])
+        lines.append(f"| `{usage}` | {_cell(command.help)} |")
+    common = [option for option in _options(every["help"]) if option.name in COMMON]
+    tables = {"Every command": common}
+    for name, command in every.items():
+        own = [option for option in _options(command) if option.name not in COMMON]
+        tables |= {f"`vibro {name}`": own} if own else {}
+    for title, options in tables.items():
+        lines += ["", f"{title}:", "", "| option | meaning |", "|---|---|"]
+        lines += [f"| {_names(option, program)} | {_meaning(option)} |" for option in options]
+    return "\n".join(lines) + "\n"
+
+
+def _arguments(command: Any) -> Iterator[str]:
+    for parameter in command.params:
+        if parameter.param_type_name == "argument":
+            name = parameter.metavar or parameter.name.upper()
+            yield f"{name}…" if parameter.nargs == -1 else name
+
+
+def _options(command: Any) -> Iterator[Any]:
+    for parameter in command.params:
+        if parameter.param_type_name == "option" and not parameter.hidden:
+            yield parameter
+
+
+def _names(option: Any, program: Any) -> str:
+    """The names of an option, with what they take."""
+    names = ", ".join(f"`{name}`" for name in (*option.opts, *option.secondary_opts))
+    if option.is_flag:
+        return names
+    takes = option.metavar or option.display_type(program).strip("<>")
+    return f"{names} `{_cell(takes)}`"
+
+
+def _meaning(option: Any) -> str:
+    variable = f" [`{option.envvar}`]" if isinstance(option.envvar, str) else ""
+    return _cell(option.help) + variable
+
+
+def _cell(text: str | None) -> str:
+    """A text as it stands in a cell of a table, where words in angle brackets would be HTML."""
+    line = " ".join((text or "").split()).replace("|", "\\|")
+    return re.sub(r"[\w/]*<\w+>", lambda found: f"`{found[0]}`", line)
+
+
+def scenario(system: str = "trace", below: str = "") -> str:
+    """Every key of a system's scenarios, or those below a path, from their JSON Schema."""
+    from vibro_cli.scenario.fields import json_schema
+
+    return _keys_of(json_schema(system), below)
+
+
+def _keys_of(schema: dict[str, Any], below: str = "") -> str:
+    """Every key that a JSON Schema has, or those below a path, with default and meaning."""
+    lines = ["| key | default | meaning |", "|---|---|---|"]
+    for path, node, required in _keys(schema, schema, ""):
+        if not path.startswith(below):
+            continue
+        default = "required" if required else _default(node)
+        lines.append(f"| `{path}` | {default} | {_cell(node.get('description'))} |")
+    return "\n".join(lines) + "\n"
+
+
+def _default(node: dict[str, Any]) -> str:
+    default = node.get("default")
+    if default is None or isinstance(default, dict):
+        return ""
+    return f"`{str(default).lower() if isinstance(default, bool) else default}`"
+
+
+def _keys(
+    node: dict[str, Any], schema: dict[str, Any], path: str
+) -> Iterator[tuple[str, dict[str, Any], bool]]:
+    """Key paths with their nodes and whether they are required; `[i]` is any entry of a list."""
+    node = _resolved(node, schema)
+    for name, child in node.get("properties", {}).items():
+        below = f"{path}.{name}" if path else name
+        yield below, child, name in node.get("required", ())
+        for branch in (child, *child.get("anyOf", ()), *child.get("oneOf", ())):
+            inner = _resolved(branch, schema)
+            yield from _keys(inner, schema, below)
+            if isinstance(inner.get("items"), dict):
+                yield from _keys(inner["items"], schema, f"{below}[i]")
+
+
+def _resolved(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
+    if "$ref" not in node:
+        return node
+    found: dict[str, Any] = schema["$defs"][node["$ref"].rpartition("/")[2]]
+    return found
+
+
+def tables() -> str:
+    """Every table and its columns."""
+    from vibro_cli.storage.tables import as_markdown
+
+    return as_markdown()
+
+
+def of_system(system: str) -> str:
+    """Every key of a system's scenarios, and every column of its tables."""
+    from vibro_cli.storage.tables import markdown_of, reference
+
+    return f"{scenario(system)}\n{markdown_of(reference(system))}"
+
+
+_GRID = """A grid file (TOML, JSON or YAML) names a scenario, or has one inline, and the axes that
+change it. Any scalar of the scenario may be on an axis, numbers and words; numbers may carry their
+unit.
+
+```toml
+base = "three_arcs.toml"   # from the folder of this file
+
+[[axes]]                   # of a product, the last axis changes fastest
+path = "balls[1].angle"
+linspace = ["-80 deg", "-50 deg", 61]
+
+[[axes]]
+path = "collision.k"
+values = [1.0, 0.9, 0.8]
+
+[keep]
+collisions = true          # every impact too, not only summaries
+```
+
+"""
+
+
+def grid_file() -> str:
+    """What a grid file is, and every key of it, without those of an inline scenario."""
+    from vibro_cli.grids.document import grid_schema
+
+    schema = grid_schema()
+    schema["properties"]["scenario"] = {
+        "description": schema["properties"]["scenario"]["description"]
+    }
+    return _GRID + _keys_of(schema)
+
+
+LAWS = {
+    "hedrih": "the papers' law: the moments of momentum about the contact points, J_Pa ω_a + "
+    "J_Pb ω_b with J_P = κ m r², are conserved, and ω_b⁺ − ω_a⁺ = k (ω_a⁻ − ω_b⁻)",
+    "normal-impulse": "an impulse along the line of centres, Newton's restitution on the speed of "
+    "approach, rolling kept; it always separates the bodies, and equals `hedrih` for equal radii "
+    "on one piece of the trace",
+    "translational": "the classical central impact: as `hedrih`, with m for J_P and v for ω; with "
+    "bodies of unequal κ it does not conserve the energy of rolling, not even at k = 1",
+}
+
+
+def laws() -> str:
+    """The impact laws, and what happens at an impact that they do not allow."""
+    rows = [f"| `{name}` | {text} |" for name, text in LAWS.items()]
+    return f"""Two neighbours collide when their centres are r_a + r_b apart and approach.
+`collision.law` is one of these, `collision.k` the coefficient of restitution from 0 to 1; ⁻ is
+before the impact, ⁺ after it, ω the angular velocity of rolling, v the speed of the centre,
+κ = 1 + J_C/(m r²).
+
+{chr(10).join(["| law | what it says |", "|---|---|", *rows])}
+
+Under `hedrih` and `translational` bodies of unequal radii, or of equal radii on two pieces of the
+trace, may approach each other still after the impact: they would go through one another. Every
+impact is tested for it. Such an impact is inadmissible: the run ends there
+(`collision.inadmissible = "stop"`, the default), or `normal-impulse` is used for that impact, which
+is marked (`collision.inadmissible = "normal-impulse"`).
+"""
+
+
+def units() -> str:
+    """The units that numbers may be given in."""
+    from vibro_cli.scenario.quantities import DIMENSIONS, SI, UNITS
+
+    lines = ["| quantity | SI | also |", "|---|---|---|"]
+    for quantity, dimension in DIMENSIONS.items():
+        own = [name for name, unit in UNITS.items() if unit.dimension == dimension]
+        names = " ".join(f"`{name}`" for name in own if name != SI[quantity])
+        lines.append(f"| {quantity} | `{SI[quantity]}` | {names} |")
+    dimensions = set(DIMENSIONS.values())
+    others = [name for name, unit in UNITS.items() if unit.dimension not in dimensions]
+    return f"""A number without a unit is in SI units, an angle in radians. A number with a
+dimension may also be a text with its unit, such as `"60 deg"`, `"7.8 g/cm^3"`, `"30 rpm"`; it is
+converted exactly and rounded once. On the command line it needs no quotation marks of its own:
+`--set "balls[1].angle=-60 deg"`.
+
+{chr(10).join(lines)}
+
+Units are combined by a space, `*` or `/`, which divides by the next unit only, with powers such as
+`s^-2`, `s**-2` or `s⁻²`: `9.81 m s^-2` and `9.81 m/s^2` are the same. For that there are also
+{", ".join(f"`{name}`" for name in others)}.
+"""
+
+
+def exit_codes() -> str:
+    """What the exit codes mean."""
+    rows = [f"| {code} | {text} |" for code, text in EXIT_CODES.items()]
+    return "\n".join(["| exit code | meaning |", "|---|---|", *rows]) + "\n"
+
+
+def environment() -> str:
+    """The variables of the environment that are read."""
+    rows = [f"| `{name}` | {text} |" for name, text in ENVIRONMENT.items()]
+    return "\n".join(["| variable | meaning |", "|---|---|", *rows]) + "\n"
+
+
+def figures() -> str:
+    """The kinds of figures of runs of each system, and of grids."""
+    from vibro_cli.figures.grids.kinds import GRID_KINDS, NEEDS
+    from vibro_cli.systems import system_named
+
+    kinds: dict[str, tuple[str, list[str]]] = {}
+    for name in SYSTEMS:
+        for key, kind in system_named(name).figures.items():
+            title = re.sub(r" body$", " each body", kind.title)
+            kinds.setdefault(key, (title, []))[1].append(name)
+    lines = ["Of a run:", "", "| figure | shows | of |", "|---|---|---|"]
+    lines += [f"| `{key}` | {title} | {', '.join(of)} |" for key, (title, of) in kinds.items()]
+    lines += ["", "Of a grid:", "", "| figure | shows | drawn if |", "|---|---|---|"]
+    lines += [f"| `{key}` | {kind.title} | {NEEDS[key]} |" for key, kind in GRID_KINDS.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _papers() -> str:
+    from vibro_cli.commands.shared.papers import papers
+
+    return papers()
+
+
+TOPICS: dict[str, tuple[str, Callable[[], str] | None]] = {
+    "commands": ("every command and its options", None),
+    "scenario": ("the keys of a scenario", scenario),
+    "grid-file": ("the keys of a grid file", grid_file),
+    "units": ("the units that numbers may be given in", units),
+    "laws": ("the impact laws, and inadmissible impacts", laws),
+    "tables": ("the columns of the tables", tables),
+    "turning": ("keys of a trace that turns", partial(scenario, below="trace.turning")),
+    **{
+        f"{name}-system": (f'keys and tables of system = "{name}"', partial(of_system, name))
+        for name in SYSTEMS[1:]
+    },
+    "figures": ("the kinds of figures", figures),
+    "papers": ("which command shows what of the papers", _papers),
+    "exit-codes": ("what the exit codes mean", exit_codes),
+    "environment": ("the variables of the environment that are read", environment),
+}
 
 
 def help_topics(incomplete: str) -> list[str]:

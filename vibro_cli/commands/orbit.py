@@ -220,7 +220,7 @@ def _axis(path: str) -> str:
 def _drawn(columns: dict[str, Any], label: str) -> dict[str, bytes]:
     """The figure of a family."""
     from vibro_cli.figures.analyses import branch_figure
-    from vibro_cli.interface.drawing import pictures
+    from vibro_cli.interface import pictures
 
     told = columns | {"special": [kind or "" for kind in columns["special"]]}
     return pictures({"orbits": branch_figure(told, label, "single")})

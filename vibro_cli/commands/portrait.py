@@ -160,7 +160,7 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
     from pydantic_core import PydanticCustomError
 
     from vibro_cli.grids.axes import NotAnAxis, kind_of, read_number, unit_of
-    from vibro_cli.scenario.overrides import OverrideError, given, parse_value
+    from vibro_cli.scenario.loading import OverrideError, given, parse_value
     from vibro_cli.scenario.quantities import Quantity
 
     try:
@@ -310,7 +310,7 @@ def _analysed(
     wishes: PortraitCommand, scenario: "AnyScenario", system: Any
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The singular points of each body, and the figures' files."""
-    from vibro_cli.interface.drawing import pictures
+    from vibro_cli.interface import pictures
     from vibro_cli.systems import system_named
     from vibro_cli.systems.contract import NoPortrait
 

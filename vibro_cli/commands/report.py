@@ -289,7 +289,7 @@ def _write_pdf(subject: "Subject", target: Path, wishes: ReportCommand) -> None:
 def _write_figures(subject: "Subject", target: Path, wishes: ReportCommand) -> None:
     """Write every figure into a folder, in all forms."""
     from vibro_cli.figures.style import FORMATS
-    from vibro_cli.interface.drawing import pictures
+    from vibro_cli.interface import pictures
     from vibro_cli.storage.folders import write_figures
 
     drawn = _drawn(subject, wishes.width, wishes.maps)

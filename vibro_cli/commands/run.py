@@ -271,7 +271,7 @@ def _kinds_drawn(earlier: Path | None) -> str:
 
 def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
     """Overrides as plain values by their paths; what JSON has no form for, as it was given."""
-    from vibro_cli.scenario.overrides import parse_value
+    from vibro_cli.scenario.loading import parse_value
 
     told: dict[str, Any] = {}
     for text in texts:
@@ -443,7 +443,7 @@ def _figures(
     wishes: RunCommand, scenario: "AnyScenario", result: "Streamed", folder: "StreamedFolder"
 ) -> dict[str, bytes]:
     """The figures of the run, which is solved again for them."""
-    from vibro_cli.interface.drawing import figures_of
+    from vibro_cli.interface import figures_of
     from vibro_cli.storage.stored import stored_run
 
     names = wishes.kinds_of(scenario.system)

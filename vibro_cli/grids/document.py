@@ -13,8 +13,7 @@ from vibro_cli.grids.points import MODES, SAMPLED, Design
 from vibro_cli.scenario import loading
 from vibro_cli.scenario.base import AnyScenario, model_of, system_of
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, exactly_one, identifier, json_schema
-from vibro_cli.scenario.loading import Document, load_document, located
-from vibro_cli.scenario.overrides import OverrideError, apply
+from vibro_cli.scenario.loading import Document, OverrideError, apply, load_document, located
 from vibro_cli.scenario.problems import (
     Fault,
     KeyPath,

@@ -17,9 +17,8 @@ from vibro_cli.assemble import build_system
 from vibro_cli.grids.axes import Array, Axis, kind_of
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.loading import Document, scenario_of
+from vibro_cli.scenario.loading import Document, apply, scenario_of
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.overrides import apply
 from vibro_cli.scenario.problems import KeyPath, ScenarioError
 
 Given = Mapping[KeyPath, Any]

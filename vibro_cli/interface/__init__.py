@@ -1,6 +1,60 @@
-"""The Python interface: what ``import vibro_cli`` offers, by what it is about."""
+"""The Python interface: what ``import vibro_cli`` offers, by what it is about; its figures."""
+
+from __future__ import annotations
 
 import logging
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Whoever imports the package decides whether its messages are shown.
 logging.getLogger("vibro_cli").addHandler(logging.NullHandler())
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure at journal standard, shown as it is in a notebook."""
+
+    name: str
+    """The stem of its files."""
+    figure: Figure = field(repr=False)
+    """The figure of matplotlib."""
+
+    def save(self, file: str | Path) -> Path:
+        """Write the figure as PNG, PDF or SVG, by the file's suffix; equal figures, equal bytes.
+
+        Raises ``ValueError`` for another suffix and ``OSError`` where it cannot be written.
+        """
+        from vibro_cli.figures.style import save
+
+        target = Path(file)
+        (written,) = save(self.figure, target.with_suffix(""), (target.suffix[1:].lower(),))
+        return written
+
+    def _repr_png_(self) -> bytes:
+        from vibro_cli.figures.style import render
+
+        return render(self.figure, "png", 150.0)
+
+
+def pictures(
+    figures: Mapping[str, Figure] | Iterable[tuple[str, Figure]],
+    forms: Sequence[str] = ("png", "pdf"),
+) -> dict[str, bytes]:
+    """Return the files of figures, which are given by their stems, by their names."""
+    from vibro_cli.figures.style import render
+
+    pairs = figures.items() if isinstance(figures, Mapping) else figures
+    return {f"{stem}.{form}": render(figure, form) for stem, figure in pairs for form in forms}
+
+
+def figures_of(run: Any, kinds: Sequence[str]) -> dict[str, bytes]:
+    """Return the files of some kinds of figures of a run."""
+    from vibro_cli.figures.runs.kinds import draw_all
+
+    drawn = draw_all(run, kinds, run.kind.figure_width(run.system))
+    return pictures((one.name, one.figure) for one in drawn)

@@ -17,7 +17,7 @@ import numpy as np
 from vibro_cli import __version__
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.workers import solve_into
-from vibro_cli.interface.drawing import Drawing
+from vibro_cli.interface import Drawing
 from vibro_cli.scenario.loading import Document
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import open_grid as open_stored_grid

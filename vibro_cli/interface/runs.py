@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from vibro_cli import __version__, api
 from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
-from vibro_cli.interface.drawing import Drawing, figures_of
+from vibro_cli.interface import Drawing, figures_of
 from vibro_cli.storage import folders
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.provenance import available_cores

@@ -18,10 +18,9 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from vibro_cli.scenario.base import AnyScenario, model_named
-from vibro_cli.scenario.models import Scenario
+from vibro_cli.scenario.models import AXIS, KIND, MASS, MOTION, SAMPLES, START, Scenario
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, similar, suggestion
 from vibro_cli.scenario.quantities import Quantity
-from vibro_cli.scenario.rules import AXIS, KIND, MASS, MOTION, SAMPLES, START
 
 Model = type[BaseModel]
 

@@ -1,21 +1,329 @@
-"""The scenario as pydantic models: names, defaults and descriptions of every field.
+"""The scenario as pydantic models: names, defaults and descriptions of every field; its rules.
 
 The descriptions also make the JSON Schema and the texts of errors. What one field alone can tell
-is checked here; what needs several fields is in `rules`, run by `Scenario` in the same pass, so
-that all errors of a file come at once.
+is checked by its kind; what needs several fields is told by rules, in the same pass, so that all
+errors of a file come at once. They work on the plain data of a file, before it becomes a model: a
+value that is wrong by itself counts as unknown there, and its field reports it. Paths count from 0.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
-from vibro_cli.scenario.problems import Fault
-from vibro_cli.scenario.rules import ALTERNATIVES, all_faults, prepared
+from vibro_cli.scenario.problems import Fault, listing, shown
 from vibro_cli.systems import NAMES
+
+Data = Mapping[str, Any]
+_NEEDS_THICKNESS = ("disk", "hollow_ball", "hoop")
+
+# Keys of one table of which at most one may be given.
+MASS = ("density", "mass")
+KIND = ("body", "inertia_ratio")
+START = ("angle", "position", "touching")
+MOTION = ("rate", "omega", "speed")
+AXIS = ("through_arc", "x")
+SAMPLES = ("step", "times")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What can be told of a piece of the trace; None where it is unknown."""
+
+    shape: str | None
+    start_slope: float | None
+    end_slope: float | None
+    length: float | None
+
+    def angles(self) -> tuple[float, float] | None:
+        """Return the angles at its ends: φ = α in a valley, ψ = −α on a hump (model, part 1)."""
+        if self.start_slope is None or self.end_slope is None:
+            return None
+        if self.shape == "hump":
+            return 0.0 - self.start_slope, 0.0 - self.end_slope  # no -0.0
+        return self.start_slope, self.end_slope
+
+
+def with_bodies(data: Data, default_motion: Callable[[Data], dict[str, float]]) -> dict[str, Any]:
+    """Return the data with the kind and the motion of every body that has none given."""
+    balls = data.get("balls")
+    if not isinstance(balls, list):
+        return dict(data)
+    return {**data, "balls": [_with_defaults(ball, default_motion) for ball in balls]}
+
+
+def _with_defaults(ball: object, default_motion: Callable[[Data], dict[str, float]]) -> object:
+    if not isinstance(ball, Mapping):
+        return ball
+    kind = {} if set(KIND) & set(ball) else {"body": "ball"}
+    return {**ball, **kind, **default_motion(ball)}
+
+
+def spread_restitution(data: Data) -> dict[str, Any]:
+    """Return the data with one k for all pairs written as a list."""
+    filled = dict(data)
+    collision = data.get("collision", {})
+    if isinstance(collision, Mapping):
+        k, pairs = collision.get("k"), pair_count(data)
+        single = None if isinstance(k, list) else kinds.RESTITUTION.read_or_none(k)
+        if single is not None and pairs is not None:
+            filled["collision"] = {**collision, "k": [single] * pairs}
+    return filled
+
+
+def pair_count(data: Data) -> int | None:
+    """Return how many pairs of neighbours there are, or None where the bodies are no list."""
+    balls, closed = data.get("balls"), section(data, "trace").get("closed") is True
+    if not isinstance(balls, list):
+        return None
+    return len(balls) if closed and len(balls) > 2 else max(len(balls) - 1, 0)
+
+
+def section(data: Data, key: str) -> Data:
+    """Return a table of the data, empty where there is none."""
+    value = data.get(key)
+    return value if isinstance(value, Mapping) else {}
+
+
+def rows(data: Data, key: str) -> list[tuple[int, Data]]:
+    """Return the tables of a list of the data, with their numbers from 0."""
+    value = data.get(key)
+    if not isinstance(value, list):
+        return []
+    return [(i, row) for i, row in enumerate(value) if isinstance(row, Mapping)]
+
+
+def _pieces(data: Data) -> list[Piece]:
+    """Return the chain of pieces, as far as the data tell it."""
+    trace = section(data, "trace")
+    slope = kinds.ANGLE.read_or_none(trace.get("start_slope"))
+    arcs = trace.get("arcs")
+    pieces = []
+    for arc in arcs if isinstance(arcs, list) else []:
+        given: Data = arc if isinstance(arc, Mapping) else {}
+        shape = given.get("shape")
+        known = shape if shape in ("valley", "hump", "line") else None
+        end = slope if known == "line" else kinds.ANGLE.read_or_none(given.get("end_slope"))
+        length = kinds.LENGTH.read_or_none(given.get("length")) if known == "line" else None
+        pieces.append(Piece(known, slope, end, length))
+        slope = end
+    return pieces
+
+
+def _piece_of(ball: Data, pieces: list[Piece]) -> Piece | None:
+    index = kinds.COUNT.read_or_none(ball.get("arc"))
+    return pieces[index - 1] if index is not None and index <= len(pieces) else None
+
+
+def one_of(
+    table: Data, keys: tuple[str, ...], loc: tuple[str | int, ...], needed: bool
+) -> Iterator[Fault]:
+    """Check that of some keys one is given (or none, where none is needed)."""
+    given = [key for key in keys if key in table]
+    one = f"one of {listing(keys)}"
+    if len(given) > 1:
+        last = max(given, key=list(table).index)
+        expected = one if needed else f"at most {one}"
+        yield Fault((*loc, last), listing(given, "and"), expected, on_key=True)
+    elif needed and not given:
+        yield Fault(loc, "none of them", one)
+
+
+def _trace_faults(data: Data) -> Iterator[Fault]:
+    pieces = _pieces(data)
+    for index, arc in rows(section(data, "trace"), "arcs"):
+        loc = ("trace", "arcs", index)
+        if arc.get("shape") == "line":
+            if "length" not in arc:
+                yield Fault((*loc, "length"), "nothing", "the length of the line")
+            for key in ("radius", "end_slope"):
+                if key in arc:
+                    expected = f"no {key} on a line, which has a length and keeps its slope"
+                    yield Fault((*loc, key), shown(arc[key]), expected, on_key=True)
+        elif arc.get("shape") in ("valley", "hump"):
+            yield from _arc_faults(arc, loc, pieces[index])
+
+
+def _arc_faults(arc: Data, loc: tuple[str | int, ...], piece: Piece) -> Iterator[Fault]:
+    for key in ("radius", "end_slope"):
+        if key not in arc:
+            yield Fault((*loc, key), "nothing", f"the {key} of the {piece.shape}")
+    if "length" in arc:
+        expected = "no length on an arc, which has a radius and an end_slope"
+        yield Fault((*loc, "length"), shown(arc["length"]), expected, on_key=True)
+    start, end = piece.start_slope, piece.end_slope
+    if start is None or end is None:
+        return
+    if (end <= start) if piece.shape == "valley" else (end >= start):
+        word = "greater" if piece.shape == "valley" else "less"
+        expected = f"a slope {word} than at the {piece.shape}'s start, {_slope(start)}"
+        yield Fault((*loc, "end_slope"), _with_number(arc["end_slope"], end), expected)
+
+
+def _slope(value: float) -> str:
+    return f"{value!r} rad ({math.degrees(value):.6g} deg)"
+
+
+def _with_number(given: object, number: float) -> str:
+    return f"{shown(given)} ({number!r} rad)" if isinstance(given, str) else shown(given)
+
+
+def _turning_faults(data: Data) -> Iterator[Fault]:
+    turning = section(data, "trace").get("turning")
+    if not isinstance(turning, Mapping):
+        return
+    loc = ("trace", "turning")
+    yield from one_of(turning, AXIS, loc, needed=True)
+    index, pieces = kinds.COUNT.read_or_none(turning.get("through_arc")), _pieces(data)
+    if index is None or not pieces:
+        return
+    if index > len(pieces):
+        yield Fault((*loc, "through_arc"), str(index), f"an arc from 1 to {len(pieces)}")
+    elif pieces[index - 1].shape == "line":
+        yield Fault((*loc, "through_arc"), f"{index}, a line", "an arc: a line has no centre")
+
+
+def _ball_faults(data: Data) -> Iterator[Fault]:
+    balls, pieces = rows(data, "balls"), _pieces(data)
+    for index, ball in balls:
+        loc = ("balls", index)
+        yield from one_of(ball, MASS, loc, needed=True)
+        yield from one_of(ball, START, loc, needed=True)
+        yield from one_of(ball, MOTION, loc, needed=False)
+        yield from body_faults(ball, loc, lone=len(data["balls"]) == 1)
+        if index == 0 and "touching" in ball:
+            yield Fault(
+                (*loc, "touching"),
+                shown(ball["touching"]),
+                "angle or position: the first body has none to its left",
+                on_key=True,
+            )
+        yield from _start_faults(ball, loc, pieces)
+
+
+def body_faults(ball: Data, loc: tuple[str | int, ...], lone: bool) -> Iterator[Fault]:
+    """Check what a body is: its mass, its thickness where needed, and a radius of 0."""
+    if "inertia_ratio" in ball:
+        yield from one_of(ball, KIND, loc, needed=False)
+        if "density" in ball and "mass" not in ball:
+            expected = "mass: the inertia_ratio tells no volume"
+            yield Fault((*loc, "density"), "density with inertia_ratio", expected, on_key=True)
+    body = ball.get("body")
+    if body in _NEEDS_THICKNESS and "density" in ball and "thickness" not in ball:
+        words = str(body).replace("_", " ")
+        expected = f"the thickness of the {words}, which its density needs, or mass"
+        yield Fault((*loc, "thickness"), "nothing", expected)
+    if kinds.RADIUS.read_or_none(ball.get("radius")) != 0:
+        return
+    if not lone or body != "particle":
+        yield Fault(
+            (*loc, "radius"),
+            shown(ball["radius"]),
+            "a number greater than 0 (0 only for a lone particle)",
+        )
+    elif "density" in ball:
+        yield Fault((*loc, "density"), "density with radius 0", "mass", on_key=True)
+    if "omega" in ball:
+        expected = "rate or speed: a body of radius 0 does not roll"
+        yield Fault((*loc, "omega"), "omega with radius 0", expected, on_key=True)
+
+
+def _start_faults(ball: Data, loc: tuple[str | int, ...], pieces: list[Piece]) -> Iterator[Fault]:
+    """Check that the body starts on its piece, in the coordinate of that piece."""
+    index = kinds.COUNT.read_or_none(ball.get("arc"))
+    if index is not None and pieces and index > len(pieces):
+        yield Fault((*loc, "arc"), str(index), f"a whole number from 1 to {len(pieces)}")
+    piece = _piece_of(ball, pieces)
+    if piece is None or piece.shape is None:
+        return
+    if piece.shape == "line":
+        unfit = {"angle": "position (a line has no angle)", "rate": "speed or omega on a line"}
+    else:
+        unfit = {"position": f"angle (in a {piece.shape})"}
+    for key, expected in unfit.items():
+        if key in ball:
+            yield Fault((*loc, key), f"{key} on a {piece.shape}", expected, on_key=True)
+    yield from _range_faults(ball, loc, piece)
+
+
+def _range_faults(ball: Data, loc: tuple[str | int, ...], piece: Piece) -> Iterator[Fault]:
+    if piece.shape == "line":
+        position = kinds.POSITION.read_or_none(ball.get("position"))
+        if position is None or piece.length is None or 0 <= position <= piece.length:
+            return
+        expected = f"a position on the line, from 0 to {piece.length!r} m"
+        yield Fault((*loc, "position"), shown(ball["position"]), expected)
+        return
+    angle, ends = kinds.ANGLE.read_or_none(ball.get("angle")), piece.angles()
+    if angle is None or ends is None or ends[0] >= ends[1] or ends[0] <= angle <= ends[1]:
+        return
+    degrees = f"{math.degrees(ends[0]):.6g} to {math.degrees(ends[1]):.6g} deg"
+    expected = f"an angle of this {piece.shape}, from {ends[0]!r} to {ends[1]!r} rad ({degrees})"
+    yield Fault((*loc, "angle"), _with_number(ball["angle"], angle), expected)
+
+
+def collision_faults(data: Data) -> Iterator[Fault]:
+    """Check that there is a coefficient of restitution for each pair of neighbours."""
+    pairs = pair_count(data)
+    if pairs is None:
+        return
+    collision = data.get("collision", {})
+    if not isinstance(collision, Mapping):
+        return
+    k = collision.get("k")
+    if isinstance(k, list) and len(k) != pairs:
+        each = "one for each pair of neighbours" if pairs else "a lone body has no neighbour"
+        found = "an empty list" if not k else f"a list of {len(k)}"
+        yield Fault(("collision", "k"), found, f"one number or a list of {pairs}: {each}")
+    elif "k" not in collision and pairs > 0:
+        loc = ("collision", "k") if "collision" in data else ("collision",)
+        yield Fault(
+            loc,
+            "nothing",
+            "the coefficient of restitution k, a number from 0 to 1"
+            if len(loc) == 2
+            else "the table of the impact law with its k",
+        )
+
+
+def stop_faults(data: Data, keys: Collection[str] = ("time", "collisions")) -> Iterator[Fault]:
+    """Check that the run has an end."""
+    stop = data.get("stop")
+    if isinstance(stop, Mapping) and not set(keys) & set(stop):
+        found = "neither" if len(keys) == 2 else "none of them"
+        yield Fault(("stop",), found, f"at least one of {listing(keys)}")
+
+
+def _end_faults(data: Data) -> Iterator[Fault]:
+    if section(data, "trace").get("closed") is not True:
+        return
+    for side in ("left", "right"):
+        if isinstance(section(data, "ends").get(side), Mapping):
+            expected = "no wall: a closed trace has no ends"
+            yield Fault(("ends", side), "a wall on a closed trace", expected)
+
+
+def output_faults(data: Data) -> Iterator[Fault]:
+    """Check that the sampled motion has a step or ascending times."""
+    output = section(data, "output")
+    yield from one_of(output, SAMPLES, ("output",), needed=False)
+    times = output.get("times")
+    if not isinstance(times, list):
+        return
+    before = -math.inf
+    for index, value in enumerate(times):
+        time = kinds.INSTANT.read_or_none(value)
+        if time is not None and time <= before:
+            expected = f"a time later than the one before it, {before!r}"
+            yield Fault(("output", "times", index), shown(value), expected)
+        before = before if time is None else time
+
 
 Shape = Literal["valley", "hump", "line"]
 Surface = Literal["two-sided", "one-sided"]
@@ -25,7 +333,7 @@ _WhatFollows = Literal["stop", "normal-impulse"]
 Inadmissible = Annotated[_WhatFollows, kinds.Word(get_args(_WhatFollows))]
 
 
-def _as_turning(value: object) -> object:
+def _not_null(value: object) -> object:
     if value is None:  # left out is None too, but null in a file is an error
         raise kinds.fault("null", "a table")
     return value
@@ -82,7 +390,7 @@ class Trace(Table):
     surface: Annotated[Surface, kinds.Word(("two-sided", "one-sided"))] = "two-sided"
     """two-sided: the trace also holds a body back, and lift-off is marked; one-sided: lift-off
     ends the run."""
-    turning: Annotated[Turning | None, BeforeValidator(_as_turning)] = None
+    turning: Annotated[Turning | None, BeforeValidator(_not_null)] = None
     """The trace turns about a vertical axis; left out, it stands still."""
     arcs: Annotated[tuple[Arc, ...], BeforeValidator(as_tuple), Field(min_length=1)]
     """The pieces, from left to right."""
@@ -175,20 +483,14 @@ class Analysis(Table):
     impact, Lyapunov exponents in the summary, and how they converge."""
 
 
-def _as_analysis(value: object) -> object:
-    if value is None:
-        raise kinds.fault("null", "a table")
-    return value
-
-
-Growth = Annotated[Analysis | None, BeforeValidator(_as_analysis)]
+Growth = Annotated[Analysis | None, BeforeValidator(_not_null)]
 """The growth of small changes, if wanted."""
 
 
 class Scenario(AnyScenario):
     """A vibro-impact scenario: trace, bodies, impact law, and when to stop."""
 
-    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ALTERNATIVES
+    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (MASS, START, MOTION, KIND, AXIS, SAMPLES)
 
     system: Annotated[Literal["trace"], kinds.Word(NAMES)] = Field("trace", exclude=True)
     """What is solved: bodies on a trace, or another system, whose scenarios have other keys."""
@@ -212,9 +514,25 @@ class Scenario(AnyScenario):
     @classmethod
     def between_fields(cls, data: dict[str, Any]) -> list[Fault]:
         """Return every broken rule between fields."""
-        return all_faults(data)
+        return [
+            *_trace_faults(data),
+            *_turning_faults(data),
+            *_ball_faults(data),
+            *collision_faults(data),
+            *stop_faults(data),
+            *_end_faults(data),
+            *output_faults(data),
+        ]
 
     @classmethod
     def prepared(cls, data: dict[str, Any]) -> dict[str, Any]:
         """Return the data with the defaults that depend on other fields filled in."""
-        return prepared(data)
+        pieces = _pieces(data)
+
+        def default_motion(ball: Data) -> dict[str, float]:
+            if set(MOTION) & set(ball):
+                return {}
+            piece = _piece_of(ball, pieces)
+            return {"speed" if piece is not None and piece.shape == "line" else "rate": 0.0}
+
+        return with_bodies(spread_restitution(data), default_motion)

@@ -12,13 +12,14 @@ from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
-from vibro_cli.scenario.models import Collision, Growth, Stop
-from vibro_cli.scenario.problems import Fault, shown
-from vibro_cli.scenario.rules import (
+from vibro_cli.scenario.models import (
     KIND,
     MASS,
     SAMPLES,
+    Collision,
     Data,
+    Growth,
+    Stop,
     body_faults,
     collision_faults,
     one_of,
@@ -28,6 +29,7 @@ from vibro_cli.scenario.rules import (
     stop_faults,
     with_bodies,
 )
+from vibro_cli.scenario.problems import Fault, shown
 
 
 class Spring(Table):

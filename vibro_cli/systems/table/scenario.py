@@ -12,20 +12,24 @@ from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
-from vibro_cli.scenario.models import Growth, Inadmissible, Law, Stop
-from vibro_cli.scenario.problems import Fault, listing, shown
-from vibro_cli.scenario.rules import (
+from vibro_cli.scenario.models import (
     KIND,
     MASS,
     SAMPLES,
     Data,
+    Growth,
+    Inadmissible,
+    Law,
+    Stop,
     body_faults,
     one_of,
     output_faults,
     rows,
     section,
+    stop_faults,
     with_bodies,
 )
+from vibro_cli.scenario.problems import Fault, listing, shown
 
 WallShape = Literal["ellipse", "circle", "rectangle", "polygon"]
 Side = Literal["inside", "outside"]
@@ -146,7 +150,7 @@ class TableScenario(AnyScenario):
             *_wall_faults(data),
             *_ball_faults(data),
             *_collision_faults(data),
-            *_stop_faults(data),
+            *stop_faults(data, ("time", "collisions", "bounces")),
             *output_faults(data),
         ]
 
@@ -206,9 +210,3 @@ def _collision_faults(data: Data) -> Iterator[Fault]:
         loc = ("collision", "k") if "collision" in data else ("collision",)
         expected = "the coefficient of restitution k, a number from 0 to 1"
         yield Fault(loc, "nothing", expected)
-
-
-def _stop_faults(data: Data) -> Iterator[Fault]:
-    stop = data.get("stop")
-    if isinstance(stop, dict) and not {"time", "collisions", "bounces"} & set(stop):
-        yield Fault(("stop",), "none of them", "at least one of time, collisions or bounces")
