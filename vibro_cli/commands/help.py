@@ -4,8 +4,6 @@ Commands with examples, keys, tables, exit codes, environment: said once. `vibro
 it, and docs/ holds it between markers; a test keeps them equal.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
