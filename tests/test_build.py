@@ -14,10 +14,11 @@ from typing import Any
 import pytest
 
 from tests.effort import calls
+from tests.scenario.texts import parse_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.initial_conditions import gap
 from vibro_cli.mechanics.system import InitialState, TraceSystem, Wall, mechanics_warnings
-from vibro_cli.scenario import ScenarioError, load_scenario, parse_scenario
+from vibro_cli.scenario import ScenarioError, load_scenario
 
 FOLDER = Path(__file__).parent / "impossible_scenarios"
 GALLERY = Path(__file__).parents[1] / "scenarios"

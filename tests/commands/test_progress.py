@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from tests.commands import processes
+from tests.scenario.texts import parse_scenario
 from tests.two_balls import SCENARIO
 from vibro_cli.api import simulate
 from vibro_cli.commands.shared import terminal
-from vibro_cli.scenario import load_any, parse_scenario
+from vibro_cli.scenario import load_any
 from vibro_cli.systems.wanted import watched_by
 
 pytestmark = pytest.mark.long

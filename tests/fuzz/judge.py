@@ -9,8 +9,9 @@ from functools import partial
 from pathlib import Path
 
 from tests.fuzz.mutation import mutated
+from tests.scenario.texts import parse_any
 from vibro_cli.assemble import build_any
-from vibro_cli.scenario import ScenarioError, parse_any
+from vibro_cli.scenario import ScenarioError
 
 LONGEST = 1.0
 """Time (s) of the processor that a text may take."""

@@ -11,7 +11,8 @@ import pytest
 from tests.effort import processor_time
 from tests.fuzz.judge import judge
 from tests.fuzz.mutation import FORMS, mutated, seeds
-from vibro_cli.scenario import ScenarioError, parse_scenario
+from tests.scenario.texts import parse_scenario
+from vibro_cli.scenario import ScenarioError
 
 COUNT = {"toml": 1500, "json": 1500, "yaml": 300}
 

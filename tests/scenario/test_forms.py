@@ -15,7 +15,8 @@ from ruamel.yaml import YAML
 
 from tests.effort import processor_time
 from tests.scenario import cases
-from vibro_cli.scenario import ScenarioError, load_scenario, parse_any, parse_scenario
+from tests.scenario.texts import parse_any, parse_scenario
+from vibro_cli.scenario import ScenarioError, load_scenario
 from vibro_cli.scenario.forms import plain_scalar, toml_places
 from vibro_cli.scenario.gallery import names, text
 from vibro_cli.scenario.loading import form_of

@@ -11,19 +11,10 @@ from pydantic import ValidationError
 
 from tests.scenario import cases
 from tests.scenario.cases import arc, bad, bad_paths, ball, data, good
-from vibro_cli.scenario import (
-    Arc,
-    Ball,
-    Collision,
-    Scenario,
-    Stop,
-    Trace,
-    Wall,
-    load_scenario,
-    scenario_of,
-)
+from tests.scenario.texts import parse_any
+from vibro_cli.scenario import Scenario, load_scenario, scenario_of
 from vibro_cli.scenario.gallery import names, text
-from vibro_cli.scenario.loading import parse_any
+from vibro_cli.scenario.models import Arc, Ball, Collision, Stop, Trace, Wall
 
 
 def test_defaults_are_those_of_the_interface() -> None:

@@ -8,7 +8,8 @@ from typing import Any
 import jsonschema
 import pytest
 
-from vibro_cli.scenario import Scenario, ScenarioError, gallery, parse_any, parse_scenario
+from tests.scenario.texts import parse_any, parse_scenario
+from vibro_cli.scenario import Scenario, ScenarioError, gallery
 from vibro_cli.scenario.fields import json_schema
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

@@ -243,37 +243,6 @@ def load_any(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
     return any_scenario_of(load_document(source), overrides)
 
 
-def parse_any(
-    text: str, form: str = "toml", overrides: Sequence[str] = (), file: str = "<text>"
-) -> AnyScenario:
-    """Read a scenario of whatever system; else as :func:`parse_scenario`."""
-    return any_scenario_of(parse_document(text, form, file), overrides)
-
-
-def parse_scenario(
-    text: str, form: str = "toml", overrides: Sequence[str] = (), file: str = "<text>"
-) -> Scenario:
-    """Read the scenario of a trace from a text.
-
-    Parameters
-    ----------
-    text : str
-        The scenario.
-    form : str
-        "toml", "json" or "yaml".
-    overrides : sequence of str
-        Values to change, such as "balls[1].angle=-60 deg".
-    file : str
-        What errors call the text.
-
-    Raises
-    ------
-    ScenarioError
-        With everything that is wrong with the scenario.
-    """
-    return scenario_of(parse_document(text, form, file), overrides)
-
-
 def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:
     """Return the scenario of a trace from a document, or from plain data, after overrides.
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.scenario.texts import parse_scenario
 from tests.systems.trace.turning_scenes import (
     on_circle,
     on_lines,
@@ -21,7 +22,7 @@ from tests.systems.trace.turning_scenes import (
 from vibro_cli.api import simulate
 from vibro_cli.compile.kinds import symbol_of
 from vibro_cli.kernels.rotating import TURNING
-from vibro_cli.scenario import load_scenario, parse_scenario
+from vibro_cli.scenario import load_scenario
 from vibro_cli.stress.impacts import QUANTITIES, SPEEDS, solved
 from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
 from vibro_cli.stress.oracles.scene import scene_of_system

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from tests.scenario.texts import parse_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario import parse_scenario
 
 CIRCLE = [{"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}]
 THREE_ARCS = [

@@ -4,10 +4,11 @@ With `--continue` it is the scenario of a run of ours, with a later stop.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from vibro_cli.commands.shared.error_handling import CommandError, closest, reason
 from vibro_cli.commands.shared.options import scenario_files
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.scenario.problems import ScenarioError
     from vibro_cli.storage.folders import EarlierRun
-
-Loaded = TypeVar("Loaded")
 
 
 @dataclass(frozen=True)
@@ -38,19 +37,18 @@ def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", "Any
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import load_any as load_scenario
 
-    def read() -> tuple["AnyScenario", "AnySystem"]:
+    with _refusals_told(source):
         scenario = load_scenario(source, overrides)
         return scenario, build_any(scenario)
 
-    return _refusals_told(source, read)
 
-
-def _refusals_told(source: str, read: Callable[[], Loaded]) -> Loaded:
-    """What is read; why it cannot be is told as a `CommandError`."""
+@contextmanager
+def _refusals_told(source: str) -> Iterator[None]:
+    """Why what the block reads cannot be used is told as a `CommandError`."""
     from vibro_cli.scenario.problems import ScenarioError
 
     try:
-        return read()
+        yield
     except ScenarioError as error:
         raise invalid(error) from error
     except OSError as error:
@@ -89,7 +87,7 @@ def load_scenario_or_grid(
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import any_scenario_of, is_grid, load_document
 
-    def read() -> "tuple[AnyScenario, AnySystem] | Grid":
+    with _refusals_told(source):
         document = load_document(source)
         if is_grid(document.data):
             from vibro_cli.grids.document import grid_of
@@ -97,8 +95,6 @@ def load_scenario_or_grid(
             return grid_of(document, Path() if source == "-" else Path(source).parent, overrides)
         scenario = any_scenario_of(document, overrides)
         return scenario, build_any(scenario)
-
-    return _refusals_told(source, read)
 
 
 def load_each(
