@@ -2,20 +2,19 @@
 
 from collections.abc import Sequence
 
-from vibro_cli.scenario import Scenario, any_scenario_of, scenario_of
+from vibro_cli.scenario import Scenario, any_scenario_of, loading, scenario_of
 from vibro_cli.scenario.base import AnyScenario
-from vibro_cli.scenario.loading import parse_document
 
 
 def parse_any(
     text: str, form: str = "toml", overrides: Sequence[str] = (), file: str = "<text>"
 ) -> AnyScenario:
     """The scenario of whatever system of a text."""
-    return any_scenario_of(parse_document(text, form, file), overrides)
+    return any_scenario_of(loading.parse_document(text, form, file), overrides)
 
 
 def parse_scenario(
     text: str, form: str = "toml", overrides: Sequence[str] = (), file: str = "<text>"
 ) -> Scenario:
     """The scenario of a trace of a text."""
-    return scenario_of(parse_document(text, form, file), overrides)
+    return scenario_of(loading.parse_document(text, form, file), overrides)

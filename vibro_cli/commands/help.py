@@ -5,7 +5,7 @@ it, and docs/ holds it between markers; a test keeps them equal.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
@@ -96,22 +96,30 @@ ENVIRONMENT = {
 }
 
 
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    names = list(head)
+    lines = [f"| {' | '.join(row)} |" for row in (names, *rows)]
+    return "\n".join([lines[0], f"|{'---|' * len(names)}", *lines[1:]])
+
+
 def commands(program: Any) -> str:
     """Every command and its options, from the program itself (the context of its main command)."""
     every = program.command.commands
-    lines = ["| command | what it does |", "|---|---|"]
-    for name, command in every.items():
-        usage = " ".join(["vibro", name, *_arguments(command)])
-        lines.append(f"| `{usage}` | {_cell(command.help)} |")
+    rows = [
+        (f"`{' '.join(['vibro', name, *_arguments(command)])}`", _cell(command.help))
+        for name, command in every.items()
+    ]
+    parts = [table(("command", "what it does"), rows)]
     common = [option for option in _options(every["help"]) if option.name in COMMON]
     tables = {"Every command": common}
     for name, command in every.items():
         own = [option for option in _options(command) if option.name not in COMMON]
         tables |= {f"`vibro {name}`": own} if own else {}
     for title, options in tables.items():
-        lines += ["", f"{title}:", "", "| option | meaning |", "|---|---|"]
-        lines += [f"| {_names(option, program)} | {_meaning(option)} |" for option in options]
-    return "\n".join(lines) + "\n"
+        rows = [(_names(option, program), _meaning(option)) for option in options]
+        parts += [f"{title}:", table(("option", "meaning"), rows)]
+    return "\n\n".join(parts) + "\n"
 
 
 def _arguments(command: Any) -> Iterator[str]:
@@ -156,13 +164,12 @@ def scenario(system: str = "trace", below: str = "") -> str:
 
 def _keys_of(schema: dict[str, Any], below: str = "") -> str:
     """Every key that a JSON Schema has, or those below a path, with default and meaning."""
-    lines = ["| key | default | meaning |", "|---|---|---|"]
-    for path, node, required in _keys(schema, schema, ""):
-        if not path.startswith(below):
-            continue
-        default = "required" if required else _default(node)
-        lines.append(f"| `{path}` | {default} | {_cell(node.get('description'))} |")
-    return "\n".join(lines) + "\n"
+    rows = [
+        (f"`{path}`", "required" if needed else _default(node), _cell(node.get("description")))
+        for path, node, needed in _keys(schema, schema, "")
+        if path.startswith(below)
+    ]
+    return table(("key", "default", "meaning"), rows) + "\n"
 
 
 def _default(node: dict[str, Any]) -> str:
@@ -254,13 +261,13 @@ LAWS = {
 
 def laws() -> str:
     """The impact laws, and what happens at an impact that they do not allow."""
-    rows = [f"| `{name}` | {text} |" for name, text in LAWS.items()]
+    rows = [(f"`{name}`", text) for name, text in LAWS.items()]
     return f"""Two neighbours collide when their centres are r_a + r_b apart and approach.
 `collision.law` is one of these, `collision.k` the coefficient of restitution from 0 to 1; ⁻ is
 before the impact, ⁺ after it, ω the angular velocity of rolling, v the speed of the centre,
 κ = 1 + J_C/(m r²).
 
-{chr(10).join(["| law | what it says |", "|---|---|", *rows])}
+{table(("law", "what it says"), rows)}
 
 Under `hedrih` and `translational` bodies of unequal radii, or of equal radii on two pieces of the
 trace, may approach each other still after the impact: they would go through one another. Every
@@ -274,11 +281,11 @@ def units() -> str:
     """The units that numbers may be given in."""
     from vibro_cli.scenario.quantities import DIMENSIONS, SI, UNITS
 
-    lines = ["| quantity | SI | also |", "|---|---|---|"]
+    rows = []
     for quantity, dimension in DIMENSIONS.items():
         own = [name for name, unit in UNITS.items() if unit.dimension == dimension]
         names = " ".join(f"`{name}`" for name in own if name != SI[quantity])
-        lines.append(f"| {quantity} | `{SI[quantity]}` | {names} |")
+        rows.append((quantity, f"`{SI[quantity]}`", names))
     dimensions = set(DIMENSIONS.values())
     others = [name for name, unit in UNITS.items() if unit.dimension not in dimensions]
     return f"""A number without a unit is in SI units, an angle in radians. A number with a
@@ -286,7 +293,7 @@ dimension may also be a text with its unit, such as `"60 deg"`, `"7.8 g/cm^3"`, 
 converted exactly and rounded once. On the command line it needs no quotation marks of its own:
 `--set "balls[1].angle=-60 deg"`.
 
-{chr(10).join(lines)}
+{table(("quantity", "SI", "also"), rows)}
 
 Units are combined by a space, `*` or `/`, which divides by the next unit only, with powers such as
 `s^-2`, `s**-2` or `s⁻²`: `9.81 m s^-2` and `9.81 m/s^2` are the same. For that there are also
@@ -296,14 +303,14 @@ Units are combined by a space, `*` or `/`, which divides by the next unit only, 
 
 def exit_codes() -> str:
     """What the exit codes mean."""
-    rows = [f"| {code} | {text} |" for code, text in EXIT_CODES.items()]
-    return "\n".join(["| exit code | meaning |", "|---|---|", *rows]) + "\n"
+    rows = [(str(code), text) for code, text in EXIT_CODES.items()]
+    return table(("exit code", "meaning"), rows) + "\n"
 
 
 def environment() -> str:
     """The variables of the environment that are read."""
-    rows = [f"| `{name}` | {text} |" for name, text in ENVIRONMENT.items()]
-    return "\n".join(["| variable | meaning |", "|---|---|", *rows]) + "\n"
+    rows = [(f"`{name}`", text) for name, text in ENVIRONMENT.items()]
+    return table(("variable", "meaning"), rows) + "\n"
 
 
 def figures() -> str:
@@ -316,11 +323,11 @@ def figures() -> str:
         for key, kind in system_named(name).figures.items():
             title = re.sub(r" body$", " each body", kind.title)
             kinds.setdefault(key, (title, []))[1].append(name)
-    lines = ["Of a run:", "", "| figure | shows | of |", "|---|---|---|"]
-    lines += [f"| `{key}` | {title} | {', '.join(of)} |" for key, (title, of) in kinds.items()]
-    lines += ["", "Of a grid:", "", "| figure | shows | drawn if |", "|---|---|---|"]
-    lines += [f"| `{key}` | {kind.title} | {NEEDS[key]} |" for key, kind in GRID_KINDS.items()]
-    return "\n".join(lines) + "\n"
+    of_runs = [(f"`{key}`", title, ", ".join(of)) for key, (title, of) in kinds.items()]
+    of_grids = [(f"`{key}`", kind.title, NEEDS[key]) for key, kind in GRID_KINDS.items()]
+    run = table(("figure", "shows", "of"), of_runs)
+    grid = table(("figure", "shows", "drawn if"), of_grids)
+    return f"Of a run:\n\n{run}\n\nOf a grid:\n\n{grid}\n"
 
 
 def _papers() -> str:

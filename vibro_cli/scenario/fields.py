@@ -120,10 +120,7 @@ _EXPECTED = {
 
 
 def faults(error: ValidationError, root: type[BaseModel]) -> list[Fault]:
-    """Return the faults of a scenario, each once; a mistyped key is not missing as well.
-
-    `root` is the model of the scenario.
-    """
+    """Return the faults of a scenario, each once; a mistyped key is not missing as well."""
     details = error.errors(include_url=False)
     found = dict.fromkeys(_fault(item, root) for item in details)
     mistyped = {
@@ -166,15 +163,7 @@ def unknown_key(loc: KeyPath, root: type[BaseModel] = Scenario) -> Fault:
 
 
 def settings(root: Model, values: Mapping[str, Any], path: KeyPath = ()) -> str:
-    """Return settings of a scenario on one line with their units, those within one in parentheses.
-
-    Parameters
-    ----------
-    root
-        The model of the whole scenario.
-    values
-        Of the table at `path`.
-    """
+    """Return settings of the table at a path on one line, with units, inner ones in parentheses."""
     texts = []
     for key, value in values.items():
         if isinstance(value, Mapping):

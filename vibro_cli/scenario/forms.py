@@ -130,10 +130,7 @@ _BARE_VALUE = re.compile(r"[^,\]}#\n]+")
 def read_toml(text: str) -> dict[str, Any]:
     """Return the data of a TOML text.
 
-    Raises
-    ------
-    FormError
-        If the text is not TOML (a key given twice is not), or beyond the limits.
+    Raises `FormError` if the text is not TOML (a key given twice is not), or beyond the limits.
     """
     check_toml(text)
     try:
@@ -311,10 +308,7 @@ class _GivenTwice(Exception):
 def read_json(text: str) -> Any:
     """Return the data of a JSON text; NaN and infinities are left to the fields to refuse.
 
-    Raises
-    ------
-    FormError
-        If the text is not JSON, gives a key twice, or is beyond the limits.
+    Raises `FormError` if the text is not JSON, gives a key twice, or is beyond the limits.
     """
     check_json(text)
     try:
@@ -411,10 +405,8 @@ def plain_scalar(text: str) -> Any:
 def read_yaml(text: str) -> tuple[Any, Node]:
     """Return the data of a YAML text and the tree of its places.
 
-    Raises
-    ------
-    FormError
-        If the text is not YAML, gives a key twice, has a tag, or is beyond the limits.
+    Raises `FormError` if the text is not YAML, gives a key twice, has a tag, or is beyond the
+    limits.
     """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -539,10 +531,7 @@ class _Builder:
 def read(text: str, form: str) -> tuple[Any, Node | None]:
     """Return the data of a text in a form; and the tree of places where reading made it.
 
-    Raises
-    ------
-    FormError
-        If the text is not of its form, gives a key twice, or is beyond the limits.
+    Raises `FormError` if the text is not of its form, gives a key twice, or is beyond the limits.
     """
     if form == "yaml":
         return read_yaml(text)

@@ -42,12 +42,8 @@ def _entries(*parts: str) -> dict[str, Traversable]:
 def text(name: str) -> str:
     """Return the text (TOML, with comments) of a scenario or grid of the gallery.
 
-    A grid has its scenario beside it, as `base_of` names it.
-
-    Raises
-    ------
-    ScenarioError
-        If there is none of that name.
+    A grid has its scenario beside it, as `base_of` names it. Raises `ScenarioError` if there is
+    none of that name.
     """
     entries = _entries("", *NAMES, _GRIDS)
     known = sorted(entries)

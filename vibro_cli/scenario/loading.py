@@ -61,12 +61,8 @@ def parse(text: str) -> Override:
     """Return the override of a text `path=value`.
 
     The value is one of TOML (`0.8`, `"0.4 m"`, `[1, 0.9]`, `{wall = 0.8}`); what is not, is a
-    word or text without quotes (`hedrih`, `-60 deg`).
-
-    Raises
-    ------
-    OverrideError
-        If there is no `=`, or no path before it.
+    word or text without quotes (`hedrih`, `-60 deg`). Raises `OverrideError` if there is no `=`,
+    or no path before it.
     """
     path, equals, value = text.partition("=")
     if not equals:
@@ -77,12 +73,8 @@ def parse(text: str) -> Override:
 def given(path: str, value: Any) -> Override:
     """Return the override of a path by a value of Python: a number, a text, a list, a dictionary.
 
-    Numbers and arrays of numpy are taken as those of Python.
-
-    Raises
-    ------
-    OverrideError
-        If the text is no path.
+    Numbers and arrays of numpy are taken as those of Python. Raises `OverrideError` if the text is
+    no path.
     """
     return Override(_path(path), plain(value), f"{path}={value!r}")
 
@@ -115,23 +107,8 @@ def apply(
     """Return a copy of a scenario's data with one value changed.
 
     Tables that are missing on the way are made. Of keys that exclude one another (`density` and
-    `mass`) the new one replaces the other, unless that one was an override too.
-
-    Parameters
-    ----------
-    data : dict
-        The scenario as plain data.
-    path : KeyPath
-        Where the value is, counted from 0.
-    value : object
-        The new value.
-    given : collection of KeyPath
-        Paths that other overrides have set.
-
-    Raises
-    ------
-    OverrideError
-        If the path is not one of a scenario, or counts beyond a list.
+    `mass`) the new one replaces the other, unless that one is among the paths `given` by overrides
+    too. Raises `OverrideError` if the path is not one of a scenario, or counts beyond a list.
     """
     changed = deepcopy(data)
     root = model_of(data)
@@ -213,27 +190,11 @@ class Document:
 
 
 def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario:
-    """Read the scenario of a trace from a file, or from standard input.
+    """Read the scenario of a trace from a file in TOML, JSON or YAML, told by its suffix.
 
-    Parameters
-    ----------
-    source : str or Path
-        A file in TOML, JSON or YAML, told by its suffix; "-" is standard input, where the form is
-        told by the content.
-    overrides : sequence of str
-        Values to change, such as "balls[1].angle=-60 deg".
-
-    Returns
-    -------
-    Scenario
-        The scenario, in SI units.
-
-    Raises
-    ------
-    ScenarioError
-        With everything that is wrong with the scenario, or if it is of another system.
-    OSError
-        If the file cannot be read.
+    "-" is standard input, where the form is told by the content; overrides are such as
+    "balls[1].angle=-60 deg". Raises `ScenarioError` with everything that is wrong with the
+    scenario, or if it is of another system, and `OSError` if the file cannot be read.
     """
     return scenario_of(load_document(source), overrides)
 
@@ -244,12 +205,9 @@ def load_any(source: str | Path, overrides: Sequence[str] = ()) -> AnyScenario:
 
 
 def scenario_of(document: Document | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:
-    """Return the scenario of a trace from a document, or from plain data, after overrides.
+    """Return the scenario of a trace; else as :func:`any_scenario_of`.
 
-    Raises
-    ------
-    ScenarioError
-        With everything that is wrong with the scenario, or if it is of another system.
+    Raises `ScenarioError` also if it is of another system.
     """
     scenario, model = any_scenario_of(document, overrides), Scenario
     if isinstance(scenario, model):
@@ -264,10 +222,7 @@ def any_scenario_of(
 ) -> AnyScenario:
     """Return the scenario of a document, or of plain data, after overrides.
 
-    Raises
-    ------
-    ScenarioError
-        With everything that is wrong with the scenario.
+    Raises `ScenarioError` with everything that is wrong with the scenario.
     """
     if not isinstance(document, Document):
         document = Document(plain(dict(document)))
@@ -353,12 +308,8 @@ def _problem(fault: Fault, place: Place) -> Problem:
 def load_document(source: str | Path) -> Document:
     """Read the data of a file in TOML, JSON or YAML, or of standard input ("-").
 
-    Raises
-    ------
-    ScenarioError
-        If the text is not of its form, or beyond the limits.
-    OSError
-        If the file cannot be read.
+    Raises `ScenarioError` if the text is not of its form or beyond the limits, `OSError` if the
+    file cannot be read.
     """
     if str(source) == "-":
         if sys.stdin is None:
@@ -428,25 +379,10 @@ def form_of(text: str) -> str:
 
 
 def parse_document(text: str, form: str, file: str = "<text>", name: str = "scenario") -> Document:
-    """Return the data of a text in a form.
+    """Return the data of a text in "toml", "json" or "yaml"; errors call it `file`.
 
-    Parameters
-    ----------
-    text : str
-        The text.
-    form : str
-        "toml", "json" or "yaml".
-    file : str
-        What errors call the text.
-    name : str
-        The name of a scenario that gives none.
-
-    Raises
-    ------
-    ScenarioError
-        If the text is not of its form, or beyond the limits.
-    ValueError
-        If there is no such form.
+    `name` is that of a scenario that gives none. Raises `ScenarioError` if the text is not of its
+    form or beyond the limits, `ValueError` if there is no such form.
     """
     if form not in FORMS.values():
         raise ValueError(f'form: found "{form}", expected toml, json or yaml')

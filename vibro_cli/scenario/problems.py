@@ -204,12 +204,8 @@ class Source:
     def place(self, key_path: str | KeyPath, on_key: bool = False) -> Place:
         """Return where a key was given, or the nearest table to it.
 
-        Parameters
-        ----------
-        key_path : str or KeyPath
-            `balls[2].radius` counted from 1, or its parts counted from 0.
-        on_key : bool
-            Whether the place of the key is wanted, rather than that of its value.
+        `key_path` is `balls[2].radius` counted from 1, or its parts counted from 0; `on_key`, the
+        place of the key is wanted, rather than that of its value.
         """
         loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
         for path, override in reversed(self.overrides):
@@ -232,10 +228,7 @@ class Source:
 def parsed_path(text: str) -> KeyPath:
     """Return the parts of a path such as `balls[2].radius`, counted from 0.
 
-    Raises
-    ------
-    ValueError
-        If the text is no path.
+    Raises `ValueError` if the text is no path.
     """
     path: list[str | int] = []
     for part in text.split("."):

@@ -356,24 +356,10 @@ class UnitError(ValueError):
 
 
 def exact(text: str, dimension: str) -> Fraction:
-    """Return the exact SI value of a text with a unit.
+    """Return the SI value of a number with a unit, such as "60 deg", "7.8 g/cm^3", "9.81 m s^-2".
 
-    Parameters
-    ----------
-    text : str
-        A decimal number and its unit, such as "60 deg", "7.8 g/cm^3", "9.81 m s^-2".
-    dimension : str
-        A key of `DIMENSIONS`.
-
-    Returns
-    -------
-    Fraction
-        The value in SI units, angles in radians; exact but for pi, which has 120 digits.
-
-    Raises
-    ------
-    UnitError
-        If the text is no number with a known unit, or its dimension is another one.
+    Angles are in radians; exact but for pi, which has 120 digits. Raises `UnitError` if the text
+    is no number with a known unit, or its dimension (a key of `DIMENSIONS`) is another one.
     """
     match = _QUANTITY.fullmatch(text) if len(text) <= 200 else None
     if match is None:

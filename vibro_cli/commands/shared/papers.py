@@ -253,14 +253,14 @@ at results of those above."""
 
 def papers() -> str:
     """Every figure and equation of the papers with the command that shows it; the symbols."""
+    from vibro_cli.commands.help import table
+
     parts = [_BEFORE]
     for name, rows in (("A", A), ("B", B), ("C", C), ("D", D)):
-        lines = [f"Paper {name}:", "", "| where | what | command | shown by |", "|---|---|---|---|"]
-        lines += [f"| {where} | {what} | `{run}` | {shown} |" for where, what, run, shown in rows]
-        parts.append("\n".join(lines))
-    lines = ["Symbols:", "", "| the papers | here | unit |", "|---|---|---|"]
-    lines += [f"| {theirs} | {ours} | {unit} |" for theirs, ours, unit in SYMBOLS]
-    return "\n\n".join([*parts, "\n".join(lines), _NOT_SOLVED])
+        cells = [(where, what, f"`{run}`", shown) for where, what, run, shown in rows]
+        parts += [f"Paper {name}:", table(("where", "what", "command", "shown by"), cells)]
+    symbols = table(("the papers", "here", "unit"), SYMBOLS)
+    return "\n\n".join([*parts, "Symbols:", symbols, _NOT_SOLVED])
 
 
 def commands() -> list[str]:

@@ -436,13 +436,7 @@ class _Line:
 
 
 class Progress(_Line):
-    """Points of a grid that are done, impacts per second and time left.
-
-    Parameters
-    ----------
-    points
-        Points there are to solve.
-    """
+    """Points of a grid that are done, of those there are, impacts per second and time left."""
 
     def __init__(self, points: int) -> None:
         super().__init__()
@@ -470,15 +464,7 @@ class Progress(_Line):
 
 
 class RunProgress(_Line):
-    """Simulated time of a run, its impacts, their rate and the time left.
-
-    Parameters
-    ----------
-    name
-        The scenario's name.
-    stop_time, stop_impacts
-        Where the run stops, s and a number; None without such a stop.
-    """
+    """Simulated time (s) of a run, its impacts, their rate and the time left to the nearer stop."""
 
     def __init__(self, name: str, stop_time: float | None, stop_impacts: int | None) -> None:
         super().__init__()
