@@ -18,7 +18,9 @@ COMMANDS = (
     "verify", "schema", "new", "stress", "bench", "help",
 )  # fmt: skip
 """Each is a class, as `RunCommand`, in the module that `HOMES` names."""
-HOMES = {"verify": "check", "schema": "new", "stress": "bench"}
+HOMES = {
+    "fit": "orbit", "schema": "new", "section": "basins", "stress": "bench", "verify": "check",
+}  # fmt: skip
 """Modules of commands that have none of their own name."""
 
 

@@ -1,17 +1,21 @@
-"""`vibro orbit`: periodic orbits, their multipliers, and how they change with a number."""
+"""`vibro orbit`, `vibro fit`: periodic orbits, and numbers from measured instants of impacts."""
 
-from collections.abc import Iterator
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason, say
 from vibro_cli.commands.shared.options import scenario_keys
 from vibro_cli.commands.shared.terminal import print_found
 
 if TYPE_CHECKING:
+    from vibro_cli.analysis.fit import Fit, Free
     from vibro_cli.analysis.orbit_branch import Branch
     from vibro_cli.analysis.orbits import Orbit
     from vibro_cli.scenario.models import Scenario
@@ -73,13 +77,9 @@ class OrbitCommand:
         """Find, follow, draw, write and print."""
         from vibro_cli.analysis.orbit_branch import family_of
         from vibro_cli.analysis.orbits import NoOrbit, find_orbit
-        from vibro_cli.commands.shared.loading import load_any
         from vibro_cli.storage.folders import check_orbit_folder, write_orbits
-        from vibro_cli.systems import system_named
 
-        scenario, system = load_any(self.scenario, self.overrides)
-        if not system_named(scenario.system).has_orbits:
-            raise CommandError(f"vibro: {scenario.name}: orbits are of bodies on a trace")
+        scenario, system = _on_a_trace(self.scenario, self.overrides, "orbits are")
         span = None if self.vary is None else parsed_span(self.vary)
         folder = None
         if span is not None or self.output is not None:
@@ -89,7 +89,7 @@ class OrbitCommand:
         try:
             found = find_orbit(system, self.impacts, self.period, scenario.stop.time or 1000.0)
             if span is not None:
-                branch = family_of(cast("Scenario", scenario), found, *span)
+                branch = family_of(scenario, found, *span)
         except NoOrbit as error:
             raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
         if folder is not None:
@@ -100,6 +100,17 @@ class OrbitCommand:
         if folder is not None:
             say(f"{scenario.name}: files in {folder}")
         return DONE
+
+
+def _on_a_trace(source: str, overrides: Sequence[str], what: str) -> tuple[Scenario, Any]:
+    """A scenario with its system, if tangent maps lead there: `what` is of bodies on a trace."""
+    from vibro_cli.commands.shared.loading import load_any
+    from vibro_cli.systems import system_named
+
+    scenario, system = load_any(source, overrides)
+    if not system_named(scenario.system).has_orbits:
+        raise CommandError(f"vibro: {scenario.name}: {what} of bodies on a trace")
+    return cast("Scenario", scenario), system
 
 
 def parsed_span(vary: str) -> tuple[str, float, float]:
@@ -117,7 +128,7 @@ def parsed_span(vary: str) -> tuple[str, float, float]:
     return path.strip(), low, high
 
 
-def orbit_columns(found: "Orbit", branch: "Branch | None") -> dict[str, Any]:
+def orbit_columns(found: Orbit, branch: Branch | None) -> dict[str, Any]:
     """The columns of ``orbits.parquet``: the points of a family, or the one orbit."""
     import numpy as np
 
@@ -151,7 +162,7 @@ def orbit_columns(found: "Orbit", branch: "Branch | None") -> dict[str, Any]:
     return columns
 
 
-def record_of(found: "Orbit", branch: "Branch | None") -> dict[str, Any]:
+def record_of(found: Orbit, branch: Branch | None) -> dict[str, Any]:
     """What was found as plain values."""
     record: dict[str, Any] = _plain(found)
     if branch is not None:
@@ -163,7 +174,7 @@ def record_of(found: "Orbit", branch: "Branch | None") -> dict[str, Any]:
     return record
 
 
-def _plain(one: "Orbit") -> dict[str, Any]:
+def _plain(one: Orbit) -> dict[str, Any]:
     return {
         "period": one.period,
         "events": list(one.shot.word),
@@ -179,7 +190,7 @@ def _plain(one: "Orbit") -> dict[str, Any]:
     }
 
 
-def _lines(name: str, found: "Orbit", branch: "Branch | None") -> Iterator[str]:
+def _lines(name: str, found: Orbit, branch: Branch | None) -> Iterator[str]:
     """What was found as text."""
     yield f"{name}: period {found.period:.15g} s, closed to {found.residual:.1e}"
     yield f"  events       {' '.join(found.shot.word)}"
@@ -224,3 +235,205 @@ def _drawn(columns: dict[str, Any], label: str) -> dict[str, bytes]:
 
     told = columns | {"special": [kind or "" for kind in columns["special"]]}
     return pictures({"orbits": branch_figure(told, label, "single")})
+
+
+DOUBTFUL = 1.0e-6
+"""A likelihood below this is told of as a warning."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitCommand:
+    """Fit numbers of a scenario to measured instants of impacts, with their standard errors."""
+
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO",
+            help="Scenario file, or - for standard input; its numbers are those to begin with.",
+        ),
+    ]
+    measured: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MEASURED",
+            help="CSV or parquet file with the instants of impacts: column t (s); if some are "
+            "missing, n, the number of the impact from 1; if their errors differ, error (s), the "
+            "standard deviation; if the bodies are known, ball_a and ball_b.",
+        ),
+    ]
+    free: Annotated[
+        list[str],
+        typer.Option(
+            "--free",
+            metavar="PATH[=LOW:HIGH]",
+            help="A number of the scenario to be fitted, and its bounds (SI units, radians), such "
+            "as balls[2].mass=0.1:10; repeatable.",
+            autocompletion=scenario_keys,
+        ),
+    ]
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Standard deviation of the instants [default: estimated from the residuals].",
+        ),
+    ] = None
+    overrides: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            default_factory=list,
+            metavar="PATH=VALUE",
+            help="Override a value of the scenario; repeatable.",
+            show_default=False,
+            autocompletion=scenario_keys,
+        ),
+    ]
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output", "-o", metavar="DIR", help="Folder of results [default: none is written]."
+        ),
+    ] = None
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the residuals.")] = (
+        True
+    )
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False
+
+    def __post_init__(self) -> None:
+        """Tell a wrong usage before anything is read."""
+        if self.noise is not None and not 0.0 < self.noise < float("inf"):
+            text = f"--noise: found {self.noise!r}, expected seconds, greater than 0"
+            raise typer.BadParameter(text)
+
+    def __call__(self) -> int:
+        """Read, fit, draw, write and print."""
+        from vibro_cli.analysis.fit import NoFit, fit_impacts, read_measured
+        from vibro_cli.storage.folders import check_fit_folder, write_fit
+
+        scenario, _ = _on_a_trace(self.scenario, self.overrides, "numbers are fitted")
+        folder = None if self.output is None else Path(self.output)
+        free = parsed_free(self.free)
+        if folder is not None:
+            check_fit_folder(folder)
+        try:
+            measured = read_measured(self.measured)
+            found = fit_impacts(scenario, measured, free, self.noise)
+        except NoFit as error:
+            raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
+        except OSError as error:
+            if error.filename != str(self.measured):
+                raise
+            text = f"vibro: {self.measured}: cannot be read: {reason(error)}"
+            raise CommandError(text) from error
+        if folder is not None:
+            columns = residual_columns(found)
+            drawn = _residuals_drawn(columns) if self.figures else {}
+            write_fit(found.scenario, record_of_fit(found), columns, folder, drawn)
+        print_found(record_of_fit(found), _lines_of_fit(found), self.as_json)
+        if folder is not None:
+            say(f"{scenario.name}: files in {folder}")
+        return DONE
+
+
+def parsed_free(texts: Sequence[str]) -> list[Free]:
+    """Paths and bounds of `--free`."""
+    from vibro_cli.analysis.fit import Free
+
+    found = []
+    for text in texts:
+        path, equals, values = text.partition("=")
+        try:
+            low, high = map(float, values.split(":")) if equals else (-math.inf, math.inf)
+            found.append(Free.of(path, low, high))
+        except (TypeError, ValueError) as error:
+            raise CommandError(
+                f"vibro: --free: found {text!r}, expected PATH or PATH=LOW:HIGH with LOW < HIGH"
+            ) from error
+    return found
+
+
+def residual_columns(found: Fit) -> dict[str, Any]:
+    """The columns of ``residuals.parquet``."""
+    return {
+        "n": found.measured.number,
+        "t": found.measured.t,
+        "noise": found.noise,
+        "residual": found.residuals,
+        "first": found.first,
+    }
+
+
+def record_of_fit(found: Fit) -> dict[str, Any]:
+    """What was found as plain values."""
+    rows = zip(found.free, found.start, found.values, found.errors, found.interval, strict=True)
+    return {
+        "numbers": [
+            {
+                "path": one.name,
+                "start": float(start),
+                "value": float(value),
+                "error": float(error),
+                "interval": [float(end) for end in interval],
+            }
+            for one, start, value, error, interval in rows
+        ],
+        "covariance": found.covariance.tolist(),
+        "correlation": found.correlation.tolist(),
+        "impacts": len(found.residuals),
+        "freedom": found.freedom,
+        "noise_known": found.noise_known,
+        "chi_square": found.chi_square,
+        "likelihood": found.likelihood,
+        "residual": float((found.residuals**2).mean() ** 0.5),
+        "same_events": found.same_events,
+        "events": list(found.word),
+        "evaluations": found.evaluations,
+    }
+
+
+def _lines_of_fit(found: Fit) -> Iterator[str]:
+    """What was found as text."""
+    record = record_of_fit(found)
+    yield f"{found.scenario.name}: {record['impacts']} impacts, {found.evaluations} motions solved"
+    for one in record["numbers"]:
+        value, low, high = (
+            _rounded(number, one["error"]) for number in (one["value"], *one["interval"])
+        )
+        yield (
+            f"  {one['path']:20} {value} ± {one['error']:.2g}, 95 % within {low} to {high}; "
+            f"it was {one['start']:.10g}"
+        )
+    names = [one.name for one in found.free]
+    for row, name in enumerate(names):
+        for column, other in enumerate(names[:row]):
+            yield f"  correlation          {other}, {name}: {found.correlation[row, column]:.4f}"
+    yield f"  residuals            {record['residual']:.3g} s, root mean square"
+    if found.likelihood is None:
+        yield "  noise                not given: the errors are those the residuals tell"
+    else:
+        yield (
+            f"  chi square           {found.chi_square:.4g} of {found.freedom} degrees of freedom: "
+            f"as large or larger in {100.0 * found.likelihood:.2g} % of such measurements"
+        )
+    if found.likelihood is not None and found.likelihood < DOUBTFUL:
+        yield "  warning              model or noise are wrong, or impacts were missed (give n)"
+    if not found.same_events:
+        yield (
+            "  events               change within the 95 % region: the errors are those of the "
+            "order of events found"
+        )
+
+
+def _rounded(value: float, error: float) -> str:
+    """A number to two digits of its error."""
+    digits = 2 + math.floor(math.log10(abs(value) / error)) if abs(value) > error else 2
+    return f"{value:#.{min(digits, 17)}g}"
+
+
+def _residuals_drawn(columns: dict[str, Any]) -> dict[str, bytes]:
+    """The figure of the residuals."""
+    from vibro_cli.figures.analyses import fit_figure
+    from vibro_cli.interface import pictures
+
+    return pictures({"residuals": fit_figure(columns, "single")})

@@ -204,7 +204,7 @@ LogFormat = Annotated[
 
 def with_common_options(command: Callable[..., Task]) -> Callable[..., Task]:
     """A command that also takes the options every command has: words and their form."""
-    own = inspect.signature(command)
+    own = inspect.signature(command, eval_str=True)
 
     @functools.wraps(command, updated=())
     def performed(**given: Any) -> Task:
