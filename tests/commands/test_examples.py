@@ -12,8 +12,7 @@ import typer
 
 from tests.commands import processes
 from tests.commands.conftest import Vibro
-from vibro_cli.commands.app import application
-from vibro_cli.commands.help import EXAMPLES
+from vibro_cli.commands.app import EXAMPLES, application
 
 pytestmark = pytest.mark.long
 
