@@ -5,7 +5,7 @@ from those of x^2, of y = x/s from x = s y. Bodies in lasting contact move as on
 share ``M_i/M`` of the acceleration.
 
 How far: for complex places within R of the present one, R < s, the length stays above s - R, the
-acceleration below ``w^2 (|x| + R)(1 + l/(s - R))``, its derivative to the place (see `variation`)
+acceleration below ``w^2 (|x| + R)(1 + l/(s - R))``, its derivative to the place (see `tangent`)
 below ``w^2 (1 + l b^2/(s - R)^3)``, and so the acceleration also below what it is now and R times
 that. With A, the lower of the two bounds: for complex times up to T, ``|v| T + A T^2/2 = R``, the
 place stays within R, and by Cauchy the coefficients of its series are at most ``R/T^k``: what a
@@ -26,6 +26,7 @@ from vibro_cli.kernels.springs.world import (
     LENGTH,
     NEVER,
     ORDER,
+    PARTING,
     PLACE,
     RATIO,
     SpringBody,
@@ -343,3 +344,18 @@ def restore(world: World, row: int, way: float) -> None:
     world.clock[0].t = world.states[row].t
     world.clock[0].t_low = world.states[row].t_low
     renew_energies(world)
+
+
+@kernel
+def gap_of(world: World, pair: int) -> float:
+    """Return the distance (m) between a body and its right neighbour along the line."""
+    one = world.springs[pair]
+    other = world.springs[pair + 1]
+    return (other.foot - one.foot) + (other.x - one.x) - world.pairs[pair].touch
+
+
+@kernel
+def is_in_contact(world: World, pair: int) -> bool:
+    """Whether a pair is known to be in contact at the present instant."""
+    state = world.pairs[pair]
+    return state.held == 1 or state.known >= PARTING

@@ -7,7 +7,7 @@ stays within R < s of that at the start of the step, the length stays above s - 
 ``w^2 (1 + l b^2/(s - R)^3)``: the series of d hold for the step that those of the places do.
 
 Of each body the place and the speed of its centre. Between events the motion is gone through again
-with tangent vectors, along as much of its series as they need (see `variation`). Where a gap
+with tangent vectors, along as much of its series as they need (see `_expand`). Where a gap
 closes, ``dx^+ = dx^- + (v^- - v^+) dt`` and ``dv^+ = dv^- - (a^+ - a^-) dt + (change of v^+ -
 v^-)``, ``dt = -dg/g'``; the accelerations a jump where bodies come into lasting contact, or out of
 it by an impact. Impulses are those of `impacts`, their changes one linear system with the same
@@ -20,8 +20,12 @@ from vibro_cli.compile.kernel import FloatMatrix, kernel
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL, weight_and_response
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
-from vibro_cli.kernels.springs.contact import common_acceleration
-from vibro_cli.kernels.springs.impacts import approach_before, inclination, set_chain_row
+from vibro_cli.kernels.springs.impacts import (
+    approach_before,
+    common_acceleration,
+    inclination,
+    set_chain_row,
+)
 from vibro_cli.kernels.springs.series import (
     begin_group,
     extend_group,

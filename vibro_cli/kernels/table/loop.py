@@ -1,12 +1,16 @@
-"""The event loop of the table: the first meeting of all, its impact, the search anew."""
+"""The event loop of the table: the first meeting of all, its impact, the search anew.
+
+The row of a ball holds the first of its meetings with the wall and with the balls after it in the
+list. After an event only the rows that it concerns are searched anew, and the matches of the
+tournament above them are played again: log2 n each.
+"""
 
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.double_double import time_between
-from vibro_cli.kernels.table.impacts import bounce, collide
-from vibro_cli.kernels.table.queue import play_all, renew, search_all
-from vibro_cli.kernels.table.simultaneous_impacts import collide_jointly, find_group
+from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
+from vibro_cli.kernels.table.impacts import bounce, collide, collide_jointly, find_group
+from vibro_cli.kernels.table.walls import RESOLVED, meet_wall, time_to_distance, touching_distance
 from vibro_cli.kernels.table.world import (
     END_ACCUMULATION,
     END_BOUNCES,
@@ -16,10 +20,124 @@ from vibro_cli.kernels.table.world import (
     LOG_FULL,
     MEETS_BALL,
     NEVER,
+    NO_WALL,
     NOTHING,
     RUNNING,
     World,
 )
+
+
+@kernel
+def time_to_pair(world: World, a: int, b: int) -> float:
+    """Return the time (s) from now until two balls touch, or NEVER.
+
+    They touch at the horizontal distance ``2 sqrt(r_a r_b)`` of their centres (C, part 1).
+    """
+    clock = world.clock[0]
+    one = world.balls[a]
+    other = world.balls[b]
+    past_one = time_between(clock.t, clock.t_low, one.t, one.t_low)
+    past_other = time_between(clock.t, clock.t_low, other.t, other.t_low)
+    dx = (other.x + other.vx * past_other) - (one.x + one.vx * past_one)
+    dy = (other.y + other.vy * past_other) - (one.y + one.vy * past_one)
+    distance = touching_distance(world, a, b)
+    rounding = RESOLVED * (abs(one.vx) + abs(one.vy) + abs(other.vx) + abs(other.vy))
+    return time_to_distance(dx, dy, other.vx - one.vx, other.vy - one.vy, distance, rounding)
+
+
+@kernel
+def search_row(world: World, ball: int) -> None:
+    """Find what a ball meets next of the wall and of the balls after it."""
+    clock = world.clock[0]
+    state = world.balls[ball]
+    row = world.meetings[ball]
+    row.kind = NOTHING
+    best = NEVER
+    if world.wall[0].kind != NO_WALL:
+        past = time_between(clock.t, clock.t_low, state.t, state.t_low)
+        x = state.x + state.vx * past
+        y = state.y + state.vy * past
+        best = meet_wall(world, world.bodies[ball], state, x, y, row)
+    for other in range(ball + 1, len(world.balls)):
+        time = time_to_pair(world, ball, other)
+        if time < best:
+            best = time
+            row.kind = MEETS_BALL
+            row.other = other
+    _set_time(world, ball, best)
+
+
+@kernel
+def _set_time(world: World, ball: int, time: float) -> None:
+    row = world.meetings[ball]
+    if time >= NEVER:
+        row.kind = NOTHING
+        row.t = NEVER
+        row.t_low = 0.0
+    else:
+        clock = world.clock[0]
+        row.t, row.t_low = add_to_time(clock.t, clock.t_low, time)
+    _play(world, ball)
+
+
+@kernel
+def renew(world: World, ball: int) -> None:
+    """Search anew all that the motion of one ball decides."""
+    search_row(world, ball)
+    for earlier in range(ball):
+        row = world.meetings[earlier]
+        if row.kind == MEETS_BALL and row.other == ball:
+            search_row(world, earlier)
+            continue
+        time = time_to_pair(world, earlier, ball)
+        if time >= NEVER:
+            continue
+        clock = world.clock[0]
+        if time < time_between(row.t, row.t_low, clock.t, clock.t_low):
+            row.kind = MEETS_BALL
+            row.other = ball
+            _set_time(world, earlier, time)
+
+
+@kernel
+def sooner(world: World, one: int, other: int) -> int:
+    """Return which of two balls has its meeting first; the one before in the list if at once."""
+    if other >= len(world.balls):
+        return one
+    a = world.meetings[one]
+    b = world.meetings[other]
+    if b.t < a.t or (b.t == a.t and b.t_low < a.t_low):
+        return other
+    return one
+
+
+@kernel
+def _play(world: World, ball: int) -> None:
+    """Play the matches of one ball again, up to the root."""
+    leaves = world.settings[0].leaves
+    node = (leaves + ball) // 2
+    while node >= 1:
+        left = 2 * node
+        if left >= leaves:
+            world.tree[node] = sooner(world, left - leaves, left + 1 - leaves)
+        else:
+            world.tree[node] = sooner(world, world.tree[left], world.tree[left + 1])
+        node //= 2
+
+
+@kernel
+def search_all(world: World) -> None:
+    """Find what every ball meets next."""
+    for ball in range(len(world.balls)):
+        search_row(world, ball)
+
+
+@kernel
+def play_all(world: World) -> None:
+    """Play all matches: what the tournament shows follows from the meetings alone."""
+    for ball in range(len(world.balls)):
+        _play(world, ball)
+
 
 # So many events in a row, of each ball, at what the clock shows as one instant are an accumulation.
 MOST_AT_ONCE = 200

@@ -9,7 +9,7 @@ impacts are one linear system for the changes dI of all impulses:
     M(sum R n dI) = -(1 + k) M(dv) - k dM(v^-) - dM(v^+) - M(sum R dn I),
 
 with M the law's relative speeds (positive where pairs part), dM what dn changes of them, and R the
-responses (see `impulses`).
+responses (see `impacts`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import time_between
-from vibro_cli.kernels.table.simultaneous_impacts import impulses_for, set_weights
+from vibro_cli.kernels.table.impacts import impulses_for, set_weights
 from vibro_cli.kernels.table.world import CONIC, RUNNING, BounceRow, World
 from vibro_cli.kernels.tangent.frame import (
     Tangents,

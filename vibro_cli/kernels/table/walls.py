@@ -15,7 +15,9 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.double_double import difference_of_products
+from vibro_cli.kernels.numerics.double_double import (
+    difference_of_products,
+)
 from vibro_cli.kernels.table.world import (
     CONIC,
     MEETS_WALL,
@@ -294,3 +296,13 @@ def time_to_distance(
         return NEVER
     beyond = (apart - distance) * (apart + distance)
     return max(beyond / (math.sqrt(inside) - closing), 0.0)
+
+
+@kernel
+def touching_distance(world: World, a: int, b: int) -> float:
+    """Return the horizontal distance of two touching balls' centres, m."""
+    radius_a = world.bodies[a].radius
+    radius_b = world.bodies[b].radius
+    if radius_a == radius_b:
+        return 2.0 * radius_a
+    return 2.0 * math.sqrt(radius_a * radius_b)

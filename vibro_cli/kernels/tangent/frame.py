@@ -18,6 +18,8 @@ SCALE = 2.0**400
 # Rows of the series of a flight that are not of one body, and the greatest power of time in them.
 SERIES_ROWS = 4
 TERMS = 41
+# Columns of the scratch rows of a joint impact.
+WIDTH = 4
 
 
 @struct
@@ -58,10 +60,10 @@ class Tangents(NamedTuple):
     delay: FloatMatrix
     """[0, direction] scratch: derivative of the time of the instant's first impact (s)"""
     turning: FloatMatrix
-    """[pair, ...] scratch: what the rows of a joint impact need, see kernels.tangent.impacts"""
+    """[pair, ...] scratch: what the rows of a joint impact need, see kernels.tangent.follow"""
     series: FloatMatrix
     """scratch of flights on a trace that turns, see kernels.tangent.rotating_jacobian, and on
-    springs, see kernels.springs.variation: SERIES_ROWS, and one for each body"""
+    springs, see kernels.springs.tangent: SERIES_ROWS, and one for each body"""
     amplification: FloatMatrix
     """[0, impact] filled in: growth of one rounding of the start"""
     smooth: IntMatrix

@@ -8,7 +8,7 @@ total energy, which stays between impacts and jumps with the speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -50,7 +50,13 @@ from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.mechanics.trace import LINE as STRAIGHT
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.springs.phase_plane import TYPES, SpringsLandscape, point_names
+from vibro_cli.systems.springs.phase_plane import (
+    TYPES,
+    SpringsLandscape,
+    point_names,
+    spring_periods,
+    springs_record,
+)
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
 
 
@@ -416,3 +422,42 @@ def _draw_spring_energy(lower: Panel, system: SpringsSystem, body: int, window: 
     x = np.linspace(window.low, window.high, 600)
     stored = 0.5 * spring.stiffness * (np.hypot(spring.height, x) - spring.length) ** 2
     lower.axes.plot(x, stored, zorder=1.5, **SPRING)
+
+
+def swings(system: SpringsSystem) -> Iterator[dict[str, float | None]]:
+    """Return ω₀ (1/s) of each body and its periods (s), None where there is none."""
+    for ball in range(1, len(system.bodies) + 1):
+        small, own = (
+            period if math.isfinite(period) else None for period in spring_periods(system, ball)
+        )
+        yield {"omega_0": system.frequency(ball - 1), "small_period": small, "period": own}
+
+
+def portrait(
+    system: SpringsSystem, width: str, drawn: bool
+) -> tuple[dict[str, Any], dict[str, Figure]]:
+    """Return the singular points of each body, and a figure of each."""
+    balls = range(1, len(system.bodies) + 1)
+    bodies = [springs_record(system, ball - 1) for ball in balls]
+    figures = {f"portrait_{n}": springs_structure(system, n, width) for n in balls if drawn}
+    return {"system": "springs", "bodies": bodies}, figures
+
+
+def portrait_lines(found: dict[str, Any]) -> Iterator[str]:
+    """Return the table as text."""
+    for body in found["bodies"]:
+        yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
+        yield from _lines(body)
+
+
+def _lines(body: dict[str, Any]) -> Iterator[str]:
+    yield "  point  kind    from foot [m]       x [m]      E [J]  spring"
+    for point in body["points"]:
+        state = "stressed" if point["stressed"] else "unstressed"
+        yield (
+            f"  {point['name']:5}  {point['kind']:6}  {point['displacement']:13.9f}  "
+            f"{point['x']:10.6f}  {point['energy']:9.6g}  {state}"
+        )
+    yield f"  ω₀ = {body['frequency']:.9g} 1/s"
+    if body["separatrix_speed"] is not None:
+        yield f"  on the separatrix at most {body['separatrix_speed']:.9g} m/s, over the centres"
