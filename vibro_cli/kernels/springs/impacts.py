@@ -39,19 +39,18 @@ from vibro_cli.kernels.springs.world import (
     CONTACT_CLOSED,
     CONTACT_OPENED,
     DECISION,
-    END_INADMISSIBLE,
     FREE,
     IMPACTS,
     MAY,
     PARTING,
     RELEASED,
     RESTING,
-    RUNNING,
     SETTLED,
     STAYS,
     ImpactRow,
     World,
 )
+from vibro_cli.kernels.world import END_INADMISSIBLE, RUNNING
 
 # Speeds within so much of each other, as a share of their sum, are equal but for rounding.
 ROUNDING = 8.0 * 2.0**-52

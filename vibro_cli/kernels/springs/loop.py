@@ -18,24 +18,26 @@ from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
     COLLIDED,
     DECISION,
-    END_COLLISIONS,
-    END_NO_MORE,
-    END_QUIET,
-    END_TIME,
     FORCE,
     FREE,
     IMPACTS,
-    LOG_FULL,
-    NEVER,
     ORDER,
     PARTING,
     PLACE,
     ROW,
-    RUNNING,
     SETTLED,
     START,
     SpringBody,
     World,
+)
+from vibro_cli.kernels.world import (
+    END_COLLISIONS,
+    END_NO_MORE_COLLISIONS,
+    END_QUIET,
+    END_TIME,
+    LOG_FULL,
+    NEVER,
+    RUNNING,
 )
 
 
@@ -177,7 +179,7 @@ def _step(world: World) -> int:
         return END_TIME
     clock.steps += 1
     if clock.steps % 1024 == 1 and settings.stop_time >= NEVER and never_meet(world):
-        return END_NO_MORE
+        return END_NO_MORE_COLLISIONS
     if clock.steps > MOST_STEPS:
         return END_QUIET
     step = expand(world)

@@ -42,7 +42,6 @@ from vibro_cli.kernels.springs.world import (
     ORDER,
     PLACE,
     RATIO,
-    RUNNING,
     ImpactRow,
     World,
 )
@@ -55,6 +54,7 @@ from vibro_cli.kernels.tangent.frame import (
     tell_nothing,
     tell_smooth,
 )
+from vibro_cli.kernels.world import RUNNING
 
 # Terms of a step are left out that are below this: those of changes, and of a place over b.
 REST = 1.0e-18

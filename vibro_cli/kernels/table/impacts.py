@@ -32,15 +32,8 @@ from vibro_cli.kernels.impact.laws import (
 )
 from vibro_cli.kernels.numerics.double_double import pair_plus, pair_times, time_between
 from vibro_cli.kernels.table.walls import EPSILON, RESOLVED, touching_distance
-from vibro_cli.kernels.table.world import (
-    CONIC,
-    END_INADMISSIBLE,
-    END_WALL_CONTACT,
-    RUNNING,
-    PairRow,
-    World,
-)
-from vibro_cli.kernels.world import BodyData
+from vibro_cli.kernels.table.world import CONIC, PairRow, World
+from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING, BodyData
 
 # Below this share of the speed a bounce cannot be told from rolling along: the rounding of the
 # place turns the normal by about the root of it.

@@ -11,19 +11,16 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.table.impacts import bounce, collide, collide_jointly, find_group
 from vibro_cli.kernels.table.walls import RESOLVED, meet_wall, time_to_distance, touching_distance
-from vibro_cli.kernels.table.world import (
+from vibro_cli.kernels.table.world import MEETS_BALL, NO_WALL, NOTHING, World
+from vibro_cli.kernels.world import (
     END_ACCUMULATION,
     END_BOUNCES,
     END_COLLISIONS,
-    END_NO_MORE,
+    END_NO_MORE_COLLISIONS,
     END_TIME,
     LOG_FULL,
-    MEETS_BALL,
     NEVER,
-    NO_WALL,
-    NOTHING,
     RUNNING,
-    World,
 )
 
 
@@ -172,7 +169,7 @@ def _event(world: World) -> int:
     ball = world.tree[1]
     meeting = world.meetings[ball]
     if meeting.kind == NOTHING or meeting.t > settings.stop_time:
-        return END_TIME if settings.stop_time < NEVER else END_NO_MORE
+        return END_TIME if settings.stop_time < NEVER else END_NO_MORE_COLLISIONS
     step = time_between(meeting.t, meeting.t_low, clock.t, clock.t_low)
     clock.t = meeting.t
     clock.t_low = meeting.t_low

@@ -19,7 +19,7 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.table.impacts import impulses_for, set_weights
-from vibro_cli.kernels.table.world import CONIC, RUNNING, BounceRow, World
+from vibro_cli.kernels.table.world import CONIC, BounceRow, World
 from vibro_cli.kernels.tangent.frame import (
     Tangents,
     begin_frame,
@@ -29,6 +29,7 @@ from vibro_cli.kernels.tangent.frame import (
     tell_nothing,
     tell_smooth,
 )
+from vibro_cli.kernels.world import RUNNING
 
 NUMBERS = 4  # of the state of a ball: x, y, tau vx, tau vy
 

@@ -18,17 +18,8 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import (
     difference_of_products,
 )
-from vibro_cli.kernels.table.world import (
-    CONIC,
-    MEETS_WALL,
-    NEVER,
-    Ball,
-    Edge,
-    Meeting,
-    WallData,
-    World,
-)
-from vibro_cli.kernels.world import BodyData
+from vibro_cli.kernels.table.world import CONIC, MEETS_WALL, Ball, Edge, Meeting, WallData, World
+from vibro_cli.kernels.world import NEVER, BodyData
 
 EPSILON = 2.0**-52
 MOST_STEPS = 200

@@ -11,23 +11,15 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.springs.loop import MOST_STEPS, advance
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
-    END_INTERRUPTED,
-    END_NAMES,
-    END_QUIET,
-    END_TIME,
-    LOG_FULL,
-    LOGS,
-    NEVER,
-    RECORDS,
     ROW,
-    STATE,
     Clock,
     Settings,
     SpringBody,
     SpringPair,
     World,
 )
-from vibro_cli.systems.driver import EventLoop
+from vibro_cli.kernels.world import END_QUIET, NEVER
+from vibro_cli.systems.driver import EventLoop, records_of
 from vibro_cli.systems.rows import ImpactSystem, body_record, touching_distance
 from vibro_cli.systems.wanted import UNLIMITED
 
@@ -109,13 +101,9 @@ def separatrix_speed(spring: Spring, frequency: float, displacement: float) -> f
 
 LOOP = EventLoop(
     advance=advance,
-    records=RECORDS,
-    logs=LOGS,
-    state=STATE,
-    end_names=END_NAMES,
-    end_time=END_TIME,
-    end_interrupted=END_INTERRUPTED,
-    log_full=LOG_FULL,
+    records=records_of(World),
+    logs={"impacts": "impact_rows", "states": "state_rows"},
+    state=("clock", "springs", "pairs"),
     rows_of_event=8,
     quiet_cause=(END_QUIET, f"{MOST_STEPS:,} steps"),
     finishes=True,

@@ -11,14 +11,6 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.table.loop import advance
 from vibro_cli.kernels.table.world import (
     CONIC,
-    END_INTERRUPTED,
-    END_NAMES,
-    END_TIME,
-    LOG_FULL,
-    LOGS,
-    NEVER,
-    RECORDS,
-    STATE,
     Ball,
     Clock,
     Edge,
@@ -32,8 +24,8 @@ from vibro_cli.kernels.table.world import (
 from vibro_cli.kernels.table.world import (
     POLYGON as POLYGON_KIND,
 )
-from vibro_cli.kernels.world import BodyData
-from vibro_cli.systems.driver import EventLoop
+from vibro_cli.kernels.world import NEVER, BodyData
+from vibro_cli.systems.driver import EventLoop, records_of
 from vibro_cli.systems.rows import ImpactSystem, body_record
 from vibro_cli.systems.wanted import UNLIMITED
 
@@ -94,13 +86,9 @@ BEYOND = 1.0e-9
 
 LOOP = EventLoop(
     advance=advance,
-    records=RECORDS,
-    logs=LOGS,
-    state=STATE,
-    end_names=END_NAMES,
-    end_time=END_TIME,
-    end_interrupted=END_INTERRUPTED,
-    log_full=LOG_FULL,
+    records=records_of(World),
+    logs={"pair_log": "pair_rows", "bounce_log": "bounce_rows"},
+    state=("clock", "balls", "meetings"),  # the tournament follows from them
     rows_of_event=8,
 )
 
