@@ -30,6 +30,7 @@ from vibro_cli.kernels.springs.series import (
     gap_of,
     is_in_contact,
     log_states,
+    mass_of_group,
     renew_energies,
 )
 from vibro_cli.kernels.springs.world import (
@@ -74,7 +75,7 @@ def collide_approaching(world: World) -> int:
 
     Returns COLLIDED, RUNNING if no pair approaches, or the end that an impact brings.
     """
-    last = world.settings[0].bodies - 1
+    last = len(world.bodies) - 1
     for pair in range(last):
         closing = is_in_contact(world, pair) and approach_of(world, pair) > 0.0
         world.pairs[pair].closing = 1 if closing else 0
@@ -101,7 +102,7 @@ def touches_no_other(world: World, pair: int) -> bool:
     """Whether the bodies of a pair touch no other ones."""
     if pair > 0 and is_in_contact(world, pair - 1):
         return False
-    return pair + 2 >= world.settings[0].bodies or not is_in_contact(world, pair + 1)
+    return pair + 2 >= len(world.bodies) or not is_in_contact(world, pair + 1)
 
 
 @kernel
@@ -179,7 +180,7 @@ def _impulses(world: World, start: int, count: int, law: int) -> bool:
         state = world.pairs[row.pair]
         set_chain_row(world, row.pair, law, first, count)
         state.right = (1.0 + state.restitution) * approach_before(world, row, law)
-    solve_from_both_ends(world.pairs, world.settings[0].bodies - 1, first, count)
+    solve_from_both_ends(world.pairs, len(world.bodies) - 1, first, count)
     for number in range(start, start + count):
         row = world.impacts[number]
         row.law = law
@@ -333,7 +334,7 @@ def _apply_plastic(world: World, row: ImpactRow) -> None:
 def settle_contacts(world: World) -> None:
     """Decide which pairs stay in contact, then carry it out, with each call for one pair."""
     clock = world.clock[0]
-    last = world.settings[0].bodies - 1
+    last = len(world.bodies) - 1
     if clock.unsettled == DECISION:
         for pair in range(last):
             _propose(world, pair)
@@ -390,7 +391,7 @@ def _press(world: World) -> bool:
     (Chandrasekaran's method for a matrix with no positive element beside its diagonal).
     """
     found = False
-    bodies = world.settings[0].bodies
+    bodies = len(world.bodies)
     first = 0
     count = _staying(world, 0)
     left = common_acceleration(world, first, count)
@@ -410,8 +411,7 @@ def _press(world: World) -> bool:
 def _staying(world: World, first: int) -> int:
     """How many bodies from one on stay together."""
     count = 1
-    bodies = world.settings[0].bodies
-    while first + count < bodies and world.pairs[first + count - 1].stays == STAYS:
+    while first + count < len(world.bodies) and world.pairs[first + count - 1].stays == STAYS:
         count += 1
     return count
 
@@ -420,11 +420,9 @@ def _staying(world: World, first: int) -> int:
 def common_acceleration(world: World, first: int, count: int) -> float:
     """Return the acceleration (m/s^2) of bodies that move as one."""
     force = 0.0
-    mass = 0.0
     for body in range(first, first + count):
         force += world.bodies[body].rolling_mass * acceleration_of(world.springs[body])
-        mass += world.bodies[body].rolling_mass
-    return force / mass
+    return force / mass_of_group(world, first, count)
 
 
 @kernel
@@ -434,7 +432,9 @@ def _close(world: World, pair: int) -> None:
     lasting = 0.0
     if state.needed > 0.0:
         lasting = NEARLY_OVER / frequency(world, pair)
-    _note_closing(world, pair)
+    number = _last_impact(world, pair, pair + 1)
+    if number >= 0:
+        world.impacts[number].contact = 1
     hold(world, pair, lasting)
 
 
@@ -443,7 +443,7 @@ def _equalise_all(world: World) -> bool:
     """Give all bodies that stay together one speed; whether that changed any."""
     changed = False
     first = 0
-    bodies = world.settings[0].bodies
+    bodies = len(world.bodies)
     while first < bodies:
         end = first
         same = True
@@ -451,7 +451,13 @@ def _equalise_all(world: World) -> bool:
             end += 1
             same = same and world.springs[end].v == world.springs[first].v
         if not same:
-            _account(world, first, end, _equalise(world, first, end))
+            loss = _equalise(world, first, end)
+            number = _last_impact(world, first, end)
+            if number >= 0:
+                world.impacts[number].loss += loss
+                world.clock[0].lost += loss
+            else:
+                world.clock[0].energy_correction += abs(loss)
             changed = True
         first = end + 1
     return changed
@@ -478,37 +484,16 @@ def _equalise(world: World, first: int, end: int) -> float:
 
 
 @kernel
-def _account(world: World, first: int, end: int, loss: float) -> None:
-    """Add what one speed took to the last impact of these bodies, if it is of this instant."""
+def _last_impact(world: World, first: int, end: int) -> int:
+    """Row of the last impact of this instant of bodies ``first`` to ``end``, or -1."""
     clock = world.clock[0]
-    number = clock.impact_rows - 1
-    while number >= 0 and _is_now(world, number):
+    for number in range(clock.impact_rows - 1, -1, -1):
         row = world.impacts[number]
+        if row.t != clock.t or row.t_low != clock.t_low:
+            break
         if first <= row.pair < end:
-            row.loss += loss
-            clock.lost += loss
-            return
-        number -= 1
-    clock.energy_correction += abs(loss)
-
-
-@kernel
-def _note_closing(world: World, pair: int) -> None:
-    """Mark the last impact of a pair, if it is of this instant, as the beginning of contact."""
-    number = world.clock[0].impact_rows - 1
-    while number >= 0 and _is_now(world, number):
-        row = world.impacts[number]
-        if row.pair == pair:
-            row.contact = 1
-            return
-        number -= 1
-
-
-@kernel
-def _is_now(world: World, number: int) -> bool:
-    """Whether an impact is one of the present instant."""
-    row = world.impacts[number]
-    return row.t == world.clock[0].t and row.t_low == world.clock[0].t_low
+            return number
+    return -1
 
 
 @kernel
@@ -529,7 +514,7 @@ def open_contact(world: World, pair: int) -> None:
 @kernel
 def touches_at_start(world: World) -> None:
     """Note the pairs that start in contact, as far as rounding can tell."""
-    for pair in range(world.settings[0].bodies - 1):
+    for pair in range(len(world.bodies) - 1):
         one = world.springs[pair]
         other = world.springs[pair + 1]
         size = abs(one.foot + one.x) + abs(other.foot + other.x) + world.pairs[pair].touch

@@ -46,7 +46,7 @@ def first_event(world: World, step: float) -> tuple[float, int]:
     """Return when (s from now) within a step the first pair meets or parts, and which; else -1."""
     best = NEVER
     found = -1
-    for pair in range(world.settings[0].bodies - 1):
+    for pair in range(len(world.bodies) - 1):
         if world.pairs[pair].held == 1:
             time = _opening(world, pair, step)
         else:
@@ -100,7 +100,7 @@ def _opening(world: World, pair: int, step: float) -> float:
 @kernel
 def forget(world: World) -> None:
     """Time has passed: what was known of gaps at its start no longer holds."""
-    for pair in range(world.settings[0].bodies - 1):
+    for pair in range(len(world.bodies) - 1):
         if world.pairs[pair].held == 0:
             world.pairs[pair].known = FREE
 
@@ -140,7 +140,7 @@ def _run(world: World) -> int:
         # The rows of one instant are wanted together, as long as there is room for them at all.
         room = settings.room
         if clock.unsettled != SETTLED:
-            room = 2 * (settings.room - settings.bodies)
+            room = 2 * (settings.room - len(world.bodies))
         if clock.impact_rows >= room or clock.state_rows >= room:
             return LOG_FULL
         if clock.work >= 2 * settings.room:  # to be compiled if it comes back often
@@ -227,7 +227,7 @@ def _finish(world: World) -> int:
 @kernel
 def never_meet(world: World) -> bool:
     """Whether the energies keep all neighbours apart for ever; groups in contact may still part."""
-    for pair in range(world.settings[0].bodies - 1):
+    for pair in range(len(world.bodies) - 1):
         if world.pairs[pair].held == 1:
             return False
         one = world.springs[pair]

@@ -96,7 +96,6 @@ class Settings:
     stop_time: float
     stop_collisions: int
     room: int
-    bodies: int
     finishing: int  # 1: only go on from the last step to the stop
 
 

@@ -30,8 +30,8 @@ from vibro_cli.kernels.impact.laws import (
     loss_of_impulse,
     weight_and_response,
 )
-from vibro_cli.kernels.numerics.double_double import pair_plus, pair_times, time_between
-from vibro_cli.kernels.table.walls import EPSILON, RESOLVED, touching_distance
+from vibro_cli.kernels.numerics.double_double import pair_plus, pair_times
+from vibro_cli.kernels.table.walls import EPSILON, RESOLVED, present_place, touching_distance
 from vibro_cli.kernels.table.world import CONIC, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING, BodyData
 
@@ -47,9 +47,7 @@ def bring(world: World, ball: int) -> None:
     """Move a ball to the present instant."""
     clock = world.clock[0]
     state = world.balls[ball]
-    past = time_between(clock.t, clock.t_low, state.t, state.t_low)
-    state.x += state.vx * past
-    state.y += state.vy * past
+    state.x, state.y = present_place(world, ball)
     state.t = clock.t
     state.t_low = clock.t_low
 
@@ -275,15 +273,10 @@ def find_group(world: World, a: int, b: int) -> int:
 @kernel
 def are_touching(world: World, a: int, b: int) -> bool:
     """Whether two balls touch at this instant, but for the rounding of their places."""
-    clock = world.clock[0]
-    one = world.balls[a]
-    other = world.balls[b]
-    past_one = time_between(clock.t, clock.t_low, one.t, one.t_low)
-    past_other = time_between(clock.t, clock.t_low, other.t, other.t_low)
-    x = one.x + one.vx * past_one
-    y = one.y + one.vy * past_one
-    dx = (other.x + other.vx * past_other) - x
-    dy = (other.y + other.vy * past_other) - y
+    x, y = present_place(world, a)
+    other_x, other_y = present_place(world, b)
+    dx = other_x - x
+    dy = other_y - y
     distance = touching_distance(world, a, b)
     size = abs(x) + abs(y) + abs(dx) + abs(dy) + distance
     return dx * dx + dy * dy <= distance * (distance + 2.0 * TOUCHING * size)

@@ -10,8 +10,14 @@ from __future__ import annotations
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.table.impacts import bounce, collide, collide_jointly, find_group
-from vibro_cli.kernels.table.walls import RESOLVED, meet_wall, time_to_distance, touching_distance
-from vibro_cli.kernels.table.world import MEETS_BALL, NO_WALL, NOTHING, World
+from vibro_cli.kernels.table.walls import (
+    RESOLVED,
+    meet_wall,
+    present_place,
+    time_to_distance,
+    touching_distance,
+)
+from vibro_cli.kernels.table.world import MEETS_BALL, MEETS_WALL, NO_WALL, NOTHING, World
 from vibro_cli.kernels.world import (
     END_ACCUMULATION,
     END_BOUNCES,
@@ -30,31 +36,26 @@ def time_to_pair(world: World, a: int, b: int) -> float:
 
     They touch at the horizontal distance ``2 sqrt(r_a r_b)`` of their centres (C, part 1).
     """
-    clock = world.clock[0]
     one = world.balls[a]
     other = world.balls[b]
-    past_one = time_between(clock.t, clock.t_low, one.t, one.t_low)
-    past_other = time_between(clock.t, clock.t_low, other.t, other.t_low)
-    dx = (other.x + other.vx * past_other) - (one.x + one.vx * past_one)
-    dy = (other.y + other.vy * past_other) - (one.y + one.vy * past_one)
+    x, y = present_place(world, a)
+    other_x, other_y = present_place(world, b)
     distance = touching_distance(world, a, b)
     rounding = RESOLVED * (abs(one.vx) + abs(one.vy) + abs(other.vx) + abs(other.vy))
+    dx = other_x - x
+    dy = other_y - y
     return time_to_distance(dx, dy, other.vx - one.vx, other.vy - one.vy, distance, rounding)
 
 
 @kernel
 def search_row(world: World, ball: int) -> None:
     """Find what a ball meets next of the wall and of the balls after it."""
-    clock = world.clock[0]
-    state = world.balls[ball]
     row = world.meetings[ball]
-    row.kind = NOTHING
     best = NEVER
     if world.wall[0].kind != NO_WALL:
-        past = time_between(clock.t, clock.t_low, state.t, state.t_low)
-        x = state.x + state.vx * past
-        y = state.y + state.vy * past
-        best = meet_wall(world, world.bodies[ball], state, x, y, row)
+        x, y = present_place(world, ball)
+        row.kind = MEETS_WALL
+        best = meet_wall(world, world.bodies[ball], world.balls[ball], x, y, row)
     for other in range(ball + 1, len(world.balls)):
         time = time_to_pair(world, ball, other)
         if time < best:
@@ -111,7 +112,7 @@ def sooner(world: World, one: int, other: int) -> int:
 @kernel
 def _play(world: World, ball: int) -> None:
     """Play the matches of one ball again, up to the root."""
-    leaves = world.settings[0].leaves
+    leaves = len(world.tree)
     node = (leaves + ball) // 2
     while node >= 1:
         left = 2 * node

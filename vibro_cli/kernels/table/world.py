@@ -135,7 +135,6 @@ class Settings:
     stop_collisions: int
     stop_bounces: int
     room: int
-    leaves: int  # of the tournament
 
 
 @struct
@@ -205,7 +204,7 @@ class World(NamedTuple):
     bodies: Sequence[BodyData]
     balls: Sequence[Ball]
     meetings: Sequence[Meeting]
-    tree: list[int]  # tournament of the balls' meetings: the winner of each match, root at 1
+    tree: list[int]  # tournament of the meetings: winners of matches, root at 1; one for each leaf
     touches: Sequence[Touch]
     shares: Sequence[Share]
     group: list[int]  # balls that touch one another now

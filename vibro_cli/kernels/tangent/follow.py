@@ -21,7 +21,6 @@ when and how; impacts are in their own log. No other part of the solver knows of
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel
@@ -40,9 +39,14 @@ from vibro_cli.kernels.tangent.flight_jacobian import flight_jacobian
 from vibro_cli.kernels.tangent.frame import (
     Tangents,
     begin_frame,
-    growth_of_pair,
+    carry_vectors,
+    change_force,
     orthogonalise,
     scaled_back,
+    tell_event,
+    tell_growth,
+    tell_nothing,
+    tell_smooth,
 )
 from vibro_cli.kernels.world import (
     COLLISION,
@@ -259,14 +263,8 @@ def follow_tangents(
         count = _rows_of_event(world, tangents, row, rows)
         impact = _happen(world, tangents, row, count, impact, scratch)
         row += count
-    while impact < world.clock[0].impact_rows:
-        # Nothing goes on from an impact that is not carried out.
-        if len(tangents.product) > 0:
-            tangents.amplification[0, impact] = math.nan
-        tangents.smooth[0, impact] = 0
-        for column in range(len(tangents.frame)):
-            tangents.growth[impact, column] = tangents.sums[0, column]
-        impact += 1
+    for number in range(impact, world.clock[0].impact_rows):
+        tell_nothing(tangents, number)
     if cause != RUNNING:
         for ball in range(world.settings[0].bodies):
             _carry(world, tangents, ball, end_t, end_t_low, scratch)
@@ -365,18 +363,11 @@ def _carry(
     number = tangents.current[0, ball]
     row = world.log[number]
     flight = scratch[0]
-    tau = tangents.state[0].time_scale
     age = time_between(t, t_low, row.t, row.t_low)
     recall_flight(world, row, number, flight)
     if age > 0.0 and not leans(world, number, flight):
         one, two, three, four = flight_jacobian(flight, age, tangents.series)
-        two /= tau
-        three *= tau
-        for column in range(len(tangents.frame)):
-            way = tangents.frame[2 * ball, column]
-            rate = tangents.frame[2 * ball + 1, column]
-            tangents.frame[2 * ball, column] = one * way + two * rate
-            tangents.frame[2 * ball + 1, column] = three * way + four * rate
+        carry_vectors(tangents, ball, one, two, three, four)
 
 
 @kernel
@@ -447,10 +438,7 @@ def _change_force(world: World, tangents: Tangents, number: int, flight: Flight)
     track = world.tracks[row.body * world.settings[0].pieces + row.piece]
     recall_flight(world, row, number, flight)
     pull = acceleration_at(flight, track.path_radius, 0.0, row.s, row.c)
-    jump = (pull - tangents.arriving[row.body, 1]) * tangents.state[0].time_scale
-    if jump != 0.0:
-        for column in range(len(tangents.frame)):
-            tangents.frame[2 * row.body + 1, column] -= jump * tangents.delay[0, column]
+    change_force(tangents, row.body, pull - tangents.arriving[row.body, 1])
 
 
 @kernel
@@ -569,7 +557,6 @@ def _ratio(world: World, tangents: Tangents, a: int, b: int) -> float:
 @kernel
 def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
     """Fill in what the impacts of an event have made of a change of the start."""
-    state = tangents.state[0]
     if len(tangents.times) > begin:
         for column in range(len(tangents.frame)):
             value = 0.0
@@ -577,13 +564,10 @@ def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
                 value += tangents.delay[0, other] * tangents.product[other, column]
             for impact in range(begin, end):
                 tangents.times[impact, column] = scaled_back(tangents, value)
-    orthogonalise(tangents)
+    tell_event(tangents, begin, end - begin)
     for impact in range(begin, end):
         row = world.impacts[impact]
-        for column in range(len(tangents.frame)):
-            tangents.growth[impact, column] = tangents.sums[0, column]
-        if len(tangents.product) > 0:
-            tangents.amplification[0, impact] = growth_of_pair(tangents, row.a, row.b, 2)
-        rough = state.rough == 1 or end > begin + 1 or row.simultaneous == 1 or row.contact == 1
-        tangents.smooth[0, impact] = 0 if rough else 1
-    state.rough = 0
+        tell_growth(tangents, impact, row.a, row.b, 2)
+        fine = end == begin + 1 and row.simultaneous == 0 and row.contact == 0
+        tell_smooth(tangents, impact, 1, fine)
+    tangents.state[0].rough = 0

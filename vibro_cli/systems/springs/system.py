@@ -120,7 +120,6 @@ def make_world(
     settings.substitute = 1 if system.inadmissible == "normal-impulse" else 0
     settings.stop_time = NEVER if stop_time is None else stop_time
     settings.stop_collisions = UNLIMITED if stop_collisions is None else stop_collisions
-    settings.bodies = count
     return World(
         clock=[Clock()],
         settings=[settings],

@@ -110,7 +110,6 @@ def make_world(
     leaves = 2
     while leaves < len(system.bodies):
         leaves *= 2
-    settings.leaves = leaves
     wall = WallData()
     edges: list[Edge] = []
     if system.wall is not None:
