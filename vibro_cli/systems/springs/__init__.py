@@ -65,7 +65,7 @@ class BodiesOnSprings(System):
     def world(self, system: Any, limits: Limits) -> Any:
         from vibro_cli.systems.springs.system import make_world
 
-        return make_world(system, limits.time, limits.collisions)
+        return make_world(system, limits)
 
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.systems.columns import converging, with_growth

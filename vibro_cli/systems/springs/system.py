@@ -21,7 +21,7 @@ from vibro_cli.kernels.springs.world import (
 from vibro_cli.kernels.world import END_QUIET, NEVER
 from vibro_cli.systems.driver import EventLoop, records_of
 from vibro_cli.systems.rows import ImpactSystem, body_record, touching_distance
-from vibro_cli.systems.wanted import UNLIMITED
+from vibro_cli.systems.wanted import UNLIMITED, Limits
 
 
 @dataclass(frozen=True)
@@ -110,16 +110,14 @@ LOOP = EventLoop(
 )
 
 
-def make_world(
-    system: SpringsSystem, stop_time: float | None = None, stop_collisions: int | None = None
-) -> World:
+def make_world(system: SpringsSystem, limits: Limits) -> World:
     """Return the records of a system at the start, with empty logs."""
     count = len(system.bodies)
     settings = Settings()
     settings.law = LAW_NAMES.index(system.law)
     settings.substitute = 1 if system.inadmissible == "normal-impulse" else 0
-    settings.stop_time = NEVER if stop_time is None else stop_time
-    settings.stop_collisions = UNLIMITED if stop_collisions is None else stop_collisions
+    settings.stop_time = NEVER if limits.time is None else limits.time
+    settings.stop_collisions = UNLIMITED if limits.collisions is None else limits.collisions
     return World(
         clock=[Clock()],
         settings=[settings],

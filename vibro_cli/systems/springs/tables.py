@@ -40,6 +40,7 @@ from vibro_cli.systems.columns import (
 from vibro_cli.systems.driver import compiled_world
 from vibro_cli.systems.rows import Bodies, PairRows, bodies_at, events_until, record_array
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
+from vibro_cli.systems.wanted import Limits
 
 _ENERGY = "kinetic energy and energy of the spring"
 _OMEGA = "angular velocity of rolling (null for a particle, which slides)"
@@ -285,7 +286,7 @@ class Motion:
 
     def _sampled(self, samples: Any) -> Any:
         """The states at some instants, those of one instant together."""
-        world, bodies = make_world(self._system), len(self._system.bodies)
+        world, bodies = make_world(self._system, Limits()), len(self._system.bodies)
         if self._engine == "compiled":
             found = np.zeros(len(samples) * bodies, dtype=dtype(Found))
             arrays = compiled_world(LOOP, world)._replace(states=self._log)

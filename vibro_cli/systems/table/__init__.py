@@ -70,7 +70,7 @@ class BallsOnTable(System):
     def world(self, system: Any, limits: Limits) -> Any:
         from vibro_cli.systems.table.system import make_world
 
-        return make_world(system, limits.time, limits.collisions, limits.bounces)
+        return make_world(system, limits)
 
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.systems.columns import converging, with_growth

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
@@ -30,6 +29,7 @@ from vibro_cli.figures.runs.velocities import (
     NORMAL,
     ROLLING,
     arrow,
+    draw_disc,
     draw_scale,
     panel_size,
     sheet,
@@ -200,7 +200,7 @@ def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
     for ball, side in zip(one.balls, (1.0, -1.0), strict=False):
         colour = str(body_look(ball.number)["color"])
         velocity = ball.velocity[when]
-        _draw_ball(axes, ball, colour)
+        draw_disc(axes, ball.centre, ball.radius, colour, 0.16)
         drawn += _draw_motion(axes, one, ball, when, largest, fastest, float(spinning))
         component = float(velocity @ one.normal) * one.normal * (_LONGEST * largest / fastest)
         offset = side * _APART * largest * across
@@ -214,14 +214,6 @@ def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
 def _line(middle: Array, along: Array, reach: float) -> Array:
     ends: Array = np.transpose([middle - reach * along, middle + reach * along])
     return ends
-
-
-def _draw_ball(axes: Axes, ball: Arriving, colour: str) -> None:
-    look: dict[str, Any] = {"facecolor": colour, "alpha": 0.16, "edgecolor": "none"}
-    axes.add_patch(Circle(_pair(ball.centre), ball.radius, zorder=1.8, **look))
-    edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}
-    axes.add_patch(Circle(_pair(ball.centre), ball.radius, zorder=2.1, **edge))
-    axes.plot(*ball.centre, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
 
 
 def _draw_motion(
