@@ -21,6 +21,7 @@ from vibro_cli.kernels.springs.world import (
     FORCE,
     FREE,
     IMPACTS,
+    NEVER,
     ORDER,
     PARTING,
     PLACE,
@@ -36,7 +37,6 @@ from vibro_cli.kernels.world import (
     END_QUIET,
     END_TIME,
     LOG_FULL,
-    NEVER,
     RUNNING,
 )
 

@@ -24,6 +24,7 @@ from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
     FORCE,
     LENGTH,
+    NEVER,
     ORDER,
     PARTING,
     PLACE,
@@ -31,7 +32,6 @@ from vibro_cli.kernels.springs.world import (
     SpringBody,
     World,
 )
-from vibro_cli.kernels.world import NEVER
 
 # q: 0.2^25 0.5 = 1.7e-18 of the spring's length.
 STEP = 0.2

@@ -17,7 +17,7 @@ from vibro_cli.kernels.table.walls import (
     time_to_distance,
     touching_distance,
 )
-from vibro_cli.kernels.table.world import MEETS_BALL, MEETS_WALL, NO_WALL, NOTHING, World
+from vibro_cli.kernels.table.world import MEETS_BALL, MEETS_WALL, NEVER, NO_WALL, NOTHING, World
 from vibro_cli.kernels.world import (
     END_ACCUMULATION,
     END_BOUNCES,
@@ -25,7 +25,6 @@ from vibro_cli.kernels.world import (
     END_NO_MORE_COLLISIONS,
     END_TIME,
     LOG_FULL,
-    NEVER,
     RUNNING,
 )
 

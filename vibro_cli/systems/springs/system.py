@@ -11,6 +11,7 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.springs.loop import MOST_STEPS, advance
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
+    NEVER,
     ROW,
     Clock,
     Settings,
@@ -18,7 +19,7 @@ from vibro_cli.kernels.springs.world import (
     SpringPair,
     World,
 )
-from vibro_cli.kernels.world import END_QUIET, NEVER
+from vibro_cli.kernels.world import END_QUIET
 from vibro_cli.systems.driver import EventLoop, records_of
 from vibro_cli.systems.rows import ImpactSystem, body_record, touching_distance
 from vibro_cli.systems.wanted import UNLIMITED, Limits

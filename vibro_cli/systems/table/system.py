@@ -12,6 +12,7 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.table.loop import advance
 from vibro_cli.kernels.table.world import (
     CONIC,
+    NEVER,
     Ball,
     Clock,
     Edge,
@@ -25,7 +26,6 @@ from vibro_cli.kernels.table.world import (
 from vibro_cli.kernels.table.world import (
     POLYGON as POLYGON_KIND,
 )
-from vibro_cli.kernels.world import NEVER
 from vibro_cli.systems.driver import EventLoop, records_of
 from vibro_cli.systems.rows import ImpactSystem, body_record
 from vibro_cli.systems.wanted import UNLIMITED, Limits
