@@ -188,18 +188,8 @@ def follow_bodies(
 ) -> None:
     """Carry tangent vectors through a part of a run.
 
-    Parameters
-    ----------
-    world
-        With the rows of the part in its logs, and the bodies as they were at the last event before
-        it; changed.
-    known
-        0 for the first part of a run.
-    cause, end_t, end_t_low
-        ``RUNNING``, or why and when (two doubles, s) the run ended: then all bodies are carried to
-        that instant.
-    tangents
-        Changed; its columns are filled in for the impacts of the log.
+    Arguments as of `kernels.tangent.follow.follow_tangents`, but 0 or 1 for ``known``; the
+    bodies are as they were at the last event before it.
     """
     clock = world.clock[0]
     if known == 0:

@@ -45,18 +45,9 @@ def follow_balls(
 ) -> None:
     """Carry tangent vectors through a part of a run.
 
-    Parameters
-    ----------
-    world
-        With the rows of the part in its logs, and in ``balls`` the times of their last events
-        before it; changed.
-    known
-        0 for the first part of a run.
-    cause, end_t, end_t_low
-        ``RUNNING``, or why and when (two doubles, s) the run ended: then all balls are carried to
-        that instant.
-    tangents
-        Changed; its columns are filled in for the impacts of both logs in order of their events.
+    Arguments as of `kernels.tangent.follow.follow_tangents`, but 0 or 1 for ``known``. In
+    ``world.balls`` are the times of their last events before it; the columns of
+    impacts are those of both logs in order of their events.
     """
     if known == 0:
         begin_frame(tangents)

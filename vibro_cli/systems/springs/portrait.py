@@ -81,16 +81,11 @@ class Motions:
         together: Flags = self.last > self.first
         return together
 
-    def some(self, every: int) -> Motions:
-        """Return one in n."""
-        x, v, x_end, v_end = (column[::every] for column in self.states)
-        return Motions(
-            self.first[::every],
-            self.last[::every],
-            self.start[::every],
-            self.end[::every],
-            (x, v, x_end, v_end),
-        )
+    def some(self, rows: Any) -> Motions:
+        """Return those in some rows: a slice or an array of truth values."""
+        x, v, x_end, v_end = (column[rows] for column in self.states)
+        start, end = self.start[rows], self.end[rows]
+        return Motions(self.first[rows], self.last[rows], start, end, (x, v, x_end, v_end))
 
 
 def motions(run: Run, body: int) -> Motions:
@@ -154,13 +149,7 @@ def _finished(run: Run, body: int, found: Motions) -> Motions:
         x_end[-1], v_end[-1] = final["displacement"][body], final["speed"][body]
     kept = found.end > found.start
     kept[0] = True
-    return Motions(
-        found.first[kept],
-        found.last[kept],
-        found.start[kept],
-        found.end[kept],
-        (x[kept], v[kept], x_end[kept], v_end[kept]),
-    )
+    return found.some(kept)
 
 
 def springs_trajectory(run: Run, ball: int) -> Trajectory:
@@ -172,7 +161,7 @@ def springs_trajectory(run: Run, ball: int) -> Trajectory:
     body = ball - 1
     all_of = motions(run, body)
     every = max(1, math.ceil(len(all_of.start) / MOST_BRANCHES))
-    shown = all_of.some(every)
+    shown = all_of.some(slice(None, None, every))
     count = points_each(len(shown.start))
     place, speed = (np.empty((len(shown.start), count)) for _ in range(2))
     for group in set(zip(shown.first.tolist(), shown.last.tolist(), strict=True)):
