@@ -102,6 +102,7 @@ def _joined(one: Kind, other: Kind) -> Kind | None:
     return None
 
 
+@cache
 def annotated(text: str, module: str) -> Any:
     """Return the type that an annotation in a module means; None if it means none."""
     return _meant(ast.parse(text, mode="eval").body, module)
@@ -138,6 +139,7 @@ def _of_value(value: Any) -> Any:
     return None
 
 
+@cache
 def fields_of(world: type) -> dict[str, Any]:
     """Return the types of the arrays of a named tuple, by name."""
     return {
