@@ -157,6 +157,13 @@ template <int count>
 static inline bool any_lane(Mask<count> mask) {
   auto any = mask.part[0];
   for (int at = 1; at < mask.parts; at++) any |= mask.part[at];
+#ifdef __AVX512F__
+  if constexpr (sizeof any == 64) {
+    uint8_t set;
+    __asm__("vptestmq %1, %1, %0" : "=k"(set) : "v"(any));
+    return set != 0;
+  }
+#endif
   int64_t bits = 0;
   for (int lane = 0; lane < mask.width; lane++) bits |= any[lane];
   return bits != 0;
