@@ -275,9 +275,58 @@ def of_try(a: float) -> float:
         return 0.0
 
 
+@kernel
+def of_else(a: float) -> float:
+    while a > 1.0:
+        a *= 0.5
+    else:
+        a = 0.0
+    return a
+
+
+@kernel
+def of_several_results(rows: Sequence[Cell], a: float) -> float:
+    if a > 0.0:
+        return a
+    return rows[0]  # type: ignore[return-value]
+
+
+@kernel
+def of_fewer_names(a: float) -> float:
+    low, high, _ = _ordered(a, a)  # type: ignore[misc]
+    return low + high  # type: ignore[no-any-return]
+
+
+@kernel
+def of_no_elements(a: float) -> float:
+    return a[0]  # type: ignore[index,no-any-return]
+
+
+@kernel
+def of_shifts(i: int) -> int:
+    return i << 2
+
+
+@kernel
+def of_membership(a: float) -> bool:
+    return a in FACTORS
+
+
+@kernel
+def of_no_variable(a: float) -> float:
+    return a + ENTRIES  # type: ignore[operator]
+
+
 @pytest.mark.parametrize(
     ("function", "text"),
     [
+        (of_else, "no else of a loop"),
+        (of_several_results, "returns values of several types"),
+        (of_fewer_names, "expected a tuple of 3 values"),
+        (of_no_elements, "a has no elements"),
+        (of_shifts, "a kernel has no such operator"),
+        (of_membership, "a in FACTORS"),
+        (of_no_variable, "ENTRIES is no variable"),
         (of_no_type, "expected a type of numbers"),
         (of_text, "str is no kernel"),
         (of_list, "a kernel has no list"),

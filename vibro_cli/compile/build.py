@@ -116,12 +116,12 @@ def build(
         If a kernel uses what the subset does not have.
     """
     command = compiler()
-    texts = {program.name: program.source() for program in programs}
     with _work_folder(folder) as work:
         shutil.copy(PRELUDE, work)
-        for program, text in texts.items():
-            (work / f"{program}.cpp").write_text(text)
-        made = _compiled(command, more_flags, list(texts), levels, work)
+        for program in programs:
+            (work / f"{program.name}.cpp").write_text(program.source())
+        names = [program.name for program in programs]
+        made = _compiled(command, more_flags, names, levels, work)
         record = work / RECORD
         record.write_text(json.dumps(_record(levels), indent=1) + "\n")
         for path in (*made, record):

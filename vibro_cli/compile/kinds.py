@@ -203,10 +203,9 @@ def signature(kernel: Kernel) -> tuple[tuple[str, ...], tuple[Any, ...], Any]:
     return tuple(kinds), tuple(kinds.values()), returned
 
 
-def place_of(kernel: Kernel, line: int = 0) -> str:
-    """Return file and line of a kernel, or of a line in it."""
-    code = kernel.__code__
-    return f"{shown(code.co_filename)}:{code.co_firstlineno + line}"
+def place_of(kernel: Kernel) -> str:
+    """Return file and line of a kernel."""
+    return f"{shown(kernel.__code__.co_filename)}:{kernel.__code__.co_firstlineno}"
 
 
 def shown(path: str) -> str:

@@ -310,6 +310,8 @@ class Function:
             write = getattr(self, f"_write_{type(statement).__name__}", None)
             if write is None:
                 self._fail(statement, f"a kernel has no {_words(statement)}")
+            if isinstance(statement, (ast.For, ast.While)) and statement.orelse:
+                self._fail(statement, "a kernel has no else of a loop")
             self._lines.append(self._line_of(statement))
             write(statement)
 
@@ -351,15 +353,13 @@ class Function:
             self._inner("else", statement.orelse)
 
     def _write_While(self, statement: ast.While) -> None:
-        if statement.orelse:
-            self._fail(statement, "a kernel has no else of a loop")
         self._inner(f"while ({self._condition(statement.test)})", statement.body)
 
     def _write_For(self, statement: ast.For) -> None:
         steps: Any = statement.iter
         is_range = isinstance(steps, ast.Call) and ast.unparse(steps.func) == "range"
-        if not is_range or not isinstance(statement.target, ast.Name) or statement.orelse:
-            self._fail(statement, "expected `for name in range(...)`, without else")
+        if not is_range or not isinstance(statement.target, ast.Name):
+            self._fail(statement, "expected `for name in range(...)`")
         bounds = [self._cast(self._value(one), t.INT, one) for one in steps.args]
         low, high, step = (("0", *bounds, "1") if len(bounds) == 1 else (*bounds, "1"))[:3]
         name = self._declare(statement.target, statement.target.id, t.INT)
