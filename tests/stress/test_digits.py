@@ -12,7 +12,7 @@ import pytest
 from vibro_cli.stress import digits
 from vibro_cli.stress.finding import Document
 from vibro_cli.stress.oracles.oracle import Told
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
 from vibro_cli.systems.run import Run
 

@@ -19,8 +19,7 @@ from vibro_cli.stress.oracles.motion import (
     without_leading_zeros,
 )
 from vibro_cli.stress.oracles.oracle import Oracle, Told
-from vibro_cli.stress.oracles.scene import Scene, scene_of_system
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import ball, scene, system_of
 
 pytestmark = pytest.mark.long

@@ -234,8 +234,15 @@ def stress(
 def _run_suite(wishes: _StressOptions) -> int:
     from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.stress.finding import Plan
-    from vibro_cli.stress.oracles.fifty_digits import MissingLibrary
-    from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run, write
+    from vibro_cli.stress.suite import (
+        NAMES,
+        MissingLibrary,
+        check_stress_folder,
+        line_of,
+        record_of,
+        run,
+        write,
+    )
 
     unknown = sorted(set(wishes.only) - set(NAMES))
     if unknown:

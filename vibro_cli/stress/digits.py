@@ -33,8 +33,9 @@ from vibro_cli.stress.left_open import (
     untold,
 )
 from vibro_cli.stress.oracles.oracle import Oracle, Told
-from vibro_cli.stress.oracles.scene import scene_of_system
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.oracles.reference_solver import happenings_of
+from vibro_cli.stress.oracles.scene import mp, scene_of_system
+from vibro_cli.stress.oracles.sensitivity import MOST_GROWTH, differences, error_of
 from vibro_cli.stress.physics import first_graze
 from vibro_cli.stress.scenes import GivenUp, Watched, system_of
 from vibro_cli.systems.run import Run
@@ -292,8 +293,6 @@ def _contacts_off(run: Run, told: Told, end: float, size: float, growth: _Growth
 
 
 MOST_IMPACTS = 3
-# Beyond it the rounding of the motion itself shows in its derivatives.
-MOST_GROWTH = 1.0e4
 
 
 def check_tangent(plan: Plan) -> list[Finding]:
@@ -338,17 +337,10 @@ def errors_of(system: TraceSystem, count: int) -> tuple[float, float]:
 
     Ways (m) and speeds, as the way in the time scale of the system, are compared with one another.
     """
-    from vibro_cli.stress.oracles.reference_solver import happenings_of
-    from vibro_cli.stress.oracles.sensitivity import differences
-
     told = happenings_of(simulate_system(system, None, count))
     found = follow_system(system, None, count)
     matrix, times = differences(scene_of_system(system), told, found.end_time)
     scale = np.tile([1.0, float(time_scale(system))], len(system.bodies))
     matrices = [one * scale[:, None] / scale[None, :] for one in (found.matrix, matrix)]
     instants = [one / scale for one in (found.times, times)]
-    return _error(*matrices), _error(*instants)
-
-
-def _error(found: np.ndarray, exact: np.ndarray) -> float:
-    return float(np.max(np.abs(found - exact)) / np.max(np.abs(exact)))
+    return error_of(*matrices), error_of(*instants)

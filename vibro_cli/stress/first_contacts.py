@@ -7,9 +7,10 @@ finds its events by changes of sign.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,9 +28,9 @@ from vibro_cli.stress.flights import (
     random_family,
     random_states,
     scenario_of_flight,
+    scene_of_flight,
 )
 from vibro_cli.stress.kernels import ANSWER_COLUMNS, find_first_contacts
-from vibro_cli.stress.oracles.fifty_digits import first_contact, multiprecision
 from vibro_cli.stress.oracles.interval_oracle import (
     BODY_A,
     BODY_B,
@@ -48,6 +49,8 @@ from vibro_cli.stress.oracles.interval_oracle import (
     UNDECIDED,
     judge_all,
 )  # fmt: skip
+from vibro_cli.stress.oracles.oracle import first_contact
+from vibro_cli.stress.oracles.scene import Scene, mp
 from vibro_cli.systems.trace.world import compiled_world, make_world
 
 TOLERANCES = (1.0e-9, 1.0e-12)
@@ -143,27 +146,35 @@ WORKERS = 2
 FLIGHTS_OF_A_FAMILY = 2500
 
 
+class Sample(NamedTuple):
+    """A flight with the instants (s) of its first contact; infinite if there is none."""
+
+    row: Any
+    """As the judge is told of it."""
+    scene: Scene
+    judged: float
+    solved: float
+
+
 @dataclass
 class Tally:
     """What became of many flights."""
 
     flights: int = 0
     contacts: int = 0
-    missed: int = 0
-    invented: int = 0
-    undecided: int = 0
-    agreed: int = 0
+    kinds: Counter[str] = field(default_factory=Counter)
+    """How many are missed, invented, undecided or agreed upon."""
     displacement: float = 0.0
     """Greatest distance (relative to the largest radius) by which a contact is displaced."""
     wrong: Document | None = None
     worst: Document | None = None
-    sample: list[tuple[Any, float, float]] = field(default_factory=list)
-    """Some flights: row for the judge, the judge's instant, the solver's (inf: none)."""
+    sample: list[Sample] = field(default_factory=list)
 
     def add(self, other: Tally) -> None:
         """Add what became of other flights."""
-        for name in ("flights", "contacts", "missed", "invented", "undecided"):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
+        self.flights += other.flights
+        self.contacts += other.contacts
+        self.kinds += other.kinds
         if other.displacement >= self.displacement:
             self.displacement, self.worst = other.displacement, other.worst or self.worst
         self.wrong = self.wrong or other.wrong
@@ -181,7 +192,7 @@ def compare(family: Family, states: States, keep: int) -> Tally:
     size = max(p.length if p.is_line else p.radius for p in family.pieces)
     for number, (answer, verdict) in enumerate(zip(answers, verdicts, strict=True)):
         kind, displacement = _classify(answer, verdict, size)
-        setattr(tally, kind, getattr(tally, kind) + 1)
+        tally.kinds[kind] += 1
         if kind in ("missed", "invented") and tally.wrong is None:
             tally.wrong = scenario_of_flight(family, states, number)
         if displacement > tally.displacement:
@@ -190,13 +201,14 @@ def compare(family: Family, states: States, keep: int) -> Tally:
     tally.contacts = int((verdicts[:, 0] == CONTACT).sum())
     for number in range(min(keep, len(rows))):
         true = verdicts[number, 2] if verdicts[number, 0] == CONTACT else np.inf
-        met = answers[number, kernels.MET] > 0.0
-        tally.sample.append((rows[number], true, answers[number, 1] if met else np.inf))
+        found = answers[number, kernels.T] if answers[number, kernels.MET] > 0.0 else np.inf
+        scene = scene_of_flight(family, states, number)
+        tally.sample.append(Sample(rows[number], scene, true, found))
     return tally
 
 
 def _classify(answer: Any, verdict: Any, size: float) -> tuple[str, float]:
-    """What became of one flight: a field of the tally, and by how much its contact is displaced."""
+    """What became of one flight: its kind, and by how much its contact is displaced."""
     met, instant = answer[kernels.MET] > 0.0, answer[kernels.T]
     status, low, high, speed = verdict
     horizon = answer[kernels.HORIZON]
@@ -245,7 +257,7 @@ def run_flights(seed: int, wanted: int, grazing: bool, keep: int) -> Tally:
 def check_contacts(plan: Plan) -> list[Finding]:
     """Missed and invented contacts on random and near-grazing flights."""
     findings: list[Finding] = []
-    hostile: list[tuple[Any, float, float]] = []
+    hostile: list[Sample] = []
     for name, grazing, wanted in (
         ("random flights", False, plan.amount(8_000, 1_000_000)),
         ("near-grazing flights (+-1e-13 R ... +-1e-2 R)", True, plan.amount(2_000, 100_000)),
@@ -254,42 +266,48 @@ def check_contacts(plan: Plan) -> list[Finding]:
         n = tally.flights
         tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
         findings += [
-            Finding("contacts", "missed first contacts", tried, n, tally.missed, 0.0, tally.wrong),
-            Finding("contacts", "invented contacts", tried, n, tally.invented, 0.0, tally.wrong),
-            Finding("contacts", "undecided by the judge", tried, n, tally.undecided, None),
+            Finding("contacts", quantity, tried, n, tally.kinds[kind], mark, scenario)
+            for kind, quantity, mark, scenario in (
+                ("missed", "missed first contacts", 0.0, tally.wrong),
+                ("invented", "invented contacts", 0.0, tally.wrong),
+                ("undecided", "undecided by the judge", None, None),
+            )
+        ]
+        findings.append(
             Finding(
                 "contacts", "displacement of a contact (R)", tried, n, tally.displacement,
                 DISPLACED, tally.worst,
-            ),
-        ]  # fmt: skip
+            )
+        )  # fmt: skip
         if grazing:
             hostile = tally.sample
     findings.append(_by_fifty_digits(hostile, plan))
     return findings + _by_scipy(hostile, plan)
 
 
-def _by_fifty_digits(sample: list[tuple[Any, float, float]], plan: Plan) -> Finding:
-    mp = multiprecision()
+def _by_fifty_digits(sample: list[Sample], plan: Plan) -> Finding:
     wrong, chosen = 0, _spread(sample, plan.amount(20, 1000))
-    for row, true, solved in chosen:
-        exact = first_contact(mp, row)
+    for one in chosen:
+        exact = first_contact(one.scene, mp.mpf(float(one.row[HORIZON])))
         instant = float("inf") if exact is None else float(exact)
-        agree = [instant == other or abs(instant - other) < 1.0e-6 for other in (true, solved)]
+        agree = [
+            instant == other or abs(instant - other) < 1.0e-6 for other in (one.judged, one.solved)
+        ]
         wrong += not all(agree)
     tried = "near-grazing flights, 50 digits against the judge and the solver"
     return Finding("contacts", "contacts decided otherwise", tried, len(chosen), wrong, 0.0)
 
 
-def _by_scipy(sample: list[tuple[Any, float, float]], plan: Plan) -> list[Finding]:
+def _by_scipy(sample: list[Sample], plan: Plan) -> list[Finding]:
     """What SciPy's event finder makes of near-grazing flights that do meet."""
-    meeting = [(row, true) for row, true, _ in sample if true < np.inf]
+    meeting = [one for one in sample if one.judged < np.inf]
     chosen = _spread(meeting, plan.amount(20, 200))
     findings = []
     for tolerance in TOLERANCES:
         missed = 0
-        for row, true in chosen:
-            found = first_event(row, tolerance)
-            missed += found is None or found > true + 1.0e-3
+        for one in chosen:
+            found = first_event(one.row, tolerance)
+            missed += found is None or found > one.judged + 1.0e-3
         tried = f"near-grazing flights with contact, SciPy's DOP853 at rtol {tolerance:g}"
         findings.append(
             Finding("contacts", "missed by SciPy's event finder", tried, len(chosen), missed, None)

@@ -9,7 +9,7 @@ flight within some 1e-15 R of what was meant; what then truly happens the judge 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.kernels import ORDER, START_COLUMNS, follow_all
 from vibro_cli.stress.oracles.interval_oracle import BODY_COLUMNS, COLUMNS
+from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.systems.trace.flights import centres
 from vibro_cli.systems.trace.world import half_angle
 
@@ -193,6 +194,22 @@ def for_judge(family: Family, states: States, horizon: Any) -> Any:
         columns[:, 5] = states.speeds[:, ball]
         columns[:, 6] = side
     return rows
+
+
+def scene_of_flight(family: Family, states: States, number: int) -> Scene:
+    """The scene of the doubles that the judge gets of one flight, kappa among them."""
+    scene = scene_of_system(family.system)
+    bodies = tuple(
+        replace(exact, kappa=mp.mpf(body.kappa))
+        for exact, body in zip(scene.bodies, family.system.bodies, strict=True)
+    )
+    starts = tuple(
+        (piece.index, mp.mpf(float(place)), mp.mpf(float(speed)))
+        for piece, place, speed in zip(
+            family.pieces, states.places[number], states.speeds[number], strict=True
+        )
+    )
+    return replace(scene, bodies=bodies, starts=starts)
 
 
 def scenario_of_flight(family: Family, states: States, number: int) -> Document:

@@ -19,7 +19,6 @@ import numpy as np
 from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.stress.oracles.reference_solver import (
     Happening,
     Impact,
@@ -27,9 +26,8 @@ from vibro_cli.stress.oracles.reference_solver import (
     happenings_of,
     in_contact,
 )
-from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.scene import Path, mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import amplification
-from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.scenes import (
     CIRCLE,
     GRAVITY,
@@ -244,8 +242,7 @@ class _Flight:
         for number in movers:
             now = begun[number]
             if not self.bounces:
-                on_arc = self.system.trace.pieces[now.piece].sign
-                moved += abs(now.place) * (twin.path_radius(number, now.piece) if on_arc else 1)
+                moved += abs(now.place) / Path(twin.scene, number, now.piece).per_length
             moved += abs(now.speed) * twin.t
         speed = impacts[0].approach if impacts else twin.at(event.a, twin.t).speed
         return float(error / twin.t), float(EPSILON * moved / abs(speed) / twin.t)
@@ -285,7 +282,7 @@ def check_crest(plan: Plan) -> list[Finding]:
     return [*_times(offsets), _decisions(offsets)]
 
 
-def time_from_rest(mp: Any, w: Any, offset: Any, angle: Any) -> Any:
+def time_from_rest(w: Any, offset: Any, angle: Any) -> Any:
     """Time (s) from rest at ``offset`` to ``angle`` on a hump: Carlson's form of the integral.
 
     ``w t = R_F(U12^2, U13^2, U23^2)`` (DLMF 19.29.4) of ``dx / sqrt(x (1-x) (x - x0))``, with
@@ -303,14 +300,14 @@ def _start_off_crest(offset: float) -> Document:
     return scene(THREE_ARCS, balls, 1.0, collisions=1, time=1.0e6)
 
 
-def _exact(mp: Any, offset: float) -> tuple[Any, Any]:
+def _exact(offset: float) -> tuple[Any, Any]:
     """Instants of the departure from the hump and of the first impact."""
     junction = mp.mpf(5) / 18 * mp.pi
     radius = mp.mpf(RADIUS)
     kappa = mp.mpf(KAPPA)
     rho_hump, rho_valley = mp.mpf(HUMP) + radius, mp.mpf(VALLEY_RADIUS) - radius
     w = mp.sqrt(mp.mpf(GRAVITY) / (kappa * rho_hump))
-    departure = time_from_rest(mp, w, mp.mpf(offset), junction)
+    departure = time_from_rest(w, mp.mpf(offset), junction)
     y, x = mp.sin(mp.mpf(offset) / 2), mp.sin(junction / 2)
     speed = 2 * w * mp.sqrt((x - y) * (x + y)) * rho_hump
     pull = mp.mpf(GRAVITY) / (kappa * rho_valley)
@@ -324,12 +321,11 @@ def _exact(mp: Any, offset: float) -> tuple[Any, Any]:
 
 
 def _times(offsets: list[float]) -> list[Finding]:
-    mp = multiprecision()
     departure, impact = Worst(), Worst()
     for offset in offsets:
         document = _start_off_crest(offset)
         run = solve(document)
-        exact = _exact(mp, offset)
+        exact = _exact(offset)
         crossings = run.events["t"][run.events["event"] == "crossing"]
         left = float(crossings[0]) if len(crossings) else math.nan
         met = float(run.collisions["t"][0]) if len(run.collisions["t"]) else math.nan

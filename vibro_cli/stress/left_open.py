@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.stress.oracles.oracle import Bounce, Event, Told
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.systems.run import Run
 
 # Times gravity: how fast the motion in contact and that of the bounces before it come apart.

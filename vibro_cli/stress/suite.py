@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,6 @@ from vibro_cli.storage.files import new_folder
 from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
 from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, to_arrow
 from vibro_cli.stress.finding import Finding, Plan
-from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
 
@@ -48,6 +48,10 @@ NAMES = tuple(HOMES)
 WORKERS = 2
 
 
+class MissingLibrary(Exception):
+    """A library that only this suite needs is not installed."""
+
+
 def findings_of(name: str, plan: Plan) -> list[Finding]:
     """What one check finds."""
     check: Callable[[Plan], list[Finding]]
@@ -66,8 +70,11 @@ def run(plan: Plan, names: Sequence[str]) -> Iterator[Finding]:
     """Run the checks of these names (all when empty) and yield in the order of ``NAMES``.
 
     Those of the long form run two at a time, each in a process.
+
+    Raises MissingLibrary without mpmath, before anything else.
     """
-    multiprecision()  # so that its absence is told before anything else
+    if find_spec("mpmath") is None:
+        raise MissingLibrary("mpmath is missing; install it with: pip install 'vibro-cli[stress]'")
     chosen = [name for name in NAMES if not names or name in names]
     if not plan.full or len(chosen) == 1:
         for name in chosen:

@@ -28,9 +28,8 @@ from vibro_cli.stress.oracles.motion import (
     value_of,
     whole,
 )
-from vibro_cli.stress.oracles.neighbours import check_maps
-from vibro_cli.stress.oracles.scene import speed_changes
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.oracles.scene import mp, speed_changes
+from vibro_cli.stress.oracles.sensitivity import check_maps
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
 from vibro_cli.systems.stream import Stretch
