@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.stress.flights import (
+from vibro_cli.stress.first_contacts import (
     KINDS,
     Family,
     States,

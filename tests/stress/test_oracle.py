@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from tests import references
-from vibro_cli.stress.finding import Document
 from vibro_cli.stress.oracles.motion import (
     BITS,
     Undecided,
@@ -20,7 +19,7 @@ from vibro_cli.stress.oracles.motion import (
 )
 from vibro_cli.stress.oracles.oracle import Oracle, Told
 from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
-from vibro_cli.stress.scenes import ball, scene, system_of
+from vibro_cli.stress.scenes import Document, ball, scene, system_of
 
 pytestmark = pytest.mark.long
 

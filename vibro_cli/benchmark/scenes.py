@@ -118,11 +118,9 @@ def _disk(position: float, speed: float, mass: float, **spring: float) -> Docume
 
 
 def _circle(**trace: Any) -> Document:
-    arc = {"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}
-    ball = {"radius": 0.1, "density": 7800.0, "arc": 1}
     return {
-        "gravity": 9.81, "trace": {"start_slope": "-90 deg", "arcs": [arc], **trace},
-        "balls": [{**ball, "angle": "-60 deg"}, {**ball, "angle": "50 deg"}],
+        "gravity": 9.81, "trace": valley(90) | trace,
+        "balls": [ball("-60 deg", _STEEL), ball("50 deg", _STEEL)],
         "collision": {"k": 1.0}, "stop": {"collisions": 1},
     }  # fmt: skip
 

@@ -231,7 +231,7 @@ def stress(
 
 def _run_suite(wishes: _StressOptions) -> int:
     from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.stress.finding import Plan
+    from vibro_cli.stress.scenes import Plan
     from vibro_cli.stress.suite import (
         NAMES,
         MissingLibrary,

@@ -12,8 +12,8 @@ from vibro_cli.kernels.numerics.constants import ThetaConstants
 from vibro_cli.kernels.numerics.elliptic import carlson_rf, set_theta_constants, theta_functions
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.numerics.jacobi import Jacobi
-from vibro_cli.stress.finding import Finding, Plan, Worst
 from vibro_cli.stress.oracles.scene import mp
+from vibro_cli.stress.scenes import Finding, Plan, Worst
 
 LARGEST = math.log10(0.5)  # exponent of 1 - m
 PLAINLY = "relative error of cn, dn / (eps max(1, u))"

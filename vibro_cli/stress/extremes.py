@@ -13,7 +13,6 @@ import numpy as np
 
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario.problems import ScenarioError
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.impacts import solved
 from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.scene import Path, Scene, mp, scene_of_system
@@ -21,8 +20,13 @@ from vibro_cli.stress.scenes import (
     CIRCLE,
     THREE_ARCS,
     VALLEY,
+    Document,
+    Finding,
+    Plan,
+    Worst,
+    attempted,
     ball,
-    energy_at,
+    energy_gained,
     fault_of,
     scene,
     solve,
@@ -96,21 +100,14 @@ def _ratios(plan: Plan) -> list[Finding]:
         for k in COEFFICIENTS:
             balls = [ball(-1.1, mass=10.0**exponent), ball(0.8)]
             document = scene(VALLEY, balls, k, collisions=1000, time=10.0)
-            ends = not fault_of(document)
-            ended.take(float(not ends), document)
-            if ends:
-                gained.take(_gain(solve(document)), document)
+            run = attempted(document, ended)
+            if run is not None:
+                gained.take(max(energy_gained(run), 0.0), document)
     tried = "two balls, mass ratios to 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
     return [
         ended.finding("extremes", "runs that hang or fail", tried, 0.0),
         gained.finding("extremes", "relative energy gained", tried, 1e-12),
     ]
-
-
-def _gain(run: Run) -> float:
-    before = energy_at(run, 0.0, "before")
-    after = energy_at(run, run.checkpoint()["end_time"], "after")
-    return max((after - before) / abs(before), 0.0)
 
 
 def _penetration(rng: np.random.Generator, plan: Plan) -> Finding:
@@ -221,12 +218,10 @@ def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
         except ScenarioError:
             refused += 1
             continue
-        fault = fault_of(document)
-        faults.take(float(bool(fault)), document)
-        if fault:
+        run = attempted(document, faults)
+        if run is None:
             continue
-        run = solve(document)
-        gained.take(_gain(run), document)
+        gained.take(max(energy_gained(run), 0.0), document)
         exact = first_contact(scene_of_system(system), mp.mpf(10))
         first.take(float(abs(solved(run, "t", 0) - exact) / exact), document)
     tried = "two balls, radii to 1 : 1e4, masses to 1 : 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"

@@ -17,16 +17,20 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import Body
 from vibro_cli.numerics.elementwise import EPSILON
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import KAPPA, Real, mp, scene_of_system
 from vibro_cli.stress.scenes import (
     CIRCLE,
     THREE_ARCS,
     VALLEY,
+    Document,
+    Finding,
+    Plan,
+    Worst,
+    attempted,
     ball,
     energy_at,
-    fault_of,
+    energy_gained,
     scene,
     solve,
     system_of,
@@ -272,15 +276,11 @@ def _cradles(plan: Plan) -> list[Finding]:
             balls = [ball(-1.9), *_touching([1.0] * count)]
             document = scene(VALLEY, balls, k, collisions=MOST_IMPACTS, time=6.0)
             document["collision"]["inadmissible"] = "normal-impulse"
-            hangs = bool(fault_of(document))
-            ended.take(float(hangs), document)
-            if hangs:
+            run = attempted(document, ended)
+            if run is None:
                 continue
-            run = solve(document)
             ended.take(float(run.end_cause != "time"), document)
-            end = run.checkpoint()["end_time"]
-            before, after = energy_at(run, 0.0, "before"), energy_at(run, end, "after")
-            gain = (after - before) / abs(before)
+            gain = energy_gained(run)
             kept.take(abs(gain) if k == 1.0 else max(gain, 0.0), document)
             if k == 1.0:
                 passed.take(_not_passed_on(run), document)
@@ -321,11 +321,10 @@ def _symmetric(plan: Plan) -> list[Finding]:
         angle, outer = float(rng.uniform(0.6, 1.6)), float(rng.uniform(0.5, 2.0))
         balls = [ball(-angle, mass=outer), ball(0.0, mass=2.0), ball(angle, mass=outer)]
         document = scene(VALLEY, balls, k, collisions=MOST_IMPACTS, time=6.0)
-        hangs = bool(fault_of(document))
-        ended.take(float(hangs), document)
-        if hangs:
+        run = attempted(document, ended)
+        if run is None:
             continue
-        run, image = solve(document), solve(mirrored(document))
+        image = solve(mirrored(document))
         if run.end_cause != "time":
             ended.take(1.0, document)
             continue

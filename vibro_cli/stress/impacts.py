@@ -18,7 +18,6 @@ import numpy as np
 
 from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.numerics.elementwise import EPSILON
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.reference_solver import (
     Happening,
     Impact,
@@ -33,10 +32,16 @@ from vibro_cli.stress.scenes import (
     GRAVITY,
     THREE_ARCS,
     VALLEY,
+    Document,
+    Finding,
+    Plan,
+    Worst,
     ball,
     scene,
     solve,
     system_of,
+    three_arcs,
+    valley,
 )
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
@@ -360,14 +365,6 @@ def _decisions(offsets: list[float]) -> Finding:
     return worst.finding("crest", "wrong decisions to return", tried, 0.0)
 
 
-_VALLEY: Document = {"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}
-_ARCS: list[Document] = [
-    {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
-    {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
-    _VALLEY,
-]
-
-
 def check_turning(plan: Plan) -> list[Finding]:
     """Times of the first impacts, drift of energy at k = 1, balance of lasting contact."""
     return [_first_impacts(), _energy(plan), _balance()]
@@ -375,19 +372,15 @@ def check_turning(plan: Plan) -> list[Finding]:
 
 def _turning_document(on_axis: bool, rate: float, k: float, law: str, **stop: float) -> Document:
     """Two balls in a valley on its axis, or on three arcs about the axis of the hump."""
-    ball: Document = {"radius": 0.1, "density": 7800.0}
+    body: Document = {"radius": 0.1, "density": 7800.0}
     balls = [
-        {**ball, "arc": 1, "angle": "-75 deg", "rate": 0.0 if on_axis else -5.0},
-        {**ball, "arc": 1 if on_axis else 3, "angle": "60 deg", "rate": 0.0 if on_axis else 5.0},
+        {**body, "arc": 1, "angle": "-75 deg", "rate": 0.0 if on_axis else -5.0},
+        {**body, "arc": 1 if on_axis else 3, "angle": "60 deg", "rate": 0.0 if on_axis else 5.0},
     ]
     turning = {"through_arc": 1 if on_axis else 2, "rate": rate}
-    return {
-        "gravity": 9.81, "balls": balls, "collision": {"law": law, "k": k}, "stop": stop,
-        "trace": {
-            "start_slope": "-90 deg", "turning": turning, "arcs": [_VALLEY] if on_axis else _ARCS,
-        },
-        "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}},
-    }  # fmt: skip
+    trace = (valley(90) if on_axis else three_arcs(90)) | {"turning": turning}
+    ends = {"left": {"wall": 1.0}, "right": {"wall": 1.0}}
+    return scene(trace, balls, k, law, **stop) | {"ends": ends}
 
 
 def _first_impacts() -> Finding:

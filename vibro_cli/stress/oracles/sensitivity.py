@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.scenario.loading import any_scenario_of
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.reference_solver import Happening, Twin
 from vibro_cli.stress.oracles.scene import Path, Scene, mp
+from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
 from vibro_cli.systems import system_named
 from vibro_cli.systems.stream import Stretch
 from vibro_cli.systems.tangents import followed
