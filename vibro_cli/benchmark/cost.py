@@ -133,12 +133,7 @@ def first_halves(numbers: Any, count: int) -> Any:
 class Crew(Job):
     """Threads that solve a number of scenarios, a stretch at a time.
 
-    Parameters
-    ----------
-    threads
-        How many.
-    count
-        How many scenarios: circles that differ in where the first ball starts.
+    They are circles that differ in where the first ball starts.
     """
 
     def __init__(self, threads: int, count: int) -> None:
@@ -212,17 +207,7 @@ _SCENARIOS = {"quick": 64, "default": 10_000, "full": 10_000}
 
 
 class Processes(Job):
-    """heyoka's batches of the scenarios of a `Crew`, in processes.
-
-    Parameters
-    ----------
-    processes
-        How many; each waits for its work from the start on.
-    count
-        How many scenarios.
-    tolerance
-        Of the integrator.
-    """
+    """heyoka's batches of the scenarios of a `Crew`, in processes that wait for their work."""
 
     def __init__(self, processes: int, count: int, tolerance: float) -> None:
         context = multiprocessing.get_context("spawn")

@@ -431,16 +431,8 @@ def _centre(flight: Any, body: int, place: float) -> tuple[float, float]:
 def first_contacts(system: TraceSystem, starts: Any) -> Any:
     """The solver's first contact of each start, up to the first end of a flight.
 
-    Parameters
-    ----------
-    system
-        Two bodies; their initial states are not used.
-    starts
-        Rows of ``START_COLUMNS``; the last one in s.
-
-    Returns
-    -------
-    Rows of ``ANSWER_COLUMNS``.
+    Initial states of the system are not used: ``starts`` has rows of ``START_COLUMNS``, the last
+    one in s. Returns rows of ``ANSWER_COLUMNS``.
     """
     world = compiled_world(make_world(system, NEVER, 1))
     copies: list[Any] = [np.array(array) for array in world]

@@ -34,13 +34,7 @@ class Arc:
 
 
 class Motion:
-    """Bodies on a chain of arcs, in angles and rates.
-
-    Parameters
-    ----------
-    system
-        What moves; arcs only, the laws ``hedrih`` and ``normal-impulse``.
-    """
+    """Bodies on a chain of arcs in angles and rates; laws `hedrih` and `normal-impulse` only."""
 
     def __init__(self, system: TraceSystem) -> None:
         self.gravity = system.gravity
@@ -253,15 +247,7 @@ Leg = Callable[[tuple[int, ...], float, State], tuple[float, Sequence[float], Ev
 
 
 class LegRunner(Runner):
-    """Runs a library that stops at each event: the library goes from event to event.
-
-    Parameters
-    ----------
-    motion
-        What moves.
-    leg
-        Goes to the next event.
-    """
+    """Runs a library that stops at each event: `leg` goes to the next one."""
 
     def __init__(self, motion: Motion, leg: Leg) -> None:
         self._motion = motion

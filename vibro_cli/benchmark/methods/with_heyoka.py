@@ -62,17 +62,7 @@ def _equations(hy: Any, motion: Motion, pieces: tuple[int, ...]) -> tuple[list[A
 
 
 class HeyokaRunner(Runner):
-    """A scene for heyoka.
-
-    Parameters
-    ----------
-    motion
-        What moves.
-    tolerance
-        Of the integrator.
-    fast
-        Whether impacts are carried out in callbacks and `fast_math` is on.
-    """
+    """A scene for heyoka; fast: impacts are carried out in callbacks, and `fast_math` is on."""
 
     def __init__(self, motion: Motion, tolerance: float, fast: bool) -> None:
         self._motion, self._tolerance, self._fast = motion, tolerance, fast
@@ -193,15 +183,7 @@ _FEWEST = 10
 
 
 class Lanes:
-    """Two bodies on one arc that they never leave, as often as there are lanes.
-
-    Parameters
-    ----------
-    motion
-        What moves.
-    tolerance
-        Of the integrator.
-    """
+    """Two bodies on one arc that they never leave, as often as there are lanes."""
 
     def __init__(self, motion: Motion, tolerance: float) -> None:
         import heyoka as hy
@@ -256,15 +238,7 @@ class Lanes:
 
 
 class HeyokaBatchRunner(Runner):
-    """A scene in all lanes, again and again from the same start.
-
-    Parameters
-    ----------
-    motion
-        What moves.
-    tolerance
-        Of the integrator.
-    """
+    """A scene in all lanes, again and again from the same start."""
 
     def __init__(self, motion: Motion, tolerance: float) -> None:
         self._motion = motion

@@ -232,15 +232,7 @@ def _flight(motion: Motion, tolerance: float) -> Any:
 
 
 class DiffraxRunner(Runner):
-    """A scene for diffrax.
-
-    Parameters
-    ----------
-    motion
-        What moves, on one arc.
-    tolerance
-        Relative and absolute tolerance of steps and of the event.
-    """
+    """A scene on one arc for diffrax; the tolerance is that of steps and of the event."""
 
     def __init__(self, motion: Motion, tolerance: float) -> None:
         import jax

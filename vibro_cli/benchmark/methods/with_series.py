@@ -96,15 +96,7 @@ def terms(q2: float, order: int) -> list[float]:
 
 
 class SeriesRunner(Runner):
-    """Two bodies swinging in one valley, leg by leg.
-
-    Parameters
-    ----------
-    motion
-        What moves.
-    order
-        Of the series.
-    """
+    """Two bodies swinging in one valley, leg by leg, by series of an order."""
 
     def __init__(self, motion: Motion, order: int) -> None:
         self._motion, self._order = motion, order

@@ -44,16 +44,8 @@ _FIRST = 64
 class DriverRunner(Runner):
     """Single runs through the driver; short motions several times over.
 
-    Parameters
-    ----------
-    system
-        What moves.
-    engine
-        ``"compiled"`` or ``"python"``.
-    keep
-        Whether the rows of impacts and flights are kept.
-    most
-        Impacts after which the motion is begun again, if it ends.
+    Rows of impacts and flights are kept if told to; a motion that ends is begun again after its
+    most impacts.
     """
 
     def __init__(
@@ -120,12 +112,7 @@ _EACH = 60
 class BatchRunner(Runner):
     """Many runs of one scene by the kernel of grids, in one thread.
 
-    Parameters
-    ----------
-    system
-        What moves.
-    most
-        Impacts after which the motion is begun again, if it ends.
+    A motion that ends is begun again after its most impacts.
     """
 
     def __init__(self, system: TraceSystem, most: int | None) -> None:

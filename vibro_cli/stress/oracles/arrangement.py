@@ -232,13 +232,7 @@ LEFT_WALL, RIGHT_WALL = -1, -2  # beside the numbers of pairs
 
 
 class Arrangement:
-    """Bodies of a scene, their places and speeds.
-
-    Parameters
-    ----------
-    scene
-        What is run; ``states`` are at first those of its start.
-    """
+    """Bodies of a scene, their places and speeds: ``states``, at first those of its start."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene

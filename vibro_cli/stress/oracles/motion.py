@@ -101,18 +101,8 @@ class Constraint(NamedTuple):
 class Group:
     """Bodies that move together: one free one, or several in contact.
 
-    Parameters
-    ----------
-    scene
-        What is run.
-    balls
-        Numbers of the bodies.
-    states
-        Where they are.
-    constraints
-        The pairs that keep their distance, bodies counted within the group.
-    still
-        Whether a wall holds them all.
+    ``constraints`` are the pairs that keep their distance, bodies counted within the group; where
+    it is ``still`` a wall holds them all.
     """
 
     def __init__(

@@ -139,13 +139,7 @@ class Impact:
 
 
 class Twin:
-    """Bodies of a scene on their way.
-
-    Parameters
-    ----------
-    scene
-        What is run.
-    """
+    """Bodies of a scene on their way."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
