@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import platform
 import subprocess
@@ -20,6 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from vibro_cli import __version__
+from vibro_cli.grids.solving import columns_of_records
 from vibro_cli.storage.provenance import available_cores
 from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, read_parquet, to_arrow
 
@@ -172,19 +172,7 @@ def counted(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
 
 def parquet(rows: Sequence[Row], details: dict[str, Any]) -> bytes:
     """Return the table of the rows as a parquet file; the details go into its metadata."""
-    columns: dict[str, Any] = {}
-    for column in TABLE.columns:
-        values = [getattr(row, column.name) for row in rows]
-        if column.type == "string":
-            columns[column.name] = np.array(values, dtype=object)
-        elif column.type == "float64":
-            columns[column.name] = np.array(
-                [math.nan if value is None else value for value in values], dtype=float
-            )
-        else:
-            missing = [value is None for value in values]
-            whole = np.array([value or 0 for value in values], dtype=np.int64)
-            columns[column.name] = np.ma.MaskedArray(whole, mask=missing)
+    columns = columns_of_records([vars(row) for row in rows], TABLE)
     return parquet_bytes(to_arrow(TABLE, columns, Origin(details, __version__)))
 
 

@@ -74,7 +74,6 @@ LEAST_GAP = 1.0e-6
 class Family:
     """A trace with two bodies, whose initial states vary."""
 
-    kind: str
     document: Document
     system: TraceSystem
 
@@ -90,7 +89,7 @@ def random_family(rng: np.random.Generator, number: int) -> Family:
     while True:
         document = _document(rng, kind)
         try:
-            return Family(kind, document, build_system(scenario_of(document)))
+            return Family(document, build_system(scenario_of(document)))
         except ScenarioError:
             continue
 

@@ -13,9 +13,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vibro_cli import __version__
+from vibro_cli.grids.solving import columns_of_records
 from vibro_cli.storage.files import new_folder
 from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
 from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, to_arrow
@@ -136,13 +135,11 @@ def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
     written.
     """
     names = _file_names(findings)
-    columns: dict[str, Any] = {}
-    for column in TABLE.columns:
-        values = names if column.name == "scenario" else [getattr(f, column.name) for f in findings]
-        if column.type == "float64":
-            values = [math.nan if value is None else value for value in values]
-        kind = {"string": object, "int64": np.int64, "float64": float, "bool": bool}[column.type]
-        columns[column.name] = np.array(values, dtype=kind)
+    records = [
+        asdict(finding) | {"met": finding.met, "scenario": name}
+        for finding, name in zip(findings, names, strict=True)
+    ]
+    columns = columns_of_records(records, TABLE)
     origin = Origin(asdict(plan), __version__)
     files = {"stress.parquet": parquet_bytes(to_arrow(TABLE, columns, origin))}
     for name, finding in zip(names, findings, strict=True):
