@@ -142,8 +142,10 @@ class Oracle:
         waiting = list(times)
         try:
             self._happen([])
-            while self.t < until and all(event.kind != last for event in self.told.events):
-                if len(self.told.events) > self.most_events:
+            events, seen = self.told.events, 0
+            while self.t < until and all(event.kind != last for event in events[seen:]):
+                seen = len(events)
+                if seen > self.most_events:
                     raise Undecided("too many events")
                 self._step(until, waiting)
         except Inadmissible as impact:
