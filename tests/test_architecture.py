@@ -75,8 +75,8 @@ PARTS = {
     "describe": "report",
     "stress": "stress",
     **dict.fromkeys(("grid_solver", "system_template"), "grids"),
-    **dict.fromkeys(("phase_plane", "wall_orbits"), "analysis"),
-    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait", "velocities"), "figures"),
+    "phase_plane": "analysis",
+    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait"), "figures"),
 }
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py"))
