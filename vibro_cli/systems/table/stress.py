@@ -15,10 +15,9 @@ import numpy as np
 from vibro_cli.api import simulate
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario.loading import any_scenario_of
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.oracles.fifty_digits import multiprecision
-from vibro_cli.stress.oracles.neighbours import check_maps
-from vibro_cli.stress.oracles.scene import speed_changes
+from vibro_cli.stress.oracles.scene import mp, speed_changes
+from vibro_cli.stress.oracles.sensitivity import check_maps
+from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.stream import Stretch
 from vibro_cli.systems.table.system import POLYGON, TableSystem
@@ -250,7 +249,6 @@ def _beyond(run: Run, wall: Document, radius: float) -> float:
 
 def _contact(plan: Plan) -> Finding:
     """Time of the first contact with the offset curve, against 50 digits, also when it grazes."""
-    mp = multiprecision()
     worst = Worst()
     rng = np.random.default_rng([plan.seed, 2])
     for _ in range(plan.amount(40, 400)):
@@ -406,6 +404,6 @@ def check_tangent(plan: Plan) -> list[Finding]:
 def neighbours(system: Any, whole: Stretch) -> Any:
     """Return the start of a run, and what leads from others through the same events."""
     told = told_of(whole.logs["pair_log"], whole.logs["bounce_log"])
-    twin = Twin(multiprecision(), system)
+    twin = Twin(mp, system)
     start = [number for one in system.initial for number in (*one.place, *one.velocity)]
     return start, lambda moved: twin.end_of(moved, told, whole.end[0])
