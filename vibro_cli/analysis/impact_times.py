@@ -38,10 +38,9 @@ from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.dual import Dual, Floats, change_of, value_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
-from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.driver import Driver, with_logs
 from vibro_cli.systems.rows import body_record
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.summary import with_logs
 from vibro_cli.systems.trace.world import make_world
 
 
@@ -151,7 +150,7 @@ def impact_times(
 
 def _arrivals(system: TraceSystem, stretch: Any) -> Any:
     own = make_world(system, None, None)
-    world = with_logs(own, stretch.engine, stretch.logs, stretch.clock)
+    world = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)
     arrivals = np.zeros(len(stretch.logs["log"]), dtype=engine.dtype(Arrival))
     current = np.zeros((1, len(system.bodies)), dtype=np.int64)
     scratch = np.zeros(1, dtype=engine.dtype(Flight))

@@ -185,9 +185,8 @@ class _Solver:
             counts = outcomes["kept"].copy()
             log = self._logs.keep(results.impacts, int(counts.sum()))
             given = Logged(
-                task.system, self._batch.world, "compiled", task.points, counts, log,
-                task.starts.mass,
-            )  # fmt: skip
+                task.system, self._batch.world, task.points, counts, log, task.starts.mass
+            )
             lease = Lease(self._pieces)
             impact_columns(self._kept, [given], points, lease)
             lease.give_back()

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any, NamedTuple, get_args, get_type_hints
+
+import numpy as np
 
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.kernel import Overrides
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
-from vibro_cli.systems.rows import Log, plain_rows, set_rows
+from vibro_cli.systems.rows import Log, plain_rows, set_rows, zeros
 from vibro_cli.systems.wanted import FINAL, Limits, tell
 
 # Interpreted, the kernels are the reference of every bit; compiled they are faster.
@@ -154,11 +157,7 @@ class Driver:
 
     def finish(self) -> None:
         """Have the loop go on from its last step to the stop."""
-        settings: Any = self.world.settings[0]
-        if self.engine == "compiled":
-            settings["finishing"] = 1
-        else:
-            settings.finishing = 1
+        _set(self.world.settings, "finishing", 1)
         self._advance()
 
     def _advance(self) -> int:
@@ -176,14 +175,14 @@ class Driver:
             if count > 0 and self.engine == "compiled":
                 rows = self._emptied(name, rows, count)
             self._take(name, rows, count)
-            self._set_clock(used, 0)
+            _set(self.world.clock, used, 0)
         for name, field in (self._loop.counted or {}).items():
-            self._set_clock(field, self.rows[name])
+            _set(self.world.clock, field, self.rows[name])
 
     def _emptied(self, name: str, rows: Any, count: int) -> Any:
         """The rows of a log, which is zero afterwards: the loop fills in nothing else."""
         if 16 * count > len(rows):  # handed over, without a copy
-            self.world = self.world._replace(**{name: fresh_rows(rows)})
+            self.world = self.world._replace(**{name: np.zeros_like(rows)})
             return rows
         few = rows[:count].copy()  # which keep no whole log in memory
         rows[:count].view("u1").fill(0)
@@ -203,13 +202,6 @@ class Driver:
         record = self._loop.records["clock"]
         values = plain_rows(self.world.clock, record)[0]
         return dict(zip(record.fields, values, strict=True))  # type: ignore[attr-defined]
-
-    def _set_clock(self, name: str, value: int) -> None:
-        clock: Any = self.world.clock[0]
-        if self.engine == "compiled":
-            clock[name] = value
-        else:
-            setattr(clock, name, value)
 
     def state(self) -> dict[str, Any]:
         """Return all that changes in a run, exactly, as plain values (see :func:`restore`)."""
@@ -232,13 +224,6 @@ def restore(loop: EventLoop, world: Any, state: Mapping[str, Any]) -> None:
         set_rows(getattr(world, name), loop.records[name], state[name])
 
 
-def fresh_rows(rows: Any) -> Any:
-    """Return as many records that are zero."""
-    import numpy as np
-
-    return np.zeros(len(rows), dtype=rows.dtype)
-
-
 def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:
     room = loop.room(rows, world)
     world.settings[0].room = room
@@ -251,8 +236,6 @@ def compiled_world(loop: EventLoop, world: Any, logs_of: Any = None) -> Any:
 
     Its logs are new, or those of another compiled world with as many bodies.
     """
-    import numpy as np
-
     settings = world.settings[0]
     keeps = getattr(settings, "keep", 1) == 1
     room = loop.room(COMPILED_ROWS if keeps else DROPPED_ROWS, world)
@@ -263,13 +246,91 @@ def compiled_world(loop: EventLoop, world: Any, logs_of: Any = None) -> Any:
         if name in loop.logs and logs_of is not None:
             arrays[name] = getattr(logs_of, name)
         elif name in loop.logs:
-            arrays[name] = np.zeros(2 * room, dtype=engine.dtype(loop.records[name]))
+            arrays[name] = zeros(2 * room, loop.records[name])
         elif cls is not None:
             arrays[name] = engine.compiled_rows(rows, cls)
         else:  # plain numbers
             kind = np.float64 if len(rows) and isinstance(rows[0], float) else np.int64
             arrays[name] = np.array(rows, dtype=kind)
     return type(world)(**arrays)
+
+
+def _set(records: Any, field: str, value: Any) -> None:
+    """Give a field of the only record of an array, or of interpreted ones, a value."""
+    if isinstance(records, np.ndarray):
+        records[field] = value
+    else:
+        setattr(records[0], field, value)
+
+
+def with_logs(
+    loop: EventLoop,
+    world: Any,
+    engine_name: str,
+    logs: Mapping[str, Any],
+    clock: Mapping[str, Any] | None = None,
+) -> Any:
+    """Return the records of a run with some of its logs, for the kernels that tell of them.
+
+    Parameters
+    ----------
+    loop, world
+        The records, interpreted, or of the engine that is wanted; those of arrays change.
+    engine_name
+        ``"python"`` or ``"compiled"``: which records are returned.
+    logs, clock
+        The rows, and the fields of the clock when they were written; without, it stays as it is.
+    """
+    compiles = engine_name == "compiled"
+    if compiles and not isinstance(world.clock, np.ndarray):
+        world = compiled_world(loop, world, world._replace(**logs))
+    counts = {used: len(logs[name]) for name, used in loop.logs.items()}
+    for field, value in {**(clock or {}), **counts}.items():
+        _set(world.clock, field, value)
+    if not compiles:
+        logs = {
+            name: engine.interpreted_copies(rows, loop.records[name]) for name, rows in logs.items()
+        }
+    return world._replace(**logs)
+
+
+def called(kernel: Any, overrides: Overrides | None, world: Any, *arguments: Any) -> Any:
+    """Call a kernel with a world of either engine, and with numbers, arrays and records.
+
+    These are structured arrays, and named tuples of them; the interpreter works on copies, which
+    are written back.
+    """
+    if isinstance(world.clock, np.ndarray):
+        return compiled(kernel, overrides)(world, *arguments)
+    hints = _hints(kernel)[1:]
+    copies = [_interpreted(one, hint) for one, hint in zip(arguments, hints, strict=False)]
+    found = engine.interpreted(kernel, overrides)(world, *copies)
+    for one, copy in zip(arguments, copies, strict=True):
+        _write_back(one, copy)
+    return found
+
+
+@cache
+def _hints(of: Any) -> list[Any]:
+    """The types that a kernel's parameters or the fields of a named tuple are declared with."""
+    return list(get_type_hints(of).values())
+
+
+def _interpreted(value: Any, hint: Any) -> Any:
+    if isinstance(value, tuple):
+        return type(value)(*map(_interpreted, value, _hints(type(value))))
+    if isinstance(value, np.ndarray) and value.dtype.names:
+        return engine.interpreted_copies(value, get_args(hint)[0])
+    return value
+
+
+def _write_back(value: Any, copy: Any) -> None:
+    if isinstance(value, tuple):
+        for one, its in zip(value, copy, strict=True):
+            _write_back(one, its)
+    elif isinstance(value, np.ndarray) and value.dtype.names:
+        for place, record in enumerate(copy):
+            value[place] = tuple(getattr(record, name) for name in value.dtype.names)
 
 
 CHECKPOINT_FORMAT = 4

@@ -218,6 +218,11 @@ class Log:
 # twentieth of what an index takes.
 
 
+def zeros(count: int, cls: type) -> Any:
+    """Return an array of structs that are zero."""
+    return np.zeros(count, dtype=dtype(cls))
+
+
 def joined(parts: Sequence[Any]) -> Any:
     """Return arrays of records of one type as one array."""
     return np.concatenate([part.view(np.uint8) for part in parts]).view(parts[0].dtype)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.compile.kernel import Overrides, dtype
+from vibro_cli.compile.kernel import Overrides
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoSwings, TwoTracks
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
@@ -28,9 +28,8 @@ from vibro_cli.kernels.world import (
 )
 from vibro_cli.systems import driver
 from vibro_cli.systems.driver import Driver, EventLoop
-from vibro_cli.systems.rows import joined
+from vibro_cli.systems.rows import joined, zeros
 from vibro_cli.systems.stream import Stretch, Stretches
-from vibro_cli.systems.trace.world import zeros
 
 
 def enter_advance(world: World, overrides: Overrides | None) -> int:
@@ -72,7 +71,7 @@ class TraceStretches(Stretches):
     def __init__(self, loop: EventLoop, driver: Driver, stop_time: float | None) -> None:
         super().__init__(loop, driver, stop_time)
         self._told = 0
-        self._nothing = {name: np.zeros(0, dtype=dtype(RECORDS[name])) for name in LOGS}
+        self._nothing = {name: zeros(0, RECORDS[name]) for name in LOGS}
         self._carried: dict[str, Any] = self._nothing
 
     @property

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.compile.kernel import Overrides, dtype, interpreted, interpreted_copies
-from vibro_cli.compile.native import compiled
+from vibro_cli.compile.kernel import Overrides
 from vibro_cli.kernels.flow.replay import Sample, sample_flights
 from vibro_cli.kernels.world import CAUSE_NAMES, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.numerics import elementwise
-from vibro_cli.systems.rows import record_array
+from vibro_cli.systems.driver import called
+from vibro_cli.systems.rows import zeros
 from vibro_cli.systems.trace.world import turns_of
 from vibro_cli.systems.wanted import within_run
 
@@ -96,11 +96,6 @@ class Places:
         """``[body, piece]``, see `frequency`."""
         return self.frequency(*np.indices(self.path_radius.shape))
 
-    @cached_property
-    def speed_factors(self) -> Floats:
-        """``[body, piece]``, see `speed_factor`."""
-        return self.speed_factor(*np.indices(self.path_radius.shape))
-
     def position(self, piece: Any, s: Floats, c: Floats) -> Floats:
         """Angle phi or psi (rad) on arcs, distance from the left end (m) on lines."""
         sign = self.sign[piece]
@@ -137,22 +132,6 @@ class Places:
                 y[here] = data.start[1] + s[here] * tangent[1] + radius * tangent[0]
         return x, y
 
-    def centre_of(self, body: int, piece: int, s: float, c: float) -> tuple[float, float]:
-        """Centre (m) of one body at ``(S, C)``."""
-        data = self.system.trace.pieces[piece]
-        if data.is_line:
-            radius = self.system.bodies[body].radius
-            cosine, sine = math.cos(data.start_slope), math.sin(data.start_slope)
-            return (
-                data.start[0] + s * cosine - radius * sine,
-                data.start[1] + s * sine + radius * cosine,
-            )
-        rho = data.path_radius(self.system.bodies[body].radius)
-        return (
-            data.center[0] + data.sign * rho * (2.0 * s * c),
-            data.center[1] - rho * ((c - s) * (c + s)),
-        )
-
     def parts_of_weight(self, x: float, sine: float, cosine: float) -> tuple[float, float]:
         """Gravity (m/s^2) back along a slope and onto it, with what turning adds at ``x`` (m)."""
         turning = self.system.turning
@@ -187,21 +166,12 @@ def states_at(world: World, rows: Any, after: Floats, overrides: Overrides | Non
     ``world`` has the log, interpreted or compiled, and ``overrides`` is that of its kernels.
     """
     order = np.argsort(rows, kind="stable")
-    samples = np.zeros(len(rows), dtype=dtype(Sample))
+    samples = zeros(len(rows), Sample)
     samples["row"], samples["after"] = np.asarray(rows)[order], np.asarray(after)[order]
-    log: Any = world.log
-    if isinstance(log, np.ndarray):
-        scratch = np.zeros(1, dtype=dtype(Flight))
-        compiled(sample_flights, overrides)(world, samples, len(samples), scratch)
-        found = samples
-    else:
-        copies = interpreted_copies(samples, Sample)
-        fill: Any = interpreted(sample_flights, overrides)
-        fill(world, copies, len(copies), [Flight()])
-        found = record_array(copies, Sample)
+    called(sample_flights, overrides, world, samples, len(samples), zeros(1, Flight))
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    return found.take(place)
+    return samples.take(place)
 
 
 def places_and_rates(places: Places, body: int, piece: int, states: Any) -> tuple[Floats, Floats]:

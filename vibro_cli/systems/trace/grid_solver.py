@@ -30,6 +30,7 @@ from vibro_cli.storage.tables import (
     Words,
     record_batch,
 )
+from vibro_cli.systems.rows import zeros
 from vibro_cli.systems.tangents import exponent_columns
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import (
@@ -44,7 +45,7 @@ from vibro_cli.systems.trace.summary import summary_columns
 from vibro_cli.systems.trace.system_template import Setting, Starts, Systems, is_of_system
 from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness
 from vibro_cli.systems.trace.tangents import time_scale
-from vibro_cli.systems.trace.world import zeros
+from vibro_cli.systems.trace.world import compiled_world
 from vibro_cli.systems.wanted import UNLIMITED, Wanted
 
 _ROWS_AT_LEAST = 1 << 14
@@ -57,8 +58,6 @@ class Logged:
     system: TraceSystem
     world: World
     """The records of the system, of either engine."""
-    engine: str
-    """Of interpreted records."""
     points: Array
     """Numbers of the points, from 0 in the grid, ascending."""
     counts: Array
@@ -125,7 +124,7 @@ def impact_columns(
     for one in logged:
         firsts = rows[np.searchsorted(points, one.points)]
         runs = runs_of(one.system, one.points + 1, one.counts, firsts, one.masses)
-        filled.fill(one.world, one.engine, one.log, runs, sidedness(one.system), one.stack)
+        filled.fill(one.world, one.log, runs, sidedness(one.system), one.stack)
     columns = filled.columns()
     for name in columns.keys() & WORDS.keys():
         columns[name] = Words(columns[name], WORDS[name])
@@ -379,7 +378,6 @@ class TraceSolver:
             Logged(
                 system=task.system,
                 world=world if task.stack is None else own_records(world),
-                engine=self._engine,
                 points=task.points,
                 counts=counts,
                 log=log,
@@ -411,7 +409,8 @@ class TraceSolver:
         if self._grid.keep.collisions:
             log = run.history()["impacts"]
             counts, points = np.array([len(log)]), self._indices[row]
-            parts.logged.append(Logged(run.system, run.world, run.engine, points, counts, log))
+            world = run.world if run.engine == "python" else compiled_world(run.world)
+            parts.logged.append(Logged(run.system, world, points, counts, log))
 
 
 def _taken(values: dict[KeyPath, Array], at: Any) -> dict[KeyPath, Array]:

@@ -15,6 +15,7 @@ import numpy as np
 from vibro_cli.kernels.world import CAUSE_NAMES, RUNNING, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems import contract
+from vibro_cli.systems.driver import with_logs
 from vibro_cli.systems.stream import Stretch, ahead, begun
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.event_loop import last_of_each
@@ -27,7 +28,6 @@ from vibro_cli.systems.trace.flights import (
     places_and_rates,
     states_at,
 )
-from vibro_cli.systems.trace.summary import with_logs
 from vibro_cli.systems.trace.world import make_world
 from vibro_cli.systems.wanted import Limits, within_run
 
@@ -83,7 +83,7 @@ class LongMotion:
         if np.all(np.isin(numbers, self._asked)):
             return
         logs, clock = self._rows_of(numbers)
-        self._near = with_logs(self._world, "compiled", logs, clock)
+        self._near = with_logs(SYSTEM.loop, self._world, "compiled", logs, clock)
         self._asked = numbers
 
     def flight_curve(
@@ -133,8 +133,8 @@ class LongMotion:
 
     def _paths(self, stretch: Stretch) -> Paths:
         logs = stretch.logs
-        self._world = world = with_logs(self._world, stretch.engine, logs, stretch.clock)
-        return Paths(self._places, world, logs["log"], *stretch.end, self._overrides)
+        self._world = with_logs(SYSTEM.loop, self._world, stretch.engine, logs, stretch.clock)
+        return Paths(self._places, self._world, logs["log"], *stretch.end, self._overrides)
 
     def _gathered(self, flights: int) -> tuple[dict[str, Any], Any, Any]:
         """Go through the run: the table of flights, their rows in the log, how long they last."""

@@ -8,88 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
-from vibro_cli.kernels.world import END_NAMES, LOGS, NEVER, RECORDS, Flight, World
-from vibro_cli.systems.trace import SYSTEM
+from vibro_cli.kernels.world import END_NAMES, NEVER
 from vibro_cli.systems.trace.flights import Floats, Places
-from vibro_cli.systems.trace.world import compiled_world
 from vibro_cli.systems.wanted import Wanted
-
-
-def with_logs(
-    world: World, engine_name: str, logs: Mapping[str, Any], clock: Mapping[str, float]
-) -> World:
-    """Return the records of a run with some of its logs, for the kernels that tell of them.
-
-    Parameters
-    ----------
-    world
-        The records of the run, interpreted, or as arrays for the engine that wants them.
-    engine_name
-        ``"python"`` or ``"compiled"``: which records are returned.
-    logs, clock
-        The rows, and the fields of the clock when they were written.
-    """
-    records: Any = world.clock
-    if isinstance(records, np.ndarray):
-        for name, value in clock.items():
-            records[name] = value
-        for name, used in SYSTEM.loop.logs.items():
-            records[used] = len(logs[name])
-        return world._replace(**logs)
-    for name, value in clock.items():
-        setattr(world.clock[0], name, value)
-    for name, used in SYSTEM.loop.logs.items():
-        setattr(world.clock[0], used, len(logs[name]))
-    if engine_name == "compiled":
-        return compiled_world(world, world._replace(**logs))
-    rows = {name: engine.interpreted_copies(logs[name], RECORDS[name]) for name in LOGS}
-    return world._replace(**rows)
-
-
-class Tally:
-    """Outcome and final states of a run (see ``kernels.statistics.run_statistics``), stretch by
-    stretch.
-
-    Parameters
-    ----------
-    bodies
-        How many there are.
-    overrides
-        Of the kernels, for the system; both engines give the same bits.
-    """
-
-    def __init__(self, bodies: int, overrides: engine.Overrides | None) -> None:
-        self._overrides = overrides
-        self.outcomes: Any = np.zeros(1, dtype=engine.dtype(Outcome))
-        self.finals: Any = np.zeros(bodies, dtype=engine.dtype(FinalState))
-
-    def take(self, world: World, known: int, cause: int, end: tuple[float, float]) -> None:
-        """Count in the logs of a world (see :func:`with_logs`).
-
-        Parameters
-        ----------
-        world
-            With the rows of a stretch.
-        known
-            Rows of its log of flights that were told of before.
-        cause, end
-            ``RUNNING``, or why and when (two doubles, s) the run ended.
-        """
-        log: Any = world.log
-        if isinstance(log, np.ndarray):
-            tell: Any = compiled(tally, self._overrides)
-            scratch = np.zeros(1, dtype=engine.dtype(Flight))
-            tell(world, known, cause, *end, self.outcomes, 0, self.finals, scratch)
-            return
-        own = engine.interpreted_copies(self.outcomes, Outcome)
-        states = engine.interpreted_copies(self.finals, FinalState)
-        count = engine.interpreted(tally, self._overrides)
-        count(world, known, cause, *end, own, 0, states, [Flight()])
-        self.outcomes = engine.compiled_rows(own, Outcome)
-        self.finals = engine.compiled_rows(states, FinalState)
 
 
 def conserves_energy(

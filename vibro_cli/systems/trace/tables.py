@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.ensemble.records import Stack, fill_stacked
 from vibro_cli.kernels.statistics.impact_columns import (
@@ -19,7 +18,8 @@ from vibro_cli.kernels.statistics.impact_columns import (
     fill_columns,
 )
 from vibro_cli.kernels.statistics.regimes import EIGHTS, REGIMES, ROWS
-from vibro_cli.kernels.world import RUNNING, ImpactRow, World
+from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
+from vibro_cli.kernels.world import RUNNING, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
     GROWTH,
@@ -38,14 +38,16 @@ from vibro_cli.systems.columns import (
     word,
 )
 from vibro_cli.systems.contract import Sink
+from vibro_cli.systems.driver import called, with_logs
+from vibro_cli.systems.rows import zeros
 from vibro_cli.systems.stream import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.events import NAMES, Events, event_columns
 from vibro_cli.systems.trace.flights import Paths, Places
-from vibro_cli.systems.trace.summary import Tally, summary_columns, with_logs
+from vibro_cli.systems.trace.summary import summary_columns
 from vibro_cli.systems.trace.tangents import TangentMap
-from vibro_cli.systems.trace.world import compiled_world, make_world
+from vibro_cli.systems.trace.world import make_world
 from vibro_cli.systems.wanted import Sampling, Wanted
 
 
@@ -297,7 +299,6 @@ class ImpactTable:
     def fill(
         self,
         world: World,
-        engine_name: str,
         log: Any,
         runs: Runs,
         around: float,
@@ -309,8 +310,6 @@ class ImpactTable:
         ----------
         world
             Its records, interpreted or compiled.
-        engine_name
-            ``"python"`` or ``"compiled"``, of interpreted records; both give the same bits.
         log, runs, around
             See ``kernels.statistics.impact_columns``.
         stack
@@ -319,15 +318,8 @@ class ImpactTable:
         """
         if stack is not None:
             compiled(fill_stacked)(world, log, runs, self._columns, around, stack)
-            return
-        arrays = isinstance(world.bodies, np.ndarray)
-        if not arrays and engine_name == "compiled":
-            world, arrays = compiled_world(world), True
-        if arrays:
-            compiled(fill_columns)(world, log, runs, self._columns, around)
         else:
-            rows = engine.interpreted_copies(log, ImpactRow)
-            fill_columns(world, rows, runs, self._columns, around)
+            called(fill_columns, None, world, log, runs, self._columns, around)
 
     def columns(self) -> dict[str, Any]:
         """Return the columns that are wanted, in order; laws are numbers, a side of 0 is none."""
@@ -377,11 +369,11 @@ class Impacts:
         self._told = 0
         self._before: tuple[float, float] | None = None
 
-    def take(self, world: World, engine_name: str, log: Any) -> dict[str, Any]:
+    def take(self, world: World, log: Any) -> dict[str, Any]:
         """Return the columns of some more impacts (see :meth:`ImpactTable.fill`)."""
         table = ImpactTable(len(log), self._names)
         runs = runs_of(self._system, [0], [len(log)], [0])
-        table.fill(world, engine_name, log, runs, self._around)
+        table.fill(world, log, runs, self._around)
         columns = table.columns()
         if len(log) and self._before is not None:
             t, t_low = self._before
@@ -422,26 +414,30 @@ class Tables:
         if "motion" in names and wanted.motion:
             self._motion = Sampling(wanted)
         self._overrides = overrides
-        self._tally = Tally(bodies, overrides)
+        self._outcomes, self._finals = zeros(1, Outcome), zeros(bodies, FinalState)
         self._tangents = TangentMap(system) if wanted.lyapunov else None
         self._wants_exponents = "exponents" in names
 
     def take(self, stretch: Stretch) -> None:
         """Tell of a stretch."""
         logs, known = stretch.logs, stretch.known
-        self._world = world = with_logs(self._world, stretch.engine, logs, stretch.clock)
+        loop = SYSTEM.loop
+        self._world = world = with_logs(loop, self._world, stretch.engine, logs, stretch.clock)
         ended = stretch.cause != RUNNING
         grown = None
         if self._tangents is not None:
-            grown = self._tangents.take(world, known, stretch.cause, stretch.end)
+            grown = self._tangents.take(world, stretch)
             if self._wants_exponents and ended:
                 self._sink("exponents", exponent_table(self._tangents))
         if self._impacts is not None and not (ended and known):
-            columns = self._impacts.take(world, stretch.engine, logs["impacts"])
+            columns = self._impacts.take(world, logs["impacts"])
             if grown is not None:
                 columns |= grown_columns(grown, columns["grazing"])
             self._sink("collisions", columns)
-        self._tally.take(world, known, stretch.cause, stretch.end)
+        called(
+            tally, self._overrides, world, known, stretch.cause, *stretch.end, self._outcomes, 0,
+            self._finals, zeros(1, Flight),
+        )  # fmt: skip
         if self._events is None and self._motion is None:
             return
         paths = Paths(self._places, world, logs["log"], *stretch.end, self._overrides)
@@ -460,12 +456,12 @@ class Tables:
     def summary(self) -> dict[str, Any]:
         """Return the columns of ``summary.parquet``, once the run has ended."""
         restitution = np.array([self._system.restitution])
-        tally = self._tally
-        columns = summary_columns(self._places, restitution, tally.outcomes, tally.finals)
+        columns = summary_columns(self._places, restitution, self._outcomes, self._finals)
         return columns if self._tangents is None else columns | self._tangents.summary()
 
 
 def trajectory_of(system: TraceSystem, run: Stretch) -> Paths:
     """Return the motion in a whole run, given as one stretch."""
-    world = with_logs(make_world(system, None, None), run.engine, run.logs, run.clock)
+    own = make_world(system, None, None)
+    world = with_logs(SYSTEM.loop, own, run.engine, run.logs, run.clock)
     return Paths(Places(system), world, run.logs["log"], *run.end, SYSTEM.overrides(system))

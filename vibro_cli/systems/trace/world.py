@@ -7,11 +7,8 @@ in numbers only are made into a stack (``kernels.ensemble.points``).
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numpy as np
-
-from vibro_cli.compile.kernel import dtype, interpreted_rows
+from vibro_cli.compile.kernel import interpreted_rows
 from vibro_cli.kernels.flow.flight import NOWHERE
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.world import (
@@ -394,12 +391,6 @@ def initial_flight(system: TraceSystem, number: int) -> Flight:
         frequency = body.natural_rate(system.gravity, rho)
         flight.p = state.speed / (2.0 * frequency * rho)
     return flight
-
-
-def zeros(count: int, cls: type) -> Any:
-    """Return an array of structs that are zero."""
-
-    return np.zeros(count, dtype=dtype(cls))
 
 
 def compiled_world(world: World, logs_of: World | None = None) -> World:
