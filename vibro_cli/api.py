@@ -13,8 +13,7 @@ from vibro_cli.scenario.loading import load_scenario
 from vibro_cli.systems import run, system_named
 from vibro_cli.systems.contract import Motion, Sink
 from vibro_cli.systems.driver import CannotContinue, TooQuiet, check_continuable
-from vibro_cli.systems.run import Run
-from vibro_cli.systems.stream import Streamed, stream
+from vibro_cli.systems.run import Run, Streamed, stream
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario

@@ -37,7 +37,7 @@ from vibro_cli.benchmark.methods.runner import DriverRunner, Lost
 from vibro_cli.benchmark.methods.with_heyoka_batch import NAME, TOLERANCES, Lanes
 from vibro_cli.benchmark.precision import installed_peers
 from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Document, Scene, ball
-from vibro_cli.storage.provenance import available_cores, json_bytes
+from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
@@ -374,7 +374,7 @@ def _measure_figures(plan: Plan) -> list[Row]:
 
 
 def _process(folder: Path, option: str) -> Callable[[], None]:
-    from vibro_cli.storage.provenance import json_bytes
+    from vibro_cli.storage.files import json_bytes
 
     document = BY_NAME["three_arcs"].document | {"stop": {"collisions": _SHORT_RUN}}
     source = folder / "scene.json"

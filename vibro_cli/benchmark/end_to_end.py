@@ -41,14 +41,14 @@ from vibro_cli.benchmark.measurement import (
 from vibro_cli.benchmark.other_systems import SLOW, WHOLE
 from vibro_cli.benchmark.scenes import BY_NAME, Document, ball
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.buffers import Lease, Pieces
+from vibro_cli.grids.chunk_writer import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.solving import impact_table_of
 from vibro_cli.grids.workers import expected_impacts, impact_density, solve_in_threads
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.loading import any_scenario_of, scenario_of
-from vibro_cli.storage.provenance import available_cores, json_bytes
+from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.storage.tables import Table
 from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems import system_named

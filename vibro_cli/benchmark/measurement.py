@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from vibro_cli import __version__
-from vibro_cli.storage.provenance import available_cores
+from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, to_arrow
 
 TABLE = Table(

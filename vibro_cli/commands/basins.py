@@ -57,8 +57,8 @@ def _basins(
     """Read, measure, draw, write and print."""
     from vibro_cli.analysis.basins import NoBasins
     from vibro_cli.figures.grids.basins import mapped_basins
+    from vibro_cli.storage.files import FolderRefused
     from vibro_cli.storage.folders import check_basins_folder, write_basins
-    from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.storage.stored import NotAGrid, open_grid
 
     try:

@@ -81,7 +81,7 @@ def _measure(wishes: _BenchOptions) -> int:
     from vibro_cli.benchmark import precision, suite
     from vibro_cli.benchmark.measurement import PLANS, describe_machine
     from vibro_cli.benchmark.scenes import ReferenceOutdated
-    from vibro_cli.storage.provenance import FolderRefused, check_replaceable
+    from vibro_cli.storage.files import FolderRefused, check_replaceable
 
     _check_scenes(wishes.scenes)
     details = {"machine": describe_machine(), "plan": wishes.form}
@@ -123,8 +123,13 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli.figures.style import render
     from vibro_cli.figures.work_precision import growth, work_precision
     from vibro_cli.report.benchmark_page import benchmark_html
-    from vibro_cli.storage.files import new_folder
-    from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+    from vibro_cli.storage.files import (
+        MANIFEST_NAME,
+        check_replaceable,
+        json_bytes,
+        manifest,
+        new_folder,
+    )
 
     files = {
         "benchmark.parquet": parquet(rows, details),
@@ -149,13 +154,13 @@ def _renew(target: str, names: tuple[str, ...]) -> int:
         reference_difference,
         reference_file,
     )
-    from vibro_cli.storage.files import new_folder
-    from vibro_cli.storage.provenance import (
+    from vibro_cli.storage.files import (
         MANIFEST_NAME,
         FolderRefused,
         check_replaceable,
         json_bytes,
         manifest,
+        new_folder,
     )
 
     _check_scenes(names)
@@ -232,7 +237,7 @@ def stress(
 
 
 def _run_suite(wishes: _StressOptions) -> int:
-    from vibro_cli.storage.provenance import FolderRefused
+    from vibro_cli.storage.files import FolderRefused
     from vibro_cli.stress.finding import Plan
     from vibro_cli.stress.oracles.fifty_digits import MissingLibrary
     from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run, write

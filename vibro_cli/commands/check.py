@@ -117,7 +117,7 @@ def _point(grid: "Grid", index: int) -> str | None:
     import numpy as np
 
     from vibro_cli.assemble import build_any
-    from vibro_cli.grids.points import document_at, reason_of
+    from vibro_cli.grids.document import document_at, reason_of
     from vibro_cli.scenario.loading import any_scenario_of
     from vibro_cli.scenario.problems import ScenarioError
 

@@ -118,8 +118,8 @@ def _fit(wishes: _Wishes) -> int:
     """Read, fit, draw, write and print."""
     from vibro_cli.analysis.fit import NoFit, NotMeasured, fit_impacts, read_measured
     from vibro_cli.commands.shared.loading import load_any
+    from vibro_cli.storage.files import FolderRefused
     from vibro_cli.storage.folders import check_fit_folder, write_fit
-    from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.systems import system_named
 
     scenario, _ = load_any(wishes.source, wishes.overrides)

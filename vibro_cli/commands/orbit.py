@@ -102,8 +102,8 @@ def _find(wishes: _Wishes) -> int:
     from vibro_cli.analysis.orbit_branch import family_of
     from vibro_cli.analysis.orbits import NoOrbit, find_orbit
     from vibro_cli.commands.shared.loading import load_any
+    from vibro_cli.storage.files import FolderRefused
     from vibro_cli.storage.folders import check_orbit_folder, write_orbits
-    from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.systems import system_named
 
     scenario, system = load_any(wishes.source, wishes.overrides)

@@ -319,8 +319,8 @@ def portrait(
 def _portray(wishes: _Wishes) -> int:
     """Analyse, draw, write and print."""
     from vibro_cli.commands.shared.loading import load_any
+    from vibro_cli.storage.files import FolderRefused
     from vibro_cli.storage.folders import check_portrait_folder, write_portraits
-    from vibro_cli.storage.provenance import FolderRefused
 
     scenario, system = load_any(wishes.source, wishes.overrides)
     if (wishes.vary or wishes.compare) and wishes.source == "-":

@@ -231,7 +231,7 @@ def _opened(folder: Path) -> "StoredRun":
 
 def _check(wishes: _Wishes) -> None:
     """Raise `CommandError` before anything is drawn if some file could not take its place."""
-    from vibro_cli.storage.provenance import FolderRefused, check_replaceable
+    from vibro_cli.storage.files import FolderRefused, check_replaceable
 
     pdf = wishes.pdf
     if pdf is not None and pdf.exists() and pdf.read_bytes()[:5] != b"%PDF-":

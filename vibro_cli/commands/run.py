@@ -161,8 +161,8 @@ def _worst(codes: list[int]) -> int:
 
 def _check_folders(wishes: Wishes, scenarios: "Sequence[AnyScenario]") -> None:
     """Raise `CommandError` before anything runs if some results could not take their place."""
+    from vibro_cli.storage.files import FolderRefused
     from vibro_cli.storage.folders import check_run_folder
-    from vibro_cli.storage.provenance import FolderRefused
 
     for scenario in scenarios:
         folder = wishes.folder_of(scenario.name)

@@ -25,8 +25,7 @@ from vibro_cli import __version__
 from vibro_cli.errors import VibroError
 from vibro_cli.grids.chunks import Chunks, Division, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
-from vibro_cli.storage.files import flush_folder, remove_partial_files, write_file
-from vibro_cli.storage.provenance import (
+from vibro_cli.storage.files import (
     MANIFEST_NAME,
     Finding,
     FolderRefused,
@@ -34,9 +33,12 @@ from vibro_cli.storage.provenance import (
     check_replaceable,
     differences,
     entry,
+    flush_folder,
     json_bytes,
     manifest_of,
     read_manifest,
+    remove_partial_files,
+    write_file,
 )
 
 GRID_NAME = "grid.json"

@@ -6,29 +6,22 @@ All else is the same for every system: axes, chunks, parts, manifest, shards, wo
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 import pyarrow as pa
 
-from vibro_cli import __version__
 from vibro_cli.api import simulate
 from vibro_cli.grids.axes import Array, Model, kind_of, type_of, unit_of
-from vibro_cli.grids.document import Grid
-from vibro_cli.grids.points import document_at, reason_of
+from vibro_cli.grids.document import Grid, document_at, reason_of
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
-from vibro_cli.storage.parquet_files import PartFile
 from vibro_cli.storage.tables import (
     Column,
-    Origin,
     Table,
-    arrow_schema,
     record_batch,
     summary,
     table_named,
@@ -38,8 +31,6 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.tables import impacts_of_runs
 
 SUMMARY = "grid-summary"
-# Columns of impacts that readers of a few scenarios or moments look at first.
-_ORDERED = ("scenario", "n", "t")
 _NUMBER = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
 
 
@@ -87,25 +78,6 @@ def _may_be_sided(grid: Grid) -> bool:
 
 def _nullable(column: Column) -> Column:
     return Column(column.name, column.type, column.unit, column.description, nullable=True)
-
-
-def part_file(grid: Grid, table: Table, chunk: int, room: Callable[[str, int], Any]) -> PartFile:
-    """Return the file of one part, to be filled: the same bytes for the same rows of the same grid.
-
-    ``table`` and ``chunk`` are what it is a part of; ``room(name, size)`` gives memory for it.
-    """
-    resolved = grid.resolved()
-    origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
-    names = [column.name for column in table.columns]
-    skipped_by = [name for name in names if table.name == SUMMARY or name in _ORDERED]
-    return PartFile(partial(room, f"file of {table.name}"), arrow_schema(table, origin), skipped_by)
-
-
-def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:
-    return {
-        "vibro:grid": json.dumps(resolved, ensure_ascii=False, allow_nan=False),
-        "vibro:part": str(chunk),
-    }
 
 
 Columns = dict[str, Any]

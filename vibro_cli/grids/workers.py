@@ -20,13 +20,12 @@ import numpy as np
 
 from vibro_cli.errors import VibroError
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.buffers import Rooms
-from vibro_cli.grids.chunk_writer import Encoded, Making, part_bytes
+from vibro_cli.grids.chunk_writer import Encoded, Making, Rooms, part_bytes
 from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many_parts
 from vibro_cli.grids.dataset import known_division, opened
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Solver, solver_of
-from vibro_cli.storage.provenance import available_cores
+from vibro_cli.storage.files import available_cores
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""

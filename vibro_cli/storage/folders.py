@@ -16,28 +16,28 @@ from typing import TYPE_CHECKING, Any
 
 from vibro_cli import __version__
 from vibro_cli.errors import VibroError
-from vibro_cli.storage.files import NewFolder, abandoned_parts, new_folder
-from vibro_cli.storage.parquet_files import GrowingTable
-from vibro_cli.storage.provenance import (
+from vibro_cli.storage.files import (
     MANIFEST_NAME,
     FolderRefused,
+    NewFolder,
+    abandoned_parts,
     check_replaceable,
     differences,
     entry,
     json_bytes,
     manifest,
     manifest_of,
+    new_folder,
     read_manifest,
 )
-from vibro_cli.storage.tables import Origin, parquet_bytes, table_named, to_arrow
+from vibro_cli.storage.tables import GrowingTable, Origin, parquet_bytes, table_named, to_arrow
 from vibro_cli.systems.columns import Column, Table, count, flag, number
 
 if TYPE_CHECKING:
     import pyarrow
 
     from vibro_cli.scenario.base import AnyScenario
-    from vibro_cli.systems.run import Run
-    from vibro_cli.systems.stream import Streamed
+    from vibro_cli.systems.run import Run, Streamed
 
 SCENARIO_NAME = "scenario.json"
 CHECKPOINT_NAME = "checkpoint.json"

@@ -17,8 +17,8 @@ from vibro_cli.api import NotRecalled, recalled, recalled_motion
 from vibro_cli.errors import VibroError
 from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.scenario.loading import load_any
+from vibro_cli.storage.files import check_files, manifest, read_manifest
 from vibro_cli.storage.folders import NotContinuable, read_earlier_run
-from vibro_cli.storage.provenance import check_files, manifest, read_manifest
 from vibro_cli.storage.tables import column_names, read_column, read_first
 from vibro_cli.systems import system_named
 from vibro_cli.systems.contract import Motion, System

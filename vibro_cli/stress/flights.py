@@ -22,7 +22,7 @@ from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.kernels import ORDER, START_COLUMNS, follow_all
 from vibro_cli.stress.oracles.interval_oracle import BODY_COLUMNS, COLUMNS
-from vibro_cli.systems.trace.flights import centres
+from vibro_cli.systems.trace.motion import centres
 from vibro_cli.systems.trace.world import half_angle
 
 Document = dict[str, Any]

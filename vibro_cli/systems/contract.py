@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
-    from vibro_cli.systems.rows import Bodies, ImpactRows
-    from vibro_cli.systems.stream import Stretch, Stretches
+    from vibro_cli.systems.run import Stretch, Stretches
+    from vibro_cli.systems.tables import Bodies, ImpactRows
     from vibro_cli.systems.tangents import LoggedMap
     from vibro_cli.systems.wanted import Limits, Wanted
 
@@ -145,7 +145,7 @@ class System(ABC):
         """Whether bodies may lift off what they roll on."""
         return False
 
-    # The solver: systems/driver.py, systems/stream.py, systems/run.py.
+    # The solver: systems/driver.py, systems/run.py, systems/run.py.
 
     @property
     @abstractmethod
@@ -170,7 +170,7 @@ class System(ABC):
 
     def stretches(self, driver: Driver, stop_time: float | None) -> Stretches:
         """Return the run of a driver in stretches."""
-        from vibro_cli.systems.stream import Stretches
+        from vibro_cli.systems.run import Stretches
 
         return Stretches(self.loop, driver, stop_time)
 

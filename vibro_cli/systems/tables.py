@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from vibro_cli.kernels.impact.laws import TRANSLATIONAL
+from vibro_cli.mechanics.system import Body, ImpactSystem
 from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
-from vibro_cli.systems.rows import Totals, record_array
-from vibro_cli.systems.stream import RUNNING, Stretch
+from vibro_cli.systems.driver import record_array
+from vibro_cli.systems.run import RUNNING, Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.wanted import Limits, Sampling, Wanted
 
@@ -129,3 +132,135 @@ def impacts_of_runs(
     run = np.repeat(np.arange(len(logs)), [len(log) for log in logs])
     rows = kept.rows(kept.bodies(systems), np.concatenate(list(logs)), run)
     return kept.table.in_words(kept.table.filled(rows)), run
+
+
+class Bodies:
+    """The bodies of some systems as arrays: [system, body]."""
+
+    def __init__(self, systems: Sequence[Any]) -> None:
+        self.systems: Sequence[Any] = systems
+
+    def of_each(self, value: Callable[[Body], float]) -> Any:
+        """Return a value of every body."""
+        return np.array([[value(body) for body in system.bodies] for system in self.systems])
+
+    @cached_property
+    def radii(self) -> Any:
+        """Radii (m)."""
+        return self.of_each(lambda body: body.radius)
+
+    @cached_property
+    def rolling_inertias(self) -> Any:
+        """J_P (kg m²)."""
+        return self.of_each(lambda body: body.rolling_inertia)
+
+    @cached_property
+    def rolling_masses(self) -> Any:
+        """κ m (kg)."""
+        return self.of_each(lambda body: body.kappa * body.mass)
+
+    @cached_property
+    def masses(self) -> Any:
+        """m (kg)."""
+        return self.of_each(lambda body: body.mass)
+
+    @cached_property
+    def slide(self) -> Any:
+        """Which of them are particles."""
+        return self.of_each(lambda body: float(body.kappa == 1.0)) == 1.0
+
+
+class ImpactRows:
+    """Rows of a log of impacts, of which the columns of its table are made.
+
+    Parameters
+    ----------
+    bodies
+        Of each run.
+    log, run
+        The rows, those of one run after those of another, and the number of the run of each row,
+        from 0.
+    told, before
+        How many rows of the first run came before, and the last of them.
+    """
+
+    def __init__(
+        self, bodies: Bodies, log: Any, run: Any, told: int = 0, before: Any = None
+    ) -> None:
+        self.bodies, self.run = bodies, run
+        self._log, self._told, self._before = log, told, before
+
+    def __getitem__(self, name: str) -> Any:
+        return self._log[name]
+
+    def __len__(self) -> int:
+        return len(self._log)
+
+    @cached_property
+    def number(self) -> Any:
+        """Of each row in its run, from 1."""
+        return np.arange(1, len(self) + 1) - np.searchsorted(self.run, self.run) + self._told
+
+    @property
+    def between(self) -> Any:
+        """Time (s) since the row before, nan in a run's first."""
+        rows = self._log
+        between = np.full(len(rows), np.nan)
+        between[1:] = np.diff(rows["t"]) + np.diff(rows["t_low"])
+        between[self.number == 1] = np.nan
+        if len(rows) and self._before is not None:
+            before = self._before
+            between[0] = (rows["t"][0] - before["t"]) + (rows["t_low"][0] - before["t_low"])
+        return between
+
+    def of_body(self, values: Any, body: Any) -> Any:
+        """Return the value [system, body] of the body of each row."""
+        return values[self.run, body]
+
+    def impulse_of(self, body: Any, change: Any) -> Any:
+        """Return m Δv (N s) of bodies whose speeds change (m/s); nan under other laws, B (6)."""
+        impulses = self.of_body(self.bodies.masses, body) * change
+        return np.where(self["law"] == TRANSLATIONAL, impulses, np.nan)
+
+    def inclination(self, one: Any, other: Any) -> Any:
+        """Return the cosine between the line of centres of two bodies and the plane."""
+        a, b = (self.of_body(self.bodies.radii, body) for body in (one, other))
+        return np.where(a == b, 1.0, 2.0 * np.sqrt(a * b) / np.maximum(a + b, 1e-300))
+
+
+class Totals:
+    """What the summary says of a run, gathered stretch by stretch."""
+
+    def __init__(self, energy_start: float) -> None:
+        self.energy_start = energy_start
+        self.first_time = self.last_time = self.largest_gap = float("nan")
+
+    def take(self, log: Any) -> None:
+        """Take some more impacts of two bodies."""
+        if not len(log):
+            return
+        times = log["t"]
+        if self.first_time != self.first_time:
+            self.first_time = float(times[0])
+        self.last_time = float(times[-1])
+        self.largest_gap = float(np.nanmax([self.largest_gap, np.max(np.abs(log["gap"]))]))
+
+    def finish(
+        self,
+        system: ImpactSystem,
+        end_cause: str,
+        end_time: float,
+        clock: Mapping[str, Any],
+        last: Mapping[str, Any],
+    ) -> None:
+        """Take the end of the run: `last` are the columns of its motion table then."""
+        self.system, self.end_cause, self.end_time = system, end_cause, end_time
+        self.clock, self.last = clock, last
+        self.energy_end = float(np.sum(last["energy"]))
+
+    @property
+    def energy_drift(self) -> float:
+        """Relative change of the energy, where it should be kept; else nan."""
+        start = self.energy_start
+        kept = self.system.keeps_energy(self.clock)
+        return (self.energy_end - start) / start if start > 0.0 and kept else float("nan")

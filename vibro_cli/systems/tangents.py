@@ -17,9 +17,8 @@ from vibro_cli.compile.kernel import Overrides
 from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, Tangents, TangentState
 from vibro_cli.kernels.tangent.impacts import WIDTH
 from vibro_cli.systems.contract import Rows, System
-from vibro_cli.systems.driver import called, with_logs
-from vibro_cli.systems.rows import zeros
-from vibro_cli.systems.stream import RUNNING, Stretch, begun
+from vibro_cli.systems.driver import called, with_logs, zeros
+from vibro_cli.systems.run import RUNNING, Stretch, begun
 from vibro_cli.systems.wanted import Limits
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.systems import system_named
-from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import followed
 
 # Of a number of the start, in m or m/s: the differences are right to twice its digits.

@@ -11,8 +11,7 @@ from vibro_cli.compile.kernel import dtype, interpreted_copies, interpreted_rows
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.springs.series import Found, Sample, sample_states
 from vibro_cli.kernels.springs.world import SpringBody, StateRow
-from vibro_cli.systems.driver import compiled_world
-from vibro_cli.systems.rows import record_array
+from vibro_cli.systems.driver import compiled_world, record_array
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
 from vibro_cli.systems.springs.tables import MOTION
 

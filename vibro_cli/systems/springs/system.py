@@ -27,8 +27,8 @@ from vibro_cli.kernels.springs.world import (
     SpringPair,
     World,
 )
-from vibro_cli.systems.driver import EventLoop
-from vibro_cli.systems.rows import ImpactSystem, body_record, touching_distance
+from vibro_cli.mechanics.system import ImpactSystem, touching_distance
+from vibro_cli.systems.driver import EventLoop, body_record
 from vibro_cli.systems.wanted import UNLIMITED
 
 

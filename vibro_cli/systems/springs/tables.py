@@ -30,7 +30,7 @@ from vibro_cli.systems.columns import (
     summary_head,
     word,
 )
-from vibro_cli.systems.rows import Bodies, ImpactRows
+from vibro_cli.systems.tables import Bodies, ImpactRows
 
 _ENERGY = "kinetic energy and energy of the spring"
 _OMEGA = "angular velocity of rolling (null for a particle, which slides)"

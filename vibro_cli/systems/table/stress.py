@@ -19,8 +19,7 @@ from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.stress.oracles.neighbours import check_maps
 from vibro_cli.stress.oracles.scene import speed_changes
-from vibro_cli.systems.run import Run
-from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.run import Run, Stretch
 from vibro_cli.systems.table.system import POLYGON, TableSystem
 
 

@@ -33,8 +33,8 @@ from vibro_cli.kernels.table.world import (
     POLYGON as POLYGON_KIND,
 )
 from vibro_cli.kernels.world import BodyData
-from vibro_cli.systems.driver import EventLoop
-from vibro_cli.systems.rows import ImpactSystem, body_record
+from vibro_cli.mechanics.system import ImpactSystem
+from vibro_cli.systems.driver import EventLoop, body_record
 from vibro_cli.systems.wanted import UNLIMITED
 
 ELLIPSE = "ellipse"

@@ -25,8 +25,8 @@ from vibro_cli.systems.columns import (
     summary_balance,
     summary_head,
 )
-from vibro_cli.systems.rows import ImpactRows
 from vibro_cli.systems.table.system import POLYGON
+from vibro_cli.systems.tables import ImpactRows
 
 _AXES = ("x", "y")
 _WHEN = (("pre", "before"), ("post", "after"))

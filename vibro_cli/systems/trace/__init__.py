@@ -21,12 +21,10 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
-    from vibro_cli.systems.run import Run
-    from vibro_cli.systems.stream import Stretch
+    from vibro_cli.systems.run import Run, Stretch
     from vibro_cli.systems.trace.event_loop import TraceStretches
-    from vibro_cli.systems.trace.flights import Paths
     from vibro_cli.systems.trace.grid_solver import TraceSolver
-    from vibro_cli.systems.trace.long_motion import LongMotion
+    from vibro_cli.systems.trace.motion import LongMotion, Paths
     from vibro_cli.systems.trace.tables import Tables
     from vibro_cli.systems.wanted import Limits, Wanted
 
@@ -84,7 +82,7 @@ class Trace(System):
         return TraceStretches(self.loop, driver, stop_time)
 
     def skipped(self, clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
-        from vibro_cli.systems.trace.summary import skipped
+        from vibro_cli.systems.trace.tables import skipped
 
         return skipped(clock, wanted, end)
 
@@ -121,12 +119,12 @@ class Trace(System):
     def long_motion(
         self, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool
     ) -> LongMotion | None:
-        from vibro_cli.systems.trace import long_motion
+        from vibro_cli.systems.trace import motion
 
         flights = rows["log"]
-        if flights <= long_motion.MOST_FLIGHTS:
+        if flights <= motion.MOST_FLIGHTS:
             return None
-        return long_motion.LongMotion(self, system, limits, flights, interrupted)
+        return motion.LongMotion(self, system, limits, flights, interrupted)
 
     @property
     def figures(self) -> dict[str, Kind[Any] | KindOfBody]:

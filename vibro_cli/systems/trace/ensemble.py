@@ -38,7 +38,7 @@ from vibro_cli.kernels.world import (
     World,
 )
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.systems.rows import zeros
+from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.tangents import room_for
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world

@@ -27,9 +27,9 @@ from vibro_cli.kernels.world import (
     World,
 )
 from vibro_cli.systems import driver
-from vibro_cli.systems.driver import Driver, EventLoop
-from vibro_cli.systems.rows import joined, zeros
-from vibro_cli.systems.stream import Stretch, Stretches
+from vibro_cli.systems.driver import Driver, EventLoop, joined, zeros
+from vibro_cli.systems.run import Stretch, Stretches
+from vibro_cli.systems.trace.motion import last_of_each
 
 
 def enter_advance(world: World, overrides: Overrides | None) -> int:
@@ -110,13 +110,6 @@ def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
     carried = segments[[segment for _, segment in kept]]
     carried["flight"] = [body for body, _ in kept]
     return {"log": log[rows], "segments": carried}
-
-
-def last_of_each(log: Any) -> Any:
-    """Return the last row of each body in the log of flights."""
-    last = np.empty(int(log["body"].max()) + 1, dtype=np.int64)
-    last[log["body"]] = np.arange(len(log))  # of equal ones the last
-    return last
 
 
 def earliest_unlogged(pairs: Any) -> float:

@@ -28,9 +28,8 @@ from vibro_cli.kernels.world import (
     Flight,
     World,
 )
-from vibro_cli.systems.driver import called
-from vibro_cli.systems.rows import chosen, joined, zeros
-from vibro_cli.systems.trace.flights import Paths
+from vibro_cli.systems.driver import called, chosen, joined, zeros
+from vibro_cli.systems.trace.motion import Paths
 
 NAMES = (
     "crossing", "wall", "contact_closed", "contact_opened", "lift_off", "turning", "slip", "end",

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.buffers import Lease, Pieces
+from vibro_cli.grids.chunk_writer import Lease, Pieces
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.points import Point, Reader, is_quick
 from vibro_cli.grids.solving import (
     Columns,
     Solved,
@@ -30,7 +29,7 @@ from vibro_cli.storage.tables import (
     Words,
     record_batch,
 )
-from vibro_cli.systems.rows import zeros
+from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.tangents import exponent_columns
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import (
@@ -40,10 +39,17 @@ from vibro_cli.systems.trace.ensemble import (
     own_records,
     stack_of,
 )
-from vibro_cli.systems.trace.flights import Places
-from vibro_cli.systems.trace.summary import summary_columns
-from vibro_cli.systems.trace.system_template import Setting, Starts, Systems, is_of_system
-from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness
+from vibro_cli.systems.trace.motion import Places
+from vibro_cli.systems.trace.system_template import (
+    Point,
+    Reader,
+    Setting,
+    Starts,
+    Systems,
+    is_of_system,
+    is_quick,
+)
+from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary_columns
 from vibro_cli.systems.trace.tangents import time_scale
 from vibro_cli.systems.trace.world import compiled_world
 from vibro_cli.systems.wanted import UNLIMITED, Wanted

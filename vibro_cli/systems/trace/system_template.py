@@ -4,7 +4,8 @@ Points that share trace, radii, laws and ends make one setting: it is built once
 reader, and what its points differ in (starts, masses, k, stops) is worked out for all of them at
 once, as are systems that differ in numbers only. Only what is sure to be a valid scenario is taken
 so, checked here with room to spare: every other point goes through the ordinary reader alone, which
-also says what is wrong with it.
+also says what is wrong with it. Where these differ in numbers only, a good part of its work is the
+same for all of them.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.assemble import SIZES, body_of, speed_of, system_of, trace_of
+from vibro_cli.assemble import SIZES, body_of, build_system, speed_of, system_of, trace_of
 from vibro_cli.grids.axes import Array, kind_of
-from vibro_cli.grids.points import Point, changed
+from vibro_cli.grids.document import document_at, plain_value, reason_of
 from vibro_cli.mechanics.initial_conditions import clear_of_wall, wall_position
 from vibro_cli.mechanics.reachability import (
     Path,
@@ -35,9 +36,10 @@ from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics.elementwise import taken
 from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.loading import Document, scenario_of
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.problems import KeyPath
-from vibro_cli.systems.trace.flights import centres
+from vibro_cli.scenario.problems import KeyPath, ScenarioError
+from vibro_cli.systems.trace.motion import centres
 from vibro_cli.systems.trace.world import initial_flight, neighbours
 
 SURE = 1.0e-9
@@ -199,7 +201,8 @@ def _walls_fit(system: TraceSystem) -> Any:
     return fit
 
 
-Values = Mapping[KeyPath, Array]
+Values = Mapping[KeyPath, Any]
+"""A number, or an array of numbers, for each path."""
 
 _LEAST_MASS, _MOST_MASS, _MOST_SPEED = 1.0e-99, 1.0e99, 1.0e29
 
@@ -423,3 +426,147 @@ def _clear(
     size = np.abs(ax) + np.abs(ay) + np.abs(bx) + np.abs(by) + contact
     clear: Array = np.hypot(bx - ax, by - ay) > contact + SURE * size
     return clear
+
+
+def changed(known: Scenario, values: Values) -> Scenario:
+    """Return a scenario with other numbers, each of which its key allows, or arrays of numbers."""
+    values = dict(values)
+    for_all = values.pop(("collision", "k"), None)
+    if for_all is not None:
+        values |= {("collision", "k", n): for_all for n in range(len(known.collision.k))}
+    new: Scenario = _changed(known, values)
+    return new
+
+
+def _changed(known: Any, values: Values) -> Any:
+    """A table, list or value with others in some places."""
+    if () in values:
+        return values[()]
+    within: dict[Any, dict[KeyPath, Any]] = {}
+    for path, value in values.items():
+        within.setdefault(path[0], {})[path[1:]] = value
+    if isinstance(known, tuple):
+        return tuple(
+            _changed(one, within[n]) if n in within else one for n, one in enumerate(known)
+        )
+    updates = {str(key): _changed(getattr(known, key), given) for key, given in within.items()}
+    return known.model_copy(update=updates)
+
+
+# What points of one setting may differ in.
+_OF_A_START = ("angle", "position", "rate", "omega", "speed", "density", "mass")
+# Reasons that are kept ready.
+_MOST_REASONS = 10_000
+
+
+def is_quick(path: KeyPath) -> bool:
+    """Tell whether points may differ in the value at a path and still share a setting."""
+    if path[0] == "balls":
+        return len(path) == 3 and path[2] in _OF_A_START
+    return path[:2] == ("collision", "k") or path in (("stop", "time"), ("stop", "collisions"))
+
+
+def is_number(path: KeyPath) -> bool:
+    """Tell whether another value at a path leaves all else of a scenario as it is."""
+    of_ball = path[0] == "balls" and len(path) == 3 and path[2] in _OF_A_BALL
+    return is_quick(path) or of_ball or path == ("gravity",)
+
+
+def scenario_at(base: Document, values: Values) -> Scenario:
+    """Return the scenario of one point of a trace, by the ordinary reader.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with it.
+    """
+    return scenario_of(document_at(base, values))
+
+
+@dataclass(frozen=True)
+class Point:
+    """One point that went through the ordinary reader: a scenario, or the reason why not."""
+
+    scenario: Scenario | None
+    system: TraceSystem | None
+    reason: str | None
+
+
+class Reader:
+    """Reads points of one grid whose scenarios differ in numbers only.
+
+    Parameters
+    ----------
+    base
+        The scenario that the axes change.
+    """
+
+    def __init__(self, base: Document) -> None:
+        self._base = base
+        self._known: Scenario | None = None
+        self._reasons: dict[tuple[tuple[KeyPath, Any], ...], str] = {}
+
+    def read(self, values: Values) -> Point:
+        """Return one point, as the ordinary reader finds it.
+
+        A number that its key does not allow is told before anything else is looked at, so that
+        the reason is the same for every point that has it.
+        """
+        plain = {path: plain_value(value) for path, value in values.items()}
+        refused: tuple[tuple[KeyPath, Any], ...] = ()
+        if self._known is not None:
+            refused = tuple(item for item in plain.items() if not _is_allowed(self._known, *item))
+            if refused in self._reasons:
+                return Point(None, None, self._reasons[refused])
+        try:
+            scenario = self._scenario(plain, refused)
+            point = Point(scenario, build_system(scenario), None)
+        except ScenarioError as error:
+            return Point(None, None, reason_of(error))
+        if self._known is None and all(map(is_number, plain)):
+            self._known = point.scenario
+        return point
+
+    def _scenario(self, values: Values, refused: tuple[tuple[KeyPath, Any], ...]) -> Scenario:
+        if self._known is not None and not refused:
+            return changed(self._known, {path: _number(path, values[path]) for path in values})
+        try:
+            return scenario_at(self._base, values)
+        except ScenarioError as error:
+            if refused and len(self._reasons) < _MOST_REASONS:
+                self._reasons[refused] = reason_of(error)
+            raise
+
+
+def _number(path: KeyPath, value: Any) -> Any:
+    kind = kind_of(path)
+    assert isinstance(kind, kinds.Quantity | kinds.Count)
+    return kind.read(value)
+
+
+def _is_allowed(known: Scenario, path: KeyPath, value: Any) -> bool:
+    """Whether a number is one that the key of a known scenario allows, whatever the others are."""
+    kind = kind_of(path)
+    assert isinstance(kind, kinds.Quantity | kinds.Count)
+    number = kind.read_or_none(value)
+    if number is None:
+        return False
+    if path[-1] == "radius":
+        return number > 0.0
+    if path[-1] not in ("angle", "position"):
+        return True
+    assert isinstance(path[1], int)
+    arc = known.trace.arcs[known.balls[path[1]].arc - 1]
+    if path[-1] == "position":
+        return arc.length is not None and 0.0 < number < arc.length
+    return _inside(known, known.balls[path[1]].arc - 1, number)
+
+
+def _inside(known: Scenario, piece: int, angle: float) -> bool:
+    """Whether an angle is within an arc, and not at one of its ends."""
+    arcs = known.trace.arcs
+    slopes = [known.trace.start_slope]
+    for arc in arcs[: piece + 1]:
+        slopes.append(slopes[-1] if arc.end_slope is None else arc.end_slope)
+    sign = -1.0 if arcs[piece].shape == "hump" else 1.0
+    return sign * slopes[piece] < angle < sign * slopes[piece + 1]

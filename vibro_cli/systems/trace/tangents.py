@@ -17,9 +17,8 @@ from vibro_cli.kernels.world import END_NAMES, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems import tangents
 from vibro_cli.systems.contract import Rows
-from vibro_cli.systems.driver import Driver, with_logs
-from vibro_cli.systems.rows import zeros
-from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.driver import Driver, with_logs, zeros
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import Growth
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import make_world

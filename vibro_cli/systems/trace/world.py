@@ -42,7 +42,7 @@ from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.systems import driver
-from vibro_cli.systems.rows import body_record
+from vibro_cli.systems.driver import body_record
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.wanted import UNLIMITED
 
