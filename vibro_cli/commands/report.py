@@ -271,12 +271,12 @@ def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:
 def _write_figures(subject: "Subject", target: Path, wishes: _Wishes) -> None:
     """Write every figure into a folder, in all forms."""
     from vibro_cli.figures.style import FORMATS, render
-    from vibro_cli.storage.folders import write_figures
+    from vibro_cli.storage.folders import write_results
 
     files = {
         f"{stem}.{form}": render(drawn.figure, form)
         for stem, drawn in _drawn(subject, wishes.width, wishes.maps)
         for form in FORMATS
     }
-    write_figures(files, target)
+    write_results("figures", target, files)
     say(f"figures in {target}")

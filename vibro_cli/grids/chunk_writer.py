@@ -20,7 +20,14 @@ from vibro_cli import __version__
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.solving import SUMMARY, Columns, Solved, impact_table_of, summary_table
+from vibro_cli.grids.solving import (
+    SUMMARY,
+    Columns,
+    Solved,
+    end_to_end,
+    impact_table_of,
+    summary_table,
+)
 from vibro_cli.storage.files import BLOCK, entry, write_file
 from vibro_cli.storage.tables import (
     Origin,
@@ -319,11 +326,7 @@ def _joined(name: str, tables: list[Columns]) -> Any:
         else:
             rows = len(next(iter(table.values())))
             parts.append(np.ma.MaskedArray(np.zeros(rows, dtype=np.int64), mask=True))
-    if len(parts) == 1:
-        return parts[0]
-    if any(np.ma.isMaskedArray(part) for part in parts):
-        return np.ma.concatenate(parts)  # type: ignore[no-untyped-call]
-    return np.concatenate(parts)
+    return end_to_end(parts)
 
 
 # Bytes of a page, which is split, compressed and summed up before the next one: in the cache.

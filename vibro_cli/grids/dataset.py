@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import json
 import os
 import re
@@ -276,8 +275,7 @@ def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Recei
 
     files = {}
     for name in file_names(grid, chunk).values():
-        content = (folder / name).read_bytes()
-        files[name] = {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+        files[name] = entry((folder / name).read_bytes())
     summary = folder / file_names(grid, chunk)["summary"]
     try:
         table = pq.read_table(
@@ -463,8 +461,7 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
 
 def _check(folder: Path, receipt: Receipt) -> None:
     for name, described in receipt.files.items():
-        content = (folder / name).read_bytes()
-        if hashlib.sha256(content).hexdigest() != described["sha256"]:
+        if entry((folder / name).read_bytes())["sha256"] != described["sha256"]:
             raise MergeRefused(
                 f"{folder / name} is not as it was written (SHA-256); "
                 "vibro grid --shard … --repair solves it again"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.grids.axes import MODES, SAMPLED, Axis, Design, Wrong, read_axis
+from vibro_cli.grids.axes import GENERATORS, MODES, SAMPLED, Axis, Design, Wrong, read_axis
 from vibro_cli.scenario import loading
 from vibro_cli.scenario.base import ScenarioTable, model_of, system_of
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, exactly_one, identifier, json_schema
@@ -386,7 +386,6 @@ _KEEP_SCHEMA: dict[str, dict[str, Any]] = {
         "minItems": 1,
     },
 }
-_GENERATORS = ("values", "linspace", "logspace", "uniform", "table")
 
 
 def grid_schema(system: str = "trace") -> dict[str, Any]:
@@ -472,7 +471,7 @@ def _table(description: str, properties: dict[str, Any]) -> dict[str, Any]:
 
 def _axis() -> dict[str, Any]:
     rules: list[dict[str, Any]] = [
-        exactly_one(*_GENERATORS),
+        exactly_one(*GENERATORS),
         {"not": {"required": ["path", "paths"]}},
         {"anyOf": [{"required": [key]} for key in ("path", "paths", "table")]},
     ]

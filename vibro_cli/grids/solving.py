@@ -96,21 +96,6 @@ class Solved:
     """Called once these rows are not needed any more."""
 
 
-def not_solved(status: str, reason: str | None, bodies: int, followed: bool = False) -> Columns:
-    """Return the summary of a point without a run."""
-    table: Columns = {}
-    for column in summary(bodies, grown=followed).columns:
-        if column.type == "string":
-            table[column.name] = np.array([None], dtype=object)
-        elif column.type == "int64":
-            table[column.name] = np.ma.MaskedArray([0], mask=True)
-        else:
-            table[column.name] = np.array([np.nan])
-    table["status"][0] = status
-    table["reason"][0] = reason
-    return table
-
-
 class Solver(Protocol):
     """Solves stretches of a grid's points, in one thread."""
 
@@ -144,7 +129,7 @@ class RunSolver:
         """Solve some points, given by their numbers from 0."""
         found = [self._run(values) for values in self._values(indices)]
         records = [one.summary_record() if isinstance(one, Run) else one for one in found]
-        table = _columns_of(records, self._table)
+        table = summary_of(records, self._table)
         done = np.array([isinstance(one, Run) for one in found])
         runs = [one for one in found if isinstance(one, Run)]
         kept = {
@@ -175,9 +160,9 @@ def impacts_of(table: dict[str, Any], grid: Grid) -> int:
     return int(sum(np.ma.filled(table[name], 0).sum() for name in grid.counted))
 
 
-def _columns_of(records: Sequence[dict[str, Any]], table: Table) -> dict[str, Any]:
-    """Summaries as columns."""
-    columns: dict[str, Any] = {}
+def summary_of(records: Sequence[Mapping[str, Any]], table: Table) -> Columns:
+    """Return summaries as columns; what is not in a record is null."""
+    columns: Columns = {}
     for column in table.columns:
         values = [record.get(column.name) for record in records]
         if column.type == "string":
@@ -188,6 +173,15 @@ def _columns_of(records: Sequence[dict[str, Any]], table: Table) -> dict[str, An
         else:
             columns[column.name] = np.array(values, dtype=np.float64)
     return columns
+
+
+def end_to_end(parts: Sequence[Any]) -> Any:
+    """Return parts of a column, of which some may be masked, as one."""
+    if len(parts) == 1:
+        return parts[0]
+    masked = any(np.ma.isMaskedArray(part) for part in parts)
+    join: Any = np.ma.concatenate if masked else np.concatenate
+    return join(parts)
 
 
 def columns_of_runs(table: Table, points: Array, runs: Sequence[Run]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -404,11 +404,35 @@ def _flags(bits: Any, chunk: pa.Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
     return flags[chunk.offset : chunk.offset + len(chunk)].view(np.bool_)
 
 
-def json_lines(data: pa.Table) -> Iterator[bytes]:
-    """The rows as JSON objects, one per line, some thousands of lines at a time."""
-    for batch in data.to_batches(max_chunksize=_JSON_LINES_AT_ONCE):
-        rows = (json.dumps(row, ensure_ascii=False, allow_nan=False) for row in batch.to_pylist())
-        yield "".join(f"{row}\n" for row in rows).encode()
+class _RowWriter:
+    """Writes rows to an open binary stream as csv, jsonl or arrow (IPC stream)."""
+
+    def __init__(self, sink: BinaryIO, form: str, schema: pa.Schema) -> None:
+        self._sink = sink
+        self._writer: Any = None
+        if form == "csv":
+            from pyarrow import csv
+
+            options = csv.WriteOptions(quoting_style="needed")
+            self._writer = csv.CSVWriter(sink, schema, write_options=options)
+        elif form == "arrow":
+            self._writer = pa.ipc.new_stream(sink, schema)
+        elif form != "jsonl":
+            raise ValueError(f"there is no form {form!r} of a table")
+
+    def write(self, rows: pa.Table) -> None:
+        """Write rows; of jsonl some thousands of lines at a time."""
+        if self._writer is not None:
+            self._writer.write_table(rows)
+            return
+        for batch in rows.to_batches(max_chunksize=_JSON_LINES_AT_ONCE):
+            lines = (json.dumps(r, ensure_ascii=False, allow_nan=False) for r in batch.to_pylist())
+            self._sink.write("".join(f"{line}\n" for line in lines).encode())
+
+    def close(self) -> None:
+        """Write what belongs to the end."""
+        if self._writer is not None:
+            self._writer.close()
 
 
 def stream(data: pa.Table, form: str, sink: BinaryIO) -> None:
@@ -416,20 +440,12 @@ def stream(data: pa.Table, form: str, sink: BinaryIO) -> None:
 
     Numbers of csv and jsonl read back to the same doubles; null is an empty field or `null`.
     """
-    if form == "csv":
-        from pyarrow import csv
-
-        csv.write_csv(data, sink, csv.WriteOptions(quoting_style="needed"))
-    elif form == "jsonl":
-        for lines in json_lines(data):
-            sink.write(lines)
-    elif form == "arrow":
-        with pa.ipc.new_stream(sink, data.schema) as writer:
-            writer.write_table(data)
-    elif form == "parquet":
+    if form == "parquet":
         sink.write(parquet_bytes(data))
-    else:
-        raise ValueError(f"there is no form {form!r} of a table")
+        return
+    writer = _RowWriter(sink, form, data.schema)
+    writer.write(data)
+    writer.close()
 
 
 # Rows of a group: where it ends depends on nothing but the table.
@@ -486,52 +502,30 @@ class GrowingTable:
 
 
 class StreamedTable:
-    """A table on its way to an open binary stream, row by row as they come (see `tables.stream`).
-
-    Parameters
-    ----------
-    form
-        csv, jsonl, arrow or parquet.
-    """
+    """A table on its way to an open binary stream, row by row as they come (see :func:`stream`)."""
 
     def __init__(self, sink: BinaryIO, form: str, table: Table, origin: Origin) -> None:
         self._sink = sink
         self._table = table
-        schema = arrow_schema(table, origin)
-        self._schema = schema
-        self._writer: Any = None
-        if form == "csv":
-            from pyarrow import csv
-
-            options = csv.WriteOptions(quoting_style="needed")
-            self._writer = csv.CSVWriter(sink, schema, write_options=options)
-        elif form == "arrow":
-            self._writer = pa.ipc.new_stream(sink, schema)
-        elif form == "parquet":
+        self._schema = arrow_schema(table, origin)
+        self._rows = None if form == "parquet" else _RowWriter(sink, form, self._schema)
+        if self._rows is None:
             self._growing = GrowingTable(sink, table, origin)
-        elif form != "jsonl":
-            raise ValueError(f"there is no form {form!r} of a table")
-        self._form = form
 
     def add(self, columns: Mapping[str, Any]) -> None:
         """Write rows; raises `ValueError` for columns that are not those of the table."""
-        if self._form == "parquet":
+        if self._rows is None:
             self._growing.add(columns)
             return
-        rows = pa.Table.from_batches([record_batch(self._table, columns)], self._schema)
-        if self._writer is not None:
-            self._writer.write_table(rows)
-        else:
-            for lines in json_lines(rows):
-                self._sink.write(lines)
+        self._rows.write(pa.Table.from_batches([record_batch(self._table, columns)], self._schema))
         self._sink.flush()
 
     def finish(self) -> None:
         """Write what belongs to the end."""
-        if self._form == "parquet":
+        if self._rows is None:
             self._growing.finish()
-        elif self._writer is not None:
-            self._writer.close()
+        else:
+            self._rows.close()
         self._sink.flush()
 
 

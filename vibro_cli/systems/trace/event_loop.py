@@ -27,7 +27,7 @@ from vibro_cli.kernels.world import (
     World,
 )
 from vibro_cli.systems import driver
-from vibro_cli.systems.driver import Driver, EventLoop, joined, zeros
+from vibro_cli.systems.driver import Driver, joined, zeros
 from vibro_cli.systems.run import Stretch, Stretches
 from vibro_cli.systems.trace.motion import last_of_each
 
@@ -68,8 +68,8 @@ LOOP = driver.EventLoop(
 class TraceStretches(Stretches):
     """The stretches of a run in progress (see ``systems.stream.Stretches``)."""
 
-    def __init__(self, loop: EventLoop, driver: Driver, stop_time: float | None) -> None:
-        super().__init__(loop, driver, stop_time)
+    def __init__(self, driver: Driver, stop_time: float | None) -> None:
+        super().__init__(LOOP, driver, stop_time)
         self._told = 0
         self._nothing = {name: zeros(0, RECORDS[name]) for name in LOGS}
         self._carried: dict[str, Any] = self._nothing

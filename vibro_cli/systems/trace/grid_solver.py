@@ -15,9 +15,11 @@ from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import (
     Columns,
     Solved,
+    ball_count,
+    end_to_end,
     impact_table_of,
     is_followed,
-    not_solved,
+    summary_of,
 )
 from vibro_cli.kernels.ensemble.records import Points, Results, Stack
 from vibro_cli.kernels.statistics.impact_columns import WORDS
@@ -49,7 +51,7 @@ from vibro_cli.systems.trace.system_template import (
     is_of_system,
     is_quick,
 )
-from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary_columns
+from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary, summary_columns
 from vibro_cli.systems.trace.tangents import time_scale
 from vibro_cli.systems.trace.world import compiled_world
 from vibro_cli.systems.wanted import UNLIMITED, Wanted
@@ -395,23 +397,21 @@ class TraceSolver:
     def _solve_alone(self, number: int, point: Point, parts: _Parts) -> None:
         """Solve one point by itself, or take down why it cannot be solved."""
         row = np.array([number])
-        bodies = len(self._grid.base.data.get("balls", ()))
+        table = summary(ball_count(self._grid), grown=self._wanted.lyapunov)
         if point.system is None or point.scenario is None:
-            invalid = not_solved("invalid", point.reason, bodies, self._wanted.lyapunov)
-            parts.summaries.append((row, invalid))
+            record = {"status": "invalid", "reason": point.reason}
+            parts.summaries.append((row, summary_of([record], table)))
             return
         stop = point.scenario.stop
         try:
             run = simulate_system(
                 point.system, stop.time, stop.collisions, self._engine, self._wanted
             )
-            summary = run.summary
+            parts.summaries.append((row, run.summary))
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
-            text = f"{type(error).__name__}: {error}"
-            failed = not_solved("failed", text, bodies, self._wanted.lyapunov)
-            parts.summaries.append((row, failed))
+            record = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
+            parts.summaries.append((row, summary_of([record], table)))
             return
-        parts.summaries.append((row, summary))
         if self._grid.keep.collisions:
             log = run.history()["impacts"]
             counts, points = np.array([len(log)]), self._indices[row]
@@ -435,10 +435,4 @@ def _in_order(parts: list[tuple[Array, Columns]], count: int) -> Columns:
     order = np.empty(count, dtype=np.int64)
     order[rows] = np.arange(count)
     names = parts[0][1]
-    return {name: _concatenated([table[name] for _, table in parts])[order] for name in names}
-
-
-def _concatenated(columns: list[Any]) -> Any:
-    if any(np.ma.isMaskedArray(column) for column in columns):
-        return np.ma.concatenate(columns)  # type: ignore[no-untyped-call]
-    return np.concatenate(columns)
+    return {name: end_to_end([table[name] for _, table in parts])[order] for name in names}

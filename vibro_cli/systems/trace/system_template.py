@@ -288,13 +288,26 @@ class Setting:
             _check_walls(system, states, sure)
         for body in system.bodies:
             sure &= (body.mass > _LEAST_MASS) & (body.mass < _MOST_MASS)
-        flights = [
-            initial_flight(replace(system, initial=tuple(states)), n) for n in range(len(states))
-        ]
-        k = scenario.collision.k
-        for one in k:
+        for one in scenario.collision.k:
             sure &= (one >= 0.0) & (one <= 1.0)
-        pairs = [k[min(pair, len(k) - 1)] for pair in range(self.pairs)]
+        system = replace(system, initial=tuple(states), restitution=scenario.collision.k)
+        return self._starts(scenario, system, sure)
+
+    def starts_of(self, points: Sequence[Point]) -> Starts:
+        """Return the starts of valid points of this setting that were read alone."""
+        each = []
+        for point in points:
+            assert point.scenario is not None
+            assert point.system is not None
+            sure = np.ones(1, dtype=bool)
+            each.append(self._starts(point.scenario, point.system, sure))
+        names = [one.name for one in fields(Starts)]
+        return Starts(*(np.concatenate([getattr(one, name) for one in each]) for name in names))
+
+    def _starts(self, scenario: Scenario, system: TraceSystem, sure: Array) -> Starts:
+        """The starts of as many points as there are flags, from a system with initial states."""
+        count, k = len(sure), system.restitution
+        flights = [initial_flight(system, n) for n in range(len(system.bodies))]
         stop_t, stop_collisions = _stops(scenario, sure)
         state = {
             name: _table([getattr(flight, name) for flight in flights], count)
@@ -304,32 +317,9 @@ class Setting:
             sure=sure,
             **state,
             mass=_table([body.mass for body in system.bodies], count),
-            restitution=_table(pairs, count),
+            restitution=_table([k[min(n, len(k) - 1)] for n in range(self.pairs)], count),
             stop_t=stop_t,
             stop_collisions=stop_collisions,
-        )
-
-    def starts_of(self, points: Sequence[Point]) -> Starts:
-        """Return the starts of valid points of this setting that were read alone."""
-        systems = [point.system for point in points if point.system is not None]
-        stops = [point.scenario.stop for point in points if point.scenario is not None]
-        bodies = range(len(self.system.bodies))
-        flights = [[initial_flight(system, ball) for ball in bodies] for system in systems]
-        state = {
-            name: np.array([[getattr(one, name) for one in row] for row in flights])
-            for name in ("piece", "s", "c", "p")
-        }
-        k = [
-            [one.restitution[min(pair, len(one.restitution) - 1)] for pair in range(self.pairs)]
-            for one in systems
-        ]
-        return Starts(
-            sure=np.ones(len(points), dtype=bool),
-            **state,
-            mass=np.array([[body.mass for body in system.bodies] for system in systems]),
-            restitution=np.array(k).reshape(len(points), self.pairs),
-            stop_t=np.array([np.nan if stop.time is None else stop.time for stop in stops]),
-            stop_collisions=np.array([stop.collisions or 0 for stop in stops], dtype=np.int64),
         )
 
 

@@ -24,7 +24,6 @@ from vibro_cli.kernels.world import END_NAMES, NEVER, RUNNING, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
     GROWTH,
-    IMPULSE,
     KINETIC,
     LAW,
     Column,
@@ -34,8 +33,12 @@ from vibro_cli.systems.columns import (
     count,
     exponents,
     flag,
+    grazing,
+    impact_head,
+    impulse,
     number,
     phases,
+    summary_head,
     word,
 )
 from vibro_cli.systems.contract import Sink
@@ -100,10 +103,7 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
     `grown` with the growth of small changes.
     """
     columns = [
-        count("n", "number of the impact, from 1"),
-        number("t", "s", "time of the impact, the nearest double"),
-        number("t_low", "s", "what t lacks: t + t_low is the time in two doubles"),
-        number("dt", "s", "time since the previous row (null in the first)", nullable=True),
+        *impact_head(),
         count("ball_a", "left body of the pair, from 1"),
         count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)"),
         *([_SIDE] if sided else []),
@@ -135,10 +135,10 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
             "simultaneous",
             "whether other pairs collide at the same instant, or the row stands for all that would",
         ),
-        flag("grazing", "whether the contact cannot be told from a touch in double precision"),
+        grazing(),
         flag("contact", "whether lasting contact of the pair begins here"),
         *_before_and_after("kinetic_energy", "J", KINETIC),
-        number("impulse", "N s", IMPULSE, nullable=True),
+        impulse(),
         *(phase for prefix, text, words in _PHASES for phase in phases(prefix, text, words)),
         *(GROWTH if grown else ()),
     ]
@@ -182,16 +182,9 @@ def motion() -> Table:
 
 
 _SUMMARY_HEAD = (
-    Column("status", "string", "", "ok, invalid (the scenario is not possible) or failed"),
-    Column("reason", "string", "", "why the status is not ok", nullable=True),
-    Column(
-        "end_cause",
-        "string",
-        "",
-        "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off or rest",
-        nullable=True,
+    *summary_head(
+        "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off or rest"
     ),
-    number("end_time", "s", "time at which the run ended", True),
     number("quiet_from", "s", "time since when no further impact was possible", True),
     count("collisions", "number of impacts", True),
     count("crossings", "number of junctions crossed (a seam counts as one)", True),
