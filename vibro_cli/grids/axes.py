@@ -285,7 +285,7 @@ def _numbers(
 ) -> list[Any]:
     """Two ends in SI units and, if the form has it, a count."""
     if not all(isinstance(kind, kinds.Quantity) for kind in of):
-        raise Wrong(loc, loc_name(loc), "values: this path has no real numbers", on_key=True)
+        raise Wrong(loc, str(loc[-1]), "values: this path has no real numbers", on_key=True)
     if len({kind.dimension for kind in of if isinstance(kind, kinds.Quantity)}) > 1:
         raise Wrong(loc, "paths of different dimensions", "paths of one dimension, or values")
     forms_text = listing("[low, high, count]" if n == 3 else "[low, high]" for n in forms)
@@ -299,11 +299,6 @@ def _numbers(
             raise Wrong((*loc, 2), shown(count), expected)
         numbers.append(count)
     return numbers
-
-
-def loc_name(loc: KeyPath) -> str:
-    """The key that a path ends with."""
-    return str(loc[-1])
 
 
 def _spaced(
@@ -320,7 +315,7 @@ def _spaced(
         values = np.array([low, *steps, high][:count] if count > 1 else [low])
     else:
         values = np.linspace(low, high, count)
-    resolved = {"paths": [path_text(path) for path in paths], loc_name(loc): [low, high, count]}
+    resolved = {"paths": [path_text(path) for path in paths], str(loc[-1]): [low, high, count]}
     return Axis(paths, of, (values,) * len(paths), None, resolved)
 
 

@@ -196,14 +196,8 @@ class _Part:
 class Making:
     """The parts of a chunk in the making.
 
-    Parameters
-    ----------
-    grid, chunk
-        The grid, and the number of the chunk.
-    indices, stretches
-        Numbers of its points, from 0 in the grid, and how many stretches they make.
-    rooms
-        Memory for the parts; it is taken with the first group of rows.
+    It has so many stretches, and `indices` are the numbers of its points, from 0 in the grid.
+    Memory for the parts is taken from `rooms` with the first group of rows.
     """
 
     def __init__(

@@ -109,15 +109,7 @@ def solver_of(grid: Grid, engine: str = "compiled") -> Solver:
 
 
 class RunSolver:
-    """Solves stretches of a grid's points, in one thread, each as a run of its own.
-
-    Parameters
-    ----------
-    grid
-        The grid, of a system other than the trace.
-    engine
-        ``"compiled"`` or ``"python"``; both give the same bits.
-    """
+    """Solves stretches of a grid's points, in one thread, each as a run of its own."""
 
     def __init__(self, grid: Grid, engine: str = "compiled") -> None:
         self._grid = grid
@@ -187,12 +179,7 @@ def end_to_end(parts: Sequence[Any]) -> Any:
 def columns_of_runs(table: Table, points: Array, runs: Sequence[Run]) -> dict[str, Any]:
     """Return the columns of a table of the impacts of runs.
 
-    Parameters
-    ----------
-    table
-        Which columns there are.
-    points, runs
-        Numbers of points, from 0 in the grid, in order, and the run of each.
+    `points` has the number, from 0 in the grid, of that of each run, in order.
     """
     if not runs:
         kinds = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}

@@ -105,15 +105,7 @@ Rows = Mapping[str, Any]
 
 
 class StreamedFolder:
-    """The folder of a run in the making, into which the rows of its tables are put as they come.
-
-    Parameters
-    ----------
-    folder
-        In the making.
-    scenario
-        What is solved.
-    """
+    """The folder of a run in the making, into which the rows of its tables are put as they come."""
 
     def __init__(self, folder: NewFolder, scenario: AnyScenario) -> None:
         self._folder = folder

@@ -453,15 +453,7 @@ GROUP_ROWS = 1 << 16
 
 
 class GrowingTable:
-    """A table on its way to a file; its bytes do not depend on how rows are added.
-
-    Parameters
-    ----------
-    file
-        Open for writing.
-    table, origin
-        What the columns must be, and what stands in the file's metadata.
-    """
+    """A table on its way to an open file; its bytes do not depend on how rows are added."""
 
     def __init__(self, file: BinaryIO, table: Table, origin: Origin) -> None:
         self._table = table

@@ -350,18 +350,10 @@ def checkpoint_of(
     rows: Mapping[str, int],
     state: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return a checkpoint as plain values.
+    """Return a checkpoint as plain values: why and when (s) a run stopped, with its clock then.
 
-    Parameters
-    ----------
-    end_cause, end_time
-        Why and when (s) the run stopped.
-    clock
-        Of the run then: from it what its stops may count.
-    rows
-        How many rows each of its logs had by then.
-    state
-        All that changes in a run, after the last event.
+    `rows` is how many each of its logs had by then, `state` all that changes in it, after the last
+    event.
     """
     head = {"format": CHECKPOINT_FORMAT, "end_cause": end_cause, "end_time": end_time}
     counts = {kind: int(clock[kind]) for kind in COUNTED if kind in clock}
@@ -376,19 +368,8 @@ def earlier_part(
 ) -> Earlier:
     """Return the part of a run before its checkpoint, once it is known that it can go on.
 
-    Parameters
-    ----------
-    checkpoint, history
-        Of the earlier run.
-    logs
-        Names of the logs that its history must have.
-    limits
-        Of the run that goes on.
-
-    Raises
-    ------
-    CannotContinue
-        If the earlier run had ended for good, or is past a stop.
+    `logs` are the names of those that its history must have, `limits` those of the run that goes
+    on. Raises `CannotContinue` if the earlier run had ended for good, or is past a stop.
     """
     check_continuable(checkpoint, limits)
     if history is None or set(history) != set(logs):

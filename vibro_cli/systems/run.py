@@ -63,15 +63,7 @@ class Stretch(NamedTuple):
 
 
 class Stretches:
-    """The stretches of a run in progress.
-
-    Parameters
-    ----------
-    loop, driver
-        The driver before its first round.
-    stop_time
-        Of the run, s.
-    """
+    """The stretches of a run in progress, whose driver is before its first round; times in s."""
 
     def __init__(self, loop: EventLoop, driver: Driver, stop_time: float | None) -> None:
         self._loop = loop

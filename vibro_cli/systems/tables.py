@@ -21,16 +21,10 @@ States = Callable[[Any, float], Rows]
 
 
 class SystemTables:
-    """What the tables of a run say, stretch by stretch.
+    """What the tables of a run say, stretch by stretch: see ``systems.contract.System.teller``.
 
-    Parameters
-    ----------
-    kind, system, wanted, names, sink
-        See ``systems.contract.System.teller``.
-    states
-        Where the bodies are at the start and at the end.
-    events
-        The columns of ``events.parquet`` from the logs of a stretch, where there is such a table.
+    `states` tells where the bodies are at the start and at the end, `events` the columns of
+    ``events.parquet`` from the logs of a stretch, where there is such a table.
     """
 
     def __init__(
@@ -120,15 +114,7 @@ class _Impacts:
 def impacts_of_runs(
     kept: ImpactLog, systems: Sequence[Any], logs: Sequence[Any]
 ) -> tuple[Rows, Any]:
-    """Return the columns of a table of impacts of some runs, and the number of each row's run.
-
-    Parameters
-    ----------
-    kept
-        Which table.
-    systems, logs
-        Of each run.
-    """
+    """Return the columns of a table of impacts of some runs, and the number of each row's run."""
     run = np.repeat(np.arange(len(logs)), [len(log) for log in logs])
     rows = kept.rows(kept.bodies(systems), np.concatenate(list(logs)), run)
     return kept.table.in_words(kept.table.filled(rows)), run
@@ -173,15 +159,8 @@ class Bodies:
 class ImpactRows:
     """Rows of a log of impacts, of which the columns of its table are made.
 
-    Parameters
-    ----------
-    bodies
-        Of each run.
-    log, run
-        The rows, those of one run after those of another, and the number of the run of each row,
-        from 0.
-    told, before
-        How many rows of the first run came before, and the last of them.
+    Those of one run stand after those of another; `run` is the number of the run of each, from 0.
+    Of the first run `told` rows came before, the last of them `before`.
     """
 
     def __init__(

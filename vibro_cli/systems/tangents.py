@@ -210,12 +210,7 @@ class TangentMap:
 class LoggedMap(TangentMap):
     """The tangent map of a run whose logs one kernel goes through, as they come.
 
-    Parameters
-    ----------
-    kind, system
-        What is solved.
-    follow, time_scale, pairs
-        See :class:`TangentMap`; known is 1 after the first stretch.
+    Else as :class:`TangentMap`; what the kernel knows of a run is 1 after the first stretch.
     """
 
     def __init__(
@@ -282,12 +277,7 @@ def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:
 def exponent_columns(sums: Floats, durations: Floats) -> dict[str, Any]:
     """Return the columns of summaries that tell of exponents (1/s), the greatest first.
 
-    Parameters
-    ----------
-    sums
-        [run, direction] logarithms of the growth of a frame's vectors.
-    durations
-        [run] s.
+    From logarithms [run, direction] of the growth of a frame's vectors, and durations [run] (s).
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         rates = sums / durations[:, None]

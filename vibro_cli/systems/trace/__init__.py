@@ -10,8 +10,8 @@ from vibro_cli.systems.contract import Imported, System
 if TYPE_CHECKING:
     from vibro_cli.compile.kernel import Overrides
     from vibro_cli.mechanics.system import TraceSystem
-    from vibro_cli.systems.run import Run, Stretch
-    from vibro_cli.systems.trace.motion import LongMotion, Paths
+    from vibro_cli.systems.run import Run
+    from vibro_cli.systems.trace.motion import LongMotion
     from vibro_cli.systems.wanted import Limits, Wanted
 
 
@@ -33,6 +33,7 @@ class Trace(System):
     summary: Any = Imported("systems.trace.tables.summary")
     table: Any = Imported("systems.trace.tables.table_named")
     teller: Any = Imported("systems.trace.tables.Tables")
+    trajectory: Any = Imported("systems.trace.tables.trajectory_of")
     skipped: Any = Imported("systems.trace.tables.skipped")
     figures: Any = Imported("figures.runs.kinds.KINDS")
     film: Any = Imported("figures.runs.scene.film_on_trace")
@@ -60,11 +61,6 @@ class Trace(System):
         from vibro_cli.kernels.rotating import TURNING
 
         return TURNING
-
-    def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Paths:
-        from vibro_cli.systems.trace.tables import trajectory_of
-
-        return trajectory_of(system, stretch)
 
     def long_motion(
         self, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool

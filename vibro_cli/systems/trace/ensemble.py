@@ -54,17 +54,9 @@ class Progress(NamedTuple):
 class Batch:
     """Runs of one system in one thread.
 
-    Parameters
-    ----------
-    system
-        Trace, bodies (but for their masses), laws and ends of every run; its initial states are
-        not used.
-    beside
-        Another batch of as many bodies, in the same thread, to share its logs.
-    in_lanes
-        Whether runs whose impacts are not kept may go in lanes (see ``kernels.ensemble.lanes``),
-        where
-        they can: that takes less time and gives the same bits.
+    They may differ in masses and initial states. A batch of as many bodies `beside` it, in the same
+    thread, shares its logs. Runs whose impacts are not kept may go `in_lanes` (see
+    ``kernels.ensemble.lanes``) where they can: that takes less time and gives the same bits.
     """
 
     def __init__(
@@ -136,14 +128,8 @@ class Batch:
     ) -> Any:
         """Run all points and follow their tangent maps; impacts are not kept.
 
-        Parameters
-        ----------
-        scales
-            [point] their scales of time (s), see ``systems.trace.tangents.time_scale``.
-
-        Returns
-        -------
-        [point, direction] logarithms of the growth of a frame's vectors.
+        `scales` [point] are of time (s), see ``systems.trace.tangents.time_scale``. Returns [point,
+        direction] logarithms of the growth of a frame's vectors.
         """
         size = 2 * len(self.world.bodies)
         states = zeros(len(points.own) + 1, TangentState)

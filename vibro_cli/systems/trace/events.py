@@ -58,17 +58,7 @@ Rows = Any
 
 
 class Events:
-    """The events of a run, stretch by stretch.
-
-    Parameters
-    ----------
-    bodies
-        How many there are.
-    turning_points, friction
-        What is wanted, see ``systems.wanted.Wanted``.
-    overrides
-        Of the run's kernels.
-    """
+    """The events of a run, stretch by stretch; what is wanted: see ``systems.wanted.Wanted``."""
 
     def __init__(
         self,
@@ -87,16 +77,9 @@ class Events:
     def take(self, paths: Paths, world: World, touches: Any, known: int, settled: float) -> Rows:
         """Return the rows of a stretch that no later one can come before, in order of time.
 
-        Parameters
-        ----------
-        paths, world
-            The flights of the stretch, and the records of the run with its logs.
-        touches
-            Its log of lasting contacts.
-        known
-            Rows of the log of flights that begin before the stretch: 0, or one for each body.
-        settled
-            No contact from before this time (s) is still to be logged.
+        The stretch has flights as paths, lasting contacts and records with its logs. So many rows
+        of the log of flights are `known`, 0 or one for each body: they begin before it. No contact
+        from before the time `settled` (s) is still to be logged.
         """
         rows = joined([self._waiting, self._rows(paths, world, touches, known, 0)])
         # A flight that goes on is asked until now, a segment across pieces once it has ended.

@@ -111,18 +111,9 @@ class LogSpace:
 def impact_columns(
     table: Table, logged: Sequence[Logged], points: Array, room: Lease
 ) -> dict[str, Any]:
-    """Return the columns of a table of impacts, in order of the points.
+    """Return the columns of a table of impacts, all `logged` of some points, in order of these.
 
-    Parameters
-    ----------
-    table
-        Which columns there are.
-    logged
-        All impacts of these points.
-    points
-        Numbers of points, from 0, one after another.
-    room
-        Where the columns are.
+    `points` are their numbers, from 0, one after another; `room` is where the columns are.
     """
     counts = np.zeros(len(points), dtype=np.int64)
     for one in logged:
@@ -201,12 +192,7 @@ class _Parts:
 class TraceSolver:
     """Solves stretches of a grid's points, in one thread.
 
-    Parameters
-    ----------
-    grid
-        The grid.
-    engine
-        ``"compiled"``, or ``"python"``: every point by itself, interpreted, to the same bits.
+    With the engine ``"python"`` every point by itself, interpreted, to the same bits.
     """
 
     def __init__(self, grid: Grid, engine: str = "compiled") -> None:

@@ -57,13 +57,9 @@ def centres(piece: Piece, positions: Floats, body_radius: float) -> tuple[Floats
 class Places:
     """Geometry of every body on every piece, as arrays indexed ``[body, piece]`` or ``[piece]``.
 
-    Parameters
-    ----------
-    system
-        Its numbers may be arrays (see ``numerics.elementwise``), of several systems.
-    of_rows
-        Then the system of each row of a table of runs, from 0; the arrays have a last axis for the
-        rows, and pieces are to be given for each.
+    The numbers of the system may be arrays (see ``numerics.elementwise``), of several systems.
+    `of_rows` is then the system of each row of a table of runs, from 0; the arrays have a last axis
+    for the rows, and pieces are to be given for each.
     """
 
     def __init__(self, system: TraceSystem, of_rows: Any = None) -> None:
@@ -236,18 +232,8 @@ class _Sorted:
 class Paths:
     """All flights of a run, body by body in order of time, each with its end.
 
-    Parameters
-    ----------
-    places
-        Geometry of the system.
-    world
-        The records of the run with its logs, interpreted or compiled.
-    log
-        Rows of ``FlightRow``, those of the world.
-    end_t, end_t_low
-        The instant at which the run ended (two doubles, s).
-    overrides
-        Of the run's kernels.
+    `world` has the records of the run, of either engine, with its logs, and `log` is that of
+    flights; the run ended at `end_t` and `end_t_low` (two doubles, s).
     """
 
     def __init__(
@@ -372,16 +358,9 @@ _NUMBER, _LASTS = "number", "lasts"
 
 
 class LongMotion:
-    """The motion of a run on a trace, of which no log is kept.
+    """The motion of a run on a trace, solved by machine code, of which no log is kept.
 
-    Parameters
-    ----------
-    kind, system, limits
-        Of the run, which is solved by machine code.
-    flights
-        How many it has.
-    interrupted
-        Whether it ended when so many had begun.
+    It has so many flights; where it was interrupted, it ended when so many had begun.
     """
 
     def __init__(

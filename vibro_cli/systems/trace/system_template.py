@@ -64,12 +64,8 @@ def sound_systems(
 ) -> tuple[Array, TraceSystem]:
     """Return which systems are surely sound, and these as one system of arrays.
 
-    Parameters
-    ----------
-    known, like
-        A valid scenario and its system.
-    values
-        Numbers of the systems, ``count`` for each path; the others are those of ``known``.
+    `values` are their numbers, ``count`` for each path; the others are those of a known valid
+    scenario and its system.
     """
     sound = _allowed(values, count)
     if like.turning is not None:
@@ -483,13 +479,7 @@ class Point:
 
 
 class Reader:
-    """Reads points of one grid whose scenarios differ in numbers only.
-
-    Parameters
-    ----------
-    base
-        The scenario that the axes change.
-    """
+    """Reads points of one grid, scenarios that differ from its base in numbers only."""
 
     def __init__(self, base: Document) -> None:
         self._base = base

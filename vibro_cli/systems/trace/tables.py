@@ -257,16 +257,9 @@ Room = Callable[[tuple[int, int], type], Any]
 
 
 class ImpactTable:
-    """Room for the impacts of some runs, which are filled in in any order.
+    """Room for so many impacts of some runs, which are filled in in any order.
 
-    Parameters
-    ----------
-    rows
-        Number of impacts.
-    wanted
-        Names of the columns that are kept.
-    room
-        Gives an array of a shape and a type.
+    Columns that are `wanted` are kept; `room` gives an array of a shape and a type.
     """
 
     def __init__(self, rows: int, wanted: Collection[str], room: Room = np.empty) -> None:
@@ -296,17 +289,10 @@ class ImpactTable:
         around: float,
         stack: Stack | None = None,
     ) -> None:
-        """Fill in some runs of one system, or of a stack of them.
+        """Fill in some runs of one system, whose records are those of `world`, of either engine.
 
-        Parameters
-        ----------
-        world
-            Its records, interpreted or compiled.
-        log, runs, around
-            See ``kernels.statistics.impact_columns``.
-        stack
-            The systems of the runs, if there are several; the records are then of arrays, and
-            change.
+        Of a stack of systems they are of arrays, and change. For the others see
+        ``kernels.statistics.impact_columns``.
         """
         if stack is not None:
             compiled(fill_stacked)(world, log, runs, self._columns, around, stack)
@@ -346,13 +332,7 @@ def runs_of(
 
 
 class Impacts:
-    """The columns of ``collisions.parquet`` of one run, stretch by stretch; laws are numbers.
-
-    Parameters
-    ----------
-    system
-        What is solved.
-    """
+    """The columns of ``collisions.parquet`` of one run, stretch by stretch; laws are numbers."""
 
     def __init__(self, system: TraceSystem) -> None:
         self._system = system
@@ -378,17 +358,7 @@ class Impacts:
 
 
 class Tables:
-    """What the tables of a run say, stretch by stretch.
-
-    Parameters
-    ----------
-    system, wanted
-        What is solved, and what is to be computed beside the collisions.
-    names
-        Tables that are wanted, of ``collisions``, ``events``, ``motion`` and ``exponents``.
-    sink
-        Takes their rows.
-    """
+    """What the tables of a run say, stretch by stretch: see ``systems.contract.System.teller``."""
 
     def __init__(
         self, system: TraceSystem, wanted: Wanted, names: Collection[str], sink: Sink
@@ -452,8 +422,8 @@ class Tables:
         return columns if self._tangents is None else columns | self._tangents.summary()
 
 
-def trajectory_of(system: TraceSystem, run: Stretch) -> Paths:
-    """Return the motion in a whole run, given as one stretch."""
+def trajectory_of(system: TraceSystem, run: Stretch, before: Any = None) -> Paths:
+    """Return the motion in a stretch of a run, which knows what is under way at its start."""
     own = make_world(system, None, None)
     world = with_logs(SYSTEM.loop, own, run.engine, run.logs, run.clock)
     return Paths(Places(system), world, run.logs["log"], *run.end, SYSTEM.overrides(system))
@@ -483,15 +453,9 @@ def summary_columns(
 ) -> dict[str, Any]:
     """Return the columns of ``summary.parquet`` for runs of one system.
 
-    Parameters
-    ----------
-    places
-        Geometry of the system; initial states and masses may differ from run to run.
-    restitution
-        k of each pair, a row for each run.
-    outcomes, finals
-        From ``kernels.statistics.run_statistics``: a row for each run, and one for each of its
-        bodies.
+    Initial states and masses may differ from run to run. `restitution` has the k of each pair,
+    `outcomes` and `finals` are those of ``kernels.statistics.run_statistics``: a row for each run,
+    and in `finals` one for each of its bodies.
     """
     count = len(outcomes)
     finals = finals.reshape(count, -1)

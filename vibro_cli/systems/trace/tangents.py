@@ -42,12 +42,7 @@ def time_scale(system: TraceSystem) -> Any:
 class TangentMap(tangents.TangentMap):
     """The tangent map of a run on a trace in progress.
 
-    Parameters
-    ----------
-    system
-        What is solved.
-    times
-        Whether derivatives of the impacts' times are wanted.
+    Derivatives of the impacts' `times` are told where they are wanted.
     """
 
     def __init__(self, system: TraceSystem, times: bool = False) -> None:
