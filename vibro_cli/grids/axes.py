@@ -163,25 +163,10 @@ class Axis:
 
 
 def read_axis(given: Any, loc: KeyPath, folder: Path, seed: int, root: Model) -> Axis:
-    """Return the axis that a table of a grid file describes.
+    """Return the axis that a table of a grid file describes, of scenarios with the model `root`.
 
-    Parameters
-    ----------
-    given
-        The table as plain data.
-    loc
-        Its path in the file.
-    folder
-        Folder of the grid file, which paths of tables start from.
-    seed
-        Seed of random values.
-    root
-        Model of the scenarios.
-
-    Raises
-    ------
-    Wrong
-        With the first thing that is wrong with it.
+    `loc` is its path in the file, whose folder is where paths of tables start from. Raises `Wrong`
+    with the first thing that is wrong with it.
     """
     if not isinstance(given, dict):
         raise Wrong(loc, shown(given), "a table with a path and its values")

@@ -124,29 +124,11 @@ def opened(
     anew: bool = False,
     wanted: Sequence[int] | None = None,
 ) -> Iterator[Dataset]:
-    """Open the folder of a grid for writing, and hold it alone.
+    """Open the folder of a grid for writing, made if it is not there, and hold it alone.
 
-    Parameters
-    ----------
-    folder
-        Made if it is not there.
-    grid, chunks
-        What it is to hold.
-    anew
-        Whether what it holds of a grid is dropped.
-    wanted
-        The chunks that are to be here; all of them for None.
-
-    Raises
-    ------
-    FolderRefused
-        If the folder holds something else than a grid of ours.
-    GridChanged
-        If it holds another grid.
-    FolderInUse
-        If another process works on it.
-    OSError
-        If it cannot be written.
+    `anew` drops what it holds of a grid; the chunks that are `wanted`, all for None, are to be
+    here. Raises as :func:`check_grid_folder` and :func:`check_same`, `FolderInUse` if another
+    process works on it, and ``OSError`` if it cannot be written.
     """
     check_grid_folder(folder)
     for name in ("summary", *grid.kept_tables):

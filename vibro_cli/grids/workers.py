@@ -238,20 +238,10 @@ def estimate(grid: Grid, engine: str, stretch: int) -> Estimate:
 def solve_into(
     folder: Path, grid: Grid, workers: int = 0, engine: str = "compiled", force: bool = False
 ) -> None:
-    """Solve what a folder lacks of a grid.
+    """Solve what a folder lacks of a grid, in threads, by default one on each processor.
 
-    Parameters
-    ----------
-    folder, grid
-        Where the dataset goes, and what it is to hold.
-    workers
-        Threads; 0 for one on each processor.
-    engine
-        ``"compiled"`` or ``"python"``; both give the same bytes.
-    force
-        Whether another grid in the folder is replaced.
-
-    Raises as :func:`dataset.opened`, and ``OSError`` where a part cannot be written.
+    Both engines give the same bytes; `force` replaces another grid in the folder. Raises as
+    :func:`dataset.opened`, and ``OSError`` where a part cannot be written.
     """
     chunks = chunks_of(grid, None if force else known_division(folder), engine)
     with opened(folder, grid, chunks, force) as dataset:

@@ -185,23 +185,10 @@ def stream(
 ) -> Streamed:
     """Run a system until its stop, and hand over the rows of its tables as they come.
 
-    Parameters
-    ----------
-    kind, system, limits, engine, wanted
-        As for ``systems.run.simulate``.
-    sink
-        Takes rows, one call after another.
-    names
-        The tables that are wanted, all by default; nothing is computed for others.
-    interrupted
-        Asked again and again: whether the run is to end after its last event.
-    in_background
-        Whether the sink is called in a thread of its own, while the solver and the tables go on.
-
-    Raises
-    ------
-    TooQuiet
-        If there is no impact for very long.
+    The sink takes rows of the tables with these names, all by default, one call after another, in
+    a thread of its own if it is `in_background`, while the solver and the tables go on.
+    `interrupted` is asked again and again whether the run is to end after its last event. Else as
+    :func:`simulate`.
     """
     driver = begun(kind, system, limits, engine)
     stretches = kind.stretches(driver, limits.time)
@@ -460,21 +447,10 @@ def simulate(
     checkpoint: dict[str, Any] | None = None,
     history: dict[str, Any] | None = None,
 ) -> Run:
-    """Run a system until its stop.
+    """Run a system until its stop, with either engine (see ``driver.ENGINES``) to the same bits.
 
-    Parameters
-    ----------
-    kind, system
-        What is solved, and the object of its kind.
-    limits
-        At least one.
-    engine
-        ``"compiled"``, or ``"python"`` (interpreted); both give the same bits.
-    checkpoint
-        From :meth:`Run.checkpoint` of the same system: the run goes on from there, as if it had
-        never stopped.
-    history
-        From :meth:`Run.history` of the same run; it comes with the checkpoint.
+    From a checkpoint and the history of an earlier run of the same system it goes on as if it had
+    never stopped.
 
     Raises
     ------
