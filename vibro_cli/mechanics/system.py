@@ -134,6 +134,12 @@ class TraceSystem:
     """The vertical axis about which the trace turns, and its rate; None at rest."""
 
 
+def neighbours(count: int, closed: bool) -> list[tuple[int, int]]:
+    """Return the neighbours on a trace; on a closed one of three or more bodies the seam's last."""
+    pairs = list(pairwise(range(count)))
+    return [*pairs, (count - 1, 0)] if closed and count > 2 else pairs
+
+
 DRY_FRICTION = 1.0
 """A coefficient of friction that dry surfaces hardly exceed."""
 
@@ -143,10 +149,9 @@ def mechanics_warnings(system: TraceSystem, stop_time: float | None = None) -> t
 
     `stop_time` (s) is when its run ends at the latest.
     """
-    neighbours = list(pairwise(system.bodies))
-    if system.trace.closed and len(system.bodies) > 2:
-        neighbours.append((system.bodies[-1], system.bodies[0]))
-    warnings = law_warnings(system.law, system.inadmissible, neighbours)
+    bodies = system.bodies
+    pairs = [(bodies[a], bodies[b]) for a, b in neighbours(len(bodies), system.trace.closed)]
+    warnings = law_warnings(system.law, system.inadmissible, pairs)
     longest = _longest_phase(system)
     if stop_time is not None and stop_time > longest:
         warnings.append(

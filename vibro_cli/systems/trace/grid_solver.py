@@ -246,12 +246,12 @@ class TraceSolver:
         """Solve points of one setting."""
         if self._engine == "python":
             for at, row in enumerate(rows):
-                self._solve_alone(row, self._reader.read(_row(values, at)), parts)
+                self._solve_alone(row, self._reader.read(_taken(values, at)), parts)
             return
         at = 0
         while key not in self._settings and at < len(rows):
             # The first point that is valid shows the setting.
-            point = self._reader.read(_row(values, int(at)))
+            point = self._reader.read(_taken(values, int(at)))
             if point.scenario is not None and point.system is not None:
                 self._remember(key, Setting(point.scenario, point.system))
             else:
@@ -283,7 +283,7 @@ class TraceSolver:
                 self._solve_batch(key, starts, systems, rows[systems.points], parts)
         found: dict[tuple[Any, ...], list[tuple[int, Point]]] = {}
         for at in np.flatnonzero(~sure):
-            one = _row(values, int(at))
+            one = _taken(values, int(at))
             point = self._reader.read(one)
             if point.system is None:
                 self._solve_alone(rows[at], point, parts)
@@ -334,7 +334,7 @@ class TraceSolver:
             self._take(task, rows, whole, results, self._batches[key].world, parts)
         for row in rows[~whole]:
             values = self._grid.design.columns(self._indices[[row]])
-            self._solve_alone(row, self._reader.read(_row(values, 0)), parts)
+            self._solve_alone(row, self._reader.read(_taken(values, 0)), parts)
 
     def _run(self, batch: Batch, task: Task) -> Results:
         count, bodies = task.starts.piece.shape
@@ -406,10 +406,6 @@ class TraceSolver:
 
 
 def _taken(values: dict[KeyPath, Array], at: Any) -> dict[KeyPath, Array]:
-    return {path: column[at] for path, column in values.items()}
-
-
-def _row(values: dict[KeyPath, Array], at: int) -> dict[KeyPath, Any]:
     return {path: column[at] for path, column in values.items()}
 
 

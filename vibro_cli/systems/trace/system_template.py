@@ -32,7 +32,7 @@ from vibro_cli.mechanics.reachability import (
     over_others,
     surely_clear,
 )
-from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
+from vibro_cli.mechanics.system import Body, InitialState, TraceSystem, neighbours
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics.elementwise import taken
 from vibro_cli.scenario import quantities as kinds
@@ -40,7 +40,7 @@ from vibro_cli.scenario.loading import Document, scenario_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError
 from vibro_cli.systems.trace.motion import centres
-from vibro_cli.systems.trace.world import initial_flight, neighbours
+from vibro_cli.systems.trace.world import initial_flight, pairs_of
 
 SURE = 1.0e-9
 """Closer than this share to the edge of what is possible, the ordinary reader decides."""
@@ -254,7 +254,7 @@ class Setting:
     @cached_property
     def pairs(self) -> int:
         """Number of pairs of neighbours that the solver looks at."""
-        return len(neighbours(self.system))
+        return len(pairs_of(self.system))
 
     def systems(self, values: Values, count: int) -> Systems:
         """Return the systems of points with these values (a column for each path of an axis)."""
@@ -360,11 +360,7 @@ def _stops(scenario: Scenario, sure: Array) -> tuple[Array, Array]:
 
 def _check_order(system: TraceSystem, states: list[InitialState], sure: Array) -> None:
     """Leave sure only points whose neighbours are in order and clear of one another."""
-    count = len(states)
-    pairs = [(n, n + 1) for n in range(count - 1)]
-    if system.trace.closed and count > 2:
-        pairs.append((count - 1, 0))
-    for a, b in pairs:
+    for a, b in neighbours(len(states), system.trace.closed):
         one, other = states[a], states[b]
         radius_a, radius_b = (system.bodies[n].radius for n in (a, b))
         piece = system.trace.pieces[one.piece]

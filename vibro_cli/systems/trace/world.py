@@ -172,13 +172,11 @@ def half_angle(piece: Piece, position: float) -> tuple[float, float]:
     return flip * cosine, -flip * sine
 
 
-def neighbours(system: TraceSystem) -> list[tuple[int, int, int]]:
+def pairs_of(system: TraceSystem) -> list[tuple[int, int, int]]:
     """Return the pairs of neighbours as (a, b, 1 across the seam)."""
     count = len(system.bodies)
     pairs = [(j, j + 1, 0) for j in range(count - 1)]
-    if system.trace.closed and count >= 2:
-        pairs.append((count - 1, 0, 1))
-    return pairs
+    return [*pairs, (count - 1, 0, 1)] if system.trace.closed and count >= 2 else pairs
 
 
 def make_world(
@@ -195,7 +193,7 @@ def make_world(
     """
     nowhere = [[False] * len(system.trace.pieces) for _ in system.trace.pieces]
     levels = [heights(system.trace, body.radius) for body in system.bodies]
-    pairs = neighbours(system)
+    pairs = pairs_of(system)
     contacts: list[PairTrack] = []
     far: list[list[int]] = []
     for a, b, _ in pairs:
