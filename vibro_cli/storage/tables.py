@@ -3,8 +3,9 @@
 The parquet schemas, the checks before writing, `vibro schema tables` and the tables' reference in
 docs/ all come from these declarations (see `systems.columns`).
 
-What a column must be is said in `storage.tables`; here it is held to it. Equal columns give equal
-bytes: nothing of the machine or of the time goes into a table.
+What a column must be is said there; here it is held to it. Equal columns give equal bytes: nothing
+of the machine or of the time goes into a table. Tables of a run grow while it goes on, and leave
+memory with each group of rows.
 
 Those of a run grow while it goes on, and leave memory with each group; those of a grid are made in
 memory that is there already.
@@ -26,9 +27,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vibro_cli.systems import system_named
-from vibro_cli.systems.columns import Column, Table, count, flag, number
+from vibro_cli.systems.columns import Column, Table
 
-__all__ = ["Column", "Table", "count", "flag", "number"]
+__all__ = ["Column", "Table"]
 
 
 def summary(balls: int, system: str = "trace", grown: bool = False) -> Table:
