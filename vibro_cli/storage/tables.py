@@ -6,9 +6,6 @@ docs/ all come from these declarations (see `systems.columns`).
 What a column must be is said there; here it is held to it. Equal columns give equal bytes: nothing
 of the machine or of the time goes into a table. Tables of a run grow while it goes on, and leave
 memory with each group of rows.
-
-Those of a run grow while it goes on, and leave memory with each group; those of a grid are made in
-memory that is there already.
 """
 
 from __future__ import annotations
