@@ -43,7 +43,7 @@ from vibro_cli.benchmark.methods.with_heyoka import NAME, TOLERANCES, Lanes
 from vibro_cli.benchmark.methods.with_vibro import DriverRunner, driver_of
 from vibro_cli.benchmark.scenes import BY_NAME, OTHER_SCENES, SLOW, VALLEY, Document, Scene, ball
 from vibro_cli.scenario.loading import any_scenario_of
-from vibro_cli.storage.provenance import available_cores, json_bytes
+from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
@@ -375,6 +375,8 @@ def _measure_figures(plan: Plan) -> list[Row]:
 
 
 def _process(folder: Path, option: str) -> Callable[[], None]:
+    from vibro_cli.storage.files import json_bytes
+
     document = BY_NAME["three_arcs"].document | {"stop": {"collisions": _SHORT_RUN}}
     source = folder / "scene.json"
     source.write_bytes(json_bytes(document))

@@ -40,14 +40,14 @@ from vibro_cli.benchmark.measurement import (
 from vibro_cli.benchmark.methods.with_vibro import driver_of
 from vibro_cli.benchmark.scenes import BY_NAME, SLOW, WHOLE, Document, ball
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.buffers import Lease, Pieces
+from vibro_cli.grids.chunk_writer import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.solving import impact_table_of
 from vibro_cli.grids.workers import expected_impacts, impact_density, solve_in_threads
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.loading import any_scenario_of, scenario_of
-from vibro_cli.storage.provenance import available_cores, json_bytes
+from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.storage.tables import Table
 from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems.trace.ensemble import Batch, empty_results
@@ -168,9 +168,8 @@ class _Solver:
             counts = outcomes["kept"].copy()
             log = self._logs.keep(results.impacts, int(counts.sum()))
             given = Logged(
-                task.system, self._batch.world, "compiled", task.points, counts, log,
-                task.starts.mass,
-            )  # fmt: skip
+                task.system, self._batch.world, task.points, counts, log, task.starts.mass
+            )
             lease = Lease(self._pieces)
             impact_columns(self._kept, [given], points, lease)
             lease.give_back()

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
 from vibro_cli.commands.shared.options import Quiet, Task
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
@@ -81,7 +81,7 @@ def _measure(wishes: _BenchOptions) -> int:
     from vibro_cli.benchmark import methods, suite
     from vibro_cli.benchmark.measurement import PLANS, describe_machine
     from vibro_cli.benchmark.scenes import ReferenceOutdated
-    from vibro_cli.storage.provenance import FolderRefused, check_replaceable
+    from vibro_cli.storage.files import FolderRefused, check_replaceable
 
     _check_scenes(wishes.scenes)
     details = {"machine": describe_machine(), "plan": wishes.form}
@@ -121,8 +121,13 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli.figures.style import render
     from vibro_cli.figures.work_precision import growth, work_precision
     from vibro_cli.report.benchmark_page import benchmark_html
-    from vibro_cli.storage.files import new_folder
-    from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+    from vibro_cli.storage.files import (
+        MANIFEST_NAME,
+        check_replaceable,
+        json_bytes,
+        manifest,
+        new_folder,
+    )
 
     files = {
         "benchmark.parquet": parquet(rows, details),
@@ -147,13 +152,13 @@ def _renew(target: str, names: tuple[str, ...]) -> int:
         reference_difference,
         reference_file,
     )
-    from vibro_cli.storage.files import new_folder
-    from vibro_cli.storage.provenance import (
+    from vibro_cli.storage.files import (
         MANIFEST_NAME,
         FolderRefused,
         check_replaceable,
         json_bytes,
         manifest,
+        new_folder,
     )
 
     _check_scenes(names)
@@ -230,7 +235,7 @@ def stress(
 
 
 def _run_suite(wishes: _StressOptions) -> int:
-    from vibro_cli.storage.provenance import FolderRefused
+    from vibro_cli.storage.files import FolderRefused
     from vibro_cli.stress.scenes import Plan
     from vibro_cli.stress.suite import (
         NAMES,

@@ -57,7 +57,7 @@ from vibro_cli.stress.oracles.interval_oracle import (
 from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import Document, Finding, Plan
-from vibro_cli.systems.trace.flights import centres
+from vibro_cli.systems.trace.motion import centres
 from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world
 
 KINDS = (

@@ -15,8 +15,13 @@ from typing import Any
 
 from vibro_cli import __version__
 from vibro_cli.grids.solving import columns_of_records
-from vibro_cli.storage.files import new_folder
-from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+from vibro_cli.storage.files import (
+    MANIFEST_NAME,
+    check_replaceable,
+    json_bytes,
+    manifest,
+    new_folder,
+)
 from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, to_arrow
 from vibro_cli.stress.scenes import Finding, Plan
 from vibro_cli.systems import NAMES as SYSTEMS

@@ -271,7 +271,7 @@ def test_a_run_in_several_stretches_is_one_run(monkeypatch: pytest.MonkeyPatch) 
     system = system_of(SCENES["arcs"])
     whole = follow_system(system, None, 60)
     monkeypatch.setattr(driver, "COMPILED_ROWS", 32)
-    monkeypatch.setattr("vibro_cli.systems.stream.LEAST_ROWS", 16)
+    monkeypatch.setattr("vibro_cli.systems.run.LEAST_ROWS", 16)
     parts = follow_system(system, None, 60)
     for field in ("matrix", "amplification", "smooth", "times", "sums"):
         np.testing.assert_array_equal(getattr(whole, field), getattr(parts, field))

@@ -20,7 +20,7 @@ from vibro_cli.stress.oracles.reference_solver import Happening, Twin
 from vibro_cli.stress.oracles.scene import Path, Scene, mp
 from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
 from vibro_cli.systems import system_named
-from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import followed
 
 # Large against the solver's rounding errors, small enough for the response to stay linear.

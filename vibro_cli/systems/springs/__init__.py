@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import EventLoop
+    from vibro_cli.systems.run import Stretch
     from vibro_cli.systems.springs.tables import Motion
-    from vibro_cli.systems.stream import Stretch
     from vibro_cli.systems.tables import SystemTables
     from vibro_cli.systems.tangents import LoggedMap
     from vibro_cli.systems.wanted import Limits, Wanted

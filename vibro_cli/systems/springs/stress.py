@@ -30,9 +30,8 @@ from vibro_cli.stress.oracles.motion import (
 from vibro_cli.stress.oracles.scene import mp, speed_changes
 from vibro_cli.stress.oracles.sensitivity import check_maps
 from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
-from vibro_cli.systems.run import Run
+from vibro_cli.systems.run import Run, Stretch
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
-from vibro_cli.systems.stream import Stretch
 
 ORDER = 44
 # A step as a share of the time in which a spring can change much; it is cut where the last term

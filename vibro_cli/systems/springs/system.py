@@ -20,8 +20,8 @@ from vibro_cli.kernels.springs.world import (
     World,
 )
 from vibro_cli.kernels.world import END_QUIET
-from vibro_cli.systems.driver import EventLoop, records_of
-from vibro_cli.systems.rows import ImpactSystem, body_record, touching_distance
+from vibro_cli.mechanics.system import ImpactSystem, touching_distance
+from vibro_cli.systems.driver import EventLoop, body_record, records_of
 from vibro_cli.systems.wanted import UNLIMITED, Limits
 
 

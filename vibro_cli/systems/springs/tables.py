@@ -37,9 +37,9 @@ from vibro_cli.systems.columns import (
     summary_head,
     word,
 )
-from vibro_cli.systems.driver import compiled_world
-from vibro_cli.systems.rows import Bodies, PairRows, bodies_at, events_until, record_array
+from vibro_cli.systems.driver import compiled_world, record_array
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
+from vibro_cli.systems.tables import Bodies, PairRows, bodies_at, events_until
 from vibro_cli.systems.wanted import Limits
 
 _ENERGY = "kinetic energy and energy of the spring"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import EventLoop
-    from vibro_cli.systems.stream import Stretch
+    from vibro_cli.systems.run import Stretch
     from vibro_cli.systems.table.tables import Motion
     from vibro_cli.systems.tables import SystemTables
     from vibro_cli.systems.tangents import LoggedMap
@@ -86,8 +86,8 @@ class BallsOnTable(System):
 
     @property
     def impact_logs(self) -> dict[str, ImpactLog]:
-        from vibro_cli.systems.rows import Bodies
         from vibro_cli.systems.table.tables import BOUNCES, COLLISIONS, Bounces, Collisions
+        from vibro_cli.systems.tables import Bodies
 
         return {
             "collisions": ImpactLog("pair_log", COLLISIONS, Collisions, Bodies),

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.assemble import Findings, Given, bodies_of
-from vibro_cli.mechanics.system import Body
-from vibro_cli.systems.rows import touching_distance
+from vibro_cli.mechanics.system import Body, touching_distance
 from vibro_cli.systems.table import system
 from vibro_cli.systems.table.scenario import TableBall, TableScenario
 from vibro_cli.systems.table.scenario import Wall as WallTable

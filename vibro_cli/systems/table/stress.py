@@ -18,8 +18,7 @@ from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.stress.oracles.scene import mp, speed_changes
 from vibro_cli.stress.oracles.sensitivity import check_maps
 from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
-from vibro_cli.systems.run import Run
-from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.run import Run, Stretch
 from vibro_cli.systems.table.system import POLYGON, TableSystem
 
 

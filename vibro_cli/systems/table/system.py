@@ -26,8 +26,8 @@ from vibro_cli.kernels.table.world import (
 from vibro_cli.kernels.table.world import (
     POLYGON as POLYGON_KIND,
 )
-from vibro_cli.systems.driver import EventLoop, records_of
-from vibro_cli.systems.rows import ImpactSystem, body_record
+from vibro_cli.mechanics.system import ImpactSystem
+from vibro_cli.systems.driver import EventLoop, body_record, records_of
 from vibro_cli.systems.wanted import UNLIMITED, Limits
 
 ELLIPSE = "ellipse"

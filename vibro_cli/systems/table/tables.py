@@ -30,8 +30,8 @@ from vibro_cli.systems.columns import (
     summary_balance,
     summary_head,
 )
-from vibro_cli.systems.rows import ImpactRows, PairRows, bodies_at, events_until
 from vibro_cli.systems.table.system import POLYGON, TableSystem
+from vibro_cli.systems.tables import ImpactRows, PairRows, bodies_at, events_until
 
 _AXES = ("x", "y")
 _ANGLES = {"pre": "arrival", "post": "outgoing"}
