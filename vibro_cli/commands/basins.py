@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
-from vibro_cli.commands.shared.terminal import json_text, print_found
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
+from vibro_cli.commands.shared.terminal import json_text, print_found, say
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
@@ -57,19 +57,21 @@ class BasinsCommand:
         """Read, measure, draw, write and print."""
         from vibro_cli.analysis.basins import NoBasins
         from vibro_cli.figures.grids.basins import mapped_basins
-        from vibro_cli.storage.folders import check_basins_folder, write_basins
+        from vibro_cli.storage.files import check_replaceable
+        from vibro_cli.storage.folders import write_results
         from vibro_cli.storage.stored import open_grid
 
         source = self.grid
         target = Path(self.output or source.with_name(f"{source.name}-basins"))
-        check_basins_folder(target)
+        check_replaceable(target, "basins")
         stored = open_grid(source)
         try:
             found = mapped_basins(stored, self.outcome)
         except NoBasins as error:
             raise CommandError(f"vibro: {source}: no basins: {error}") from error
         record = record_of(found.basins, [one.path for one in found.shown.coordinates])
-        write_basins(record, target, _drawn(found) if self.figures else {})
+        drawn = _drawn(found) if self.figures else {}
+        write_results("basins", target, drawn, record=record)
         print_found(record, _lines(stored.name, found), self.as_json)
         _warn_of_stops(stored, found)
         say(f"{stored.name}: files in {target}")

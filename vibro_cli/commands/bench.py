@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
 from vibro_cli.commands.shared.options import Quiet
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
@@ -75,14 +75,14 @@ def _check_names(option: str, what: str, names: Sequence[str], known: Collection
 
 
 def _measure(wishes: BenchCommand, form: str) -> int:
-    from vibro_cli.benchmark import precision, suite
+    from vibro_cli.benchmark import methods, suite
     from vibro_cli.benchmark.measurement import PLANS, describe_machine
     from vibro_cli.benchmark.scenes import BY_NAME, ReferenceOutdated
-    from vibro_cli.storage.provenance import check_replaceable
+    from vibro_cli.storage.files import check_replaceable
 
     _check_names("--scene", "scene", wishes.scene, BY_NAME)
     details = {"machine": describe_machine(), "plan": form}
-    missing = sorted(set(precision.PEERS.values()) - set(precision.installed_peers()))
+    missing = sorted(set(methods.PEERS) - set(methods.installed_peers()))
     if missing and not wishes.quiet:
         names = ", ".join(missing)
         say(f"vibro: not measured because not installed: {names} (pip install 'vibro-cli[peers]')")
@@ -102,11 +102,9 @@ def _measure(wishes: BenchCommand, form: str) -> int:
 
 
 def _tell(rows: "list[Row]", wishes: BenchCommand) -> None:
-    from vibro_cli.benchmark.measurement import record_of
-
     for row in rows:
         if wishes.as_json:
-            print(json_text(record_of(row)), flush=True)
+            print(json_text(vars(row)), flush=True)
         elif not wishes.quiet:
             name = row.method if row.size is None else f"{row.method}, {row.part} {row.size}"
             time = "" if row.per_impact is None else f"{row.per_impact * 1e6:10.3g} µs an impact"
@@ -137,8 +135,13 @@ def _write_folder(
     kind: str, files: dict[str, bytes], details: dict[str, Any], target: Path
 ) -> None:
     """Write a folder of results with its manifest, whole or not at all."""
-    from vibro_cli.storage.files import new_folder
-    from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+    from vibro_cli.storage.files import (
+        MANIFEST_NAME,
+        check_replaceable,
+        json_bytes,
+        manifest,
+        new_folder,
+    )
 
     with new_folder(target, partial(check_replaceable, kind=kind)) as folder:
         for name, content in files.items():
@@ -155,7 +158,7 @@ def _renew(target: Path, names: Sequence[str]) -> int:
         reference_difference,
         reference_file,
     )
-    from vibro_cli.storage.provenance import check_replaceable, json_bytes
+    from vibro_cli.storage.files import check_replaceable, json_bytes
 
     _check_names("--scene", "scene", names, BY_NAME)
     files = {}
@@ -218,9 +221,15 @@ class StressCommand:
 
     def __call__(self) -> int:
         """Run the suite and tell what was found."""
-        from vibro_cli.stress.finding import Plan
-        from vibro_cli.stress.oracles.fifty_digits import MissingLibrary
-        from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run
+        from vibro_cli.stress.scenes import Plan
+        from vibro_cli.stress.suite import (
+            NAMES,
+            MissingLibrary,
+            check_stress_folder,
+            line_of,
+            record_of,
+            run,
+        )
         from vibro_cli.stress.suite import write as write_folder
 
         _check_names("--only", "check", self.only, NAMES)

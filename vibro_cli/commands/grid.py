@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError
 from vibro_cli.commands.shared.options import Engine, Overrides, Strict, scenario_files
 from vibro_cli.commands.shared.terminal import (
     EARLY_ENDS,
@@ -20,6 +20,7 @@ from vibro_cli.commands.shared.terminal import (
     lines_of,
     printable,
     report_command,
+    say,
     size,
 )
 
@@ -156,7 +157,7 @@ def load(wishes: GridCommand) -> "Grid":
 
 
 def _workers(wishes: GridCommand) -> int:
-    from vibro_cli.storage.provenance import available_cores
+    from vibro_cli.storage.files import available_cores
 
     return wishes.workers or available_cores()
 

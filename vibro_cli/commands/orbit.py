@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason, say
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason
 from vibro_cli.commands.shared.options import scenario_keys
-from vibro_cli.commands.shared.terminal import print_found
+from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit, Free
@@ -77,14 +77,15 @@ class OrbitCommand:
         """Find, follow, draw, write and print."""
         from vibro_cli.analysis.orbit_branch import family_of
         from vibro_cli.analysis.orbits import NoOrbit, find_orbit
-        from vibro_cli.storage.folders import check_orbit_folder, write_orbits
+        from vibro_cli.storage.files import check_replaceable
+        from vibro_cli.storage.folders import write_results
 
         scenario, system = _on_a_trace(self.scenario, self.overrides, "orbits are")
         span = None if self.vary is None else parsed_span(self.vary)
         folder = None
         if span is not None or self.output is not None:
             folder = Path(self.output or Path("outputs") / f"{scenario.name}-orbit")
-            check_orbit_folder(folder)
+            check_replaceable(folder, "orbit")
         branch = None
         try:
             found = find_orbit(system, self.impacts, self.period, scenario.stop.time or 1000.0)
@@ -95,7 +96,7 @@ class OrbitCommand:
         if folder is not None:
             columns = orbit_columns(found, branch)
             drawn = {} if span is None or not self.figures else _drawn(columns, _axis(span[0]))
-            write_orbits(scenario, columns, folder, drawn)
+            write_results("orbit", folder, drawn, scenario, columns=columns)
         print_found(record_of(found, branch), _lines(scenario.name, found, branch), self.as_json)
         if folder is not None:
             say(f"{scenario.name}: files in {folder}")
@@ -309,13 +310,14 @@ class FitCommand:
     def __call__(self) -> int:
         """Read, fit, draw, write and print."""
         from vibro_cli.analysis.fit import NoFit, fit_impacts, read_measured
-        from vibro_cli.storage.folders import check_fit_folder, write_fit
+        from vibro_cli.storage.files import check_replaceable
+        from vibro_cli.storage.folders import write_results
 
         scenario, _ = _on_a_trace(self.scenario, self.overrides, "numbers are fitted")
         folder = None if self.output is None else Path(self.output)
         free = parsed_free(self.free)
         if folder is not None:
-            check_fit_folder(folder)
+            check_replaceable(folder, "fit")
         try:
             measured = read_measured(self.measured)
             found = fit_impacts(scenario, measured, free, self.noise)
@@ -329,7 +331,7 @@ class FitCommand:
         if folder is not None:
             columns = residual_columns(found)
             drawn = _residuals_drawn(columns) if self.figures else {}
-            write_fit(found.scenario, record_of_fit(found), columns, folder, drawn)
+            write_results("fit", folder, drawn, found.scenario, record_of_fit(found), columns)
         print_found(record_of_fit(found), _lines_of_fit(found), self.as_json)
         if folder is not None:
             say(f"{scenario.name}: files in {folder}")

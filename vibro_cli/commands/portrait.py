@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import Overrides, Quiet
-from vibro_cli.commands.shared.terminal import print_found
+from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -284,7 +284,8 @@ class PortraitCommand:
     def __call__(self) -> int:
         """Analyse, draw, write and print."""
         from vibro_cli.commands.shared.loading import load_any
-        from vibro_cli.storage.folders import check_portrait_folder, write_portraits
+        from vibro_cli.storage.files import check_replaceable
+        from vibro_cli.storage.folders import write_results
 
         scenario, system = load_any(self.scenario, self.overrides)
         if (self.vary or self.compare) and self.scenario == "-":
@@ -295,10 +296,10 @@ class PortraitCommand:
         folder = None
         if self.figures or self.output is not None:
             folder = Path(self.output or Path("outputs") / f"{scenario.name}-portrait")
-            check_portrait_folder(folder)
+            check_replaceable(folder, "portrait")
         found, drawn = _analysed(self, scenario, system)
         if folder is not None:
-            write_portraits(scenario, found, folder, drawn)
+            write_results("portrait", folder, drawn, scenario, found)
         if self.as_json or not self.quiet:
             print_found(found, _lines(scenario, found), self.as_json)
         if folder is not None and not self.quiet:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from vibro_cli import __version__
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.figures.runs.kinds import Drawn
@@ -252,7 +252,7 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
 
 def _check(wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if some file could not take its place."""
-    from vibro_cli.storage.provenance import check_replaceable
+    from vibro_cli.storage.files import check_replaceable
 
     pdf = wishes.pdf
     if pdf is not None and pdf.exists() and pdf.read_bytes()[:5] != b"%PDF-":
@@ -290,10 +290,10 @@ def _write_figures(subject: "Subject", target: Path, wishes: ReportCommand) -> N
     """Write every figure into a folder, in all forms."""
     from vibro_cli.figures.style import FORMATS
     from vibro_cli.interface import pictures
-    from vibro_cli.storage.folders import write_figures
+    from vibro_cli.storage.folders import write_results
 
     drawn = _drawn(subject, wishes.width, wishes.maps)
-    write_figures(pictures(((stem, one.figure) for stem, one in drawn), FORMATS), target)
+    write_results("figures", target, pictures(((stem, one.figure) for stem, one in drawn), FORMATS))
     say(f"figures in {target}")
 
 

@@ -25,7 +25,6 @@ from vibro_cli.commands.shared.error_handling import (
     Terminated,
     attempt,
     leaving,
-    say,
     suggestion,
 )
 from vibro_cli.commands.shared.options import (
@@ -36,7 +35,7 @@ from vibro_cli.commands.shared.options import (
     TableFormat,
     scenario_argument,
 )
-from vibro_cli.commands.shared.terminal import RunProgress, json_text
+from vibro_cli.commands.shared.terminal import RunProgress, json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.folders import EarlierRun, StreamedFolder
     from vibro_cli.systems.contract import Sink
-    from vibro_cli.systems.stream import Streamed
+    from vibro_cli.systems.run import Streamed
 
 _NONE = ("0", "false", "none")
 
@@ -259,7 +258,7 @@ def _warn(scenario: "AnyScenario", system: "AnySystem") -> None:
 
 def _kinds_drawn(earlier: Path | None) -> str:
     """The kinds of figures that an earlier run has, as `--figures` takes them."""
-    from vibro_cli.storage.provenance import read_manifest
+    from vibro_cli.storage.files import read_manifest
 
     manifest = None if earlier is None else read_manifest(earlier)
     if manifest is None:
@@ -305,7 +304,7 @@ def solve(wishes: RunCommand, scenario: "AnyScenario", earlier: "EarlierRun | No
 @contextlib.contextmanager
 def followed(wishes: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
     """Tell how far a run in the block is, and say why it cannot go on."""
-    from vibro_cli.api import CannotContinue, TooQuiet
+    from vibro_cli.systems.driver import CannotContinue, TooQuiet
     from vibro_cli.systems.wanted import watched_by
 
     progress = RunProgress(scenario.name, scenario.stop.time, scenario.stop.collisions)
@@ -421,8 +420,7 @@ def _streamed(
 def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
     """Standard output as a sink of the collision table."""
     from vibro_cli.storage.folders import origin_of
-    from vibro_cli.storage.parquet_files import StreamedTable
-    from vibro_cli.storage.tables import table_named
+    from vibro_cli.storage.tables import StreamedTable, table_named
 
     streams: list[StreamedTable] = []
 

@@ -23,10 +23,8 @@ from vibro_cli.commands.shared.terminal import (
     choose_words,
     drain_standard_output,
     prepare_streams,
+    say,
     silence,
-)
-from vibro_cli.commands.shared.terminal import (
-    say as say,  # a command takes all it ends with from here
 )
 from vibro_cli.errors import NoLibrary, VibroError
 
