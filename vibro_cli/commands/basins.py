@@ -13,7 +13,7 @@ from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
-    from vibro_cli.figures.grids.basins import Mapped
+    from vibro_cli.figures.analyses import Mapped
     from vibro_cli.storage.stored import StoredGrid
 
 _STOPS = ("time", "collisions", "bounces")
@@ -56,7 +56,7 @@ def _basins(
 ) -> int:
     """Read, measure, draw, write and print."""
     from vibro_cli.analysis.basins import NoBasins
-    from vibro_cli.figures.grids.basins import mapped_basins
+    from vibro_cli.figures.analyses import mapped_basins
     from vibro_cli.storage.folders import check_basins_folder, write_basins
     from vibro_cli.storage.provenance import FolderRefused
     from vibro_cli.storage.stored import NotAGrid, open_grid

@@ -17,7 +17,7 @@ from vibro_cli.commands.shared.options import Task
 from vibro_cli.commands.shared.terminal import json_text
 
 if TYPE_CHECKING:
-    from vibro_cli.figures.runs.kinds import Drawn
+    from vibro_cli.figures.kinds import Drawn
     from vibro_cli.storage.stored import StoredGrid, StoredRun
 
     Runs = list[StoredRun]
@@ -197,7 +197,7 @@ def _runs(wishes: _Wishes) -> "Runs":
 
 def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
     """Raise `CommandError` unless every map asked for is of a column of the grid's summary."""
-    from vibro_cli.figures.grids.kinds import mapped_columns
+    from vibro_cli.figures.kinds import mapped_columns
     from vibro_cli.scenario.problems import listing, suggestion
 
     if maps and isinstance(subject, list):
@@ -245,8 +245,7 @@ def _check(wishes: _Wishes) -> None:
 
 def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tuple[str, Drawn]]":
     """Every figure of what is reported, with the stem of its files."""
-    from vibro_cli.figures.grids.kinds import draw_grid
-    from vibro_cli.figures.runs.kinds import draw_all
+    from vibro_cli.figures.kinds import draw_all, draw_grid
 
     if not isinstance(subject, list):
         yield from ((drawn.name, drawn) for drawn in draw_grid(subject, width, maps))

@@ -114,7 +114,7 @@ def _section(
 
 def _runs_shown(grid: "Grid", pair: tuple[int, int] | None, transient: int | None) -> str:
     """How many runs of a grid are shown, empty where all of them are."""
-    from vibro_cli.figures.grids.bifurcation import LAST
+    from vibro_cli.figures.over_axis import LAST
 
     impacts, least = grid.impacts_of_runs(pair), LAST if transient is None else transient
     shown = int((impacts > least).sum())

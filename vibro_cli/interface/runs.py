@@ -179,7 +179,7 @@ class Run:
         OSError
             If it cannot be written.
         """
-        from vibro_cli.figures.runs.kinds import draw_all
+        from vibro_cli.figures.kinds import draw_all
         from vibro_cli.figures.style import render
 
         target = Path("outputs") / self.name if folder is None else Path(folder)
@@ -220,7 +220,7 @@ class Run:
 
         Raises ``ValueError`` for another column or width, and where there is no such impact.
         """
-        from vibro_cli.figures.grids.bifurcation import (
+        from vibro_cli.figures.over_axis import (
             Section,
             own_columns,
             poincare,
@@ -259,7 +259,7 @@ class Run:
         ValueError
             For another kind, body or width, and where the run has nothing to show in it.
         """
-        from vibro_cli.figures.runs.kinds import draw_one
+        from vibro_cli.figures.kinds import draw_one
 
         drawn = draw_one(self._shown, kind, body, width)
         if drawn is None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.figures.grids.maps import Endings
+from vibro_cli.figures.maps import Endings
 from vibro_cli.report.html import figures_of_grid
 from vibro_cli.report.words import END_CAUSES, STATES, cell, flat, link, number, versions
 from vibro_cli.storage.stored import StoredGrid

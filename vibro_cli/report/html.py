@@ -11,8 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from vibro_cli.figures.grids.kinds import draw_grid
-from vibro_cli.figures.runs.kinds import Drawn, draw_all
+from vibro_cli.figures.kinds import Drawn, draw_all, draw_grid
 from vibro_cli.figures.style import has_rasters, render
 from vibro_cli.storage.stored import StoredGrid
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from vibro_cli.compile.kernel import Kernel, Overrides
     from vibro_cli.figures.film import Frames
-    from vibro_cli.figures.runs.kinds import Kind, KindOfBody
+    from vibro_cli.figures.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import Solver
     from vibro_cli.scenario.base import ScenarioTable
@@ -244,7 +244,7 @@ class System(ABC):
         """Return the tangent map of a run, which goes through its logs, see systems/tangents.py."""
         raise NotImplementedError
 
-    # Figures: figures/runs/kinds.py.
+    # Figures: figures/kinds.py.
 
     @property
     @abstractmethod

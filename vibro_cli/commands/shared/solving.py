@@ -185,7 +185,7 @@ def is_sound(record: dict[str, Any]) -> bool:
 
 def figures_of(result: "Run | StoredRun", names: Sequence[str]) -> dict[str, bytes]:
     """Kinds of figures of a run: names of files and their contents."""
-    from vibro_cli.figures.runs.kinds import draw_all
+    from vibro_cli.figures.kinds import draw_all
     from vibro_cli.figures.style import render
 
     drawn = draw_all(result, names, result.kind.figure_width(result.system))

@@ -22,10 +22,9 @@ from vibro_cli.figures.labels import LINE, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import Background, last_time
 from vibro_cli.figures.portraits.panels import Panel, Window
-from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
+from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows, seen
 from vibro_cli.figures.portraits.trace_phase_plane import EIGHT, JUNCTION, curves_of
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
-from vibro_cli.figures.portraits.view_limits import seen
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.mechanics.trace import LINE as STRAIGHT

@@ -14,17 +14,19 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     BAND,
+    MOST_MARKS,
     MOST_VECTOR_POINTS,
     body_look,
     count_axis,
+    draw_marks,
     log_axis,
     number_bar,
     positive_axis,
     stacked,
     time_axis,
+    told_apart,
     value_axis,
 )
-from vibro_cli.figures.dots import MOST_MARKS, draw_marks, told_apart
 from vibro_cli.figures.labels import Entry, line_of_entries
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after

@@ -19,6 +19,7 @@ from matplotlib.patches import Circle
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     LEFT,
+    MANY,
     MOST_LOOKS,
     MOST_VECTOR_POINTS,
     band_entry,
@@ -31,10 +32,9 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
-from vibro_cli.figures.dots import MANY
 from vibro_cli.figures.film import Frames, Ground, Link, Panel, States, times_between, trail
+from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.labels import Named, write_names
-from vibro_cli.figures.runs.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (
     HIGH,

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibro_cli.figures.film import Frames, Ground, States, trail
+from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, Kind, KindOfBody
 from vibro_cli.figures.runs.contact_points import POINTS_CAPTION, POINTS_TITLE
-from vibro_cli.figures.runs.kinds import EXPONENTS, INTERVALS, Kind, KindOfBody
 from vibro_cli.figures.runs.over_time import EnergyLines, energy_chart, energy_lines
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.systems.run import Run

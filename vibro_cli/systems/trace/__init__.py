@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from vibro_cli.compile.kernel import Overrides
     from vibro_cli.figures.film import Frames
-    from vibro_cli.figures.runs.kinds import Kind, KindOfBody
+    from vibro_cli.figures.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.mechanics.system import TraceSystem
     from vibro_cli.scenario.base import ScenarioTable
@@ -130,13 +130,13 @@ class Trace(System):
 
     @property
     def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
-        from vibro_cli.figures.runs.kinds import KINDS
+        from vibro_cli.systems.trace.figures import FIGURES
 
-        return KINDS
+        return FIGURES
 
     def film(self, run: Any, times: Any) -> Frames:
         """Return what a film shows of a run."""
-        from vibro_cli.figures.runs.scene import film_on_trace
+        from vibro_cli.systems.trace.figures import film_on_trace
 
         return film_on_trace(run, times)
 

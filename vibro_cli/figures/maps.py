@@ -1,4 +1,4 @@
-"""Maps of a grid over two of its axes, or along one: how runs end, quantities of their summaries.
+"""Maps of a grid over two of its axes: how runs end, quantities of their summaries.
 
 Each cause of an end has its colour, told apart in grey too.
 """
@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
-from vibro_cli.figures.dots import draw_dots
+from vibro_cli.figures.chart import draw_dots
 from vibro_cli.figures.labels import LINE, text_width, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
