@@ -130,7 +130,7 @@ def _target(wishes: _Wishes) -> Path:
 
 
 def _report(wishes: _Wishes) -> int:
-    from vibro_cli.report.page import is_report
+    from vibro_cli.report.html import is_report
     from vibro_cli.storage.files import write_file
 
     _check(wishes)
@@ -211,7 +211,8 @@ def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
 
 
 def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
-    from vibro_cli.report.page import grid_html, report_html
+    from vibro_cli.report.content import report_html
+    from vibro_cli.report.grid_content import grid_html
 
     if isinstance(subject, list):
         return report_html(subject, beside, __version__)

@@ -166,7 +166,7 @@ class Grid:
 
         ``maps`` are columns of the summary that are shown over two axes too.
         """
-        from vibro_cli.report.page import grid_html
+        from vibro_cli.report.grid_content import grid_html
         from vibro_cli.storage.files import write_file
 
         target = Path(file)

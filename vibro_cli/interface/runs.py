@@ -319,7 +319,7 @@ class Run:
 
     def report(self, file: str | Path) -> Path:
         """Write the page that explains the run, as ``vibro report`` does; return its path."""
-        from vibro_cli.report.page import report_html
+        from vibro_cli.report.content import report_html
         from vibro_cli.storage.files import write_file
 
         target = Path(file)

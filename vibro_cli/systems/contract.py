@@ -273,7 +273,7 @@ class System(ABC):
 
     def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
         """Return what stands in a report about a run with a name, see report/content.py."""
-        from vibro_cli.report.system_content import section
+        from vibro_cli.report.content import section
 
         return section(run, name, beside)
 

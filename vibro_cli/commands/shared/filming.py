@@ -70,7 +70,7 @@ class FilmWishes:
 def check_film(run: "StoredRun", wishes: FilmWishes) -> None:
     """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
     from vibro_cli.report.film_page import GENERATOR
-    from vibro_cli.report.page import is_report
+    from vibro_cli.report.html import is_report
 
     start, stop = _bounds(run, wishes)
     number = (stop - start) / wishes.pace * wishes.rate

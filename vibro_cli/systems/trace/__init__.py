@@ -157,9 +157,9 @@ class Trace(System):
         )
 
     def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
-        from vibro_cli.report.content import section
+        from vibro_cli.report.content import section_of_trace
 
-        return section(run, name, beside)
+        return section_of_trace(run, name, beside)
 
     def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
         from vibro_cli.systems.trace.describe import understood
