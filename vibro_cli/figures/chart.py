@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vibro_cli.figures import style
 from vibro_cli.figures.labels import LINE, Entry, draw_legend, handles_of, rows_of, short_number
 from vibro_cli.figures.source import Array, Integers, Recorded
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import MM, width_of
 from vibro_cli.figures.ticks import (
     CHARACTER,
     Ticks,
@@ -66,6 +66,35 @@ class HasBodies(Protocol):
         """What was solved; it has ``bodies``."""
 
 
+class Sheet:
+    """An empty figure of a size (mm), on which panels are put."""
+
+    def __init__(self, wide: float, high: float) -> None:
+        self.size = wide, high
+        self.figure = Figure(figsize=(wide * MM, high * MM))
+
+    def panel(self, left: float, bottom: float, wide: float, high: float) -> Axes:
+        """Return a new panel of a size, its corner so far from that of the figure (mm)."""
+        width, height = self.size
+        box = (left / width, bottom / height, wide / width, high / height)
+        return self.figure.add_axes(box)
+
+    def blank(self, left: float, bottom: float, wide: float, high: float) -> Axes:
+        """Return a new panel without ticks."""
+        axes = self.panel(left, bottom, wide, high)
+        axes.set_xticks([])
+        axes.set_yticks([])
+        return axes
+
+
+def panel_size(axes: Axes) -> tuple[float, float]:
+    """Return width and height of a panel (mm)."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    box = axes.get_position()
+    return box.width * figure.get_figwidth() / MM, box.height * figure.get_figheight() / MM
+
+
 def stacked(
     width: str, heights: Sequence[float], above: float = 5.5, entries: Sequence[Entry] = ()
 ) -> tuple[Figure, list[Axes], list[float]]:
@@ -74,22 +103,19 @@ def stacked(
     `above` is the room for a line of legend (mm), `entries` the legend if it may have more.
     Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
-    wide = WIDTHS[width]
+    wide = width_of(width)
     rows = rows_of(entries, wide - RIGHT) if entries else []
     above += LINE * max(len(rows) - 1, 0)
     total = above + sum(heights) + _BETWEEN * (len(heights) - 1) + _BOTTOM
-    figure = Figure(figsize=(wide * MM, total * MM))
+    sheet = Sheet(wide, total)
     inner = wide - LEFT - RIGHT
     panels = []
     top = total - above
     for high in heights:
-        box = (LEFT / wide, (top - high) / total, inner / wide, high / total)
-        panels.append(figure.add_axes(box))
+        panels.append(sheet.panel(LEFT, top - high, inner, high))
         top -= high + _BETWEEN
-    draw_legend(figure, rows)
-    return figure, panels, [inner] * len(heights)
+    draw_legend(sheet.figure, rows)
+    return sheet.figure, panels, [inner] * len(heights)
 
 
 def time_axis(
@@ -160,13 +186,29 @@ def plane_axes(axes: Axes, low: Array, high: Array, size: Array, labelled: bool 
     """
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    across = number_ticks(float(low[0]), float(high[0]), float(size[0]))
-    along = vertical_ticks(float(low[1]), float(high[1]), float(size[1]))
-    axes.set_xticks(across.places, across.labels if labelled else [""] * len(across.labels))
-    axes.set_yticks(along.places, along.labels)
+    number_plane(axes, (float(size[0]), float(size[1])), ("$x$", "m"), ("$y$", "m"), labelled)
+
+
+def number_plane(
+    axes: Axes,
+    size: tuple[float, float],
+    across: tuple[str, str],
+    along: tuple[str, str],
+    labelled: bool = True,
+) -> None:
+    """Write numbers and names at both axes of a plane whose limits are set; `size` in mm.
+
+    `across` and `along` are symbols and units.
+    """
+    places, heights = (
+        number_ticks(*axes.get_xlim(), size[0]),
+        vertical_ticks(*axes.get_ylim(), size[1]),
+    )
+    axes.set_xticks(places.places, places.labels if labelled else [""] * len(places.labels))
+    axes.set_yticks(heights.places, heights.labels)
     if labelled:
-        axes.set_xlabel(f"$x$ [{with_power('m', across)}]")
-    axes.set_ylabel(f"$y$ [{with_power('m', along)}]", labelpad=1.0)
+        axes.set_xlabel(f"{across[0]} [{with_power(across[1], places)}]")
+    axes.set_ylabel(f"{along[0]} [{with_power(along[1], heights)}]", labelpad=1.0)
 
 
 def positive_axis(axes: Axes, values: Array, height: float, symbol: str, unit: str) -> None:
@@ -186,9 +228,7 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     positive = values[np.isfinite(values) & (values > 0.0)]
     low, high = (float(np.min(positive)), float(np.max(positive))) if len(positive) else (0.1, 1.0)
     bottom, top = np.floor(np.log10(low) - 0.05), np.ceil(np.log10(high) + 0.05)
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    height = axes.get_position().height * figure.get_figheight() / MM
+    _, height = panel_size(axes)
     below = _BELOW / (height - _BELOW) * (top - bottom)
     axes.set_yscale("log")
     axes.set_ylim(10.0 ** (bottom - below), 10.0**top)
@@ -347,10 +387,7 @@ def told_apart(across: Array, values: Array) -> Integers:
 
 def _pixels(axes: Axes, across: Array, along: Array, values: Array) -> Array:
     """Return the pixels of axes, rows from below: the value of the last point in each, or nan."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    box = axes.get_position()
-    wide, tall = np.array([box.width, box.height]) * figure.get_size_inches() / MM
+    wide, tall = panel_size(axes)
     columns, rows = max(1, round(wide / _PIXEL)), max(1, round(tall / _PIXEL))
     pixels = np.full((rows, columns), np.nan)
     to_axes = axes.transData + axes.transAxes.inverted()

@@ -11,13 +11,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import Landscape, LevelCurve, level_curves, speed_curves
-from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE, Portrait, condition
+from vibro_cli.analysis.singular import FIGURE_EIGHT, SADDLE, Portrait, condition
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.chart import body_look, number_plane
 from vibro_cli.figures.labels import LINE, Entry, bar_width, draw_legend, line_of_entries, rows_of
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import (
@@ -33,6 +34,8 @@ from vibro_cli.figures.portraits.trace_phase_plane import (
     EIGHT,
     JUNCTION,
     REST,
+    SPEED_AGAINST_PLACE,
+    both_ways,
     curves_of,
     draw_along,
     highest_energy,
@@ -41,7 +44,6 @@ from vibro_cli.figures.portraits.trace_phase_plane import (
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.mechanics.trace import Piece
 
 FOCUSES = ("auto", "trace", "run")
@@ -294,9 +296,8 @@ def _draw_eights(one: Panel, portrait: Portrait) -> None:
 
 def _draw_below(figure: Figure, portrait: Portrait, width: str, words: Sequence[str]) -> None:
     """Draw the panel along the trace, under its words."""
+    axes, size = _panel_below(figure, width)
     wide, high = figure.get_size_inches() / MM
-    size = (WIDTHS[width] - LEFT - RIGHT, _HIGH[width])
-    axes = figure.add_axes((LEFT / wide, BOTTOM / high, size[0] / wide, size[1] / high))
     curves = curves_of(portrait)
     draw_along(axes, portrait, curves, size)
     name_points(axes, portrait, curves, size)
@@ -304,6 +305,14 @@ def _draw_below(figure: Figure, portrait: Portrait, width: str, words: Sequence[
     for number, line in enumerate(reversed(words)):
         height = BOTTOM + size[1] + 1.2 + number * _LINE
         figure.text(LEFT / wide, height / high, line, **look)
+
+
+def _panel_below(figure: Figure, width: str) -> tuple[Axes, tuple[float, float]]:
+    """Return a panel under those of the pieces, and its size (mm)."""
+    wide, high = figure.get_size_inches() / MM
+    size = WIDTHS[width] - LEFT - RIGHT, _HIGH[width]
+    box = (LEFT / wide, BOTTOM / high, size[0] / wide, size[1] / high)
+    return figure.add_axes(box), size
 
 
 def _words(portrait: Portrait, width: float) -> list[str]:
@@ -344,9 +353,7 @@ def _draw_legend(figure: Figure, behind: Background, portrait: Portrait) -> None
     elif behind.arc_separatrices:
         entries.append(("separatrix of the full circle", layers.ARC_SEPARATRIX))
     entries.append(("level", layers.LEVEL))
-    for kind, marker in layers.MARKER.items():
-        if any(point.kind == kind for point in portrait.points):
-            entries.append((kind, layers.POINT | {"marker": marker}))
+    entries += layers.point_entries(portrait.points)
     if any(point.extent for point in portrait.points):
         entries.append(("level line", REST))
     line_of_entries(figure, entries)
@@ -354,7 +361,6 @@ def _draw_legend(figure: Figure, behind: Background, portrait: Portrait) -> None
 
 MOST = 6
 """Bodies that can be told apart."""
-"""Height of the panel along the trace (mm)."""
 
 
 def comparison(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Figure:
@@ -438,9 +444,7 @@ def _draw_along(
     width: str,
 ) -> None:
     """Draw speed against arc length under the panels of the arcs."""
-    wide, high = figure.get_size_inches() / MM
-    size = (WIDTHS[width] - LEFT - RIGHT, _HIGH[width])
-    axes = figure.add_axes((LEFT / wide, BOTTOM / high, size[0] / wide, size[1] / high))
+    axes, size = _panel_below(figure, width)
     curves = [
         [curve for energy in own for curve in speed_curves(portrait.landscape, energy)]
         for (_, portrait), own in zip(members, energies, strict=True)
@@ -453,14 +457,9 @@ def _draw_along(
     for piece in trace.pieces[1:]:
         axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
     for number, own in enumerate(curves, 1):
-        both = [np.column_stack([one.s, sign * one.speed]) for one in own for sign in (1, -1)]
-        _add(axes, both, number)
+        _add(axes, both_ways(own), number)
     for point in members[0][1].points:
-        if point.kind in (CENTRE, SADDLE):
+        if point.kind in layers.MARKER:
             marker = layers.MARKER[point.kind]
             axes.plot(point.s, 0.0, marker=marker, zorder=2.5, **layers.POINT)
-    across, along = number_ticks(0.0, trace.length, size[0]), vertical_ticks(-top, top, size[1])
-    axes.set_xticks(across.places, across.labels)
-    axes.set_yticks(along.places, along.labels)
-    axes.set_xlabel(f"$s$ [{with_power('m', across)}]")
-    axes.set_ylabel(f"$v$ [{with_power('m/s', along)}]", labelpad=1.0)
+    number_plane(axes, size, *SPEED_AGAINST_PLACE)

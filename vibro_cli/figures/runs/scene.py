@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look, plane_axes
-from vibro_cli.figures.labels import Named, line_of_entries, write_names
+from vibro_cli.figures.chart import Sheet, body_look, plane_axes
+from vibro_cli.figures.labels import HALO, Named, line_of_entries, write_names
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import PARTICLE, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
@@ -72,19 +71,19 @@ def scene(run: Recorded, width: str = "single") -> Figure:
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
     surface = trace_points(run.system.trace)
     low, high = _extent(run, surface)
-    inner = WIDTHS[width] - _LEFT - _RIGHT
+    wide = width_of(width)
+    inner = wide - _LEFT - _RIGHT
     scale = float(np.min((np.array([inner, _HIGHEST]) - _WORDS) / (high - low)))
     tall = max(scale * float(high[1] - low[1]) + _WORDS, _LOWEST)
     total = _TOP + tall + _BOTTOM
     with style.journal():
-        figure = Figure(figsize=(WIDTHS[width] * MM, total * MM))
-        box = (_LEFT / WIDTHS[width], _BOTTOM / total, inner / WIDTHS[width], tall / total)
-        axes = figure.add_axes(box)
-        _set_axes(axes, 0.5 * (low + high), np.array([inner, tall]), scale)
+        sheet = Sheet(wide, total)
+        axes = sheet.panel(_LEFT, _BOTTOM, inner, tall)
+        size, middle = np.array([inner, tall]), 0.5 * (low + high)
+        half = 0.5 * size / scale
+        plane_axes(axes, middle - half, middle + half, size)
         axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_SURFACE)
         within = low, high
         numbers = [_number_place(run, piece, scale) for piece in run.system.trace.pieces]
@@ -100,7 +99,7 @@ def scene(run: Recorded, width: str = "single") -> Figure:
         named = [*_draw_bodies(axes, run, scale, within), *named]
         covered = np.concatenate([_obstacles(run, surface, scale), *_points_of(axes)])
         write_names(axes, named, covered, (inner, tall), numbers)
-    return figure
+    return sheet.figure
 
 
 def _points_of(axes: Axes) -> list[Array]:
@@ -129,10 +128,9 @@ def _draw_axis(axes: Axes, turning: Turning) -> None:
     """Draw the vertical about which the trace turns, with its rate."""
     axes.axvline(turning.x, zorder=1.5, **_AXIS)
     words = rf"$\Omega = {turning.rate:.4g}$ rad/s"
-    halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
     axes.annotate(
         words, (turning.x, 1.0), (3.0, -4.0), xycoords=("data", "axes fraction"),
-        textcoords="offset points", va="top", fontsize=style.SMALL, path_effects=halo, zorder=3.0,
+        textcoords="offset points", va="top", fontsize=style.SMALL, path_effects=HALO, zorder=3.0,
     )  # fmt: skip
 
 
@@ -156,13 +154,7 @@ def _centres(run: Recorded) -> Array:
     )
 
 
-def _set_axes(axes: Axes, middle: Array, size: Array, scale: float) -> None:
-    """Set both axes to one scale (mm per m) around the middle."""
-    half = 0.5 * size / scale
-    plane_axes(axes, middle - half, middle + half, size)
-
-
-def _number_place(run: Recorded, piece: Piece, scale: float) -> tuple[float, float]:
+def _number_place(run: Recorded, piece: Piece, scale: float) -> Array:
     """Return where the number of a piece stands (m): below the trace at its middle.
 
     Beside the middle where the axis about which the trace turns goes through there.
@@ -172,11 +164,12 @@ def _number_place(run: Recorded, piece: Piece, scale: float) -> tuple[float, flo
         middle += 0.12 * (piece.angle_end - piece.angle_start)
     slope = piece.slope(middle)
     below = np.array([np.sin(slope), -np.cos(slope)]) * _AWAY / scale
-    return pair(np.array(piece.contact_point(middle)) + below)
+    place: Array = np.array(piece.contact_point(middle)) + below
+    return place
 
 
 def _draw_piece(
-    axes: Axes, run: Recorded, piece: Piece, place: tuple[float, float], within: Extent
+    axes: Axes, run: Recorded, piece: Piece, place: Array, within: Extent
 ) -> list[Named]:
     """Mark where a piece begins, write its number below it; return centre and radius to be named.
 
@@ -184,11 +177,10 @@ def _draw_piece(
     """
     begins = piece.contact_point(piece.angle_start)
     axes.plot(*begins, zorder=2.2, linestyle="none", **_JUNCTION)
-    halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
     look = _SAY | {"color": style.FRAME_GREY, "fontstyle": "italic"}
     words = str(piece.index + 1)
-    if np.all(np.array(place) > within[0]) and np.all(np.array(place) < within[1]):
-        axes.text(*place, words, path_effects=halo, zorder=3.0, **look)
+    if np.all(place > within[0]) and np.all(place < within[1]):
+        axes.text(place[0], place[1], words, path_effects=HALO, zorder=3.0, **look)
     centre = np.array(piece.center)
     if piece.is_line or np.any(centre < within[0]) or np.any(centre > within[1]):
         return []
@@ -203,8 +195,8 @@ def _draw_piece(
     axes.plot(*centre, zorder=2.2, linestyle="none", **_POINT)
     half = 0.5 * (centre + rim)
     number = piece.index + 1
-    named = [Named(rf"$O_{{{number}}}$", pair(centre), style.FRAME_GREY)]
-    return [*named, Named(rf"$R_{{{number}}}$", pair(half), style.FRAME_GREY)]
+    named = [Named(rf"$O_{{{number}}}$", centre, style.FRAME_GREY)]
+    return [*named, Named(rf"$R_{{{number}}}$", half, style.FRAME_GREY)]
 
 
 def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> list[Named]:
@@ -220,23 +212,23 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
         colour = str(body_look(number)["color"])
         radius = max(body.radius, _LEAST / scale)
         look: dict[str, Any] = {"facecolor": colour, "linewidth": 0.5}
-        axes.add_patch(Circle(pair(centre), radius, edgecolor=style.BLACK, zorder=2.5, **look))
-        named.append(Named(rf"$C_{{{number}}}$" if lettered else str(number), pair(centre)))
+        axes.add_patch(Circle(tuple(centre), radius, edgecolor=style.BLACK, zorder=2.5, **look))
+        named.append(Named(rf"$C_{{{number}}}$" if lettered else str(number), centre))
         slope = piece.slope(state.position)
         if lettered:
             resting = np.array(piece.contact_point(state.position))
             axes.plot(*resting, zorder=2.7, linestyle="none", **_POINT)
-            named.append(Named(rf"$P_{{{number}}}$", pair(resting)))
+            named.append(Named(rf"$P_{{{number}}}$", resting))
             named += _draw_position(axes, piece, state.position, number, centre, within)
         if state.speed:
             along = np.sign(state.speed) * np.array([np.cos(slope), np.sin(slope)])
             tip = centre + along * (radius + 4.0 / scale)
-            axes.annotate("", pair(tip), pair(centre), arrowprops=_ARROW, zorder=2.6)
+            axes.annotate("", tuple(tip), tuple(centre), arrowprops=_ARROW, zorder=2.6)
             axes.plot(*np.transpose([centre, tip]), linewidth=0.0, zorder=1.0)  # keeps names away
             if body.kind != PARTICLE:
                 _draw_spin(axes, centre, radius + 1.1 / scale, slope, state.speed, lettered)
                 top = centre + (radius + 1.1 / scale) * np.array([-np.sin(slope), np.cos(slope)])
-                named += [Named(rf"$\omega_{{{number}}}$", pair(top))] if lettered else []
+                named += [Named(rf"$\omega_{{{number}}}$", top)] if lettered else []
     return named
 
 
@@ -251,7 +243,7 @@ def _draw_spin(
     arc = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     axes.plot(*arc[:-3].T, color=style.BLACK, linewidth=0.6, zorder=1.6)
     look = _ARROW | {"linewidth": 0.6, "mutation_scale": 6.0}
-    axes.annotate("", pair(arc[-1]), pair(arc[-6]), arrowprops=look, zorder=2.6)
+    axes.annotate("", tuple(arc[-1]), tuple(arc[-6]), arrowprops=look, zorder=2.6)
 
 
 def _draw_position(
@@ -270,12 +262,7 @@ def _draw_position(
     colour = str(body_look(number)["color"])
     axes.plot(*arc.T, color=colour, linewidth=0.6, zorder=1.6)
     symbol = r"\varphi" if piece.sign > 0.0 else r"\psi"
-    return [Named(rf"${symbol}_{{{number}}}$", pair(arc[len(arc) // 2]), colour)]
-
-
-def pair(point: Array) -> tuple[float, float]:
-    """Return a point as two numbers."""
-    return float(point[0]), float(point[1])
+    return [Named(rf"${symbol}_{{{number}}}$", arc[len(arc) // 2], colour)]
 
 
 _COLUMNS = {"single": 2, "double": 4}
@@ -327,8 +314,7 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
     Of a trace on which the bodies keep to a small part, that part. None without an impact.
     Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    width_of(width)
     if not len(run.collisions["n"]):
         return None
     shown = configurations(run, _COLUMNS[width] * _ROWS)
@@ -339,19 +325,19 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
     low, high = low - room, np.maximum(high + room, high + 2.1 * max(radii) * np.array([0.0, 1.0]))
     low, high = visited(np.concatenate([one.centres for one in shown]), max(radii), low, high)
     with style.journal():
-        figure, panels, scale = _plan_sheet(width, len(shown), low, high)
+        sheet, panels, scale = _plan_sheet(width, len(shown), low, high)
         for axes, one in zip(panels, shown, strict=True):
             axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_PLAN_SURFACE)
             draw_ends(axes, run.system, 2.5 / scale)
             for index, radius in enumerate(radii):
                 _draw_body(axes, one, index, radius, 0.45 / scale)
             axes.set_title(one.title, pad=1.5, **_PLAN_SAY)
-        _draw_bar(figure, float(high[0] - low[0]), scale)
+        _draw_bar(sheet, float(high[0] - low[0]), scale)
         number = len(radii)
         if number > 1:
             entries = [(f"body {n}", _dot(n)) for n in range(1, min(number, 5) + 1)]
-            line_of_entries(figure, entries)
-    return figure
+            line_of_entries(sheet.figure, entries)
+    return sheet.figure
 
 
 def draw_ends(axes: Axes, system: TraceSystem, high: float) -> None:
@@ -417,32 +403,30 @@ def _centres_at(run: Recorded, time: float, row: int, pair: tuple[int, ...]) -> 
 
 def _plan_sheet(
     width: str, number: int, low: Array, high: Array
-) -> tuple[Figure, list[Axes], float]:
+) -> tuple[Sheet, list[Axes], float]:
     """Return a figure with empty panels of equal scale, and the scale (mm per m)."""
     extent = high - low
     columns = min(_COLUMNS[width], number)
-    cell = (WIDTHS[width] - _GAP) / columns - _GAP
+    wide = width_of(width)
+    cell = (wide - _GAP) / columns - _GAP
     scale = min(cell / extent[0], _TALLEST / extent[1])
     across, along = scale * extent
     along = max(along, _SHORTEST)
     rows = math.ceil(number / columns)
     total = _PLAN_TOP + rows * (_TITLE + along + _GAP) + _PLAN_BOTTOM
-    figure = Figure(figsize=(WIDTHS[width] * MM, total * MM))
+    sheet = Sheet(wide, total)
     panels = []
     middle = 0.5 * (low[1] + high[1])
     for place in range(number):
         row, column = divmod(place, columns)
         left = _GAP + column * (cell + _GAP) + 0.5 * (cell - across)
         bottom = total - _PLAN_TOP - (row + 1) * (_TITLE + along) - row * _GAP
-        wide = WIDTHS[width]
-        axes = figure.add_axes((left / wide, bottom / total, across / wide, along / total))
+        axes = sheet.blank(left, bottom, across, along)
         axes.set_axis_off()
-        axes.set_xticks([])
-        axes.set_yticks([])
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(middle - 0.5 * along / scale, middle + 0.5 * along / scale)
         panels.append(axes)
-    return figure, panels, float(scale)
+    return sheet, panels, float(scale)
 
 
 def _dot(ball: int) -> dict[str, Any]:
@@ -461,18 +445,16 @@ def _draw_body(axes: Axes, one: Configuration, index: int, radius: float, least:
         axes.add_patch(Circle((x, y), max(radius, least), zorder=2.5, **look))
 
 
-def _draw_bar(figure: Figure, extent: float, scale: float) -> None:
+def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
     """Draw a bar of round length below the panels, with its length."""
-    wide, high = figure.get_size_inches() / MM
+    wide, high = sheet.size
     power = 10.0 ** math.floor(math.log10(0.45 * extent))
     length = next(f * power for f in (5.0, 2.0, 1.0) if f * power <= 0.45 * extent)
     left, bottom = _GAP + 1.0, 3.0
-    axes = figure.add_axes((left / wide, bottom / high, length * scale / wide, 1.0 / high))
+    axes = sheet.blank(left, bottom, length * scale, 1.0)
     axes.set_axis_off()
-    axes.set_xticks([])
-    axes.set_yticks([])
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(-1.0, 1.0)
     axes.plot([0, 0, 0, 1, 1, 1], [-1, 1, 0, 0, 1, -1], clip_on=False, **_PLAN_SURFACE)
     after = (left + length * scale + 1.5) / wide
-    figure.text(after, (bottom + 0.5) / high, f"{length:g} m", va="center", **_PLAN_SAY)
+    sheet.figure.text(after, (bottom + 0.5) / high, f"{length:g} m", va="center", **_PLAN_SAY)

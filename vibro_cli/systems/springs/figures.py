@@ -7,7 +7,6 @@ their jumps, places.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,7 +31,16 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
-from vibro_cli.figures.film import Frames, Ground, Link, Panel, States, times_between, trail
+from vibro_cli.figures.film import (
+    Frames,
+    Ground,
+    Link,
+    Panel,
+    sampled,
+    struck,
+    times_between,
+    trail,
+)
 from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.labels import Named, write_names
 from vibro_cli.figures.runs.over_impacts import speed_map
@@ -67,15 +75,15 @@ def film_on_springs(run: Any, times: Array) -> Frames:
     periods = [2.0 * math.pi / run.system.frequency(body) for body in range(len(bodies))]
     span = max(periods)
     more = times_between(times, min(periods) / _PER_PERIOD, span)
-    x, speed = _states(run, times)
-    between = _states(run, more)
+    x, speed = sampled(run, times, "x")
+    between = sampled(run, more, "x")
     trails = tuple(
         trail(
             times, span,
             [
                 (times, x[:, n], speed[:, n], 2),
                 (more, between[0][:, n], between[1][:, n], 2),
-                *_struck(run, n),
+                *struck(run, n, "x"),
             ],
         )
         for n in range(len(bodies))
@@ -83,29 +91,6 @@ def film_on_springs(run: Any, times: Array) -> Frames:
     rolls = [0.0 if body.kind == PARTICLE else 1.0 / body.radius for body in bodies]
     ground = _ground(run, x)
     return Frames(ground, times, x, np.zeros_like(x), (x - x[0]) * rolls, x, speed, trails, span)
-
-
-def _states(run: Any, times: Array) -> tuple[Array, Array]:
-    """Return places along the line (m) and speeds (m/s), shape (times, bodies)."""
-    shape = len(times), len(run.system.bodies)
-    if not len(times):
-        return np.empty(shape), np.empty(shape)
-    sampled = run.sample(times)
-    return np.reshape(sampled["x"], shape), np.reshape(sampled["speed"], shape)
-
-
-def _struck(run: Any, body: int) -> Iterator[States]:
-    """Yield the states of a body (from 0) before and after its impacts on others."""
-    table = run.collisions
-    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
-        table["substituted"], dtype=np.bool_
-    )
-    for side in "ab":
-        rows = np.flatnonzero((np.asarray(table[f"ball_{side}"]) == body + 1) & made)
-        for order, when in enumerate(("pre", "post")):
-            names = ("t", f"x_{side}", f"speed_{side}_{when}")
-            time, x, speed = (np.asarray(table[name], dtype=np.float64)[rows] for name in names)
-            yield time, x, speed, order
 
 
 def _ground(run: Any, x: Array) -> Ground:

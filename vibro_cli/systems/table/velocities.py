@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.chart import body_look, panel_size
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.runs.contact_points import ASIDE, Rolling, figure_of
 from vibro_cli.figures.runs.velocities import (
@@ -21,7 +21,6 @@ from vibro_cli.figures.runs.velocities import (
     ROLLING,
     arrow,
     draw_scale,
-    panel_size,
     sheet,
 )
 from vibro_cli.figures.source import Array

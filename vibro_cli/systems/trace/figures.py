@@ -11,7 +11,16 @@ from matplotlib.axes import Axes
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import MANY
-from vibro_cli.figures.film import Frames, Ground, Panel, States, times_between, trail
+from vibro_cli.figures.film import (
+    Frames,
+    Ground,
+    Panel,
+    States,
+    sampled,
+    struck,
+    times_between,
+    trail,
+)
 from vibro_cli.figures.kinds import (
     EXPONENTS,
     INTERVALS,
@@ -50,26 +59,26 @@ def film_on_trace(run: Moving, times: Array) -> Frames:
     bodies must not run half of it from frame to frame, or their turning is not right.
     """
     bodies, times = run.system.bodies, np.asarray(times)
-    sampled = run.sample(times)
+    motion = run.sample(times)
 
     def table(name: str) -> Array:
-        return np.asarray(sampled[name], dtype=np.float64).reshape(len(times), len(bodies))
+        return np.asarray(motion[name], dtype=np.float64).reshape(len(times), len(bodies))
 
-    arc = np.asarray(sampled["arc"]).reshape(len(times), len(bodies)) - 1
+    arc = np.asarray(motion["arc"]).reshape(len(times), len(bodies)) - 1
     s, speed = table("s"), table("speed")
     turn = np.column_stack(
         [_turned(run.system.trace, body, arc[:, n], s[:, n]) for n, body in enumerate(bodies)]
     )
     periods = _small_periods(run.system)
     more, span = times_between(times, min(periods) / _PER_PERIOD, max(periods)), max(periods)
-    between = _states(run, more)
+    between = sampled(run, more, "s")
     trails = tuple(
         trail(
             times, span,
             [
                 (times, s[:, n], speed[:, n], 2),
                 (more, between[0][:, n], between[1][:, n], 2),
-                *_struck(run, n),
+                *struck(run, n, "s"),
                 *_at_walls(run, n),
             ],
             0.5 * run.system.trace.length,
@@ -93,16 +102,6 @@ def _ground(run: Recorded) -> Ground:
     panel = Panel("s", "speed against arc length", junctions)
     low, high = surface.min(axis=0) - room, surface.max(axis=0) + room
     return Ground(radii, low, high, draw, "the trace", panel)
-
-
-def _states(run: Moving, times: Array) -> tuple[Array, Array]:
-    """Return arc lengths (m) and speeds (m/s) at some times, shape (times, bodies)."""
-    shape = len(times), len(run.system.bodies)
-    if not len(times):
-        return np.empty(shape), np.empty(shape)
-    sampled = run.sample(times)
-    s, speed = (np.asarray(sampled[name], dtype=np.float64) for name in ("s", "speed"))
-    return s.reshape(shape), speed.reshape(shape)
 
 
 def _small_periods(system: TraceSystem) -> list[float]:
@@ -135,20 +134,6 @@ def _turned(trace: Trace, body: Body, arc: Any, s: Array) -> Array:
         way = np.unwrap(way, period=before[-1])
     turned: Array = (way - way[0]) / body.radius
     return turned
-
-
-def _struck(run: Recorded, body: int) -> Iterator[States]:
-    """Yield the states of a body before and after its impacts on others."""
-    table = run.collisions
-    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
-        table["substituted"], dtype=np.bool_
-    )
-    for side in "ab":
-        rows = np.flatnonzero((np.asarray(table[f"ball_{side}"]) == body + 1) & made)
-        for order, when in enumerate(("pre", "post")):
-            names = ("t", f"s_{side}", f"speed_{side}_{when}")
-            time, s, speed = (np.asarray(table[name], dtype=np.float64)[rows] for name in names)
-            yield time, s, speed, order
 
 
 def _at_walls(run: Recorded, body: int) -> Iterator[States]:
