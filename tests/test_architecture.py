@@ -75,8 +75,8 @@ PARTS = {
     "describe": "report",
     "stress": "stress",
     **dict.fromkeys(("grid_solver", "system_template"), "grids"),
-    **dict.fromkeys(("phase_plane", "wall_orbits"), "analysis"),
-    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait", "velocities"), "figures"),
+    "phase_plane": "analysis",
+    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait"), "figures"),
 }
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py"))
@@ -227,7 +227,7 @@ def test_no_private_name_of_another_package_is_used(path: Path) -> None:
 
 
 # Documents of scenes, which name their system as a user does.
-SCENES = {"benchmark/other_systems.py"}
+SCENES = {"benchmark/scenes.py"}
 OUTSIDE = [
     path
     for path in SOURCES

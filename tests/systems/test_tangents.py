@@ -19,7 +19,7 @@ from vibro_cli.grids.solving import solver_of
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import open_run
-from vibro_cli.stress.finding import Document, Plan
+from vibro_cli.stress.scenes import Document, Plan
 from vibro_cli.systems.springs import stress as springs_stress
 from vibro_cli.systems.table import stress as table_stress
 from vibro_cli.systems.tangents import LoggedMap

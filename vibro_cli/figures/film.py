@@ -122,6 +122,20 @@ States = tuple[Array, Array, Array, int]
 """Times (s), places (m), speeds (m/s), and 0 before an impact, 1 after it, 2 at other times."""
 
 
+def struck(run: Any, body: int, place: str) -> Iterator[States]:
+    """Yield the states of a body (from 0) before and after its impacts on others.
+
+    `place` is the column of its place (m), without the end of the pair.
+    """
+    table = run.collisions
+    for side in "ab":
+        rows = np.flatnonzero((np.asarray(table[f"ball_{side}"]) == body + 1) & made(table))
+        for order, when in enumerate(("pre", "post")):
+            names = ("t", f"{place}_{side}", f"speed_{side}_{when}")
+            time, s, speed = (np.asarray(table[name], dtype=np.float64)[rows] for name in names)
+            yield time, s, speed, order
+
+
 def frame_times(start: float, end: float, pace: float, rate: int) -> Array:
     """Return the times (s) of frames from `start` to `end`.
 
@@ -186,20 +200,6 @@ def sampled(run: Any, times: Array, place: str) -> tuple[Array, Array]:
     found = (np.asarray(motion[name], dtype=np.float64) for name in (place, "speed"))
     across, up = (values.reshape(shape) for values in found)
     return across, up
-
-
-def struck(run: Any, body: int, place: str) -> Iterator[States]:
-    """Yield the states of a body (from 0) before and after its impacts on others.
-
-    `place` is the column of its place (m), without the end of the pair.
-    """
-    table = run.collisions
-    for side in "ab":
-        rows = np.flatnonzero((np.asarray(table[f"ball_{side}"]) == body + 1) & made(table))
-        for order, when in enumerate(("pre", "post")):
-            names = ("t", f"{place}_{side}", f"speed_{side}_{when}")
-            time, s, speed = (np.asarray(table[name], dtype=np.float64)[rows] for name in names)
-            yield time, s, speed, order
 
 
 SIZE = (6.4, 3.6)

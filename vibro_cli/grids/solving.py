@@ -172,7 +172,7 @@ class RunSolver:
         """Solve some points, given by their numbers from 0."""
         found = [self._run(values) for values in self._values(indices)]
         records = [one.summary_record() if isinstance(one, Run) else one for one in found]
-        table = _columns_of(records, self._table)
+        table = columns_of_records(records, self._table)
         done = np.array([isinstance(one, Run) for one in found])
         runs = [one for one in found if isinstance(one, Run)]
         kept = {
@@ -203,8 +203,8 @@ def impacts_of(table: dict[str, Any], grid: Grid) -> int:
     return int(sum(np.ma.filled(table[name], 0).sum() for name in grid.counted))
 
 
-def _columns_of(records: Sequence[dict[str, Any]], table: Table) -> dict[str, Any]:
-    """Summaries as columns."""
+def columns_of_records(records: Sequence[dict[str, Any]], table: Table) -> dict[str, Any]:
+    """Records as the columns of a table; what is None or not there is missing."""
     columns: dict[str, Any] = {}
     for column in table.columns:
         values = [record.get(column.name) for record in records]
@@ -214,7 +214,7 @@ def _columns_of(records: Sequence[dict[str, Any]], table: Table) -> dict[str, An
             mask = [value is None for value in values]
             columns[column.name] = np.ma.MaskedArray([value or 0 for value in values], mask)
         else:
-            columns[column.name] = np.array(values, dtype=np.float64)
+            columns[column.name] = np.array(values, dtype=column.type)
     return columns
 
 

@@ -5,14 +5,15 @@ A run goes on from a checkpoint: what that holds, and whether it can go on, is s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.kernel import Overrides
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
+from vibro_cli.kernels.world import LOG_FULL
 from vibro_cli.systems.rows import Log, plain_rows, set_rows
 from vibro_cli.systems.wanted import FINAL, Limits, tell
 
@@ -43,19 +44,12 @@ class EventLoop:
     """What the kernels of a system are called by, and the records that they work on."""
 
     advance: Callable[[Any], int]
-    """The event loop, a kernel; it returns ``log_full`` when it is to be called again."""
+    """The event loop, a kernel; it returns ``LOG_FULL`` when it is to be called again."""
     records: Mapping[str, type]
     logs: Mapping[str, str]
     """Logs, and the field of the clock that counts their rows."""
     state: tuple[str, ...]
     """The records that change in a run, which are its state."""
-    end_names: Mapping[int, str]
-    """Causes of the end by their numbers."""
-    end_time: int
-    """The cause of an end by time."""
-    end_interrupted: int
-    """The cause of an end that was asked for from outside."""
-    log_full: int
     rows_of_event: int
     """An event adds at most so many rows for each body."""
     start: Callable[[Any], None] | None = None
@@ -78,6 +72,12 @@ class EventLoop:
     def room(self, rows: int, world: Any) -> int:
         """Return so many rows, and as many as one event may add."""
         return rows + self.rows_of_event * len(world.bodies)
+
+
+def records_of(world: type) -> dict[str, type]:
+    """Return the struct of each array of records in a world."""
+    hints = get_type_hints(world).items()
+    return {name: get_args(hint)[0] for name, hint in hints if get_origin(hint) is Sequence}
 
 
 class Driver:
@@ -135,7 +135,7 @@ class Driver:
             tell(self.clock_value("t"), self.clock_value("collisions"))
             if loop.quiet_cause is not None and cause == loop.quiet_cause[0]:
                 raise self._too_quiet(loop.quiet_cause[1])
-            if cause != loop.log_full:
+            if cause != LOG_FULL:
                 yield cause
                 return
             if loop.quiet_log is not None:

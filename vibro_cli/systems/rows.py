@@ -127,15 +127,66 @@ class ImpactRows:
         """Return the value [system, body] of the body of each row."""
         return values[self.run, body]
 
-    def impulse_of(self, body: Any, change: Any) -> Any:
-        """Return m Δv (N s) of bodies whose speeds change (m/s); nan under other laws, B (6)."""
-        impulses = self.of_body(self.bodies.masses, body) * change
-        return np.where(self["law"] == TRANSLATIONAL, impulses, np.nan)
-
     def inclination(self, one: Any, other: Any) -> Any:
         """Return the cosine between the line of centres of two bodies and the plane."""
         a, b = (self.of_body(self.bodies.radii, body) for body in (one, other))
         return np.where(a == b, 1.0, 2.0 * np.sqrt(a * b) / np.maximum(a + b, 1e-300))
+
+
+class PairRows(ImpactRows):
+    """Impacts of two bodies, whose line of centres is over the line along which the law acts."""
+
+    @abstractmethod
+    def body(self, end: str) -> Any:
+        """Body `a` or `b` of each row, from 0."""
+
+    @abstractmethod
+    def along(self, end: str, when: str) -> Any:
+        """Its speed along that line (m/s), `pre` or `post`."""
+
+    @cached_property
+    def inclined(self) -> Any:
+        """Cosine between the line of centres and the plane."""
+        return self.inclination(self.body("a"), self.body("b"))
+
+    @property
+    def approach_speed(self) -> Any:
+        """Along the line of centres, before (m/s)."""
+        return self.inclined * (self.along("a", "pre") - self.along("b", "pre"))
+
+    @property
+    def separation_speed(self) -> Any:
+        """Along the line of centres, after (m/s)."""
+        return self.inclined * (self.along("b", "post") - self.along("a", "post"))
+
+    @property
+    def impulse(self) -> Any:
+        """On body b (N s), under the law of translation; nan under others, B (6)."""
+        change = self.along("b", "post") - self.along("b", "pre")
+        impulses = self.of_body(self.bodies.masses, self.body("b")) * change
+        return np.where(self["law"] == TRANSLATIONAL, impulses, np.nan)
+
+
+def events_until(times: Any, instants: Any, side: str) -> Any:
+    """Return how many of some events there are by each instant (s), ascending `times` (s).
+
+    `side` is "after" or "before" an event that happens at just such an instant.
+    Raises ValueError for another side.
+    """
+    if side not in ("after", "before"):
+        raise ValueError(f'side must be "after" or "before", not {side!r}')
+    return np.searchsorted(times, instants, side="right" if side == "after" else "left")
+
+
+def bodies_at(system: ImpactSystem, instants: Any) -> dict[str, Any]:
+    """Return `t` (s), `ball` and `mass` (κ m, kg) of a row for each body at each instant."""
+    number = len(system.bodies)
+    masses = [body.kappa * body.mass for body in system.bodies]
+    return {
+        "t": np.repeat(instants, number),
+        "ball": np.tile(np.arange(1, number + 1), len(instants)),
+        "mass": np.tile(masses, len(instants)),
+    }
 
 
 class Totals:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.kernels.world import END_INTERRUPTED, END_NAMES
 from vibro_cli.systems.contract import Rows, System, Trajectory
 from vibro_cli.systems.driver import checkpoint_of, earlier_part
 from vibro_cli.systems.rows import record_array, rows_of
@@ -35,7 +36,7 @@ class Run:
     @property
     def end_cause(self) -> str:
         """Why it ended."""
-        return self.kind.loop.end_names[self._whole.cause]
+        return END_NAMES[self._whole.cause]
 
     @property
     def end_time(self) -> float:
@@ -190,7 +191,7 @@ class Run:
             logs={name: log[: checkpoint["rows"][name]] for name, log in self._whole.logs.items()},
             clock=clock,
             end=(clock["t"], clock["t_low"]),
-            cause=loop.end_interrupted,
+            cause=END_INTERRUPTED,
             records=records,
         )
         return replace(self, _whole=whole, _state=state, _tables={})

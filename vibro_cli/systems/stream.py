@@ -12,13 +12,12 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from vibro_cli.kernels.world import END_INTERRUPTED, END_NAMES, END_TIME, LOG_FULL, RUNNING
 from vibro_cli.systems.contract import Rows, Sink, System, Tables
 from vibro_cli.systems.driver import Driver, EventLoop, checkpoint_of
 from vibro_cli.systems.rows import record_array
 from vibro_cli.systems.wanted import NOTHING_MORE, Limits, Wanted
 
-RUNNING = 0
-"""What the loop of every system calls a run that has not ended."""
 # Less is handed over at the end only: a short run is one stretch.
 LEAST_ROWS = 8192
 # Stretches that may wait to be told of, before the solver waits for them.
@@ -72,15 +71,15 @@ class Stretches:
 
     def until(self, interrupted: Callable[[], bool]) -> Iterator[Stretch]:
         """Yield stretch after stretch, at last one that only ends; sooner when interrupted."""
-        driver, loop = self._driver, self._loop
+        driver = self._driver
         for cause in driver.rounds():
-            full = cause == loop.log_full
+            full = cause == LOG_FULL
             stopped = full and interrupted()
             if full and max(map(len, driver.logs.values())) < LEAST_ROWS and not stopped:
                 continue
             yield self._framed({name: log.drain() for name, log in driver.logs.items()})
             if stopped or not full:
-                yield self._last(loop.end_interrupted if stopped else cause)
+                yield self._last(END_INTERRUPTED if stopped else cause)
                 return
 
     def whole(self) -> tuple[Stretch, dict[str, Any]]:
@@ -100,7 +99,7 @@ class Stretches:
         self.cause = cause
         self.state = driver.state()
         end = None
-        if cause == loop.end_time and self._stop_time is not None:
+        if cause == END_TIME and self._stop_time is not None:
             end = self._stop_time, 0.0
             if loop.finishes:
                 driver.finish()
@@ -205,7 +204,7 @@ def stream(
     with _in_background(sink) if in_background else nullcontext(sink) as handed:
         tables = kind.teller(system, wanted, names, handed)
         last = tell(tables, stretches.until(interrupted))
-    end, cause = last.end[0], kind.loop.end_names[stretches.cause]
+    end, cause = last.end[0], END_NAMES[stretches.cause]
     return Streamed(
         system=system,
         engine=driver.engine,

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.kernels.world import END_NAMES, RUNNING
 from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
 from vibro_cli.systems.rows import Totals, record_array
-from vibro_cli.systems.stream import RUNNING, Stretch
+from vibro_cli.systems.stream import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.wanted import Limits, Sampling, Wanted
 
@@ -79,7 +80,7 @@ class SystemTables:
             self._before = trajectory.last
         self._totals.take(stretch.logs[self._counted])
         if ended:
-            cause, end = self._kind.loop.end_names[stretch.cause], stretch.end[0]
+            cause, end = END_NAMES[stretch.cause], stretch.end[0]
             last = self._states(stretch.records, end)
             self._totals.finish(self._system, cause, end, stretch.clock, last)
 

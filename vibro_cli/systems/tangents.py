@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, Tangents, TangentState
-from vibro_cli.kernels.tangent.impacts import WIDTH
+from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, WIDTH, Tangents, TangentState
+from vibro_cli.kernels.world import RUNNING
 from vibro_cli.systems.contract import Rows, System
 from vibro_cli.systems.driver import compiled_world
-from vibro_cli.systems.stream import RUNNING, Stretch, begun
+from vibro_cli.systems.stream import Stretch, begun
 from vibro_cli.systems.wanted import Limits
 
 Floats = NDArray[np.float64]

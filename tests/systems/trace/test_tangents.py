@@ -24,10 +24,9 @@ from vibro_cli.kernels.world import Flight
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.folders import write_run
-from vibro_cli.stress.oracles.reference_solver import Happening, Twin, happenings_of
-from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.reference_solver import ArcMotion, Happening, Twin, happenings_of
+from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import differences
-from vibro_cli.stress.oracles.taylor import ArcMotion, mp
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems import driver
 from vibro_cli.systems.trace import simulate_system

@@ -26,7 +26,7 @@ from vibro_cli.figures.runs.velocities import (
     ROLLING,
     TOUCHING,
     arrow,
-    draw_disk,
+    draw_circle,
     striking,
     touching_point,
 )
@@ -182,7 +182,7 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     """Draw the body from the side, its path to the right, and velocities at T₀ and beside."""
     colour = body_look(one.number)["color"]
     axes.plot(axes.get_xlim(), [-1.0, -1.0], zorder=1.9, **_PLANE)
-    draw_disk(axes, np.zeros(2), 1.0, colour, 0.16)
+    draw_circle(axes, np.zeros(2), 1.0, colour, 0.16)
     half = abs(one.ahead)
     axes.plot([-half, half], [one.above, one.above], zorder=2.0, **_HIDDEN)
     points = one.points()[:, [0, 2]]
@@ -212,7 +212,7 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
 def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
     """Draw the body from above: the level circle of possible contact points, α and R cos α."""
     colour = body_look(one.number)["color"]
-    draw_disk(axes, np.zeros(2), 1.0, colour, 0.16)
+    draw_circle(axes, np.zeros(2), 1.0, colour, 0.16)
     radius = abs(one.ahead)
     axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", zorder=2.2, edgecolor=style.BLACK,
                           linewidth=0.5, linestyle=(0, (2, 1.5))))  # fmt: skip

@@ -246,9 +246,8 @@ def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale
     drawn = [along, np.linspace(touch - aside, touch + aside, 20)]
     for one, offset in zip(pair, (across, -across), strict=True):
         colour = body_look(one.number)["color"]
-        draw_disk(axes, one.centre, one.body.radius, colour, 0.18)
-        for point in (one.centre, one.resting):
-            axes.plot(*point, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+        draw_disc(axes, one.centre, one.body.radius, colour, 0.18)
+        axes.plot(*one.resting, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
         arrows = [(one.centre, one.velocity(one.centre, when), CENTRE)]
         if not one.slides:
             arrows += [
@@ -343,8 +342,14 @@ def _draw_trace(axes: Axes, surface: Array) -> None:
     axes.plot(shown[:, 0], shown[:, 1], zorder=2.0, **_SURFACE)
 
 
-def draw_disk(axes: Axes, centre: Array, radius: float, colour: str, opacity: float) -> None:
-    """Draw a body as a disk with its edge."""
+def draw_disc(axes: Axes, centre: Array, radius: float, colour: str, opacity: float) -> None:
+    """Draw a body around its centre, shape (2,), with its edge and its centre (all in m)."""
+    draw_circle(axes, centre, radius, colour, opacity)
+    axes.plot(*centre, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+
+
+def draw_circle(axes: Axes, centre: Array, radius: float, colour: str, opacity: float) -> None:
+    """Draw a body around its centre, shape (2,), with its edge."""
     look: dict[str, Any] = {"facecolor": colour, "alpha": opacity, "edgecolor": "none"}
     axes.add_patch(Circle(tuple(centre), radius, zorder=1.8, **look))
     edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}

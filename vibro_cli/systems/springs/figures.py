@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
@@ -53,6 +52,7 @@ from vibro_cli.figures.runs.over_time import (
     energy_chart,
     energy_lines,
 )
+from vibro_cli.figures.runs.velocities import draw_disc
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import number_ticks, with_power
@@ -384,11 +384,7 @@ def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: 
         upright = np.array([[foot[0] + _aside(run, number - 1) / scale, y] for y in (0.0, foot[1])])
         axes.plot(*upright.T, zorder=1.4, **_HEIGHT)
         shown = max(body.radius, _LEAST / scale)
-        look: dict[str, Any] = {"facecolor": colour, "alpha": 0.35, "edgecolor": "none"}
-        axes.add_patch(Circle((place, 0.0), shown, zorder=1.8, **look))
-        edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}
-        axes.add_patch(Circle((place, 0.0), shown, zorder=2.1, **edge))
-        axes.plot(place, 0.0, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+        draw_disc(axes, centre, shown, colour, 0.35)
         axes.plot([place - reach, place + reach], [-body.radius] * 2, zorder=2.0, **_LINE)
         if speed:
             level = 0.5 * shown * (-1.0) ** number  # beside the arrows of its neighbours

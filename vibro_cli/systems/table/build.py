@@ -107,9 +107,8 @@ def _check_wall(
 
 
 def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], findings: Findings) -> None:
-    balls = scenario.balls
-    for b, other in enumerate(balls):
-        for a, one in enumerate(balls[:b]):
+    for b, other in enumerate(scenario.balls):
+        for a, one in enumerate(scenario.balls[:b]):
             touch = touching_distance(bodies[a], bodies[b])
             apart = math.hypot(other.x - one.x, other.y - one.y)
             if apart < touch * (1.0 - 1e-14) - 1e-15 * (abs(one.x) + abs(one.y)):

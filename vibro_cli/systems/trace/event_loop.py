@@ -18,10 +18,6 @@ from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoSwin
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
 from vibro_cli.kernels.events.event_loop import advance, proceed, start
 from vibro_cli.kernels.world import (
-    END_INTERRUPTED,
-    END_NAMES,
-    END_TIME,
-    LOG_FULL,
     LOGS,
     RECORDS,
     World,
@@ -53,10 +49,6 @@ LOOP = driver.EventLoop(
         "segments": "segment_rows",
     },
     state=("clock", "flights", "pairs"),
-    end_names=END_NAMES,
-    end_time=END_TIME,
-    end_interrupted=END_INTERRUPTED,
-    log_full=LOG_FULL,
     rows_of_event=4,
     start=start,
     enter=enter_advance,
