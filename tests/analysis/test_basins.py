@@ -15,7 +15,7 @@ import pytest
 from vibro_cli import NoBasins, example, sweep
 from vibro_cli.analysis.basins import BOX, Basins, Outcomes, basins_of, outcomes_of
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.figures.grids.basins import coloured
+from vibro_cli.figures.analyses import coloured
 
 
 def _measured(cells: Any, number: int = 2) -> Basins:

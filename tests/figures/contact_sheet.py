@@ -25,14 +25,13 @@ from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.figures.film import Film, frame_times
-from vibro_cli.figures.grids.kinds import draw_grid
+from vibro_cli.figures.kinds import draw_all, draw_grid
 from vibro_cli.figures.portraits.portrait import comparison, structure
 from vibro_cli.figures.portraits.trace_phase_plane import family
-from vibro_cli.figures.runs.kinds import draw_all
-from vibro_cli.figures.runs.scene import film_on_trace
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.stored import open_grid
+from vibro_cli.systems.trace.figures import film_on_trace
 
 BODIES = Path(__file__).parents[2] / "scenarios/ball_on_arcs.toml"
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

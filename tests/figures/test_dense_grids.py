@@ -12,9 +12,9 @@ from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from vibro_cli.figures import dots
-from vibro_cli.figures.grids.bifurcation import LAST, bifurcation
-from vibro_cli.figures.grids.kinds import GRID_KINDS, column_map, draw_grid, mapped_columns
+from vibro_cli.figures import chart
+from vibro_cli.figures.kinds import GRID_KINDS, column_map, draw_grid, mapped_columns
+from vibro_cli.figures.over_axis import LAST, bifurcation
 from vibro_cli.figures.style import time_colours
 
 RUNS = 12
@@ -116,12 +116,12 @@ def test_very_many_points_are_pixels_in_the_same_places(monkeypatch: pytest.Monk
     across[0] = np.nan
     images = []
     for most in (400, 399):
-        monkeypatch.setattr(dots, "MOST_MARKS", most)
+        monkeypatch.setattr(chart, "MOST_MARKS", most)
         figure = Figure(figsize=(3.0, 3.0), dpi=100)
         axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
         axes.set_xlim(0.0, 1.0)
         axes.set_ylim(0.0, 1.0)
-        dots.draw_dots(axes, across, along, values, time_colours(), Normalize(0.0, 1.0), 1.0)
+        chart.draw_dots(axes, across, along, values, time_colours(), Normalize(0.0, 1.0), 1.0)
         assert (axes.get_xlim(), axes.get_ylim()) == ((0.0, 1.0), (0.0, 1.0))
         images.append(axes.images)
     assert not images[0]

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibro_cli.figures.dots import draw_marks
+from vibro_cli.figures.chart import draw_marks
 from vibro_cli.figures.runs.over_time import seen
 
 

@@ -27,13 +27,13 @@ from vibro_cli.figures.film import Film, frame_times
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.runs.over_time import energies
-from vibro_cli.figures.runs.scene import film_on_trace
 from vibro_cli.figures.style import MM
 from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.figures import springs_energies
 from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
 from vibro_cli.systems.table.plan import MOST_LINES, table_plan
+from vibro_cli.systems.trace.figures import film_on_trace
 
 pytestmark = pytest.mark.long
 

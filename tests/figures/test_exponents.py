@@ -9,7 +9,7 @@ import pytest
 
 from tests.figures.layout import assert_texts_are_apart
 from vibro_cli.api import Run, simulate
-from vibro_cli.figures.runs.kinds import draw_all
+from vibro_cli.figures.kinds import draw_all
 from vibro_cli.figures.runs.over_impacts import exponents
 from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.folders import write_run

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
-from vibro_cli.figures.grids.curves import FIRST, curves, diagram, first_times, place_column
-from vibro_cli.figures.grids.kinds import CONTACT_WORDS, draw_grid, draw_grid_kind
-from vibro_cli.figures.grids.maps import COLOURS, ending_map, lattice, quantity_map, words_of
+from vibro_cli.figures.kinds import CONTACT_WORDS, draw_grid, draw_grid_kind
+from vibro_cli.figures.maps import COLOURS, ending_map, lattice, quantity_map, words_of
+from vibro_cli.figures.over_axis import FIRST, curves, diagram, first_times, place_column
 from vibro_cli.figures.style import has_rasters, render
 from vibro_cli.storage.stored import NotAGrid, StoredGrid, is_grid, open_grid
 

@@ -13,21 +13,21 @@ from matplotlib.patches import Circle
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.chart import contact_times
+from vibro_cli.figures.kinds import PORTRAIT, draw_all
 from vibro_cli.figures.portraits.energies import energy_portrait
 from vibro_cli.figures.portraits.portrait import phase_portrait
 from vibro_cli.figures.portraits.trajectory import trajectory
 from vibro_cli.figures.runs.contact_points import contact_points
-from vibro_cli.figures.runs.kinds import KINDS, PORTRAIT, draw_all
 from vibro_cli.figures.runs.over_impacts import impact_map
 from vibro_cli.figures.runs.over_time import energy_course, energy_residuals, timeline
-from vibro_cli.figures.runs.plan import WALL, configurations
-from vibro_cli.figures.runs.scene import scene
+from vibro_cli.figures.runs.scene import WALL, configurations, scene
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of, load_scenario
+from vibro_cli.systems.trace.figures import FIGURES
 
 pytestmark = pytest.mark.long
 
-WITHOUT_PORTRAITS = [name for name in KINDS if name != PORTRAIT]
+WITHOUT_PORTRAITS = [name for name in FIGURES if name != PORTRAIT]
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 TO_SCALE = (

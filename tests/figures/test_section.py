@@ -10,7 +10,7 @@ import pytest
 
 from vibro_cli import example, simulate, sweep
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.figures.grids.bifurcation import LAST, Section
+from vibro_cli.figures.over_axis import LAST, Section
 
 
 @pytest.mark.parametrize("transient", [None, 0, 3, 25])

@@ -11,7 +11,7 @@ import pytest
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.api import simulate
-from vibro_cli.figures.runs.kinds import draw_all
+from vibro_cli.figures.kinds import draw_all
 from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.figures import springs_place
 from vibro_cli.systems.springs.portrait import motions, springs_portrait, springs_structure

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from vibro_cli.figures.grids.maps import Coordinate
+from vibro_cli.figures.maps import Coordinate
 from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,

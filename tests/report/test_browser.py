@@ -21,10 +21,11 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 from tests.grid_folder import product, write_grid
 from tests.report.test_report import stored
 from vibro_cli.figures.film import frame_times
-from vibro_cli.figures.runs.scene import film_on_trace
+from vibro_cli.report.content import report_html
 from vibro_cli.report.film_page import film_html
-from vibro_cli.report.page import grid_html, report_html
+from vibro_cli.report.grid_content import grid_html
 from vibro_cli.storage.stored import open_grid, open_run
+from vibro_cli.systems.trace.figures import film_on_trace
 
 pytestmark = pytest.mark.long
 

@@ -10,7 +10,8 @@ import pytest
 
 from tests.grid_folder import product, write_grid
 from tests.report.page_parser import Page
-from vibro_cli.report.page import grid_html, is_report
+from vibro_cli.report.grid_content import grid_html
+from vibro_cli.report.html import is_report
 from vibro_cli.storage.stored import open_grid
 
 TWO = product({"balls[1].angle": [-1.2, -1.1, -0.9, -0.6, -0.2], "collision.k": [1.0, 0.9, 0.5]})

@@ -16,8 +16,8 @@ import pytest
 
 from tests.report.page_parser import Page
 from vibro_cli.api import simulate
-from vibro_cli.report.content import FIRST_ROWS, energy_balance, key_figures
-from vibro_cli.report.page import is_report, report_html
+from vibro_cli.report.content import FIRST_ROWS, energy_balance, key_figures, report_html
+from vibro_cli.report.html import is_report
 from vibro_cli.report.papers import forms
 from vibro_cli.report.words import number
 from vibro_cli.scenario import load_scenario

@@ -13,7 +13,7 @@ from tests.systems.springs_cases import FIGURE_FIVE, springs
 from tests.systems.tangent_cases import solved_and_streamed
 from tests.systems.test_table_tangents import ELLIPSE, TWO, scene
 from vibro_cli.api import simulate, simulate_streamed
-from vibro_cli.figures.runs.kinds import draw_all
+from vibro_cli.figures.kinds import draw_all
 from vibro_cli.grids.document import document_at
 from vibro_cli.grids.solving import solver_of
 from vibro_cli.scenario import ScenarioError, any_scenario_of

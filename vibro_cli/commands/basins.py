@@ -15,7 +15,7 @@ from vibro_cli.commands.shared.terminal import json_text, print_found, say
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
-    from vibro_cli.figures.grids.basins import Mapped
+    from vibro_cli.figures.analyses import Mapped
     from vibro_cli.interface.grids import Grid
     from vibro_cli.storage.stored import StoredGrid
 
@@ -56,7 +56,7 @@ class BasinsCommand:
     def __call__(self) -> int:
         """Read, measure, draw, write and print."""
         from vibro_cli.analysis.basins import NoBasins
-        from vibro_cli.figures.grids.basins import mapped_basins
+        from vibro_cli.figures.analyses import mapped_basins
         from vibro_cli.storage.files import check_replaceable
         from vibro_cli.storage.folders import write_results
         from vibro_cli.storage.stored import open_grid
@@ -246,7 +246,7 @@ class SectionCommand:
 
 def _runs_shown(grid: Grid, pair: tuple[int, int] | None, transient: int | None) -> str:
     """How many runs of a grid are shown, empty where all of them are."""
-    from vibro_cli.figures.grids.bifurcation import LAST
+    from vibro_cli.figures.over_axis import LAST
 
     impacts, least = grid.impacts_of_runs(pair), LAST if transient is None else transient
     shown = int((impacts > least).sum())

@@ -249,7 +249,7 @@ def environment() -> str:
 
 def figures() -> str:
     """The kinds of figures of runs of each system, and of grids."""
-    from vibro_cli.figures.grids.kinds import GRID_KINDS, NEEDS
+    from vibro_cli.figures.kinds import GRID_KINDS, NEEDS
     from vibro_cli.systems import system_named
 
     kinds: dict[str, tuple[str, list[str]]] = {}

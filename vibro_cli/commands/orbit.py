@@ -219,7 +219,7 @@ def _complex(value: complex) -> str:
 def _axis(path: str) -> str:
     """The label of the axis of a family over the number at a path."""
     from vibro_cli.analysis.orbit_branch import ENERGY
-    from vibro_cli.figures.grids.maps import words_of
+    from vibro_cli.figures.maps import words_of
     from vibro_cli.scenario.fields import unit_at
     from vibro_cli.scenario.problems import parsed_path
 

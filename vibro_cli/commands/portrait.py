@@ -114,7 +114,7 @@ def varied_systems(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
 
 def _titled(path: str, shown: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
     """Members with the number at a path in words as their titles."""
-    from vibro_cli.figures.grids.maps import words_of
+    from vibro_cli.figures.maps import words_of
 
     return [(f"{words_of(path)} = {value}", one) for value, one in shown]
 

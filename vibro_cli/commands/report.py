@@ -14,7 +14,7 @@ from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
-    from vibro_cli.figures.runs.kinds import Drawn
+    from vibro_cli.figures.kinds import Drawn
     from vibro_cli.storage.stored import StoredGrid, StoredRun
 
     Runs = list[StoredRun]
@@ -160,7 +160,7 @@ class ReportCommand:
 
 
 def _report(wishes: ReportCommand) -> int:
-    from vibro_cli.report.page import is_report
+    from vibro_cli.report.html import is_report
     from vibro_cli.storage.files import write_file
 
     _check(wishes)
@@ -229,7 +229,7 @@ def _runs(wishes: ReportCommand) -> "Runs":
 
 def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
     """Raise `CommandError` unless every map asked for is of a column of the grid's summary."""
-    from vibro_cli.figures.grids.kinds import mapped_columns
+    from vibro_cli.figures.kinds import mapped_columns
     from vibro_cli.scenario.problems import listing, suggestion
 
     if maps and isinstance(subject, list):
@@ -243,7 +243,8 @@ def _check_maps(subject: "Subject", maps: Sequence[str]) -> None:
 
 
 def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
-    from vibro_cli.report.page import grid_html, report_html
+    from vibro_cli.report.content import report_html
+    from vibro_cli.report.grid_content import grid_html
 
     if isinstance(subject, list):
         return report_html(subject, beside, __version__)
@@ -263,8 +264,7 @@ def _check(wishes: ReportCommand) -> None:
 
 def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tuple[str, Drawn]]":
     """Every figure of what is reported, with the stem of its files."""
-    from vibro_cli.figures.grids.kinds import draw_grid
-    from vibro_cli.figures.runs.kinds import draw_all
+    from vibro_cli.figures.kinds import draw_all, draw_grid
 
     if not isinstance(subject, list):
         yield from ((drawn.name, drawn) for drawn in draw_grid(subject, width, maps))
@@ -300,7 +300,7 @@ def _write_figures(subject: "Subject", target: Path, wishes: ReportCommand) -> N
 def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
     from vibro_cli.report.film_page import GENERATOR
-    from vibro_cli.report.page import is_report
+    from vibro_cli.report.html import is_report
 
     start, stop = wishes.bounds(float(run.summary["end_time"]))
     number = (stop - start) / wishes.pace * wishes.fps

@@ -1,18 +1,22 @@
-"""Charts of a run over time or over its impacts: panels one above the other, looks of bodies."""
+"""Charts: panels one above the other, axes, looks of bodies, dots of very many points."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, Normalize, to_rgba
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.labels import LINE, Entry, draw_legend, handles_of, rows_of, short_number
-from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.source import Array, Integers, Recorded
+from vibro_cli.figures.style import MM, width_of
 from vibro_cli.figures.ticks import (
     CHARACTER,
     Ticks,
@@ -62,6 +66,35 @@ class HasBodies(Protocol):
         """What was solved; it has ``bodies``."""
 
 
+class Sheet:
+    """An empty figure of a size (mm), on which panels are put."""
+
+    def __init__(self, wide: float, high: float) -> None:
+        self.size = wide, high
+        self.figure = Figure(figsize=(wide * MM, high * MM))
+
+    def panel(self, left: float, bottom: float, wide: float, high: float) -> Axes:
+        """Return a new panel of a size, its corner so far from that of the figure (mm)."""
+        width, height = self.size
+        box = (left / width, bottom / height, wide / width, high / height)
+        return self.figure.add_axes(box)
+
+    def blank(self, left: float, bottom: float, wide: float, high: float) -> Axes:
+        """Return a new panel without ticks."""
+        axes = self.panel(left, bottom, wide, high)
+        axes.set_xticks([])
+        axes.set_yticks([])
+        return axes
+
+
+def panel_size(axes: Axes) -> tuple[float, float]:
+    """Return width and height of a panel (mm)."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    box = axes.get_position()
+    return box.width * figure.get_figwidth() / MM, box.height * figure.get_figheight() / MM
+
+
 def stacked(
     width: str, heights: Sequence[float], above: float = 5.5, entries: Sequence[Entry] = ()
 ) -> tuple[Figure, list[Axes], list[float]]:
@@ -70,22 +103,19 @@ def stacked(
     `above` is the room for a line of legend (mm), `entries` the legend if it may have more.
     Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
-    wide = WIDTHS[width]
+    wide = width_of(width)
     rows = rows_of(entries, wide - RIGHT) if entries else []
     above += LINE * max(len(rows) - 1, 0)
     total = above + sum(heights) + _BETWEEN * (len(heights) - 1) + _BOTTOM
-    figure = Figure(figsize=(wide * MM, total * MM))
+    sheet = Sheet(wide, total)
     inner = wide - LEFT - RIGHT
     panels = []
     top = total - above
     for high in heights:
-        box = (LEFT / wide, (top - high) / total, inner / wide, high / total)
-        panels.append(figure.add_axes(box))
+        panels.append(sheet.panel(LEFT, top - high, inner, high))
         top -= high + _BETWEEN
-    draw_legend(figure, rows)
-    return figure, panels, [inner] * len(heights)
+    draw_legend(sheet.figure, rows)
+    return sheet.figure, panels, [inner] * len(heights)
 
 
 def time_axis(
@@ -156,13 +186,29 @@ def plane_axes(axes: Axes, low: Array, high: Array, size: Array, labelled: bool 
     """
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    across = number_ticks(float(low[0]), float(high[0]), float(size[0]))
-    along = vertical_ticks(float(low[1]), float(high[1]), float(size[1]))
-    axes.set_xticks(across.places, across.labels if labelled else [""] * len(across.labels))
-    axes.set_yticks(along.places, along.labels)
+    number_plane(axes, (float(size[0]), float(size[1])), ("$x$", "m"), ("$y$", "m"), labelled)
+
+
+def number_plane(
+    axes: Axes,
+    size: tuple[float, float],
+    across: tuple[str, str],
+    along: tuple[str, str],
+    labelled: bool = True,
+) -> None:
+    """Write numbers and names at both axes of a plane whose limits are set; `size` in mm.
+
+    `across` and `along` are symbols and units.
+    """
+    places, heights = (
+        number_ticks(*axes.get_xlim(), size[0]),
+        vertical_ticks(*axes.get_ylim(), size[1]),
+    )
+    axes.set_xticks(places.places, places.labels if labelled else [""] * len(places.labels))
+    axes.set_yticks(heights.places, heights.labels)
     if labelled:
-        axes.set_xlabel(f"$x$ [{with_power('m', across)}]")
-    axes.set_ylabel(f"$y$ [{with_power('m', along)}]", labelpad=1.0)
+        axes.set_xlabel(f"{across[0]} [{with_power(across[1], places)}]")
+    axes.set_ylabel(f"{along[0]} [{with_power(along[1], heights)}]", labelpad=1.0)
 
 
 def positive_axis(axes: Axes, values: Array, height: float, symbol: str, unit: str) -> None:
@@ -182,9 +228,7 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     positive = values[np.isfinite(values) & (values > 0.0)]
     low, high = (float(np.min(positive)), float(np.max(positive))) if len(positive) else (0.1, 1.0)
     bottom, top = np.floor(np.log10(low) - 0.05), np.ceil(np.log10(high) + 0.05)
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    height = axes.get_position().height * figure.get_figheight() / MM
+    _, height = panel_size(axes)
     below = _BELOW / (height - _BELOW) * (top - bottom)
     axes.set_yscale("log")
     axes.set_ylim(10.0 ** (bottom - below), 10.0**top)
@@ -256,3 +300,129 @@ def body_entries(run: HasBodies, most: int = _MOST_NAMED) -> list[tuple[str, dic
         for ball in shown
     ]
     return entries if number <= most else [*entries, ("…", {"linestyle": "none"})]
+
+
+MANY = " Of very many impacts those that fall on one spot are one dot."
+"""What a caption says of marks that are drawn by :func:`draw_marks`."""
+MOST_MARKS = 200_000
+"""Of more points than this each is a pixel."""
+_PIXEL = 0.06
+"""Size of such a pixel (mm)."""
+_POINT = 25.4 / 72.0
+"""A typographic point (mm)."""
+_CELLS = (5120, 1024)
+"""Halves of such pixels across and along the widest chart over time."""
+_AT_ONCE = 1 << 18
+_EDGE = 1e-9
+"""Share of the axes by which rounding may move a point over their edge."""
+
+
+def draw_dots(
+    axes: Axes, across: Array, along: Array, values: Array, colours: Any, norm: Normalize,
+    size: float,
+) -> None:  # fmt: skip
+    """Draw a dot for each point in the colour of its value, later ones over earlier ones.
+
+    The limits of the axes, which are linear, have to be set.
+    """
+    if len(values) <= MOST_MARKS:
+        dots = axes.scatter(
+            across, along, c=values, cmap=colours, norm=norm, s=size, linewidths=0.0, zorder=2.0
+        )
+        dots.set_rasterized(len(values) > MOST_VECTOR_POINTS)
+        return
+    pixels = _pixels(axes, across, along, values)
+    _show(axes, pixels, cmap=colours, norm=norm)
+
+
+def draw_marks(
+    axes: Axes, across: Array, along: Array, diameter: float, colour: str | Colormap
+) -> None:
+    """Draw round marks of very many points: those that fall in one pixel are drawn once.
+
+    Parameters
+    ----------
+    axes
+        With its limits, on whatever scales.
+    across, along
+        Coordinates, shape (points,); those that are not finite are left out.
+    diameter
+        Of a mark, in points.
+    colour
+        Of all, or the colours of their numbers, in which later ones lie over earlier ones.
+    """
+    numbers = np.arange(1.0, len(across) + 1.0)
+    pixels = _spread(_pixels(axes, across, along, numbers), 0.5 * diameter * _POINT / _PIXEL)
+    there = np.isfinite(pixels)
+    shown = np.zeros((*pixels.shape, 4), dtype=np.uint8)
+    if isinstance(colour, Colormap):
+        # As bytes: values would be resampled as doubles, and masked.
+        share = (pixels[there] - 1.0) / max(len(across) - 1, 1)
+        shown[there] = colour(share, bytes=True)
+    else:
+        shown[there] = np.round(255.0 * np.array(to_rgba(colour)))
+    _show(axes, shown)
+
+
+def told_apart(across: Array, values: Array) -> Integers:
+    """Return the rows of points that a chart can tell apart, with its values on a logarithmic axis.
+
+    Of those within half a pixel the last one. Values are not negative; 0 is apart from all others.
+    """
+    columns, rows = _CELLS
+    positive = (values > 0.0) & np.isfinite(values)
+    low = math.log10(np.min(values, where=positive, initial=np.inf))
+    high = math.log10(np.max(values, where=positive, initial=0.0))
+    start, end = float(np.min(across)), float(np.max(across))
+    last = np.full(columns * rows, -1, dtype=np.int64)
+    for first in range(0, len(values), _AT_ONCE):
+        some = np.arange(first, min(first + _AT_ONCE, len(values)))
+        column = (across[some] - start) * ((columns - 1) / ((end - start) or 1.0))
+        height = np.log10(values[some], where=positive[some], out=np.full(len(some), low))
+        row = 1.0 + (height - low) * ((rows - 2) / ((high - low) or 1.0))
+        row[~positive[some]] = 0.0
+        last[column.astype(np.int64) * rows + row.astype(np.int64)] = some
+    return last[last >= 0]
+
+
+def _pixels(axes: Axes, across: Array, along: Array, values: Array) -> Array:
+    """Return the pixels of axes, rows from below: the value of the last point in each, or nan."""
+    wide, tall = panel_size(axes)
+    columns, rows = max(1, round(wide / _PIXEL)), max(1, round(tall / _PIXEL))
+    pixels = np.full((rows, columns), np.nan)
+    to_axes = axes.transData + axes.transAxes.inverted()
+    for first in range(0, len(values), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            place = to_axes.transform(np.column_stack([across[some], along[some]]))
+            inside = np.all((place >= -_EDGE) & (place <= 1.0 + _EDGE), axis=1)
+        column, row = np.floor(place[inside] * (columns, rows)).astype(np.int64).T
+        pixels[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)] = values[some][inside]
+    return pixels
+
+
+def _spread(pixels: Array, radius: float) -> Array:
+    """Return pixels each spread over a disc, of a radius in pixels; the greatest value stays."""
+    reach = int(radius)
+    rows, columns = pixels.shape
+    room = np.full((rows + 2 * reach, columns + 2 * reach), -np.inf)
+    room[reach : reach + rows, reach : reach + columns] = np.nan_to_num(pixels, nan=-np.inf)
+    spread = np.full_like(pixels, -np.inf)
+    for up in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            if up * up + right * right <= radius * radius:
+                moved = room[reach + up :, reach + right :][:rows, :columns]
+                np.maximum(spread, moved, out=spread)
+    spread[spread == -np.inf] = np.nan
+    return spread
+
+
+def _show(axes: Axes, pixels: NDArray[Any], **look: Any) -> None:
+    """Draw pixels that fill axes: values with their colours, or red, green, blue and opacity."""
+    image = AxesImage(
+        axes, extent=(0.0, 1.0, 0.0, 1.0), origin="lower", interpolation="nearest",
+        transform=axes.transAxes, zorder=2.0, **look,
+    )  # fmt: skip
+    image.set_data(pixels)
+    image.set_rasterized(True)
+    axes.add_artist(image)

@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look
-from vibro_cli.figures.source import Array
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
+from vibro_cli.figures.chart import body_look, number_plane
+from vibro_cli.figures.source import Array, made
 
 
 @dataclass(frozen=True)
@@ -126,18 +125,15 @@ States = tuple[Array, Array, Array, int]
 def struck(run: Any, body: int, place: str) -> Iterator[States]:
     """Yield the states of a body (from 0) before and after its impacts on others.
 
-    `place` is what the columns of its place begin with.
+    `place` is the column of its place (m), without the end of the pair.
     """
     table = run.collisions
-    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
-        table["substituted"], dtype=np.bool_
-    )
     for side in "ab":
-        rows = np.flatnonzero((np.asarray(table[f"ball_{side}"]) == body + 1) & made)
+        rows = np.flatnonzero((np.asarray(table[f"ball_{side}"]) == body + 1) & made(table))
         for order, when in enumerate(("pre", "post")):
             names = ("t", f"{place}_{side}", f"speed_{side}_{when}")
-            time, where, speed = (np.asarray(table[name], dtype=np.float64)[rows] for name in names)
-            yield time, where, speed, order
+            time, s, speed = (np.asarray(table[name], dtype=np.float64)[rows] for name in names)
+            yield time, s, speed, order
 
 
 def frame_times(start: float, end: float, pace: float, rate: int) -> Array:
@@ -193,6 +189,17 @@ def _within(times: Array, span: float, states: States) -> States:
     ahead = times[np.minimum(following, len(times) - 1)] - time
     here = (time >= times[0]) & (time <= times[-1]) & (ahead <= span)
     return time[here], across[here], up[here], order
+
+
+def sampled(run: Any, times: Array, place: str) -> tuple[Array, Array]:
+    """Return places (m), a column of the motion, and speeds (m/s), shape (times, bodies)."""
+    shape = len(times), len(run.system.bodies)
+    if not len(times):
+        return np.empty(shape), np.empty(shape)
+    motion = run.sample(times)
+    found = (np.asarray(motion[name], dtype=np.float64) for name in (place, "speed"))
+    across, up = (values.reshape(shape) for values in found)
+    return across, up
 
 
 SIZE = (6.4, 3.6)
@@ -256,12 +263,11 @@ class Stage:
             low, high = float(np.min(values)), float(np.max(values))
             room = _MARGIN * (high - low) or 0.1 * abs(high) or 1.0
             limits(low - room, high + room)
-        across = number_ticks(*axes.get_xlim(), box.width * SIZE[0] * _INCH / _LARGER)
-        along = vertical_ticks(*axes.get_ylim(), box.height * SIZE[1] * _INCH / _LARGER)
-        axes.set_xticks(across.places, across.labels)
-        axes.set_yticks(along.places, along.labels)
-        axes.set_xlabel(f"${panel.symbol}$ [{with_power('m', across)}]")
-        axes.set_ylabel(f"$v$ [{with_power('m/s', along)}]", labelpad=1.0)
+        size = (
+            box.width * SIZE[0] * _INCH / _LARGER,
+            box.height * SIZE[1] * _INCH / _LARGER,
+        )
+        number_plane(axes, size, (f"${panel.symbol}$", "m"), ("$v$", "m/s"))
         for place in panel.lines:
             axes.axvline(place, color=style.LEVEL_GREY, linewidth=0.5, zorder=0.8)
 

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.textpath import TextPath
+from numpy.typing import ArrayLike
 
 from vibro_cli.figures import style
 from vibro_cli.figures.source import Array
@@ -29,6 +30,8 @@ _HANDLE = 6.7
 """Width of a mark of a legend with the room around it (mm)."""
 _WIDELY = 5
 """So many entries stand in one line with room between them."""
+HALO = [patheffects.withStroke(linewidth=1.4, foreground="white")]
+"""Around what is written over lines."""
 LINE = 3.4
 """Height of a line of a legend (mm)."""
 _BAR = (16.0, 1.6)
@@ -179,7 +182,6 @@ def short_number(value: float, digits: int = 4) -> str:
     return rf"${factor}\times 10^{{{int(power)}}}$"
 
 
-"""Width of a figure (mm)."""
 _HIGH = 2.5
 """Height of a figure (mm)."""
 LEADER = 3.9
@@ -292,7 +294,7 @@ class Named:
 
     text: str
     """As it is written, perhaps a formula."""
-    point: tuple[float, float]
+    point: ArrayLike
     """In the panel's units."""
     colour: str = style.BLACK
 
@@ -302,7 +304,7 @@ def write_names(
     names: Sequence[Named],
     obstacles: Array,
     size: tuple[float, float],
-    figures: Sequence[tuple[float, float]] = (),
+    figures: Sequence[Array] = (),
 ) -> None:
     """Write names beside their points, where they cover least of `obstacles`, shape (n, 2).
 
@@ -316,7 +318,6 @@ def write_names(
     marks = np.concatenate([*anchors, *anchors, *anchors]) if anchors else np.zeros((0, 2))
     covered = np.concatenate([(np.reshape(obstacles, (-1, 2)) - corner) * scale, marks])
     plain = [_plain(name.text) for name in names]
-    halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
     written = (np.reshape(figures, (-1, 2)) - corner) * scale
     reserved = [(float(x), float(y), _CHARACTER) for x, y in written]
     places = place_numbers(plain, anchors, covered, size, reserved)
@@ -327,7 +328,7 @@ def write_names(
             axes.plot(ends[:, 0], ends[:, 1], color=name.colour, linewidth=0.35, zorder=4.5)
         at = np.array(place) / scale + corner
         axes.text(
-            float(at[0]), float(at[1]), name.text, color=name.colour, path_effects=halo,
+            float(at[0]), float(at[1]), name.text, color=name.colour, path_effects=HALO,
             fontsize=style.SMALL, ha="center", va="center", zorder=5.0,
         )  # fmt: skip
 

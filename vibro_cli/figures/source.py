@@ -45,6 +45,12 @@ def values_at(table: Table, name: str, rows: Integers) -> NDArray[Any]:
     return table.at(name, rows) if isinstance(table, LongTable) else np.asarray(table[name])[rows]
 
 
+def made(table: Table) -> NDArray[np.bool_]:
+    """Return which impacts the bodies made: not an inadmissible one that ended the run."""
+    flags = (np.asarray(table[name], dtype=np.bool_) for name in ("admissible", "substituted"))
+    return np.logical_or(*flags)
+
+
 class Recorded(Protocol):
     """A finished run: the system, its impacts and its flights between events."""
 

@@ -18,6 +18,14 @@ from vibro_cli.storage.files import write_file
 WIDTHS = {"single": 85.0, "double": 170.0}
 """Width of a figure (mm) for one column or two columns of a journal."""
 
+
+def width_of(width: str) -> float:
+    """Return the width (mm) of a figure, `single` or `double`; raises ValueError for another."""
+    if width not in WIDTHS:
+        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    return WIDTHS[width]
+
+
 MM = 1.0 / 25.4
 """One millimetre in inches."""
 

@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.figures import style
+from vibro_cli.figures.chart import Sheet
 from vibro_cli.figures.labels import handles_of
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import WIDTHS
 
 _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _TITLE = 12.0, 2.5, 4.0, 9.0, 5.0
 _HIGH = {"double": 42.0, "single": 40.0}
@@ -89,23 +90,29 @@ def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
 
 
 def _panels(count: int, width: str, entries: int) -> tuple[Figure, list[Axes]]:
-    wide = WIDTHS[width]
-    columns = min(_COLUMNS[width], count)
-    lines = math.ceil(count / columns)
     top = 1.5 + _LEGEND_LINE * math.ceil(entries / _LEGEND_COLUMNS[width])
-    cell = _TITLE + _HIGH[width] + _BOTTOM
-    total = top + lines * cell
-    inner = (wide - _LEFT - _RIGHT - (columns - 1) * _BETWEEN) / columns
-    figure = Figure(figsize=(wide * MM, total * MM))
-    axes = []
+    columns = min(_COLUMNS[width], count)
+    return _sheet(count, width, columns, (_TITLE, _HIGH[width], _BETWEEN), top)
+
+
+def _sheet(
+    count: int, width: str, columns: int, heights: tuple[float, float, float], top: float = 0.0
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels in rows.
+
+    `heights` are those of the room above a panel and of a panel, and the room between two beside
+    each other (mm), `top` the room above all.
+    """
+    above, high, gap = heights
+    wide, cell = WIDTHS[width], above + high + _BOTTOM
+    total = top + math.ceil(count / columns) * cell
+    inner = (wide - _LEFT - _RIGHT - (columns - 1) * gap) / columns
+    sheet, panels = Sheet(wide, total), []
     for number in range(count):
         line, column = divmod(number, columns)
-        left = _LEFT + column * (inner + _BETWEEN)
         bottom = total - top - (line + 1) * cell + _BOTTOM
-        axes.append(
-            figure.add_axes((left / wide, bottom / total, inner / wide, _HIGH[width] / total))
-        )
-    return figure, axes
+        panels.append(sheet.panel(_LEFT + column * (inner + gap), bottom, inner, high))
+    return sheet.figure, panels
 
 
 def _draw(panel: Axes, rows: Sequence[Row], methods: Sequence[str]) -> None:
@@ -133,7 +140,8 @@ def growth(rows: Sequence[Row], width: str = "double") -> Figure:
     if not parts:
         raise ValueError("no growth was measured: there is nothing to draw")
     with style.journal():
-        figure, axes = _growth_panels(len(parts), width)
+        columns = len(parts) if width == "double" else 1
+        figure, axes = _sheet(len(parts), width, columns, (2.5, 34.0, 9.0))
         for part, panel in zip(parts, axes, strict=True):
             own = [row for row in rows if row.part == part and row.per_impact]
             sizes = [row.size or 0 for row in own]
@@ -151,20 +159,3 @@ def growth(rows: Sequence[Row], width: str = "double") -> Figure:
             for panel in axes[1:]:
                 panel.set_ylabel("time per impact [µs]")
     return figure
-
-
-def _growth_panels(count: int, width: str) -> tuple[Figure, list[Axes]]:
-    wide = WIDTHS[width]
-    columns = count if width == "double" else 1
-    lines = math.ceil(count / columns)
-    high, top, gap = 34.0, 2.5, 9.0
-    total = lines * (high + top + _BOTTOM)
-    inner = (wide - _LEFT - _RIGHT - (columns - 1) * gap) / columns
-    figure = Figure(figsize=(wide * MM, total * MM))
-    axes = []
-    for number in range(count):
-        line, column = divmod(number, columns)
-        left = _LEFT + column * (inner + gap)
-        bottom = total - (line + 1) * (high + top + _BOTTOM) + _BOTTOM
-        axes.append(figure.add_axes((left / wide, bottom / total, inner / wide, high / total)))
-    return figure, axes

@@ -54,7 +54,7 @@ def pictures(
 
 def figures_of(run: Any, kinds: Sequence[str]) -> dict[str, bytes]:
     """Return the files of some kinds of figures of a run."""
-    from vibro_cli.figures.runs.kinds import draw_all
+    from vibro_cli.figures.kinds import draw_all
 
     drawn = draw_all(run, kinds, run.kind.figure_width(run.system))
     return pictures((one.name, one.figure) for one in drawn)

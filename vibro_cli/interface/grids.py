@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from vibro_cli.figures.grids.basins import Mapped
+    from vibro_cli.figures.analyses import Mapped
     from vibro_cli.grids.document import Grid as GridDocument
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.stored import StoredGrid
@@ -77,7 +77,7 @@ class Grid:
     @cached_property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of figures there are."""
-        from vibro_cli.figures.grids.kinds import GRID_KINDS
+        from vibro_cli.figures.kinds import GRID_KINDS
 
         return tuple(GRID_KINDS)
 
@@ -93,7 +93,7 @@ class Grid:
 
         Raises ``ValueError`` for another kind or width, and where the grid has nothing to show.
         """
-        from vibro_cli.figures.grids.kinds import draw_grid_kind
+        from vibro_cli.figures.kinds import draw_grid_kind
 
         drawn = draw_grid_kind(self.stored, kind, width)
         if drawn is None:
@@ -123,7 +123,7 @@ class Grid:
 
         Raises ``ValueError`` for another column or width, and where no such impact was kept.
         """
-        from vibro_cli.figures.grids.bifurcation import Section, bifurcation, quantities_of
+        from vibro_cli.figures.over_axis import Section, bifurcation, quantities_of
 
         quantities = quantities_of(columns, self.stored.impact_units())
         drawn = bifurcation(self.stored, width, quantities, Section(pair, transient))
@@ -134,8 +134,8 @@ class Grid:
 
         ``pair``: those of two bodies only, as for :meth:`section`.
         """
-        from vibro_cli.figures.grids.bifurcation import Section
-        from vibro_cli.figures.grids.maps import lattice
+        from vibro_cli.figures.maps import lattice
+        from vibro_cli.figures.over_axis import Section
 
         shown, section = lattice(self.stored, 1, numbers_first=True), Section(pair)
         wanted = ["scenario", *section.columns]
@@ -157,7 +157,7 @@ class Grid:
 
         Raises `NoBasins` where they cannot be told.
         """
-        from vibro_cli.figures.grids.basins import mapped_basins
+        from vibro_cli.figures.analyses import mapped_basins
 
         return mapped_basins(self.stored, outcome)
 
@@ -166,7 +166,7 @@ class Grid:
 
         ``maps`` are columns of the summary that are shown over two axes too.
         """
-        from vibro_cli.report.page import grid_html
+        from vibro_cli.report.grid_content import grid_html
         from vibro_cli.storage.files import write_file
 
         target = Path(file)

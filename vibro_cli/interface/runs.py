@@ -179,6 +179,7 @@ class Run:
         OSError
             If it cannot be written.
         """
+
         target = Path("outputs") / self.name if folder is None else Path(folder)
         if isinstance(figures, bool):
             figures = self._shown.kind.default_figures if figures else ()
@@ -215,7 +216,7 @@ class Run:
 
         Raises ``ValueError`` for another column or width, and where there is no such impact.
         """
-        from vibro_cli.figures.grids.bifurcation import (
+        from vibro_cli.figures.over_axis import (
             Section,
             own_columns,
             poincare,
@@ -254,7 +255,7 @@ class Run:
         ValueError
             For another kind, body or width, and where the run has nothing to show in it.
         """
-        from vibro_cli.figures.runs.kinds import draw_one
+        from vibro_cli.figures.kinds import draw_one
 
         drawn = draw_one(self._shown, kind, body, width)
         if drawn is None:
@@ -308,7 +309,7 @@ class Run:
 
     def report(self, file: str | Path) -> Path:
         """Write the page that explains the run, as ``vibro report`` does; return its path."""
-        from vibro_cli.report.page import report_html
+        from vibro_cli.report.content import report_html
         from vibro_cli.storage.files import write_file
 
         target = Path(file)

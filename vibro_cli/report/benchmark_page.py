@@ -9,7 +9,7 @@ from vibro_cli.benchmark.conclusions import conclude
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import SCENES
 from vibro_cli.figures.work_precision import growth, work_precision
-from vibro_cli.report.html import image, rendered
+from vibro_cli.report.html import rendered, shown
 
 GENERATOR = "vibro bench"
 _METHOD = (
@@ -37,10 +37,7 @@ def benchmark_html(rows: Sequence[Row], details: Mapping[str, Any], version: str
             wide, narrow = draw(rows, "double"), draw(rows, "single")
         except ValueError:
             continue  # a benchmark of some scenes only has no such part
-        figures.append(
-            {"title": title, "caption": caption, "alternative": f"{title}. {caption}",
-             "wide": image(wide), "narrow": image(narrow)}
-        )  # fmt: skip
+        figures.append(shown(title, caption, title, wide, narrow))
     values = {
         "title": "Benchmark",
         "version": version,

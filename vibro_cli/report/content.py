@@ -1,4 +1,4 @@
-"""What stands in a report, as plain values for its template."""
+"""What stands in a report of runs, as plain values for its template, and its page."""
 
 from __future__ import annotations
 
@@ -9,11 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.figures.source import first_of
+from vibro_cli.assemble import warnings_of
+from vibro_cli.figures.source import first_of, made
 from vibro_cli.mechanics.system import Body, TraceSystem, mechanics_warnings
-from vibro_cli.report.html import figures_of_run
+from vibro_cli.report.html import GENERATOR, figures_of_run, rendered
 from vibro_cli.report.papers import analogy, series_rows
-from vibro_cli.report.words import END_CAUSES, LAWS, cell, flat, link, number, validity, versions
+from vibro_cli.report.words import (
+    END_CAUSES,
+    KEYS,
+    LAWS,
+    cell,
+    flat,
+    link,
+    method_of,
+    named,
+    number,
+    validity,
+    versions,
+)
 from vibro_cli.storage.stored import StoredRun
 from vibro_cli.storage.tables import Column, table_named
 
@@ -27,6 +40,40 @@ _COLUMNS = (
     "energy_b_post", "energy_loss", "impulse_moment", "approach_speed", "separation_speed", "gap",
     "admissible", "substituted", "contact",
 )  # fmt: skip
+"""Columns of the impacts on a trace that are shown, ..."""
+_LEFT_OUT = ("t_low", "law", "simultaneous", "grazing")
+"""... and those of other systems that are not."""
+_KEY_FIGURES = (
+    ("End", "end_time", "s"),
+    ("Impacts", "collisions", ""),
+    ("Impacts on the wall", "bounces", ""),
+    ("First impact", "first_collision_time", "s"),
+    ("Last impact", "last_collision_time", "s"),
+    ("Junctions crossed", "crossings", ""),
+    ("Lasting contacts begun", "contacts", ""),
+    ("No impact possible since", "quiet_from", "s"),
+    ("Energy at the start", "energy_start", "J"),
+    ("Energy at the end", "energy_end", "J"),
+    ("Largest gap left at an impact", "max_gap", "m"),
+)
+_ACCURACY = (
+    ("Relative drift of the energy, where it should be kept", "energy_drift", ""),
+    ("Corrections that keep the energy, sum of absolute values", "energy_correction", "J"),
+)
+_ROUNDING = ("max_gap", "energy_drift", "energy_correction")
+"""Columns whose numbers are those of rounding: their size is shown."""
+
+
+def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
+    """Return the report of one run, or of several compared, as the bytes of an HTML file.
+
+    `beside` is the folder in which the file is to stand, for its links to the tables.
+    """
+    method = dict.fromkeys(
+        line for run in runs for line in method_of(run.kind, run.scenario.resolved())
+    )
+    values = page(runs, beside, version) | {"generator": GENERATOR, "method": tuple(method)}
+    return rendered("report", values)
 
 
 def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any]:
@@ -59,50 +106,64 @@ def names_of(runs: Sequence[StoredRun]) -> list[str]:
     return [f"{name} in {run.folder}" for name, run in zip(names, runs, strict=True)]
 
 
-def section(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
+def section_of_trace(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     """Return what a report says of a run on a trace."""
-    summary = run.summary
+    notes = mechanics_warnings(run.system, run.summary["end_time"])
     return {
         "key_figures": key_figures(run),
-        "setting": _setting(run),
+        "setting": _setting_of_trace(run),
         "tables": _tables(run, name),
         "figures": list(figures_of_run(run, name)),
         "series": series_rows(run),
         "analogy": analogy(run.system, run.collisions),
         "energy": energy_balance(run),
-        "validity": validity(
-            summary,
-            any(body.kappa > 1.0 for body in run.system.bodies),
-            _refused(run),
-            mechanics_warnings(run.system, summary["end_time"]),
-        ),
-        "accuracy": _accuracy(run),
+        "validity": _validity(run, notes),
+        "accuracy": _accuracy(run, "Largest distance of the surfaces left at an impact"),
         "sides": _jumps(run, "eight"),
         "regimes": _jumps(run, "regime"),
         "logs": [_impacts(run, name, beside)],
     }
 
 
-def _refused(run: StoredRun) -> int:
-    return int(np.sum(~np.asarray(run.collisions["admissible"], dtype=np.bool_)))
+def section(stored: StoredRun, name: str, beside: Path) -> dict[str, Any]:
+    """Return what a report says of a run of a system besides the trace."""
+    return {
+        "key_figures": key_figures(stored),
+        "setting": _setting(stored),
+        "tables": [_bodies(stored, name)],
+        "figures": list(figures_of_run(stored.run, name)),
+        "series": [],
+        "analogy": analogy(stored.run.system, stored.run.collisions),
+        "energy": energy_balance(stored),
+        "validity": _validity(stored, warnings_of(stored.scenario, stored.run.system)),
+        "accuracy": _accuracy(stored, "Largest distance left at an impact"),
+        "sides": [],
+        "regimes": [],
+        "logs": _logs(stored, name, beside),
+    }
 
 
 def key_figures(run: StoredRun) -> list[tuple[str, str]]:
     """Return what came out, as labels and values with units."""
-    summary = run.summary
-    found = [
-        ("End", number(summary["end_time"], "s")),
-        ("Impacts", number(summary["collisions"])),
-        ("First impact", number(summary["first_collision_time"], "s")),
-        ("Last impact", number(summary["last_collision_time"], "s")),
-        ("Junctions crossed", number(summary["crossings"])),
-        ("Lasting contacts begun", number(summary["contacts"])),
-        ("No impact possible since", number(summary["quiet_from"], "s")),
-        ("Energy at the start", number(summary["energy_start"], "J")),
-        ("Energy at the end", number(summary["energy_end"], "J")),
-        ("Largest gap left at an impact", number(summary["max_gap"], "m", 2)),
+    return _labelled(run, _KEY_FIGURES)
+
+
+def _accuracy(run: StoredRun, gap: str) -> list[tuple[str, str]]:
+    return _labelled(run, ((gap, "max_gap", "m"), *_ACCURACY))
+
+
+def _labelled(run: StoredRun, wanted: Sequence[tuple[str, str, str]]) -> list[tuple[str, str]]:
+    """Some columns of the summary in words, those that there are."""
+    known = [one for one in wanted if run.summary.get(one[1]) is not None]
+    return [
+        (label, number(run.summary[name], unit, 2 if name in _ROUNDING else 6))
+        for label, name, unit in known
     ]
-    return [(label, value) for label, value in found if value != "–"]
+
+
+def _validity(run: StoredRun, notes: Sequence[str]) -> list[str]:
+    rolls = any(body.kappa > 1.0 for body in run.system.bodies)
+    return validity(run.summary, rolls, int(np.sum(~run.collisions["admissible"])), notes)
 
 
 def _rotation(system: TraceSystem) -> list[tuple[str, str]]:
@@ -114,7 +175,7 @@ def _rotation(system: TraceSystem) -> list[tuple[str, str]]:
     return [("Rotation of the trace", f"Ω = {number(turning.rate, 'rad/s')} {axis}")]
 
 
-def _setting(run: StoredRun) -> list[tuple[str, str]]:
+def _setting_of_trace(run: StoredRun) -> list[tuple[str, str]]:
     system, scenario = run.system, run.scenario
     kind = "closed" if system.trace.closed else "open"
     stop = scenario.stop
@@ -168,6 +229,42 @@ def _body(run: StoredRun, index: int) -> list[str]:
     ]
 
 
+def _setting(stored: StoredRun) -> list[tuple[str, str]]:
+    data, system = stored.scenario.resolved(), stored.run.system
+    found: list[tuple[str, str]] = [("System", stored.scenario.system)]
+    wall = [named(key, value) for key, value in flat(data.get("wall", {})).items()]
+    found += [(f"Wall, {words}", value) for words, value in wall]
+    if len(system.bodies) > 1:
+        found += [
+            ("Impact law", f"{system.law}: {LAWS[system.law]}"),
+            ("Coefficient of restitution k", named("k", data["collision"]["k"])[1]),
+            ("Inadmissible impacts", system.inadmissible),
+        ]
+    stops = [named(key, value) for key, value in data["stop"].items()]
+    return [*found, *((f"Stop, {words}", value) for words, value in stops)]
+
+
+def _bodies(stored: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]:
+    """Caption, heads and rows of the table of bodies: what they are, and how they start."""
+    given = [flat(_started(ball)) for ball in stored.scenario.resolved()["balls"]]
+    keys = list(dict.fromkeys(key for ball in given for key in ball))
+    rows = [
+        [*body_cells(index, body), *(number(ball.get(key)) for key in keys)]
+        for index, (body, ball) in enumerate(zip(stored.run.system.bodies, given, strict=True))
+    ]
+    heads = [
+        f"{words} [{unit}]" if unit else words
+        for words, unit in (KEYS.get(key, (key, "")) for key in keys)
+    ]
+    return f"Bodies of {name}, and how they start", [*BODY_HEADS, *heads], rows
+
+
+def _started(ball: dict[str, Any]) -> dict[str, Any]:
+    """What a scenario says of a body's start, and of its spring."""
+    body = ("body", "radius", "mass", "density", "inertia_ratio", "thickness")
+    return {key: value for key, value in ball.items() if key not in body}
+
+
 BODY_HEADS = ("Body", "Kind", "Radius", "Mass", "κ", "J_P")
 
 
@@ -184,20 +281,22 @@ def body_cells(index: int, body: Body) -> list[str]:
 
 
 def energy_balance(run: StoredRun) -> list[tuple[str, str]]:
-    """Return where the energy went: in impacts, elsewhere, and what is left."""
-    table = run.collisions
-    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
-        table["substituted"], dtype=np.bool_
-    )
-    lost = math.fsum(np.asarray(table["energy_loss"], dtype=np.float64)[made])
-    start, end = run.summary["energy_start"], run.summary["energy_end"]
-    rest = start - lost - end
-    return [
-        ("At the start", number(start, "J")),
-        ("Lost in the impacts of the table", number(lost, "J")),
-        ("Lost elsewhere (walls, ends of accumulations) and rounding", number(rest, "J", 3)),
-        ("At the end", number(end, "J")),
-    ]
+    """Return where the energy went: in the impacts of the tables, elsewhere, and what is left."""
+    tables = {name: log.words for name, log in run.kind.impact_logs.items()}
+    elsewhere, digits = "Rounding, and ends of accumulations", 6
+    if not tables:  # on a trace impacts on walls have no table
+        tables = {"collisions": "impacts of the table"}
+        elsewhere, digits = "Lost elsewhere (walls, ends of accumulations) and rounding", 3
+    rest, end = run.summary["energy_start"], run.summary["energy_end"]
+    rows = [("At the start", number(rest, "J"))]
+    for name, words in tables.items():
+        table = run.table(name)
+        losses = np.asarray(table["energy_loss"], dtype=np.float64)
+        lost = math.fsum((losses[made(table)] if "admissible" in table else losses).tolist())
+        rows.append((f"Lost in the {words}", number(lost, "J")))
+        rest -= lost
+    rows.append((elsewhere, number(rest - end, "J", digits)))
+    return [*rows, ("At the end", number(end, "J"))]
 
 
 def _jumps(run: StoredRun, column: str) -> list[list[str]]:
@@ -220,22 +319,6 @@ def _jumps(run: StoredRun, column: str) -> list[list[str]]:
     return found
 
 
-def _accuracy(run: StoredRun) -> list[tuple[str, str]]:
-    summary = run.summary
-    found = [
-        ("Largest distance of the surfaces left at an impact", number(summary["max_gap"], "m", 2)),
-        (
-            "Relative drift of the energy, where it should be kept",
-            number(summary["energy_drift"], digits=2),
-        ),
-        (
-            "Corrections that keep the energy, sum of absolute values",
-            number(summary["energy_correction"], "J", 2),
-        ),
-    ]
-    return [(label, value) for label, value in found if value != "–"]
-
-
 def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     known = {column.name: column for column in table_named("collisions", ()).columns}
     columns = [known[name] for name in _COLUMNS]
@@ -246,6 +329,19 @@ def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
         "caption": f"Impacts of {name}, a to the left of b",
     }
     return words | first_rows(run.collisions, columns, run.folder, "collisions", beside)
+
+
+def _logs(stored: StoredRun, name: str, beside: Path) -> list[dict[str, Any]]:
+    """The first rows of the tables of impacts."""
+    found = []
+    for table, kept in stored.kind.impact_logs.items():
+        columns = [column for column in kept.table.columns if column.name not in _LEFT_OUT]
+        title = f"{kept.title} of {name}"
+        said = {"label": title, "caption": title, "words": kept.words, "none": kept.none}
+        rows = stored.run.table(table)
+        assert rows is not None
+        found.append(said | first_rows(rows, columns, stored.folder, table, beside))
+    return found
 
 
 def first_rows(

@@ -1,4 +1,4 @@
-"""What stands in the report of a grid, as plain values for its template."""
+"""What stands in the report of a grid, as plain values for its template, and its page."""
 
 from __future__ import annotations
 
@@ -8,11 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.figures.grids.maps import Endings
-from vibro_cli.report.html import figures_of_grid
-from vibro_cli.report.words import END_CAUSES, STATES, cell, flat, link, number, versions
+from vibro_cli.figures.maps import Endings
+from vibro_cli.report.html import GENERATOR, figures_of_grid, rendered
+from vibro_cli.report.words import (
+    END_CAUSES,
+    STATES,
+    cell,
+    flat,
+    link,
+    method_of,
+    number,
+    versions,
+)
 from vibro_cli.storage.stored import StoredGrid
 from vibro_cli.storage.tables import Column, summary
+from vibro_cli.systems import system_named
 
 FIRST_ROWS = 200
 """Rows of the table of points that stand in the report."""
@@ -28,13 +38,18 @@ _OF_POINTS = (
 )  # fmt: skip
 
 
-def grid_page(
-    grid: StoredGrid, beside: Path, version: str, columns: Sequence[str] = ()
-) -> dict[str, Any]:
-    """Return the values of a report of a grid whose file is to stand in the folder `beside`.
+def grid_html(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str] = ()) -> bytes:
+    """Return the report of a grid as the bytes of an HTML file that is to stand in `beside`.
 
     `columns` are those of the summary whose maps are shown too.
     """
+    method = method_of(system_named(grid.system), grid.definition["scenario"])
+    values = _page(grid, beside, version, columns) | {"generator": GENERATOR, "method": method}
+    return rendered("grid", values, assets="report")
+
+
+def _page(grid: StoredGrid, beside: Path, version: str, columns: Sequence[str]) -> dict[str, Any]:
+    """The values of the report."""
     return {
         "title": grid.name,
         "version": version,

@@ -1,4 +1,7 @@
-"""Figures inside a page: SVG, or PNG where that is too much, as addresses that hold their data."""
+"""Pages as one HTML file each: nothing is loaded from elsewhere, and nothing can be.
+
+Figures are SVG, or PNG where that is too much, in addresses that hold their data.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +14,11 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from vibro_cli.figures.grids.kinds import draw_grid
-from vibro_cli.figures.runs.kinds import Drawn, draw_all
+from vibro_cli.figures.kinds import Drawn, draw_all, draw_grid
 from vibro_cli.figures.style import has_rasters, render
 from vibro_cli.storage.stored import StoredGrid
 
+GENERATOR = "vibro report"
 _DPI = 192.0
 """Resolution of figures with too many points for SVG: two pixels for each of a plain screen."""
 _TYPES = {"png": "png", "svg": "svg+xml"}
@@ -39,16 +42,22 @@ def figures_of_grid(grid: StoredGrid, columns: Sequence[str] = ()) -> Iterator[d
 def _shown(both: Iterator[tuple[Drawn, Drawn]], of: str) -> Iterator[dict[str, Any]]:
     """Return figures of two columns' width and of one's for narrow screens, with words."""
     for wide, narrow in both:
-        yield {
-            "title": wide.title,
-            "caption": wide.caption,
-            "alternative": f"{wide.title}, {of}. {wide.caption}",
-            "wide": image(wide.figure),
-            "narrow": image(narrow.figure),
-        }
+        name = f"{wide.title}, {of}"
+        yield shown(wide.title, wide.caption, name, wide.figure, narrow.figure)
 
 
-def image(figure: Figure) -> dict[str, str]:
+def shown(title: str, caption: str, name: str, wide: Figure, narrow: Figure) -> dict[str, Any]:
+    """Return a figure as the page has it; `name` and caption are read to those who see none."""
+    return {
+        "title": title,
+        "caption": caption,
+        "alternative": f"{name}. {caption}",
+        "wide": _image(wide),
+        "narrow": _image(narrow),
+    }
+
+
+def _image(figure: Figure) -> dict[str, str]:
     """Return a figure as the address of an image with its size (CSS pixels)."""
     form = "png" if has_rasters(figure) else "svg"
     content = base64.b64encode(render(figure, form, _DPI)).decode()
@@ -79,6 +88,11 @@ def rendered(name: str, values: Mapping[str, Any], assets: str = "") -> bytes:
     )
     ours = {"policy": policy, "style": style, "script": script}  # the template takes them as is
     return environment.get_template(f"{name}.html").render({**values, **ours}).encode()
+
+
+def is_report(content: bytes, generator: str = GENERATOR) -> bool:
+    """Return whether the bytes are those of a report of ours, or of another page of ours."""
+    return f'<meta name="generator" content="{generator}">'.encode() in content[:2000]
 
 
 def _asset(name: str) -> str:

@@ -21,6 +21,7 @@ from vibro_cli.analysis.paper_formulas import (
     series_time,
     squared_rate,
 )
+from vibro_cli.figures.source import made
 from vibro_cli.mechanics.trace import VALLEY
 from vibro_cli.report.words import number
 from vibro_cli.storage.stored import StoredRun
@@ -48,12 +49,10 @@ def forms(system: Any, table: Mapping[str, Any], row: int) -> tuple[CentralImpac
 
 def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the tables of the impacts that rolling bodies made; None without one."""
-    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
-        table["substituted"], dtype=np.bool_
-    )
-    if not np.any(made):
+    rows = np.flatnonzero(made(table)).tolist()
+    if not rows:
         return None
-    row = int(np.argmax(made))
+    row = rows[0]
     if any(system.bodies[int(table[f"ball_{side}"][row]) - 1].kappa == 1.0 for side in "ab"):
         return None  # a particle slides: there is no rolling to compare
     translation, rolling = forms(system, table, row)
@@ -67,7 +66,7 @@ def analogy(system: Any, table: Mapping[str, Any]) -> dict[str, Any] | None:
             for label, describe in _ROWS
         ],
         "heads": _HEADS,
-        "every": [_line(system, table, each) for each in np.flatnonzero(made)[:_MOST].tolist()],
+        "every": [_line(system, table, each) for each in rows[:_MOST]],
     }
 
 

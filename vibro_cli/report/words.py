@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -111,14 +111,14 @@ def _raised(power: int) -> str:
 
 
 def validity(
-    summary: Mapping[str, Any], rolls: bool, refused: int, warnings: tuple[str, ...]
+    summary: Mapping[str, Any], rolls: bool, refused: int, warnings: Sequence[str]
 ) -> list[str]:
     """Return what there is to say on whether the motion is possible as it was computed.
 
     `rolls`: whether any body rolls; else no friction is told of.
     """
     said = []
-    force, friction = summary["min_normal_force"], summary["max_friction_demand"]
+    force, friction = summary.get("min_normal_force"), summary.get("max_friction_demand")
     if force is not None and force < 0.0:
         said.append(
             f"The trace has to hold bodies back: the normal force goes down to "

@@ -11,7 +11,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
     from vibro_cli.compile.kernel import Kernel, Overrides
     from vibro_cli.figures.film import Frames
-    from vibro_cli.figures.runs.kinds import Kind, KindOfBody
+    from vibro_cli.figures.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.grids.solving import Solver
     from vibro_cli.scenario.base import AnyScenario
@@ -104,19 +103,6 @@ class ImpactLog(NamedTuple):
     title: str = "Impacts"
     words: str = "impacts"
     none: str = "was no impact of two bodies"
-
-
-class Imported:
-    """An attribute of a system that is in another module, imported when it is first asked for."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    def __get__(self, system: Any, kind: Any = None) -> Any:
-        if system is None:
-            return self
-        module, _, name = self._name.rpartition(".")
-        return getattr(import_module(f"vibro_cli.{module}"), name)
 
 
 class System(ABC):
@@ -258,7 +244,7 @@ class System(ABC):
         """Return the tangent map of a run, which goes through its logs, see systems/tangents.py."""
         raise NotImplementedError
 
-    # Figures: figures/runs/kinds.py.
+    # Figures: figures/kinds.py.
 
     @property
     @abstractmethod
@@ -287,7 +273,7 @@ class System(ABC):
 
     def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
         """Return what stands in a report about a run with a name, see report/content.py."""
-        from vibro_cli.report.system_content import section
+        from vibro_cli.report.content import section
 
         return section(run, name, beside)
 

@@ -17,15 +17,14 @@ from matplotlib.figure import Figure
 from vibro_cli.analysis.levels import Landscape, LevelCurve, SpeedCurve
 from vibro_cli.analysis.singular import Portrait, portrait_of
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import LEFT, stacked
+from vibro_cli.figures.chart import LEFT, MOST_VECTOR_POINTS, stacked
 from vibro_cli.figures.labels import LINE, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import Background, last_time
 from vibro_cli.figures.portraits.panels import Panel, Window
-from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
-from vibro_cli.figures.portraits.trace_phase_plane import EIGHT, JUNCTION, curves_of
+from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows, seen
+from vibro_cli.figures.portraits.trace_phase_plane import EIGHT, JUNCTION, both_ways, curves_of
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
-from vibro_cli.figures.portraits.view_limits import seen
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.mechanics.trace import LINE as STRAIGHT
@@ -86,7 +85,7 @@ def draw_energies(lower: Panel, path: Trajectory, energies: Array, until: float 
         if until is not None and not contact:
             look = layers.by_time(look, branches.time[rows], until)
         collection = LineCollection(lines, zorder=2.0, **look)
-        collection.set_rasterized(sum(map(len, lines)) > layers.MOST_VECTOR_POINTS)
+        collection.set_rasterized(sum(map(len, lines)) > MOST_VECTOR_POINTS)
         lower.axes.add_collection(collection, autolim=False)
 
 
@@ -240,8 +239,9 @@ def _limits(energies: Array, potential: Array, least: float) -> tuple[float, flo
 
 
 def _draw_eights(upper: Panel, eights: tuple[SpeedCurve, ...]) -> None:
-    lines = [np.column_stack([curve.s, way * curve.speed]) for curve in eights for way in (1, -1)]
-    upper.axes.add_collection(LineCollection(lines, zorder=1.25, **EIGHT), autolim=False)
+    upper.axes.add_collection(
+        LineCollection(both_ways(eights), zorder=1.25, **EIGHT), autolim=False
+    )
 
 
 def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from matplotlib import patheffects
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.patches import Rectangle
@@ -23,7 +22,8 @@ from vibro_cli.analysis.levels import (
 )
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint, singular_points
 from vibro_cli.figures import style
-from vibro_cli.figures.labels import Entry, leader, place_numbers
+from vibro_cli.figures.chart import MOST_VECTOR_POINTS
+from vibro_cli.figures.labels import HALO, Entry, leader, place_numbers
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
@@ -58,10 +58,13 @@ def behind_entries(behind: Background) -> list[Entry]:
         entries.append(("separatrix of the full circle", ARC_SEPARATRIX))
     if behind.levels:
         entries.append(("level", LEVEL))
-    for kind, marker in MARKER.items():
-        if any(point.kind == kind for point in behind.points):
-            entries.append((kind, POINT | {"marker": marker}))
-    return entries
+    return [*entries, *point_entries(behind.points)]
+
+
+def point_entries(points: Sequence[SingularPoint]) -> list[Entry]:
+    """Return names and looks of those kinds of singular points that there are."""
+    kinds = {point.kind for point in points}
+    return [(kind, POINT | {"marker": marker}) for kind, marker in MARKER.items() if kind in kinds]
 
 
 def last_time(path: Trajectory) -> float:
@@ -169,8 +172,6 @@ def on_piece(curves: Sequence[LevelCurve], piece: Piece) -> list[LevelCurve]:
     return [curve for curve in curves if curve.piece == piece.index]
 
 
-MOST_VECTOR_POINTS = 20000
-"""Of more points than this a curve is rasterised in PDF and SVG."""
 _HAIR = 0.008
 """How far a curve that is drawn may lie from the true one (mm)."""
 _MARK = 0.7
@@ -385,10 +386,9 @@ def draw_numbers(one: Panel, branches: Branches, jumps: Jumps, start: Array) -> 
     texts = [str(number) for number in jumps.number[here]]
     anchors = [np.stack(pair) for pair in zip(after, before, strict=True)]
     size = (one.width, one.height)
-    halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
     places = place_numbers(texts, anchors, obstacles, size)
     for text, place, points in zip(texts, places, anchors, strict=True):
-        one.axes.text(*one.from_millimetres(place), text, path_effects=halo, zorder=3.0, **NUMBER)
+        one.axes.text(*one.from_millimetres(place), text, path_effects=HALO, zorder=3.0, **NUMBER)
         line = leader(place, points)
         if line is not None:
             ends = np.array([one.from_millimetres((x, y)) for x, y in line])

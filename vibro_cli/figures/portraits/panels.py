@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
+from vibro_cli.figures.chart import Sheet
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,
@@ -117,25 +118,22 @@ def lay_out(
     `below` is the room (mm) left free under them, `legend` that for more than one line of legend
     over them. Raises ValueError for another width.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
-    rows = _rows(windows, WIDTHS[width])
+    across = width_of(width)
+    rows = _rows(windows, across)
     high = _HEIGHT[width] if len(rows) == 1 else 0.75 * _HEIGHT[width]
     above = TOP + legend
     total = above + len(rows) * (high + BOTTOM) + (len(rows) - 1) * ROW_TOP + below
-    figure = Figure(figsize=(WIDTHS[width] * MM, total * MM))
+    sheet = Sheet(across, total)
     panels: list[Panel] = []
     for row, members in enumerate(rows):
         bottom = total - above - high - row * (high + BOTTOM + ROW_TOP)
-        for window, left, wide, labelled in _across(members, windows, WIDTHS[width]):
-            axes = figure.add_axes(
-                (left / WIDTHS[width], bottom / total, wide / WIDTHS[width], high / total)
-            )
+        for window, left, wide, labelled in _across(members, windows, across):
+            axes = sheet.panel(left, bottom, wide, high)
             panel = Panel(axes, window, labelled, wide, high, left, row)
             axes.set_xlim(panel.span)
             axes.set_ylim(-window.top, window.top)
             panels.append(panel)
-    return figure, tuple(panels)
+    return sheet.figure, tuple(panels)
 
 
 def _rows(windows: Sequence[Window], width: float) -> list[Sequence[Window]]:

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from vibro_cli.analysis.levels import Landscape, level_curves, speed_curves
-from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE, Portrait, condition
+from vibro_cli.analysis.levels import Landscape, LevelCurve, level_curves, speed_curves
+from vibro_cli.analysis.singular import FIGURE_EIGHT, SADDLE, Portrait, condition
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.chart import body_look, number_plane
 from vibro_cli.figures.labels import LINE, Entry, bar_width, draw_legend, line_of_entries, rows_of
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import (
@@ -32,16 +34,130 @@ from vibro_cli.figures.portraits.trace_phase_plane import (
     EIGHT,
     JUNCTION,
     REST,
+    SPEED_AGAINST_PLACE,
+    both_ways,
     curves_of,
     draw_along,
     highest_energy,
     name_points,
 )
 from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Trajectory, trajectory
-from vibro_cli.figures.portraits.view_limits import seen, windows
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
+from vibro_cli.mechanics.trace import Piece
+
+FOCUSES = ("auto", "trace", "run")
+
+_FAR = 3.0
+"""A separatrix higher than this multiple of the trajectory is cut off by the frame."""
+_SMALL = 0.13
+"""A motion within this share of its arc's phase plane is too small to be read on it."""
+_MARGIN = 1.08
+_ROOM = 0.15
+"""Room left and right of the motion, as a share of its extent."""
+
+
+def windows(
+    pieces: Sequence[Piece], path: Trajectory, behind: Background, focus: str = "auto"
+) -> tuple[Window, ...]:
+    """Return the windows of a portrait: on the whole trace, or only on where the body went.
+
+    With `auto` a motion that would be small on its arc is shown close, the whole arc beside it.
+    Raises ValueError for a focus that is not one of `FOCUSES`.
+    """
+    if focus not in FOCUSES:
+        raise ValueError(f"unknown focus {focus!r}, expected one of {', '.join(FOCUSES)}")
+    tops = {lines: _top(pieces, path, behind, lines) for lines in (False, True)}
+    whole = [
+        Window(piece, piece.angle_start, piece.angle_end, tops[piece.is_line]) for piece in pieces
+    ]
+    visited = [piece for piece in pieces if path.branches[piece.index].position.size]
+    if len(visited) == 1 and (focus == "run" or _is_small(visited[0], path, behind)):
+        close = _around(visited[0], path)
+        if focus == "run":
+            return (close,)
+        if focus == "auto":
+            overview = replace(whole[visited[0].index], overview=True)
+            return (close, replace(overview, top=max(overview.top, _full_circle(close, behind))))
+    if focus == "run":
+        return tuple(window for window in whole if window.piece in visited)
+    return tuple(whole)
+
+
+def seen(behind: Background, shown: Sequence[Window]) -> Background:
+    """Return what of a background is within some windows."""
+
+    def within(curve: LevelCurve) -> bool:
+        return any(
+            one.piece.index == curve.piece
+            and np.any(
+                (curve.position > one.low) & (curve.position < one.high) & (curve.rate < one.top)
+            )
+            for one in shown
+        )
+
+    return Background(
+        separatrices=tuple(filter(within, behind.separatrices)),
+        arc_separatrices=tuple(filter(within, behind.arc_separatrices)),
+        levels=tuple(filter(within, behind.levels)),
+        points=tuple(
+            point
+            for point in behind.points
+            for one in shown
+            if one.piece.index == point.piece and one.low <= point.position <= one.high
+        ),
+    )
+
+
+def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:
+    """Return whether a motion on one arc is too small to be read on the whole arc."""
+    extent = float(np.ptp(path.branches[piece.index].position))
+    if extent == 0.0:
+        return False
+    reached, separatrix = _reached(path, [piece.index]), _separatrix(behind, [piece.index])
+    across = extent / (piece.angle_end - piece.angle_start)
+    return across * min(1.0, reached / separatrix if separatrix else 1.0) < _SMALL
+
+
+def _full_circle(close: Window, behind: Background) -> float:
+    """Return how high the separatrix of the full circle of an arc makes the whole arc."""
+    curves = [one.rate for one in behind.arc_separatrices if one.piece == close.piece.index]
+    return _MARGIN * _highest(curves)
+
+
+def _around(piece: Piece, path: Trajectory) -> Window:
+    """Return the window on a piece around where the body went; all of it for a body at rest."""
+    position = path.branches[piece.index].position
+    room = _ROOM * float(np.ptp(position))
+    low, high = float(np.min(position)) - room, float(np.max(position)) + room
+    if room == 0.0:
+        low, high = piece.angle_start, piece.angle_end
+    top = _MARGIN * (_reached(path, [piece.index]) or 1.0)
+    return Window(piece, max(low, piece.angle_start), min(high, piece.angle_end), top)
+
+
+def _top(pieces: Sequence[Piece], path: Trajectory, behind: Background, lines: bool) -> float:
+    """Return the greatest rate to show on the arcs, or the greatest speed on the lines."""
+    members = [piece.index for piece in pieces if piece.is_line == lines]
+    reached = _reached(path, members)
+    separatrix = _separatrix(behind, members)
+    return _MARGIN * (max(reached, min(separatrix, _FAR * reached)) or separatrix or 1.0)
+
+
+def _reached(path: Trajectory, members: Sequence[int]) -> float:
+    """Return the greatest rate of the body on some pieces."""
+    there = np.isin(path.jumps.piece, members)
+    jumps = [path.jumps.before[there], path.jumps.after[there & path.jumps.made]]
+    return _highest([*(path.branches[n].rate for n in members), *jumps])
+
+
+def _separatrix(behind: Background, members: Sequence[int]) -> float:
+    """Return the greatest rate of the trace's separatrices on some pieces."""
+    return _highest([curve.rate for curve in behind.separatrices if curve.piece in members])
+
+
+def _highest(rates: Sequence[Array]) -> float:
+    return max((float(np.max(np.abs(rate))) for rate in rates if rate.size), default=0.0)
 
 
 def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str = "auto") -> Figure:
@@ -117,7 +233,6 @@ def draw_motion(panels: Sequence[Panel], path: Trajectory, behind: Background) -
             layers.draw_numbers(one, path.branches[one.piece.index], path.first, start)
 
 
-_MARGIN = 1.08
 _HIGH = {"single": 44.0, "double": 50.0}
 """Height of the panel along the trace (mm)."""
 _LINE = 3.1
@@ -181,9 +296,8 @@ def _draw_eights(one: Panel, portrait: Portrait) -> None:
 
 def _draw_below(figure: Figure, portrait: Portrait, width: str, words: Sequence[str]) -> None:
     """Draw the panel along the trace, under its words."""
+    axes, size = _panel_below(figure, width)
     wide, high = figure.get_size_inches() / MM
-    size = (WIDTHS[width] - LEFT - RIGHT, _HIGH[width])
-    axes = figure.add_axes((LEFT / wide, BOTTOM / high, size[0] / wide, size[1] / high))
     curves = curves_of(portrait)
     draw_along(axes, portrait, curves, size)
     name_points(axes, portrait, curves, size)
@@ -191,6 +305,14 @@ def _draw_below(figure: Figure, portrait: Portrait, width: str, words: Sequence[
     for number, line in enumerate(reversed(words)):
         height = BOTTOM + size[1] + 1.2 + number * _LINE
         figure.text(LEFT / wide, height / high, line, **look)
+
+
+def _panel_below(figure: Figure, width: str) -> tuple[Axes, tuple[float, float]]:
+    """Return a panel under those of the pieces, and its size (mm)."""
+    wide, high = figure.get_size_inches() / MM
+    size = WIDTHS[width] - LEFT - RIGHT, _HIGH[width]
+    box = (LEFT / wide, BOTTOM / high, size[0] / wide, size[1] / high)
+    return figure.add_axes(box), size
 
 
 def _words(portrait: Portrait, width: float) -> list[str]:
@@ -231,9 +353,7 @@ def _draw_legend(figure: Figure, behind: Background, portrait: Portrait) -> None
     elif behind.arc_separatrices:
         entries.append(("separatrix of the full circle", layers.ARC_SEPARATRIX))
     entries.append(("level", layers.LEVEL))
-    for kind, marker in layers.MARKER.items():
-        if any(point.kind == kind for point in portrait.points):
-            entries.append((kind, layers.POINT | {"marker": marker}))
+    entries += layers.point_entries(portrait.points)
     if any(point.extent for point in portrait.points):
         entries.append(("level line", REST))
     line_of_entries(figure, entries)
@@ -241,7 +361,6 @@ def _draw_legend(figure: Figure, behind: Background, portrait: Portrait) -> None
 
 MOST = 6
 """Bodies that can be told apart."""
-"""Height of the panel along the trace (mm)."""
 
 
 def comparison(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Figure:
@@ -325,9 +444,7 @@ def _draw_along(
     width: str,
 ) -> None:
     """Draw speed against arc length under the panels of the arcs."""
-    wide, high = figure.get_size_inches() / MM
-    size = (WIDTHS[width] - LEFT - RIGHT, _HIGH[width])
-    axes = figure.add_axes((LEFT / wide, BOTTOM / high, size[0] / wide, size[1] / high))
+    axes, size = _panel_below(figure, width)
     curves = [
         [curve for energy in own for curve in speed_curves(portrait.landscape, energy)]
         for (_, portrait), own in zip(members, energies, strict=True)
@@ -340,14 +457,9 @@ def _draw_along(
     for piece in trace.pieces[1:]:
         axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
     for number, own in enumerate(curves, 1):
-        both = [np.column_stack([one.s, sign * one.speed]) for one in own for sign in (1, -1)]
-        _add(axes, both, number)
+        _add(axes, both_ways(own), number)
     for point in members[0][1].points:
-        if point.kind in (CENTRE, SADDLE):
+        if point.kind in layers.MARKER:
             marker = layers.MARKER[point.kind]
             axes.plot(point.s, 0.0, marker=marker, zorder=2.5, **layers.POINT)
-    across, along = number_ticks(0.0, trace.length, size[0]), vertical_ticks(-top, top, size[1])
-    axes.set_xticks(across.places, across.labels)
-    axes.set_yticks(along.places, along.labels)
-    axes.set_xlabel(f"$s$ [{with_power('m', across)}]")
-    axes.set_ylabel(f"$v$ [{with_power('m/s', along)}]", labelpad=1.0)
+    number_plane(axes, size, *SPEED_AGAINST_PLACE)

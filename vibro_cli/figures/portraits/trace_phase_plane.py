@@ -17,15 +17,15 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import SpeedCurve, speed_curves, through_saddles
-from vibro_cli.analysis.singular import CENTRE, FIGURE_EIGHT, SADDLE, Portrait
+from vibro_cli.analysis.singular import FIGURE_EIGHT, Portrait
 from vibro_cli.figures import style
+from vibro_cli.figures.chart import number_plane
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import level_energies, saddle_energies, saddles_of
 from vibro_cli.figures.portraits.panels import BOTTOM, LEFT, RIGHT
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 
 _ABOVE = 1.35
 """Level curves go up to this multiple of the highest saddle or end of the trace."""
@@ -38,11 +38,11 @@ _STEP = 0.4
 """Distance of the points of a curve that names keep clear of (mm)."""
 _MARK = 0.6
 """Half the size of such a mark (mm)."""
+SPEED_AGAINST_PLACE = ("$s$", "m"), ("$v$", "m/s")
 EIGHT: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.0, "linestyle": "solid"}
 JUNCTION: dict[str, Any] = {"color": style.LEVEL_GREY, "linewidth": 0.4, "linestyle": (0, (1, 2))}
 REST: dict[str, Any] = {"color": style.SEPARATRIX_GREY, "linewidth": 1.6, "linestyle": "solid"}
 """A level line: the body stays at rest anywhere on it."""
-_POINT = {CENTRE: "+", SADDLE: "x"}
 
 
 @dataclass(frozen=True)
@@ -125,39 +125,29 @@ def draw_along(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float
         (curves.separatrices, layers.SEPARATRIX, 1.2),
         (curves.eights, EIGHT, 1.25),
     ):
-        lines = [
-            np.column_stack([curve.s, sign * curve.speed]) for curve in group for sign in (1, -1)
-        ]
-        axes.add_collection(LineCollection(lines, zorder=order, **look), autolim=False)
+        axes.add_collection(LineCollection(both_ways(group), zorder=order, **look), autolim=False)
     for point in portrait.points:
-        if point.kind in _POINT:
-            axes.plot(point.s, 0.0, marker=_POINT[point.kind], zorder=1.3, **layers.POINT)
+        if point.kind in layers.MARKER:
+            axes.plot(point.s, 0.0, marker=layers.MARKER[point.kind], zorder=1.3, **layers.POINT)
         elif point.extent:
             axes.plot([point.s, point.s + point.extent], [0.0, 0.0], zorder=1.3, **REST)
-    _ticks(axes, length, size)
+    number_plane(axes, size, *SPEED_AGAINST_PLACE)
 
 
-def _ticks(axes: Axes, length: float, size: tuple[float, float]) -> None:
-    across, along = number_ticks(0.0, length, size[0]), vertical_ticks(*axes.get_ylim(), size[1])
-    axes.set_xticks(across.places, across.labels)
-    axes.set_yticks(along.places, along.labels)
-    axes.set_xlabel(f"$s$ [{with_power('m', across)}]")
-    axes.set_ylabel(f"$v$ [{with_power('m/s', along)}]", labelpad=1.0)
+def both_ways(curves: Sequence[SpeedCurve]) -> list[Array]:
+    """Return curves along the trace to the right and to the left, each of shape (n, 2)."""
+    return [np.column_stack([one.s, way * one.speed]) for one in curves for way in (1, -1)]
 
 
 def name_points(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float, float]) -> None:
     """Write the name of each singular point beside it."""
     scale = np.array([size[0], size[1]]) / [np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())]
     points = zip(portrait.names, portrait.points, strict=True)
-    named = [Named(name, (point.s, 0.0)) for name, point in points if point.kind in _POINT]
+    named = [Named(name, (point.s, 0.0)) for name, point in points if point.kind in layers.MARKER]
     if not named:
         return
     dark = (*curves.eights, *curves.separatrices) * _DARK
-    lines = [
-        np.column_stack([curve.s, sign * curve.speed]) * scale
-        for curve in (*dark, *curves.levels)
-        for sign in (1, -1)
-    ]
+    lines = [line * scale for line in both_ways((*dark, *curves.levels))]
     marks = np.array([one.point for one in named]) * scale
     on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
     obstacles = np.concatenate([*map(_evenly, lines), *on_marks * _NEVER])
@@ -218,15 +208,11 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
 def _entries(portraits: Sequence[Portrait], drawn: Sequence[Curves]) -> list[Entry]:
     """Return the legend of what is drawn in some panel."""
     points = [point for portrait in portraits for point in portrait.points]
-    kinds = {point.kind for point in points}
     entries = [
         (any(curves.eights for curves in drawn), ("figure eight", EIGHT)),
         (any(curves.separatrices for curves in drawn), ("separatrix", layers.SEPARATRIX)),
         (any(curves.levels for curves in drawn), ("level", layers.LEVEL)),
-        *(
-            (kind in kinds, (kind, layers.POINT | {"marker": marker}))
-            for kind, marker in _POINT.items()
-        ),
+        *((True, entry) for entry in layers.point_entries(points)),
         (any(point.extent for point in points), ("level line", REST)),
     ]
     return [entry for is_drawn, entry in entries if is_drawn]

@@ -19,19 +19,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.chart import Sheet, body_look, panel_size
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.runs.velocities import (
     CENTRE,
     ROLLING,
     TOUCHING,
     arrow,
-    panel_size,
+    draw_circle,
     striking,
     touching_point,
 )
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.system import DISK, HOOP, Body
 
 ASIDE = math.radians(35.0)
@@ -128,8 +128,7 @@ def contact_points(run: Recorded, width: str = "single") -> Figure | None:
 
 def figure_of(bodies: Sequence[Rolling], width: str) -> Figure | None:
     """Return possible contact points of bodies with their velocities; None if none moves."""
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    wide = width_of(width)
     fastest = max(
         float(np.hypot(one.speed + one.rolling_part(point)[0], one.rolling_part(point)[2]))
         for one in bodies
@@ -139,7 +138,7 @@ def figure_of(bodies: Sequence[Rolling], width: str) -> Figure | None:
     if not fastest:
         return None
     with style.journal():
-        lines = rows_of(_LEGEND, WIDTHS[width])
+        lines = rows_of(_LEGEND, wide)
         figure, panels = _sheet(width, bodies, _TOP + LINE * (len(lines) - 1))
         for one, views in zip(bodies, panels, strict=True):
             for axes, draw in zip(views, (_draw_elevation, _draw_plan), strict=False):
@@ -150,14 +149,14 @@ def figure_of(bodies: Sequence[Rolling], width: str) -> Figure | None:
 
 def _sheet(width: str, bodies: Sequence[Rolling], top: float) -> tuple[Figure, list[list[Axes]]]:
     """Return a figure with an elevation and, unless it is flat, a plan for each body."""
-    wide = WIDTHS[width]
+    wide = width_of(width)
     views = 1 if all(one.is_flat for one in bodies) else 2
     beside = min(2 if width == "single" else 4, views * len(bodies))
     rows = math.ceil(views * len(bodies) / beside)
     cell = (wide - _GAP) / (4 if width == "double" else 2) - _GAP
     edge = 0.5 * (wide + _GAP - beside * (cell + _GAP))
     total = top + rows * (_WORDS + _HIGH + _GAP) + _BOTTOM
-    figure = Figure(figsize=(wide * MM, total * MM))
+    sheet = Sheet(wide, total)
     panels: list[list[Axes]] = [[] for _ in bodies]
     for place in range(views * len(bodies)):
         body, view = divmod(place, views)
@@ -166,14 +165,12 @@ def _sheet(width: str, bodies: Sequence[Rolling], top: float) -> tuple[Figure, l
         row, column = divmod(place, beside)
         left = edge + column * (cell + _GAP)
         bottom = total - top - (row + 1) * (_WORDS + _HIGH) - row * _GAP
-        axes = figure.add_axes((left / wide, bottom / total, cell / wide, _HIGH / total))
-        axes.set_xticks([])
-        axes.set_yticks([])
+        axes = sheet.blank(left, bottom, cell, _HIGH)
         across = _AROUND * cell / _HIGH
         axes.set_xlim(-across, across)
         axes.set_ylim(-_AROUND, _AROUND)
         panels[body].append(axes)
-    return figure, panels
+    return sheet.figure, panels
 
 
 def _names(one: Rolling) -> list[str]:
@@ -185,7 +182,7 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     """Draw the body from the side, its path to the right, and velocities at T₀ and beside."""
     colour = body_look(one.number)["color"]
     axes.plot(axes.get_xlim(), [-1.0, -1.0], zorder=1.9, **_PLANE)
-    _draw_circle(axes, 1.0, colour)
+    draw_circle(axes, np.zeros(2), 1.0, colour, 0.16)
     half = abs(one.ahead)
     axes.plot([-half, half], [one.above, one.above], zorder=2.0, **_HIDDEN)
     points = one.points()[:, [0, 2]]
@@ -201,11 +198,11 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
     named = [
         Named(rf"$C_{{{one.number}}}$", (0.0, 0.0)),
         Named(rf"$P_{{{one.number}}}$", (0.0, -1.0)),
-        Named(first, _pair(points[0])),
+        Named(first, points[0]),
     ]
     if len(points) > 1 and abs(points[0, 0] - points[1, 0]) > _APART:
-        named.append(Named(rf"$T_{{{one.number}2,{one.number}3}}$", _pair(points[1])))
-    _dots(axes, [name.point for name in named])
+        named.append(Named(rf"$T_{{{one.number}2,{one.number}3}}$", points[1]))
+    _dots(axes, np.array([name.point for name in named]))
     write_names(axes, named, np.concatenate([*drawn, _RING]), panel_size(axes))
     radius = rf"$r_{{{one.number}}}$ = {_number(one.body.radius)} m"
     _say(axes, [f"body {one.number} from the side, {radius}", rf"$v$ = {_number(one.speed)} m/s,"
@@ -215,7 +212,7 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
 def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
     """Draw the body from above: the level circle of possible contact points, α and R cos α."""
     colour = body_look(one.number)["color"]
-    _draw_circle(axes, 1.0, colour)
+    draw_circle(axes, np.zeros(2), 1.0, colour, 0.16)
     radius = abs(one.ahead)
     axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", zorder=2.2, edgecolor=style.BLACK,
                           linewidth=0.5, linestyle=(0, (2, 1.5))))  # fmt: skip
@@ -237,11 +234,11 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
                        linewidth=0.5, color=style.FRAME_GREY, zorder=2.3))  # fmt: skip
     middle = math.radians(0.5 * (ends[0] + ends[1]))
     named = [
-        *(Named(name, _pair(point)) for name, point in zip(_names(one), points, strict=True)),
+        *(Named(name, point) for name, point in zip(_names(one), points, strict=True)),
         Named(r"$\alpha$", (0.45 * radius * math.cos(middle), 0.45 * radius * math.sin(middle))),
         Named(rf"$C_{{{one.number}}}$", (0.0, 0.0)),
     ]
-    _dots(axes, [_pair(point) for point in points] + [(0.0, 0.0)])
+    _dots(axes, np.append(points, [[0.0, 0.0]], axis=0))
     write_names(axes, named, np.concatenate(drawn), panel_size(axes))
     reach = radius * math.cos(one.aside) * one.body.radius
     _say(axes, ["from above", rf"$\alpha$ = {_number(aside)}°, to the axis {_number(reach)} m"])
@@ -265,20 +262,9 @@ def _draw_parts(
     return drawn
 
 
-def _draw_circle(axes: Axes, radius: float, colour: str) -> None:
-    look: dict[str, Any] = {"facecolor": colour, "alpha": 0.16, "edgecolor": "none"}
-    axes.add_patch(Circle((0.0, 0.0), radius, zorder=1.8, **look))
-    edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}
-    axes.add_patch(Circle((0.0, 0.0), radius, zorder=2.1, **edge))
-
-
-def _dots(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
+def _dots(axes: Axes, points: Array) -> None:
     axes.plot(*np.transpose(points), linestyle="none", marker="o", markersize=1.6,
               color=style.BLACK, zorder=4.0)  # fmt: skip
-
-
-def _pair(point: Array) -> tuple[float, float]:
-    return float(point[0]), float(point[1])
 
 
 def _say(axes: Axes, lines: Sequence[str]) -> None:

@@ -14,21 +14,23 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     BAND,
+    MOST_MARKS,
     MOST_VECTOR_POINTS,
     body_look,
     count_axis,
+    draw_marks,
     log_axis,
     number_bar,
     positive_axis,
     stacked,
     time_axis,
+    told_apart,
     value_axis,
 )
-from vibro_cli.figures.dots import MOST_MARKS, draw_marks, told_apart
 from vibro_cli.figures.labels import Entry, line_of_entries
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
-from vibro_cli.figures.source import Array, Recorded, Table, kept
+from vibro_cli.figures.source import Array, Recorded, Table, kept, made
 from vibro_cli.figures.ticks import angle_ticks, number_ticks, with_power
 from vibro_cli.mechanics.trace import VALLEY, Piece
 from vibro_cli.numerics.elementwise import EPSILON
@@ -75,16 +77,16 @@ def speed_map(
     """
     number = np.asarray(table["n"])
     speed = np.asarray(table["approach_speed"], dtype=np.float64)
-    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
-        table["substituted"], dtype=np.bool_
-    )
+    happened = made(table)
     with style.journal():
         figure, (axes,), (across,) = stacked(width, [_HIGH[width]])
         size = _dot(len(number))
         if len(number) <= MOST_VECTOR_POINTS:
             axes.scatter(place, speed, c=number, cmap=style.time_colours(), s=size, zorder=2.0)
-        if not np.all(made):
-            axes.plot(place[~made], speed[~made], zorder=2.2, label="inadmissible", **REFUSED)
+        if not np.all(happened):
+            axes.plot(
+                place[~happened], speed[~happened], zorder=2.2, label="inadmissible", **REFUSED
+            )
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
         positive_axis(axes, speed, _HIGH[width], "approach speed", "m/s")
         set_places(axes, place, across)

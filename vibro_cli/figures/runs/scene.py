@@ -1,29 +1,23 @@
-"""The scene: the trace to scale with its bodies (A fig. 2a), and the film of a run on it.
-
-The states at the times of the frames are in closed form.
-"""
+"""The trace to scale: the scene at the start (A fig. 2a), the plan of the impacts (B fig. 9)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look, plane_axes
-from vibro_cli.figures.film import Frames, Ground, Panel, States, struck, times_between, trail
-from vibro_cli.figures.labels import Named, write_names
-from vibro_cli.figures.runs.plan import draw_ends, trace_points, visited
+from vibro_cli.figures.chart import Sheet, body_look, plane_axes
+from vibro_cli.figures.labels import HALO, Named, line_of_entries, write_names
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.potential import Turning
-from vibro_cli.mechanics.system import PARTICLE, Body, TraceSystem
+from vibro_cli.mechanics.system import PARTICLE, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
 
 _LEFT = 11.0
@@ -77,19 +71,19 @@ def scene(run: Recorded, width: str = "single") -> Figure:
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
     surface = trace_points(run.system.trace)
     low, high = _extent(run, surface)
-    inner = WIDTHS[width] - _LEFT - _RIGHT
+    wide = width_of(width)
+    inner = wide - _LEFT - _RIGHT
     scale = float(np.min((np.array([inner, _HIGHEST]) - _WORDS) / (high - low)))
     tall = max(scale * float(high[1] - low[1]) + _WORDS, _LOWEST)
     total = _TOP + tall + _BOTTOM
     with style.journal():
-        figure = Figure(figsize=(WIDTHS[width] * MM, total * MM))
-        box = (_LEFT / WIDTHS[width], _BOTTOM / total, inner / WIDTHS[width], tall / total)
-        axes = figure.add_axes(box)
-        _set_axes(axes, 0.5 * (low + high), np.array([inner, tall]), scale)
+        sheet = Sheet(wide, total)
+        axes = sheet.panel(_LEFT, _BOTTOM, inner, tall)
+        size, middle = np.array([inner, tall]), 0.5 * (low + high)
+        half = 0.5 * size / scale
+        plane_axes(axes, middle - half, middle + half, size)
         axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_SURFACE)
         within = low, high
         numbers = [_number_place(run, piece, scale) for piece in run.system.trace.pieces]
@@ -105,7 +99,7 @@ def scene(run: Recorded, width: str = "single") -> Figure:
         named = [*_draw_bodies(axes, run, scale, within), *named]
         covered = np.concatenate([_obstacles(run, surface, scale), *_points_of(axes)])
         write_names(axes, named, covered, (inner, tall), numbers)
-    return figure
+    return sheet.figure
 
 
 def _points_of(axes: Axes) -> list[Array]:
@@ -134,10 +128,9 @@ def _draw_axis(axes: Axes, turning: Turning) -> None:
     """Draw the vertical about which the trace turns, with its rate."""
     axes.axvline(turning.x, zorder=1.5, **_AXIS)
     words = rf"$\Omega = {turning.rate:.4g}$ rad/s"
-    halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
     axes.annotate(
         words, (turning.x, 1.0), (3.0, -4.0), xycoords=("data", "axes fraction"),
-        textcoords="offset points", va="top", fontsize=style.SMALL, path_effects=halo, zorder=3.0,
+        textcoords="offset points", va="top", fontsize=style.SMALL, path_effects=HALO, zorder=3.0,
     )  # fmt: skip
 
 
@@ -161,13 +154,7 @@ def _centres(run: Recorded) -> Array:
     )
 
 
-def _set_axes(axes: Axes, middle: Array, size: Array, scale: float) -> None:
-    """Set both axes to one scale (mm per m) around the middle."""
-    half = 0.5 * size / scale
-    plane_axes(axes, middle - half, middle + half, size)
-
-
-def _number_place(run: Recorded, piece: Piece, scale: float) -> tuple[float, float]:
+def _number_place(run: Recorded, piece: Piece, scale: float) -> Array:
     """Return where the number of a piece stands (m): below the trace at its middle.
 
     Beside the middle where the axis about which the trace turns goes through there.
@@ -177,11 +164,12 @@ def _number_place(run: Recorded, piece: Piece, scale: float) -> tuple[float, flo
         middle += 0.12 * (piece.angle_end - piece.angle_start)
     slope = piece.slope(middle)
     below = np.array([np.sin(slope), -np.cos(slope)]) * _AWAY / scale
-    return pair(np.array(piece.contact_point(middle)) + below)
+    place: Array = np.array(piece.contact_point(middle)) + below
+    return place
 
 
 def _draw_piece(
-    axes: Axes, run: Recorded, piece: Piece, place: tuple[float, float], within: Extent
+    axes: Axes, run: Recorded, piece: Piece, place: Array, within: Extent
 ) -> list[Named]:
     """Mark where a piece begins, write its number below it; return centre and radius to be named.
 
@@ -189,11 +177,10 @@ def _draw_piece(
     """
     begins = piece.contact_point(piece.angle_start)
     axes.plot(*begins, zorder=2.2, linestyle="none", **_JUNCTION)
-    halo = [patheffects.withStroke(linewidth=1.4, foreground="white")]
     look = _SAY | {"color": style.FRAME_GREY, "fontstyle": "italic"}
     words = str(piece.index + 1)
-    if np.all(np.array(place) > within[0]) and np.all(np.array(place) < within[1]):
-        axes.text(*place, words, path_effects=halo, zorder=3.0, **look)
+    if np.all(place > within[0]) and np.all(place < within[1]):
+        axes.text(place[0], place[1], words, path_effects=HALO, zorder=3.0, **look)
     centre = np.array(piece.center)
     if piece.is_line or np.any(centre < within[0]) or np.any(centre > within[1]):
         return []
@@ -208,8 +195,8 @@ def _draw_piece(
     axes.plot(*centre, zorder=2.2, linestyle="none", **_POINT)
     half = 0.5 * (centre + rim)
     number = piece.index + 1
-    named = [Named(rf"$O_{{{number}}}$", pair(centre), style.FRAME_GREY)]
-    return [*named, Named(rf"$R_{{{number}}}$", pair(half), style.FRAME_GREY)]
+    named = [Named(rf"$O_{{{number}}}$", centre, style.FRAME_GREY)]
+    return [*named, Named(rf"$R_{{{number}}}$", half, style.FRAME_GREY)]
 
 
 def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> list[Named]:
@@ -225,23 +212,23 @@ def _draw_bodies(axes: Axes, run: Recorded, scale: float, within: Extent) -> lis
         colour = str(body_look(number)["color"])
         radius = max(body.radius, _LEAST / scale)
         look: dict[str, Any] = {"facecolor": colour, "linewidth": 0.5}
-        axes.add_patch(Circle(pair(centre), radius, edgecolor=style.BLACK, zorder=2.5, **look))
-        named.append(Named(rf"$C_{{{number}}}$" if lettered else str(number), pair(centre)))
+        axes.add_patch(Circle(tuple(centre), radius, edgecolor=style.BLACK, zorder=2.5, **look))
+        named.append(Named(rf"$C_{{{number}}}$" if lettered else str(number), centre))
         slope = piece.slope(state.position)
         if lettered:
             resting = np.array(piece.contact_point(state.position))
             axes.plot(*resting, zorder=2.7, linestyle="none", **_POINT)
-            named.append(Named(rf"$P_{{{number}}}$", pair(resting)))
+            named.append(Named(rf"$P_{{{number}}}$", resting))
             named += _draw_position(axes, piece, state.position, number, centre, within)
         if state.speed:
             along = np.sign(state.speed) * np.array([np.cos(slope), np.sin(slope)])
             tip = centre + along * (radius + 4.0 / scale)
-            axes.annotate("", pair(tip), pair(centre), arrowprops=_ARROW, zorder=2.6)
+            axes.annotate("", tuple(tip), tuple(centre), arrowprops=_ARROW, zorder=2.6)
             axes.plot(*np.transpose([centre, tip]), linewidth=0.0, zorder=1.0)  # keeps names away
             if body.kind != PARTICLE:
                 _draw_spin(axes, centre, radius + 1.1 / scale, slope, state.speed, lettered)
                 top = centre + (radius + 1.1 / scale) * np.array([-np.sin(slope), np.cos(slope)])
-                named += [Named(rf"$\omega_{{{number}}}$", pair(top))] if lettered else []
+                named += [Named(rf"$\omega_{{{number}}}$", top)] if lettered else []
     return named
 
 
@@ -256,7 +243,7 @@ def _draw_spin(
     arc = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     axes.plot(*arc[:-3].T, color=style.BLACK, linewidth=0.6, zorder=1.6)
     look = _ARROW | {"linewidth": 0.6, "mutation_scale": 6.0}
-    axes.annotate("", pair(arc[-1]), pair(arc[-6]), arrowprops=look, zorder=2.6)
+    axes.annotate("", tuple(arc[-1]), tuple(arc[-6]), arrowprops=look, zorder=2.6)
 
 
 def _draw_position(
@@ -275,132 +262,199 @@ def _draw_position(
     colour = str(body_look(number)["color"])
     axes.plot(*arc.T, color=colour, linewidth=0.6, zorder=1.6)
     symbol = r"\varphi" if piece.sign > 0.0 else r"\psi"
-    return [Named(rf"${symbol}_{{{number}}}$", pair(arc[len(arc) // 2]), colour)]
+    return [Named(rf"${symbol}_{{{number}}}$", arc[len(arc) // 2], colour)]
 
 
-def pair(point: Array) -> tuple[float, float]:
-    """Return a point as two numbers."""
-    return float(point[0]), float(point[1])
+_COLUMNS = {"single": 2, "double": 4}
+_ROWS = 4
+_PLAN_TOP = 5.5
+_TITLE = 3.6
+_GAP = 2.0
+_PLAN_BOTTOM = 6.0
+"""Room for the bar of length (mm)."""
+_TALLEST = 40.0
+_SHORTEST = 9.0
+_MARGIN = 0.03
+_FAINT = 0.35
+_CLOSE = 5.0
+"""Room around bodies that are shown close, in radii of the greatest."""
+_PART = 0.4
+"""Bodies within this share of the trace are shown close."""
+_PLAN_SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7, "linestyle": "solid"}
+WALL: dict[str, Any] = {"color": style.BLACK, "linewidth": 2.0, "solid_capstyle": "butt"}
+_PLAN_SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 
 
-_PER_PERIOD = 64
-"""Points of a trail in a period."""
-_FILM_WALL = 0.06
-"""Height of a wall at an end of the trace, as a share of half the width."""
+@dataclass(frozen=True)
+class Configuration:
+    """Where the bodies are at one instant."""
+
+    title: str
+    centres: Array
+    """Places of the centres (m), shape (bodies, 2)."""
+    struck: tuple[int, ...]
+    """Indices of the bodies that collide."""
 
 
-class Moving(Recorded, Protocol):
-    """A finished run whose motion can be had at any time."""
-
-    def sample(self, times: Any) -> dict[str, Any]:
-        """The motion of every body at given times (s)."""
-
-
-def film_on_trace(run: Moving, times: Array) -> Frames:
-    """Return the states of all bodies at the times of frames (s).
-
-    Nothing is interpolated: each state is that of its flight in closed form. On a closed trace the
-    bodies must not run half of it from frame to frame, or their turning is not right.
-    """
-    bodies, times = run.system.bodies, np.asarray(times)
-    sampled = run.sample(times)
-
-    def table(name: str) -> Array:
-        return np.asarray(sampled[name], dtype=np.float64).reshape(len(times), len(bodies))
-
-    arc = np.asarray(sampled["arc"]).reshape(len(times), len(bodies)) - 1
-    s, speed = table("s"), table("speed")
-    turn = np.column_stack(
-        [_turned(run.system.trace, body, arc[:, n], s[:, n]) for n, body in enumerate(bodies)]
-    )
-    periods = small_periods(run.system)
-    more, span = times_between(times, min(periods) / _PER_PERIOD, max(periods)), max(periods)
-    between = _states(run, more)
-    trails = tuple(
-        trail(
-            times, span,
-            [
-                (times, s[:, n], speed[:, n], 2),
-                (more, between[0][:, n], between[1][:, n], 2),
-                *struck(run, n, "s"),
-                *_at_walls(run, n),
-            ],
-            0.5 * run.system.trace.length,
+def trace_points(trace: Trace, count: int = 121) -> Array:
+    """Return points of the trace (m), shape (n, 2), `count` on each arc."""
+    points = [
+        piece.contact_point(float(position))
+        for piece in trace.pieces
+        for position in np.linspace(
+            piece.angle_start, piece.angle_end, 2 if piece.is_line else count
         )
-        for n in range(len(bodies))
-    )  # fmt: skip
-    return Frames(_ground(run), times, table("x"), table("y"), turn, s, speed, trails, span)
+    ]
+    return np.array(points)
 
 
-def _ground(run: Recorded) -> Ground:
-    """Return the trace with its walls, and the plane of speed against arc length."""
-    surface = trace_points(run.system.trace)
-    radii = tuple(body.radius for body in run.system.bodies)
-    room = 1.1 * max(radii) + 0.01 * float(np.max(np.ptp(surface, axis=0)))
+def plan(run: Recorded, width: str = "single") -> Figure | None:
+    """Return the trace with the bodies at the start, at the first impacts and at the last one.
 
-    def draw(axes: Axes, half: float) -> None:
-        axes.plot(surface[:, 0], surface[:, 1], color=style.BLACK, linewidth=1.0)
-        draw_ends(axes, run.system, _FILM_WALL * half)
-
-    junctions = tuple(piece.start_s for piece in run.system.trace.pieces[1:])
-    panel = Panel("s", "speed against arc length", junctions)
-    low, high = surface.min(axis=0) - room, surface.max(axis=0) + room
-    return Ground(radii, low, high, draw, "the trace", panel)
-
-
-def _states(run: Moving, times: Array) -> tuple[Array, Array]:
-    """Return arc lengths (m) and speeds (m/s) at some times, shape (times, bodies)."""
-    shape = len(times), len(run.system.bodies)
-    if not len(times):
-        return np.empty(shape), np.empty(shape)
-    sampled = run.sample(times)
-    s, speed = (np.asarray(sampled[name], dtype=np.float64) for name in ("s", "speed"))
-    return s.reshape(shape), speed.reshape(shape)
-
-
-def small_periods(system: TraceSystem) -> list[float]:
-    """Return the periods (s) of small oscillations on the arcs, shorter where the trace turns.
-
-    Without an arc or gravity that of a pendulum as long as the trace, or 1 s.
+    Of a trace on which the bodies keep to a small part, that part. None without an impact.
+    Raises ValueError for a width that is neither `single` nor `double`.
     """
-    turning = 0.0 if system.turning is None else system.turning.square
-    rates = [
-        math.sqrt(turning + system.gravity / (body.kappa * piece.path_radius(body.radius)))
-        for piece in system.trace.pieces
-        for body in system.bodies
-        if not piece.is_line
-    ] or [math.sqrt(turning + system.gravity / system.trace.length)]
-    return [2.0 * math.pi / rate if rate > 0.0 else 1.0 for rate in rates]
+    width_of(width)
+    if not len(run.collisions["n"]):
+        return None
+    shown = configurations(run, _COLUMNS[width] * _ROWS)
+    surface = trace_points(run.system.trace)
+    radii = [body.radius for body in run.system.bodies]
+    low, high = surface.min(axis=0), surface.max(axis=0)
+    room = max(_MARGIN * float(np.max(high - low)), 1.1 * max(radii))
+    low, high = low - room, np.maximum(high + room, high + 2.1 * max(radii) * np.array([0.0, 1.0]))
+    low, high = visited(np.concatenate([one.centres for one in shown]), max(radii), low, high)
+    with style.journal():
+        sheet, panels, scale = _plan_sheet(width, len(shown), low, high)
+        for axes, one in zip(panels, shown, strict=True):
+            axes.plot(surface[:, 0], surface[:, 1], zorder=2.0, **_PLAN_SURFACE)
+            draw_ends(axes, run.system, 2.5 / scale)
+            for index, radius in enumerate(radii):
+                _draw_body(axes, one, index, radius, 0.45 / scale)
+            axes.set_title(one.title, pad=1.5, **_PLAN_SAY)
+        _draw_bar(sheet, float(high[0] - low[0]), scale)
+        number = len(radii)
+        if number > 1:
+            entries = [(f"body {n}", _dot(n)) for n in range(1, min(number, 5) + 1)]
+            line_of_entries(sheet.figure, entries)
+    return sheet.figure
 
 
-def _turned(trace: Trace, body: Body, arc: Any, s: Array) -> Array:
-    """Return how far a body has turned (rad): the way of its centre through its radius."""
-    if body.kind == PARTICLE:
-        return np.zeros(len(s))
-    scales = np.array(
-        [1.0 if p.is_line else p.path_radius(body.radius) / p.radius for p in trace.pieces]
-    )
-    lengths = scales * [piece.length for piece in trace.pieces]
-    before = np.concatenate([[0.0], np.cumsum(lengths)])
-    starts = np.array([piece.start_s for piece in trace.pieces])
-    way = before[arc] + scales[arc] * (s - starts[arc])
-    if trace.closed:
-        way = np.unwrap(way, period=before[-1])
-    turned: Array = (way - way[0]) / body.radius
-    return turned
+def draw_ends(axes: Axes, system: TraceSystem, high: float) -> None:
+    """Draw the walls at the ends of a trace, of a height (m)."""
+    first, last = system.trace.pieces[0], system.trace.pieces[-1]
+    ends = (first, first.angle_start, system.left_end), (last, last.angle_end, system.right_end)
+    for piece, position, wall in ends:
+        if wall is not None:
+            foot, slope = np.array(piece.contact_point(position)), piece.slope(position)
+            top = foot + high * np.array([-np.sin(slope), np.cos(slope)])
+            axes.plot(*np.transpose([foot, top]), zorder=2.1, **WALL)
 
 
-def _at_walls(run: Recorded, body: int) -> Iterator[States]:
-    """Yield the states of a body before and after its impacts on walls."""
-    flights, pieces = run.flights(), run.system.trace.pieces
-    scales = np.array(
-        [1.0 if p.is_line else p.path_radius(run.system.bodies[body].radius) for p in pieces]
-    )
-    mine = np.asarray(flights["ball"]) == body + 1
-    for order, end in enumerate(("end", "start")):
-        rows = np.flatnonzero(mine & (np.asarray(flights[f"cause_{end}"], dtype=object) == "wall"))
-        arc = np.asarray(flights["arc"])[rows] - 1
-        places = flights[f"angle_{end}"][rows]
-        along = [pieces[n].arc_length(place) for n, place in zip(arc, places, strict=True)]
-        speed = scales[arc] * flights[f"rate_{end}"][rows]
-        yield np.asarray(flights[f"t_{end}"])[rows], np.array(along, dtype=np.float64), speed, order
+def visited(centres: Array, radius: float, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the corners (m) of what is shown of a trace between two corners.
+
+    That is all of it, unless bodies with these centres and a greatest radius would be too small to
+    be seen there and keep to a part of it.
+    """
+    first = np.nanmin(centres, axis=0) - _CLOSE * radius
+    last = np.nanmax(centres, axis=0) + _CLOSE * radius
+    if radius == 0.0 or np.max(last - first) > _PART * np.max(high - low):
+        return low, high
+    return np.maximum(first, low), np.minimum(last, high)
+
+
+def configurations(run: Recorded, most: int) -> list[Configuration]:
+    """Return the start, the first impacts and, if there are more than `most` in all, the last."""
+    pieces = run.system.trace.pieces
+    states = zip(run.system.bodies, run.system.initial, strict=True)
+    start = [pieces[state.piece].body_center(state.position, body.radius) for body, state in states]
+    found = [Configuration("start", np.array(start), ())]
+    times = np.asarray(run.collisions["t"], dtype=np.float64)
+    rows = list(range(min(len(times), most - 1)))
+    if len(times) > most - 1:
+        rows = [*rows[:-1], len(times) - 1]
+    for row in rows:
+        title = f"impact {int(run.collisions['n'][row])}, {float(times[row]):.4g} s"
+        pair = tuple(int(run.collisions[f"ball_{side}"][row]) - 1 for side in "ab")
+        found.append(Configuration(title, _centres_at(run, float(times[row]), row, pair), pair))
+    return found
+
+
+def _centres_at(run: Recorded, time: float, row: int, pair: tuple[int, ...]) -> Array:
+    """Return the places of all bodies at an impact (m): of the pair from the table."""
+    centres = np.full((len(run.system.bodies), 2), math.nan)
+    flights = run.flights()
+    for ball, body in enumerate(run.system.bodies, 1):
+        if ball - 1 in pair:
+            continue
+        mine = np.flatnonzero(
+            (np.asarray(flights["ball"]) == ball) & (np.asarray(flights["t_start"]) <= time)
+        )
+        last = int(mine[-1])
+        piece = run.system.trace.pieces[int(flights["arc"][last]) - 1]
+        times, position, _ = run.flight_curve(last, 257)
+        place = float(np.interp(time, times, position))
+        centres[ball - 1] = piece.body_center(place, body.radius)
+    for index, side in zip(pair, "ab", strict=True):
+        centres[index] = run.collisions[f"x_{side}"][row], run.collisions[f"y_{side}"][row]
+    return centres
+
+
+def _plan_sheet(
+    width: str, number: int, low: Array, high: Array
+) -> tuple[Sheet, list[Axes], float]:
+    """Return a figure with empty panels of equal scale, and the scale (mm per m)."""
+    extent = high - low
+    columns = min(_COLUMNS[width], number)
+    wide = width_of(width)
+    cell = (wide - _GAP) / columns - _GAP
+    scale = min(cell / extent[0], _TALLEST / extent[1])
+    across, along = scale * extent
+    along = max(along, _SHORTEST)
+    rows = math.ceil(number / columns)
+    total = _PLAN_TOP + rows * (_TITLE + along + _GAP) + _PLAN_BOTTOM
+    sheet = Sheet(wide, total)
+    panels = []
+    middle = 0.5 * (low[1] + high[1])
+    for place in range(number):
+        row, column = divmod(place, columns)
+        left = _GAP + column * (cell + _GAP) + 0.5 * (cell - across)
+        bottom = total - _PLAN_TOP - (row + 1) * (_TITLE + along) - row * _GAP
+        axes = sheet.blank(left, bottom, across, along)
+        axes.set_axis_off()
+        axes.set_xlim(low[0], high[0])
+        axes.set_ylim(middle - 0.5 * along / scale, middle + 0.5 * along / scale)
+        panels.append(axes)
+    return sheet, panels, float(scale)
+
+
+def _dot(ball: int) -> dict[str, Any]:
+    colour = body_look(ball)["color"]
+    return {"marker": "o", "color": colour, "markersize": 4.0, "linestyle": "none"}
+
+
+def _draw_body(axes: Axes, one: Configuration, index: int, radius: float, least: float) -> None:
+    """Draw a body, faint unless it collides; a small one as large as can be seen."""
+    colour = body_look(index + 1)["color"]
+    x, y = float(one.centres[index, 0]), float(one.centres[index, 1])
+    struck = index in one.struck or not one.struck
+    for face, alpha in ((colour, 0.9 if struck else _FAINT), ("none", 1.0)):
+        look: dict[str, Any] = {"facecolor": face, "alpha": alpha, "linewidth": 0.5}
+        look["edgecolor"] = style.BLACK if face == "none" else "none"
+        axes.add_patch(Circle((x, y), max(radius, least), zorder=2.5, **look))
+
+
+def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
+    """Draw a bar of round length below the panels, with its length."""
+    wide, high = sheet.size
+    power = 10.0 ** math.floor(math.log10(0.45 * extent))
+    length = next(f * power for f in (5.0, 2.0, 1.0) if f * power <= 0.45 * extent)
+    left, bottom = _GAP + 1.0, 3.0
+    axes = sheet.blank(left, bottom, length * scale, 1.0)
+    axes.set_axis_off()
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(-1.0, 1.0)
+    axes.plot([0, 0, 0, 1, 1, 1], [-1, 1, 0, 0, 1, -1], clip_on=False, **_PLAN_SURFACE)
+    after = (left + length * scale + 1.5) / wide
+    sheet.figure.text(after, (bottom + 0.5) / high, f"{length:g} m", va="center", **_PLAN_SAY)

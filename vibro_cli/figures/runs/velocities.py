@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.chart import Sheet, body_look, panel_size
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.source import Array, Recorded, first_of
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import WIDTHS, width_of
 from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import Piece
 
@@ -124,8 +124,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     along the line of centres. Arcs around the centres are angular velocities. None without an
     impact. Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    width_of(width)
     rows = range(min(_IMPACTS[width], len(run.collisions["n"])))
     if not rows:
         return None
@@ -208,20 +207,17 @@ def sheet(
     """
     beside = min(_BESIDE[width], impacts)
     rows = math.ceil(impacts / beside)
-    wide = WIDTHS[width]
+    wide = width_of(width)
     cell = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
     total = top + rows * (words + high + _GAP) + _BOTTOM
-    figure = Figure(figsize=(wide * MM, total * MM))
+    sheet = Sheet(wide, total)
     panels = []
     for place in range(2 * impacts):
         row, column = divmod(place, 2 * beside)
         left = _GAP + column * (cell + _GAP)
         bottom = total - top - (row + 1) * (words + high) - row * _GAP
-        axes = figure.add_axes((left / wide, bottom / total, cell / wide, high / total))
-        axes.set_xticks([])
-        axes.set_yticks([])
-        panels.append(axes)
-    return figure, panels
+        panels.append(sheet.blank(left, bottom, cell, high))
+    return sheet.figure, panels
 
 
 def _surface(run: Recorded) -> Array:
@@ -250,7 +246,8 @@ def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale
     drawn = [along, np.linspace(touch - aside, touch + aside, 20)]
     for one, offset in zip(pair, (across, -across), strict=True):
         colour = body_look(one.number)["color"]
-        _draw_body(axes, one, colour)
+        draw_disc(axes, one.centre, one.body.radius, colour, 0.18)
+        axes.plot(*one.resting, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
         arrows = [(one.centre, one.velocity(one.centre, when), CENTRE)]
         if not one.slides:
             arrows += [
@@ -293,20 +290,12 @@ def _name_points(axes: Axes, pair: Sequence[Striking], touch: Array, drawn: Arra
     """Write the papers' names of centres, contact points and the touching point."""
     rings = [one.centre + one.body.radius * _RING for one in pair]
     names = [
-        Named(f"${letter}_{{{one.number}}}$", (float(point[0]), float(point[1])))
+        Named(f"${letter}_{{{one.number}}}$", point)
         for one in pair
         for letter, point in (("C", one.centre), ("P", one.resting))
     ]
-    names.append(Named("$T$", (float(touch[0]), float(touch[1]))))
+    names.append(Named("$T$", touch))
     write_names(axes, names, np.concatenate([drawn, *rings]), panel_size(axes))
-
-
-def panel_size(axes: Axes) -> tuple[float, float]:
-    """Return width and height of a panel (mm)."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    box = axes.get_position()
-    return box.width * figure.get_figwidth() / MM, box.height * figure.get_figheight() / MM
 
 
 def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
@@ -353,19 +342,18 @@ def _draw_trace(axes: Axes, surface: Array) -> None:
     axes.plot(shown[:, 0], shown[:, 1], zorder=2.0, **_SURFACE)
 
 
-def _draw_body(axes: Axes, one: Striking, colour: str) -> None:
-    draw_disc(axes, one.centre, one.body.radius, colour, 0.18)
-    axes.plot(*one.resting, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
-
-
 def draw_disc(axes: Axes, centre: Array, radius: float, colour: str, opacity: float) -> None:
     """Draw a body around its centre, shape (2,), with its edge and its centre (all in m)."""
-    place = float(centre[0]), float(centre[1])
+    draw_circle(axes, centre, radius, colour, opacity)
+    axes.plot(*centre, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+
+
+def draw_circle(axes: Axes, centre: Array, radius: float, colour: str, opacity: float) -> None:
+    """Draw a body around its centre, shape (2,), with its edge."""
     look: dict[str, Any] = {"facecolor": colour, "alpha": opacity, "edgecolor": "none"}
-    axes.add_patch(Circle(place, radius, zorder=1.8, **look))
+    axes.add_patch(Circle(tuple(centre), radius, zorder=1.8, **look))
     edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}
-    axes.add_patch(Circle(place, radius, zorder=2.1, **edge))
-    axes.plot(*place, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+    axes.add_patch(Circle(tuple(centre), radius, zorder=2.1, **edge))
 
 
 def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: dict[str, Any]) -> None:
@@ -417,9 +405,7 @@ def _write(axes: Axes, left: float, line: int, text: str) -> None:
 
     Symbols stand alone: a formula takes long to set, and equal ones are set once.
     """
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    wide = axes.get_position().width * figure.get_figwidth() / MM
+    wide, _ = panel_size(axes)
     high = 1.0 + (0.9 + 3.3 * line) / _HIGH
     axes.text(left / wide, high, text, transform=axes.transAxes, va="baseline", **_SAY)
 

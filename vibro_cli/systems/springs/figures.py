@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
     LEFT,
+    MANY,
     MOST_LOOKS,
     MOST_VECTOR_POINTS,
     band_entry,
@@ -29,10 +30,18 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
-from vibro_cli.figures.dots import MANY
-from vibro_cli.figures.film import Frames, Ground, Link, Panel, struck, times_between, trail
+from vibro_cli.figures.film import (
+    Frames,
+    Ground,
+    Link,
+    Panel,
+    sampled,
+    struck,
+    times_between,
+    trail,
+)
+from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.labels import Named, write_names
-from vibro_cli.figures.runs.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (
     HIGH,
@@ -66,8 +75,8 @@ def film_on_springs(run: Any, times: Array) -> Frames:
     periods = [2.0 * math.pi / run.system.frequency(body) for body in range(len(bodies))]
     span = max(periods)
     more = times_between(times, min(periods) / _PER_PERIOD, span)
-    x, speed = _states(run, times)
-    between = _states(run, more)
+    x, speed = sampled(run, times, "x")
+    between = sampled(run, more, "x")
     trails = tuple(
         trail(
             times, span,
@@ -82,15 +91,6 @@ def film_on_springs(run: Any, times: Array) -> Frames:
     rolls = [0.0 if body.kind == PARTICLE else 1.0 / body.radius for body in bodies]
     ground = _ground(run, x)
     return Frames(ground, times, x, np.zeros_like(x), (x - x[0]) * rolls, x, speed, trails, span)
-
-
-def _states(run: Any, times: Array) -> tuple[Array, Array]:
-    """Return places along the line (m) and speeds (m/s), shape (times, bodies)."""
-    shape = len(times), len(run.system.bodies)
-    if not len(times):
-        return np.empty(shape), np.empty(shape)
-    sampled = run.sample(times)
-    return np.reshape(sampled["x"], shape), np.reshape(sampled["speed"], shape)
 
 
 def _ground(run: Any, x: Array) -> Ground:

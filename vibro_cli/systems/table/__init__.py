@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from vibro_cli.compile.kernel import Kernel
     from vibro_cli.figures.film import Frames
-    from vibro_cli.figures.runs.kinds import Kind, KindOfBody
+    from vibro_cli.figures.kinds import Kind, KindOfBody
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import EventLoop

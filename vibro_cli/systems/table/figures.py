@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import body_look
+from vibro_cli.figures.chart import body_look, panel_size
 from vibro_cli.figures.film import Frames, Ground, States, trail
+from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, Kind, KindOfBody
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.runs.contact_points import (
     ASIDE,
@@ -22,7 +23,6 @@ from vibro_cli.figures.runs.contact_points import (
     Rolling,
     figure_of,
 )
-from vibro_cli.figures.runs.kinds import EXPONENTS, INTERVALS, Kind, KindOfBody
 from vibro_cli.figures.runs.over_time import EnergyLines, energy_chart, energy_lines
 from vibro_cli.figures.runs.velocities import (
     CENTRE,
@@ -31,7 +31,6 @@ from vibro_cli.figures.runs.velocities import (
     arrow,
     draw_disc,
     draw_scale,
-    panel_size,
     sheet,
 )
 from vibro_cli.figures.source import Array, kept

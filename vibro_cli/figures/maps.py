@@ -1,4 +1,4 @@
-"""Maps of a grid over two of its axes, or along one: how runs end, quantities of their summaries.
+"""Maps of a grid over two of its axes: how runs end, quantities of their summaries.
 
 Each cause of an end has its colour, told apart in grey too.
 """
@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
-from vibro_cli.figures.dots import draw_dots
+from vibro_cli.figures.chart import Sheet, draw_dots
 from vibro_cli.figures.labels import LINE, text_width, wrapped_legend
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, WIDTHS
@@ -467,11 +467,11 @@ def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Fig
     left = _LABEL + along.label_width(ticks)
     inner = wide - left - right
     total = _TOP + legend + high + _BOTTOM
-    figure = Figure(figsize=(wide * MM, total * MM))
-    axes = figure.add_axes((left / wide, _BOTTOM / total, inner / wide, high / total))
+    sheet = Sheet(wide, total)
+    axes = sheet.panel(left, _BOTTOM, inner, high)
     set_axis(axes, across, inner, vertical=False)
     set_axis(axes, along, high, vertical=True)
-    return figure, axes
+    return sheet.figure, axes
 
 
 def _fill(axes: Axes, shown: Lattice, values: Array, colours: Any, norm: Normalize) -> None:

@@ -1,18 +1,135 @@
-"""Every kind of figure of a grid, by name, with what it shows in words."""
+"""Kinds of figures, those of a grid by name, with what they show in words."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibro_cli.figures.grids.bifurcation import LAST, NothingToShow, bifurcation
-from vibro_cli.figures.grids.curves import FIRST, curves, diagram, first_times
-from vibro_cli.figures.grids.maps import Swept, ending_map, lattice, quantity_map
-from vibro_cli.figures.runs.kinds import Drawn, Kind
+from vibro_cli.figures.chart import MANY
+from vibro_cli.figures.maps import Swept, ending_map, lattice, quantity_map
+from vibro_cli.figures.over_axis import (
+    FIRST,
+    LAST,
+    NothingToShow,
+    bifurcation,
+    curves,
+    diagram,
+    first_times,
+)
+from vibro_cli.figures.runs.over_impacts import exponents, intervals
 from vibro_cli.figures.ticks import symbol_of
+
+Source = TypeVar("Source")
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure with its words."""
+
+    name: str
+    """Stem of its files."""
+    title: str
+    caption: str
+    figure: Figure
+
+
+@dataclass(frozen=True)
+class Kind(Generic[Source]):
+    """One kind of figure of a whole run, or of a grid."""
+
+    draw: Callable[[Source, str], Figure | None]
+    """From a run or grid and a width; None where it has nothing to show."""
+    title: str
+    caption: str
+
+    def drawn(self, name: str, run: Source, width: str) -> Iterator[Drawn]:
+        """Draw it, if it shows anything."""
+        figure = self.draw(run, width)
+        if figure is not None:
+            yield Drawn(name, self.title, self.caption, figure)
+
+
+@dataclass(frozen=True)
+class KindOfBody:
+    """One kind of figure of each body of a run."""
+
+    draw: Callable[[Any, int, str], Figure]
+    """From a run, a body from 1, and a width."""
+    title: str
+    """Before the number of the body."""
+    caption: str
+
+    def drawn(self, name: str, run: Any, width: str) -> Iterator[Drawn]:
+        """Draw it of every body."""
+        for ball in range(1, len(run.system.bodies) + 1):
+            figure = self.draw(run, ball, width)
+            yield Drawn(f"{name}_{ball}", f"{self.title} {ball}", self.caption, figure)
+
+
+PORTRAIT = "portrait"
+INTERVALS: Kind[Any] = Kind(
+    intervals,
+    "Intervals between impacts",
+    f"Time since the impact before; a falling straight line is an accumulation of impacts.{MANY}",
+)
+EXPONENTS: Kind[Any] = Kind(
+    exponents,
+    "Lyapunov exponents",
+    "The exponents of the run until each of its impacts, the greatest first, and twice the "
+    "standard error of the greatest. The first tenth of the run, where they jump, is left out.",
+)
+
+
+def draw_all(
+    run: Any, names: Sequence[str] | None = None, width: str = "double"
+) -> Iterator[Drawn]:
+    """Draw kinds of figures of a run, all or those named; those that show nothing are left out.
+
+    Raises ValueError for an unknown kind.
+    """
+    kinds = run.kind.figures
+    for name in kinds if names is None else names:
+        if name not in kinds:
+            known = ", ".join(kinds)
+            raise ValueError(f"unknown kind of figure {name!r}, expected some of {known}")
+        yield from kinds[name].drawn(name, run, width)
+
+
+def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Figure | None:
+    """Return one figure of a run, None where it has nothing to show.
+
+    Parameters
+    ----------
+    run
+        Of any system.
+    name
+        One of the kinds of its system.
+    body
+        From 1, where there is a figure of each body.
+    width
+        ``"single"`` or ``"double"``: one column of a journal (85 mm) or two (170 mm).
+
+    Raises
+    ------
+    ValueError
+        For another kind, body or width.
+    """
+    kinds = run.kind.figures
+    if name not in kinds:
+        known = ", ".join(kinds)
+        raise ValueError(f"found the kind of figure {name!r}, expected one of {known}")
+    kind, bodies = kinds[name], len(run.system.bodies)
+    if isinstance(kind, Kind):
+        return kind.draw(run, width)
+    if not 1 <= body <= bodies:
+        raise ValueError(f"found body {body}, expected a number from 1 to {bodies}")
+    return kind.draw(run, body, width)  # type: ignore[no-any-return]
+
 
 CONTACT_WORDS = "last impact, where contact begins [s]"
 

@@ -1,1 +1,0 @@
-"""Figures of a grid: curves and maps over its axes, basins, bifurcations."""

@@ -1,0 +1,222 @@
+"""Every kind of figure of a run on a trace, and what a film of it shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from vibro_cli.figures import style
+from vibro_cli.figures.chart import MANY
+from vibro_cli.figures.film import (
+    Frames,
+    Ground,
+    Panel,
+    States,
+    sampled,
+    struck,
+    times_between,
+    trail,
+)
+from vibro_cli.figures.kinds import (
+    EXPONENTS,
+    INTERVALS,
+    PORTRAIT,
+    Kind,
+    KindOfBody,
+)
+from vibro_cli.figures.portraits.energies import energy_portrait
+from vibro_cli.figures.portraits.portrait import phase_portrait
+from vibro_cli.figures.runs.contact_points import POINTS_CAPTION, POINTS_TITLE, contact_points
+from vibro_cli.figures.runs.over_impacts import accuracy, impact_map
+from vibro_cli.figures.runs.over_time import energies, space_time
+from vibro_cli.figures.runs.scene import draw_ends, plan, scene, trace_points
+from vibro_cli.figures.runs.velocities import velocities
+from vibro_cli.figures.source import Array, Recorded
+from vibro_cli.mechanics.system import PARTICLE, Body, TraceSystem
+from vibro_cli.mechanics.trace import Trace
+
+_PER_PERIOD = 64
+"""Points of a trail in a period."""
+_FILM_WALL = 0.06
+"""Height of a wall at an end of the trace, as a share of half the width."""
+
+
+class Moving(Recorded, Protocol):
+    """A finished run whose motion can be had at any time."""
+
+    def sample(self, times: Any) -> dict[str, Any]:
+        """The motion of every body at given times (s)."""
+
+
+def film_on_trace(run: Moving, times: Array) -> Frames:
+    """Return the states of all bodies at the times of frames (s).
+
+    Nothing is interpolated: each state is that of its flight in closed form. On a closed trace the
+    bodies must not run half of it from frame to frame, or their turning is not right.
+    """
+    bodies, times = run.system.bodies, np.asarray(times)
+    motion = run.sample(times)
+
+    def table(name: str) -> Array:
+        return np.asarray(motion[name], dtype=np.float64).reshape(len(times), len(bodies))
+
+    arc = np.asarray(motion["arc"]).reshape(len(times), len(bodies)) - 1
+    s, speed = table("s"), table("speed")
+    turn = np.column_stack(
+        [_turned(run.system.trace, body, arc[:, n], s[:, n]) for n, body in enumerate(bodies)]
+    )
+    periods = _small_periods(run.system)
+    more, span = times_between(times, min(periods) / _PER_PERIOD, max(periods)), max(periods)
+    between = sampled(run, more, "s")
+    trails = tuple(
+        trail(
+            times, span,
+            [
+                (times, s[:, n], speed[:, n], 2),
+                (more, between[0][:, n], between[1][:, n], 2),
+                *struck(run, n, "s"),
+                *_at_walls(run, n),
+            ],
+            0.5 * run.system.trace.length,
+        )
+        for n in range(len(bodies))
+    )  # fmt: skip
+    return Frames(_ground(run), times, table("x"), table("y"), turn, s, speed, trails, span)
+
+
+def _ground(run: Recorded) -> Ground:
+    """Return the trace with its walls, and the plane of speed against arc length."""
+    surface = trace_points(run.system.trace)
+    radii = tuple(body.radius for body in run.system.bodies)
+    room = 1.1 * max(radii) + 0.01 * float(np.max(np.ptp(surface, axis=0)))
+
+    def draw(axes: Axes, half: float) -> None:
+        axes.plot(surface[:, 0], surface[:, 1], color=style.BLACK, linewidth=1.0)
+        draw_ends(axes, run.system, _FILM_WALL * half)
+
+    junctions = tuple(piece.start_s for piece in run.system.trace.pieces[1:])
+    panel = Panel("s", "speed against arc length", junctions)
+    low, high = surface.min(axis=0) - room, surface.max(axis=0) + room
+    return Ground(radii, low, high, draw, "the trace", panel)
+
+
+def _small_periods(system: TraceSystem) -> list[float]:
+    """Return the periods (s) of small oscillations on the arcs, shorter where the trace turns.
+
+    Without an arc or gravity that of a pendulum as long as the trace, or 1 s.
+    """
+    turning = 0.0 if system.turning is None else system.turning.square
+    rates = [
+        math.sqrt(turning + system.gravity / (body.kappa * piece.path_radius(body.radius)))
+        for piece in system.trace.pieces
+        for body in system.bodies
+        if not piece.is_line
+    ] or [math.sqrt(turning + system.gravity / system.trace.length)]
+    return [2.0 * math.pi / rate if rate > 0.0 else 1.0 for rate in rates]
+
+
+def _turned(trace: Trace, body: Body, arc: Any, s: Array) -> Array:
+    """Return how far a body has turned (rad): the way of its centre through its radius."""
+    if body.kind == PARTICLE:
+        return np.zeros(len(s))
+    scales = np.array(
+        [1.0 if p.is_line else p.path_radius(body.radius) / p.radius for p in trace.pieces]
+    )
+    lengths = scales * [piece.length for piece in trace.pieces]
+    before = np.concatenate([[0.0], np.cumsum(lengths)])
+    starts = np.array([piece.start_s for piece in trace.pieces])
+    way = before[arc] + scales[arc] * (s - starts[arc])
+    if trace.closed:
+        way = np.unwrap(way, period=before[-1])
+    turned: Array = (way - way[0]) / body.radius
+    return turned
+
+
+def _at_walls(run: Recorded, body: int) -> Iterator[States]:
+    """Yield the states of a body before and after its impacts on walls."""
+    flights, pieces = run.flights(), run.system.trace.pieces
+    scales = np.array(
+        [1.0 if p.is_line else p.path_radius(run.system.bodies[body].radius) for p in pieces]
+    )
+    mine = np.asarray(flights["ball"]) == body + 1
+    for order, end in enumerate(("end", "start")):
+        rows = np.flatnonzero(mine & (np.asarray(flights[f"cause_{end}"], dtype=object) == "wall"))
+        arc = np.asarray(flights["arc"])[rows] - 1
+        places = flights[f"angle_{end}"][rows]
+        along = [pieces[n].arc_length(place) for n, place in zip(arc, places, strict=True)]
+        speed = scales[arc] * flights[f"rate_{end}"][rows]
+        yield np.asarray(flights[f"t_{end}"])[rows], np.array(along, dtype=np.float64), speed, order
+
+
+_PORTRAIT_CAPTION = (
+    "Rate against angle on each arc (speed against arc length on lines): the branches run through, "
+    "and the jumps at the impacts, lasting contact in a colour of its own, many branches in the "
+    "colours of time up to the last impact; behind them separatrices, level curves of energy, "
+    "centres (+) and saddles (×). As A figs 1b and 2, B fig. 8, D fig. 1."
+)
+FIGURES: dict[str, Kind[Recorded] | KindOfBody] = {
+    "scene": Kind(
+        scene,
+        "The trace and the bodies at the start",
+        "To scale: the pieces of the trace between the dots, with their numbers below, centres O "
+        "and radii R of the arcs, and the bodies with their centres C, contact points P and angles "
+        "φ (in a valley) and ψ (on a hump); arrows where they start with a speed. "
+        "As A fig. 2a, B fig. 6, D fig. 1a, b.",
+    ),
+    PORTRAIT: KindOfBody(phase_portrait, "Phase portrait of body", _PORTRAIT_CAPTION),
+    "energy_portrait": KindOfBody(
+        energy_portrait,
+        "Phase portrait and energies along the trace of body",
+        "Above, speed of the centre against arc length: the branches of the run and its jumps, a "
+        "figure eight as one closed curve, separatrices, level curves, centres (+) and saddles "
+        "(×). Below, potential energy and, branch by branch, the total energy of the body. "
+        "As A (abstract), B III.3.6, D.",
+    ),
+    "plan": Kind(
+        plan,
+        "Configurations at the impacts",
+        "The trace with the bodies at the start, at the first impacts and at the last one; bodies "
+        "that do not collide then are pale. As B fig. 9.",
+    ),
+    "velocities": Kind(
+        velocities,
+        "Plan of velocities",
+        "The bodies of the first impacts as they touch, before and after: the velocities of the "
+        "centres C, those of the touching points T as points of the rolling bodies with what "
+        "rolling adds to those of the centres, and the components along the line of centres, which "
+        "decide on approach and separation. Arcs are angular velocities about the contact points "
+        "P, three quarters of a turn the greatest of the impact; the tangent is common to both "
+        "bodies. As A fig. 1a, B figs 1, 5 and 7.",
+    ),
+    "contact_points": Kind(contact_points, POINTS_TITLE, POINTS_CAPTION + " As B figs 2–4."),
+    "energy": Kind(
+        energies,
+        "Energies",
+        "Energy of each body and of all against time, each from the lowest place of its centre; "
+        "below, what each impact loses. Of lasting contact at the end some periods only; steps too "
+        "close to be told apart are bands, from the least to the greatest.",
+    ),
+    "space_time": Kind(
+        space_time,
+        "Motion along the trace",
+        "Arc length of the contact points against time, with the impacts; horizontal lines are "
+        "junctions of the trace. Of a long run the first part only.",
+    ),
+    "impact_map": Kind(
+        impact_map,
+        "Impact map",
+        f"Approach speed along the line of centres against the place of the impact.{MANY}",
+    ),
+    "intervals": INTERVALS,
+    "accuracy": Kind(
+        accuracy,
+        "Accuracy reached",
+        "Distance of the surfaces left at each impact, and the relative change of energy along "
+        f"each free flight, where it should be 0.{MANY}",
+    ),
+    "exponents": EXPONENTS,
+}
