@@ -12,21 +12,24 @@ import numpy as np
 import pytest
 
 from vibro_cli.compile.build import build, library_name
-from vibro_cli.compile.kernel import Series, dtype, kernel, struct
-from vibro_cli.compile.kinds import TranslationError
-from vibro_cli.compile.lanes import (
+from vibro_cli.compile.kernel import (
     LANES,
     Lanes,
+    Series,
     any_lane,
     both,
     choose,
+    dtype,
     either,
     has_bit,
     in_lane,
+    kernel,
     opposite,
+    struct,
     two_lanes,
     with_lane,
 )
+from vibro_cli.compile.kinds import TranslationError
 from vibro_cli.compile.native import add_library, compiled
 from vibro_cli.compile.translate import Program, literal
 

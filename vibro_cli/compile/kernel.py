@@ -5,6 +5,11 @@ Python function; ``native.compiled`` returns its compiled form. A struct is a cl
 fields: an object with slots for the interpreter, an element of a structured array for the machine.
 Both evaluate the same floating-point operations in the same order (no contraction, no
 reassociation), so they give the same bits. Nothing heavy is imported here: this is needed to build.
+
+A kernel without jumps may work on lanes in place of numbers: each lane then undergoes the same
+operations in the same order as the number would, and has the same bits. Where lanes differ in what
+is to be done, both are done and :func:`choose` takes one for each lane. Lanes are there in compiled
+kernels only; what is written here is their meaning for one number.
 """
 
 from __future__ import annotations
@@ -16,12 +21,17 @@ from functools import cache, update_wrapper
 from types import FunctionType
 from typing import Any, TypeVar
 
-from vibro_cli.compile.lanes import LANES
-
 Kernel = Callable[..., Any]
 Function = TypeVar("Function", bound=Kernel)
 StructClass = TypeVar("StructClass", bound=type)
 
+# Lanes of a register of 512 bits; on processors with shorter ones the compiler takes several.
+LANES = 8
+
+# For the type checker lanes are like numbers, and comparisons of them like truth values.
+Lanes = float
+# Two lanes: the same quantity of both bodies of a pair.
+Two = float
 # Entries of a Series: the nodes of a collocation segment.
 SERIES_LENGTH = 8
 Series = list[float]
@@ -61,7 +71,7 @@ def struct(cls: StructClass) -> StructClass:
 
     The mapping ``fields`` of the result gives their names and kinds. Fields are ``float``,
     ``int``, ``Series`` (a short row of floats, such as the coefficients of a polynomial) or
-    ``Lanes`` or ``Two`` (see ``compile.lanes``).
+    ``Lanes`` or ``Two`` (see ``compile.kernel``).
     The fields of base classes that are structs come first.
     """
     fields: dict[str, str] = {}
@@ -187,3 +197,51 @@ class Overrides:
 def interpreted(function: Function, overrides: Overrides | None) -> Function:
     """Return a kernel as the interpreter calls it with overrides; itself without."""
     return function if overrides is None else overrides.interpreted(function)
+
+
+def choose(condition: bool, yes: float, no: float) -> float:
+    """Return one of two numbers, in each lane by the lane's own condition."""
+    return yes if condition else no
+
+
+def any_lane(condition: bool) -> bool:
+    """Tell whether a condition holds in any lane."""
+    return condition
+
+
+def both(one: bool, other: bool) -> bool:
+    """Tell in each lane whether two conditions hold."""
+    return one and other
+
+
+def either(one: bool, other: bool) -> bool:
+    """Tell in each lane whether one of two conditions holds."""
+    return one or other
+
+
+def opposite(condition: bool) -> bool:
+    """Tell in each lane whether a condition does not hold."""
+    return not condition
+
+
+def has_bit(x: float, bit: int) -> bool:
+    """Tell in each lane whether a whole number has a bit, given by its value."""
+    return int(x) & bit != 0
+
+
+def two_lanes(first: float, second: float) -> float:
+    """Return two lanes of numbers."""
+    assert first == second
+    return first
+
+
+def in_lane(lanes: float, number: int) -> float:
+    """Return the number in one lane."""
+    assert number == 0
+    return lanes
+
+
+def with_lane(lanes: float, number: int, value: float) -> float:
+    """Return lanes with another number in one of them."""
+    assert number == 0
+    return value if number == 0 else lanes

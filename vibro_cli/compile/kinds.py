@@ -11,8 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from vibro_cli.compile.kernel import SERIES_LENGTH, Kernel, Overrides, is_struct
-from vibro_cli.compile.lanes import LANES
+from vibro_cli.compile.kernel import LANES, SERIES_LENGTH, Kernel, Overrides, is_struct
 
 
 class Kind(NamedTuple):

@@ -18,8 +18,22 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from vibro_cli.compile import kinds as t
-from vibro_cli.compile import lanes
-from vibro_cli.compile.kernel import Kernel, Overrides, fused, is_kernel, kernel_names
+from vibro_cli.compile.kernel import (
+    Kernel,
+    Overrides,
+    any_lane,
+    both,
+    choose,
+    either,
+    fused,
+    has_bit,
+    in_lane,
+    is_kernel,
+    kernel_names,
+    opposite,
+    two_lanes,
+    with_lane,
+)
 from vibro_cli.compile.kinds import Kind, TranslationError, place_of, shown, signature, symbol_of
 
 _WORDS = """alignas and asm auto bool break case catch char class const continue default delete do
@@ -79,15 +93,15 @@ _RULES: dict[Any, Rule] = {
     float: Rule("(double)({0})", t.FLOAT),
     round: Rule("(int64_t)std::nearbyint({0})", t.INT),
     fused: Rule("std::fma({all})", t.FLOAT, 0),
-    lanes.choose: Rule("py::choose({all})", _chosen, 1),
-    lanes.any_lane: Rule("py::any_lane({0})", t.BOOL),
-    lanes.both: Rule("{kind}({0} & {1})", t.joined, 0),
-    lanes.either: Rule("{kind}({0} | {1})", t.joined, 0),
-    lanes.opposite: Rule("({0} == {kind}{{}})", _first),
-    lanes.has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
-    lanes.in_lane: Rule("{0}[{1}]", t.FLOAT),
-    lanes.with_lane: Rule("py::with_lane({all})", _first),
-    lanes.two_lanes: Rule("py::two_lanes({all})", t.lanes_of(2)),
+    choose: Rule("py::choose({all})", _chosen, 1),
+    any_lane: Rule("py::any_lane({0})", t.BOOL),
+    both: Rule("{kind}({0} & {1})", t.joined, 0),
+    either: Rule("{kind}({0} | {1})", t.joined, 0),
+    opposite: Rule("({0} == {kind}{{}})", _first),
+    has_bit: Rule("py::has_bit({all})", lambda kind, _: t.mask_of(kind)),
+    in_lane: Rule("{0}[{1}]", t.FLOAT),
+    with_lane: Rule("py::with_lane({all})", _first),
+    two_lanes: Rule("py::two_lanes({all})", t.lanes_of(2)),
     math.sqrt: Rule("py::sqrt({0})", _real, 0),
     math.floor: Rule("(int64_t)std::floor({0})", t.INT),
     math.ceil: Rule("(int64_t)std::ceil({0})", t.INT),

@@ -15,8 +15,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.compile.lanes import (
+from vibro_cli.compile.kernel import (
     Lanes,
     Two,
     any_lane,
@@ -24,7 +23,9 @@ from vibro_cli.compile.lanes import (
     choose,
     either,
     in_lane,
+    kernel,
     opposite,
+    struct,
 )
 from vibro_cli.kernels.contact.arc_contact import (
     LONGEST_CHANGE,

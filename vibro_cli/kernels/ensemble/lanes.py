@@ -20,8 +20,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.compile.lanes import (
+from vibro_cli.compile.kernel import (
     LANES,
     Lanes,
     any_lane,
@@ -29,7 +28,9 @@ from vibro_cli.compile.lanes import (
     choose,
     either,
     in_lane,
+    kernel,
     opposite,
+    struct,
     with_lane,
 )
 from vibro_cli.kernels.contact.libration_contact_lanes import (

@@ -7,8 +7,7 @@ left to the event loop (``kernels.events.event_loop``), after which the run come
 
 from __future__ import annotations
 
-from vibro_cli.compile.kernel import kernel
-from vibro_cli.compile.lanes import Two, any_lane, either, in_lane, two_lanes
+from vibro_cli.compile.kernel import Two, any_lane, either, in_lane, kernel, two_lanes
 from vibro_cli.kernels.contact.libration_contact_lanes import (
     LONGEST_STAY,
     TwoBodies,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import SERIES_LENGTH, kernel
-from vibro_cli.compile.lanes import choose
+from vibro_cli.compile.kernel import SERIES_LENGTH, choose, kernel
 from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_to
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants, set_two_theta_constants

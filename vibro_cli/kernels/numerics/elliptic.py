@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import kernel
-from vibro_cli.compile.lanes import Lanes, choose, has_bit
+from vibro_cli.compile.kernel import Lanes, choose, has_bit, kernel
 from vibro_cli.kernels.numerics.constants import ThetaConstants
 
 TWO_OVER_PI = 2.0 / math.pi

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.kernel import dtype
-from vibro_cli.compile.lanes import LANES
+from vibro_cli.compile.kernel import LANES, dtype
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
 from vibro_cli.kernels.ensemble.lanes import LaneGroup, LaneSlot, RunLanes, run_points_in_lanes
