@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from vibro_cli.compile.kernel import Series, struct
-from vibro_cli.kernels.numerics.constants import QuarticConstants
+from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.tridiagonal import ChainRow
 
 PARTING = 1  # after an impact, with a speed

@@ -23,7 +23,6 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_speed,
     speed_of_pair,
 )
-from vibro_cli.kernels.contact.wall_contact import lost_height, rest, stand_at_wall, touched_wall
 from vibro_cli.kernels.flow.flight import begin_flight, log_flight
 from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.impact.chattering import (
@@ -40,13 +39,16 @@ from vibro_cli.kernels.impact.chattering import (
     pressing_from,
     time_to_rest,
 )
-from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING, hold
 from vibro_cli.kernels.impact.impulse_chain import (
     contact_forces,
     held_from,
+    lost_height,
+    rest,
     share_fastest,
+    stand_at_wall,
+    touched_wall,
 )
-from vibro_cli.kernels.impact.laws import TRANSLATIONAL
+from vibro_cli.kernels.impact.laws import SPEED_ROUNDING, TRANSLATIONAL, hold
 from vibro_cli.kernels.world import (
     CLOSING,
     CONTACT_CLOSED,

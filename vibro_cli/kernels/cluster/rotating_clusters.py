@@ -34,8 +34,7 @@ from vibro_cli.kernels.cluster.trace_forces import (
 )
 from vibro_cli.kernels.contact.contact_kinematics import line_of_centres, tangent
 from vibro_cli.kernels.flow.flight import LIFT_OFF, half_way_to, is_at
-from vibro_cli.kernels.flow.flow import POLYNOMIAL, body_of_group, group_of_body
-from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, body_of_group, group_of_body, recall_flight
 from vibro_cli.kernels.flow.rotating_flight import (
     fall_on_line,
     first_negative,
@@ -46,7 +45,7 @@ from vibro_cli.kernels.flow.rotating_flight import (
     square_harmonics,
 )
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, half_way, pull_of, time_to
-from vibro_cli.kernels.numerics.trigonometric_polynomial import (
+from vibro_cli.kernels.numerics.conservative_advancement import (
     Harmonics,
     combined,
     harmonic_size,

@@ -24,8 +24,8 @@ from vibro_cli.kernels.flow.flow import (
     acceleration_at,
     body_of_group,
     flow,
+    recall_flight,
 )
-from vibro_cli.kernels.flow.replay import recall_flight
 from vibro_cli.kernels.world import BodyForces, Flight, FlightRow, World
 
 # Angles of a motion at which forces are fitted, halved: the thirds of a turn, and after them the

@@ -3,6 +3,11 @@
 Each step is one that provably ends before the first contact, from bounds on the derivatives of the
 gap over both flights; when a simple root ahead is certified to be the first one, it is refined on
 the flows themselves. Nothing is sampled and no contact is passed over.
+
+Two bodies that part from contact have a gap of zero there, up to the rounding of their places. Its
+later value as a difference of two places is rounded as the places are, which late in an
+accumulation is more than the gap itself; as a difference of two displacements from there it is
+rounded as these are. What thousands of bounces would add up in the places is taken back.
 """
 
 from __future__ import annotations
@@ -10,11 +15,17 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.contact.contact_kinematics import distance_gap
+from vibro_cli.kernels.contact.contact_kinematics import (
+    centre_position,
+    centre_tangent,
+    distance_gap,
+    half_gap_sine,
+)
 from vibro_cli.kernels.flow.flow import (
     LINE,
     POLYNOMIAL,
     acceleration_at,
+    flow,
     flow_of_two,
     nudge,
     tangential_acceleration,
@@ -25,6 +36,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_third_order,
     unresolved_step,
 )
+from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, theta_functions
 from vibro_cli.kernels.world import (
     PARTING,
     RELEASED,
@@ -289,3 +301,228 @@ def _refine_by_distance(
             keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
             return h
     return NONE_BEFORE_LIMIT
+
+
+# A flight whose relative rate times its length is more than this (rad, or a share of the bodies'
+# places) is timed well enough by places.
+FAR = 0.2
+# Times the frequency; displacements of longer flights are no smaller than places.
+LONG = 1.0
+# Times the greater frequency; a bounce that ends sooner is a short one, whose end as displacements
+# tell it may come before that which places tell, and before another contact.
+SHORT = 0.001
+# Corrections of an instant below this share of it are its rounding.
+SETTLED = 1.0e-11
+MOST_STEPS = 6
+# Gaps at the start of a bounce below this share of the places are their rounding.
+PLACES_ROUNDING = 4.0 * 2.220446049250313e-16
+# Near the top of a bounce a step of Newton's leads anywhere; one longer than this share is not his.
+LONG_STEP = 0.5
+
+
+@kernel
+def displacement(flight: Flight, t: float) -> tuple[float, float]:
+    """Sine and cosine of half the angle through which a body has gone since its flight began.
+
+    ``S C0 - C S0`` and ``C C0 + S S0`` with the state of :func:`flow` put in and ``1 - cn`` as
+    ``sn^2/(1 + cn)``: no difference of places is left. On a line the way (m) and 1.
+    """
+    s0 = flight.flow_s
+    c0 = flight.flow_c
+    p0 = flight.flow_p
+    if flight.at_rest == 1:
+        return 0.0, 1.0
+    if flight.form == LINE:
+        return t * (p0 + 0.5 * flight.line_acceleration * t), 1.0
+    s, c, d, common = theta_functions(flight, flight.frequency * t)
+    sc0 = s * c0
+    rest = s * s / (common + c)
+    both = c0 * c0 * common + s0 * s0 * c
+    inverse = 1.0 / (c * c + sc0 * sc0)
+    sine = (p0 * s * both - s0 * c0 * d * rest) * inverse
+    return sine, (d * both + s0 * p0 * c0 * (s * rest)) * inverse
+
+
+@kernel
+def _start(flight: Flight) -> tuple[float, float, float]:
+    """``(S, C, P)`` of the body where a flight starts; a group's flow is that of its pendulum."""
+    if flight.grouped == 1:
+        return flight.s, flight.c, flight.p
+    return flight.flow_s, flight.flow_c, flight.flow_p
+
+
+@kernel
+def short_bounce(a: Flight, b: Flight) -> float:
+    """Return how long (s) a bounce of two bodies may last and be a short one."""
+    fastest = max(pace(a), pace(b))
+    return SHORT / fastest if fastest > 0.0 else 0.0
+
+
+@kernel
+def _is_long(flight: Flight, t: float) -> bool:
+    """Tell whether displacements of a flight over a time t (s) are not better than its places."""
+    if flight.form == POLYNOMIAL or flight.form == HYPERBOLIC_TINY:
+        return True
+    return flight.frequency * t > LONG
+
+
+@kernel
+def _step(gap: float, rate: float, first_rate: float, t: float) -> float:
+    """Step from t towards the end of a bounce that began at 0 with ``first_rate``.
+
+    Newton's, or where that is long the one that holds for a rate that falls evenly.
+    """
+    if rate < 0.0 and gap >= LONG_STEP * t * rate and gap <= -LONG_STEP * t * rate:
+        return -gap / rate
+    return t * (first_rate + rate) / (first_rate - rate)
+
+
+@kernel
+def _left_over(gap: float, rounding: float, first_rate: float, t: float) -> float:
+    """What of a gap at the start of a bounce is more than rounding, and is to be taken back.
+
+    Bodies in one another come apart by at most half the height of the bounce.
+    """
+    if gap >= -rounding:
+        return max(gap - rounding, 0.0)
+    return max(gap + rounding, -0.125 * first_rate * t)
+
+
+@kernel
+def sharpened_on_arc(
+    a: Flight,
+    b: Flight,
+    t: float,
+    contact: PairTrack,
+    orientation: float,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """Time of a contact on one arc (s), t nearly, that ends a flight from contact.
+
+    The states of contact, left in ``pair``, are sharpened too; a flight that is not a short one is
+    left as it is.
+    """
+    if _is_long(a, t) or _is_long(b, t):
+        return t
+    a_s, a_c, a_p = _start(a)
+    b_s, b_c, b_p = _start(b)
+    first_rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
+    if first_rate <= 0.0:
+        return t  # up to rounding it does not part: there is no bounce
+    launched, _ = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
+    for _ in range(MOST_STEPS):
+        rate = 2.0 * (b.own_frequency * pair.b_p - a.own_frequency * pair.a_p)
+        if rate >= first_rate or rate * t < -FAR:
+            break
+        sine_a, cosine_a = displacement(a, t)
+        sine_b, cosine_b = displacement(b, t)
+        gap = 2.0 * (sine_b * cosine_a - cosine_b * sine_a)
+        gap += _left_over(2.0 * launched, PLACES_ROUNDING, first_rate, t)
+        change = _step(gap, rate, first_rate, t)
+        t += change
+        _keep_flows(a, b, t, pair, clock)
+        if abs(change) <= SETTLED * t:
+            break
+    return t
+
+
+@kernel
+def _keep_flows(a: Flight, b: Flight, t: float, pair: PairData, clock: Clock) -> None:
+    """Leave the states a time t (s) after the start of both flights in ``pair``."""
+    clock.evaluations += 1
+    pair.a_s, pair.a_c, pair.a_p = flow(a, t)
+    pair.b_s, pair.b_c, pair.b_p = flow(b, t)
+
+
+@kernel
+def sharpened_by_distance(
+    a: Flight,
+    b: Flight,
+    t: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    piece_b: PieceData,
+    track_b: TrackData,
+    reach: float,
+    pair: PairData,
+    clock: Clock,
+) -> float:
+    """As :func:`sharpened_on_arc`, for two pieces, by ``d^2 - (r_a + r_b)^2``."""
+    if _is_long(a, t) or _is_long(b, t):
+        return t
+    # The line of centres where the flights begin, drawn to the length it has in contact.
+    a_s, a_c, a_p = _start(a)
+    b_s, b_c, b_p = _start(b)
+    ax, ay = centre_position(piece_a, track_a, a_s, a_c)
+    bx, by = centre_position(piece_b, track_b, b_s, b_c)
+    launched = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+    scale = reach / launched
+    launched = (launched - reach) * (launched + reach)
+    rounding = 2.0 * PLACES_ROUNDING * reach * (abs(bx) + abs(by) + reach)
+    x = (bx - ax) * scale
+    y = (by - ay) * scale
+    size = reach + track_a.path_radius + track_b.path_radius
+    first_rate = _rate_of_square(
+        x, y, piece_a, track_a, a_s, a_c, a_p, piece_b, track_b, b_s, b_c, b_p,
+    )  # fmt: skip
+    if first_rate <= 0.0:
+        return t
+    for _ in range(MOST_STEPS):
+        mx, my = _centre_displacement(a, piece_a, track_a, t)
+        nx, ny = _centre_displacement(b, piece_b, track_b, t)
+        ux = nx - mx
+        uy = ny - my
+        rate = _rate_of_square(
+            x + ux, y + uy, piece_a, track_a, pair.a_s, pair.a_c, pair.a_p,
+            piece_b, track_b, pair.b_s, pair.b_c, pair.b_p,
+        )  # fmt: skip
+        if rate >= first_rate or rate * t < -2.0 * FAR * reach * size:
+            break
+        gap = (2.0 * x + ux) * ux + (2.0 * y + uy) * uy
+        gap += _left_over(launched, rounding, first_rate, t)
+        change = _step(gap, rate, first_rate, t)
+        t += change
+        _keep_flows(a, b, t, pair, clock)
+        if abs(change) <= SETTLED * t:
+            break
+    return t
+
+
+@kernel
+def _rate_of_square(
+    x: float,
+    y: float,
+    piece_a: PieceData,
+    track_a: TrackData,
+    a_s: float,
+    a_c: float,
+    a_p: float,
+    piece_b: PieceData,
+    track_b: TrackData,
+    b_s: float,
+    b_c: float,
+    b_p: float,
+) -> float:
+    """Rate (m^2/s) of the square of the distance of two bodies that is (x, y) in their states."""
+    tax, tay = centre_tangent(piece_a, a_s, a_c)
+    tbx, tby = centre_tangent(piece_b, b_s, b_c)
+    va = track_a.speed_factor * a_p
+    vb = track_b.speed_factor * b_p
+    return 2.0 * (x * (vb * tbx - va * tax) + y * (vb * tby - va * tay))
+
+
+@kernel
+def _centre_displacement(
+    flight: Flight, piece: PieceData, track: TrackData, t: float
+) -> tuple[float, float]:
+    """How far a body's centre has gone since its flight began (m)."""
+    sine, cosine = displacement(flight, t)
+    if piece.sign == 0.0:
+        return piece.tangent_x * sine, piece.tangent_y * sine
+    # Along the tangent half-way.
+    s, c, _ = _start(flight)
+    tx, ty = centre_tangent(piece, s, c)
+    chord = 2.0 * track.path_radius * sine
+    sign = piece.sign
+    return chord * (tx * cosine - sign * ty * sine), chord * (ty * cosine + sign * tx * sine)

@@ -34,9 +34,8 @@ from vibro_cli.kernels.contact.arc_contact import (
     is_last,
     uneven_pull,
 )
-from vibro_cli.kernels.contact.bounce import FAR, LONG
 from vibro_cli.kernels.contact.contact_kinematics import half_gap_sine
-from vibro_cli.kernels.contact.first_contact import FINAL_CORRECTION, NONE_BEFORE_LIMIT
+from vibro_cli.kernels.contact.first_contact import FAR, FINAL_CORRECTION, LONG, NONE_BEFORE_LIMIT
 from vibro_cli.kernels.flow.flow import (
     advance_slightly,
     by_addition,

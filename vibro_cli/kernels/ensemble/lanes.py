@@ -51,10 +51,9 @@ from vibro_cli.kernels.flow.flight import (
     size_of_root,
     widest_pull,
 )
-from vibro_cli.kernels.flow.replay import CAUTION
+from vibro_cli.kernels.flow.flow import CAUTION
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
-from vibro_cli.kernels.impact.event_log import do_part
-from vibro_cli.kernels.impact.laws import impact_of_pair
+from vibro_cli.kernels.impact.laws import do_part, impact_of_pair
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_librations, set_theta_constants
 from vibro_cli.kernels.statistics.run_statistics import (

@@ -32,8 +32,7 @@ from vibro_cli.kernels.flow.flight import (
     widest_pull,
 )
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
-from vibro_cli.kernels.impact.event_log import do_part, log_impact
-from vibro_cli.kernels.impact.laws import impact_of_pair
+from vibro_cli.kernels.impact.laws import do_part, impact_of_pair, log_impact
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import (
     PARAMETER_SPLIT,

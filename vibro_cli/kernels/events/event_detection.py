@@ -6,13 +6,15 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.arc_contact import contact_on_arc
-from vibro_cli.kernels.contact.bounce import sharpened_by_distance, sharpened_on_arc, short_bounce
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
 from vibro_cli.kernels.contact.first_contact import (
     NONE_BEFORE_LIMIT,
     contact_by_distance,
     contact_on_line,
     keep_states,
+    sharpened_by_distance,
+    sharpened_on_arc,
+    short_bounce,
 )
 from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.flow.flow import LINE

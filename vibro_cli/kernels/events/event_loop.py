@@ -21,7 +21,6 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_normals,
     set_speed,
 )
-from vibro_cli.kernels.contact.wall_contact import bounce_is_lost, last_row_of
 from vibro_cli.kernels.events.event_detection import first_contact
 from vibro_cli.kernels.events.simultaneous_impacts import (
     collide_jointly,
@@ -41,9 +40,20 @@ from vibro_cli.kernels.flow.flight import (
     set_arc_energy,
 )
 from vibro_cli.kernels.impact.chattering import FORCED
-from vibro_cli.kernels.impact.event_log import log_contacts, log_impact, parts
-from vibro_cli.kernels.impact.impulse_chain import chain_of_contacts, held_run, row_from
-from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, impact_of_pair
+from vibro_cli.kernels.impact.impulse_chain import (
+    bounce_is_lost,
+    chain_of_contacts,
+    held_run,
+    last_row_of,
+    row_from,
+)
+from vibro_cli.kernels.impact.laws import (
+    NORMAL_IMPULSE,
+    impact_of_pair,
+    log_contacts,
+    log_impact,
+    parts,
+)
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.world import (
     COLLISION,

@@ -18,8 +18,7 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, row_of, set_ends, set_forces
 from vibro_cli.kernels.flow.flight import squared_rate_at
-from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, time_to
-from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, recall_flight, time_to
 from vibro_cli.kernels.numerics.elliptic import quarter_period
 from vibro_cli.kernels.world import NEVER, BodyForces, Flight, World
 

@@ -19,11 +19,6 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_normals,
     set_speed,
 )
-from vibro_cli.kernels.contact.wall_contact import (
-    last_row_of,
-    touched_wall,
-    touches_dissipative_wall,
-)
 from vibro_cli.kernels.flow.flight import bring_to, head_from_state
 from vibro_cli.kernels.impact.chattering import (
     FREE,
@@ -33,9 +28,22 @@ from vibro_cli.kernels.impact.chattering import (
     press_speeds,
     repeats,
 )
-from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING, log_impact, parts
-from vibro_cli.kernels.impact.impulse_chain import apply_impulses, joint_impulses, share_fastest
-from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, loss_of_impulse
+from vibro_cli.kernels.impact.impulse_chain import (
+    apply_impulses,
+    joint_impulses,
+    last_row_of,
+    share_fastest,
+    touched_wall,
+    touches_dissipative_wall,
+)
+from vibro_cli.kernels.impact.laws import (
+    NORMAL_IMPULSE,
+    SPEED_ROUNDING,
+    law_approach,
+    log_impact,
+    loss_of_impulse,
+    parts,
+)
 from vibro_cli.kernels.world import (
     COLLISION,
     END_INADMISSIBLE,

@@ -1,7 +1,7 @@
 """A flight on a rotating trace: its energy, end and bounds, and where a force falls through zero.
 
 On an arc every force is a trigonometric polynomial of degree 2 in the angle from the start of the
-flight (``kernels.numerics.trigonometric_polynomial``), on a line it is linear in the place. The
+flight (``kernels.numerics.conservative_advancement``), on a line it is linear in the place. The
 normal force of a body
 alone is ``N/(m g) = sign (cos f + tilt sin f + spread sin^2 f + (4/kappa) P^2)`` on an arc.
 
@@ -28,14 +28,14 @@ from vibro_cli.kernels.flow.rotating_flow import (
     turn_on_line,
     turns_before,
 )
-from vibro_cli.kernels.numerics.elliptic import sine_cosine
-from vibro_cli.kernels.numerics.trigonometric_polynomial import (
+from vibro_cli.kernels.numerics.conservative_advancement import (
     Harmonics,
-    first_fall,
+    first_fall_of_harmonics,
     harmonic_value,
     mirrored,
     turned,
 )
+from vibro_cli.kernels.numerics.elliptic import sine_cosine
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.world import NEVER, BodyData, Flight, FlightRow, PieceData, TrackData, World
 
@@ -110,7 +110,7 @@ def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float
     for turn in range(2):
         side = 1.0 if (forward > 0.0) == (turn == 0) else -1.0
         ahead = h if side > 0.0 else mirrored(h)
-        angle = first_fall(ahead, to_right if side > 0.0 else to_left)
+        angle = first_fall_of_harmonics(ahead, to_right if side > 0.0 else to_left)
         if angle == 0.0 and turn == 0:
             return 0.0
         if angle >= 0.0:

@@ -23,10 +23,8 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     present_gap,
     speed_of_pair,
 )
-from vibro_cli.kernels.contact.wall_contact import touched_wall
 from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.flow.flow import angular_jerk, tangential_acceleration
-from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING
 from vibro_cli.kernels.impact.impulse_chain import (
     apply_impulses,
     held_from,
@@ -34,9 +32,11 @@ from vibro_cli.kernels.impact.impulse_chain import (
     joins,
     joint_impulses,
     share_fastest,
+    touched_wall,
 )
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
+    SPEED_ROUNDING,
     TRANSLATIONAL,
     impact_of_pair,
     separation_speed,

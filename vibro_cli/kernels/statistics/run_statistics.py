@@ -23,8 +23,7 @@ from vibro_cli.kernels.cluster.trace_forces import (
     set_forces,
 )
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
-from vibro_cli.kernels.flow.flow import flow
-from vibro_cli.kernels.flow.replay import energy_of_row, half_period, recall_flight
+from vibro_cli.kernels.flow.flow import energy_of_row, flow, half_period, recall_flight
 from vibro_cli.kernels.world import (
     END_INADMISSIBLE,
     NEVER,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED
-from vibro_cli.kernels.statistics.regimes import EIGHTS, REGIMES
+from vibro_cli.kernels.statistics.impact_columns import EIGHTS, REGIMES
 from vibro_cli.systems.columns import (
     KINETIC,
     Column,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.compile.kernel import Overrides, dtype, interpreted, interpreted_copies
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.flow.replay import Sample, sample_flights
+from vibro_cli.kernels.flow.flow import Sample, sample_flights
 from vibro_cli.kernels.world import CAUSE_NAMES, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece

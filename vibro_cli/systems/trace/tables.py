@@ -11,14 +11,16 @@ from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.ensemble.records import Stack, fill_stacked
 from vibro_cli.kernels.statistics.impact_columns import (
+    EIGHTS,
     FLAGS,
     INTEGERS,
     NUMBERS,
+    REGIMES,
+    ROWS,
     Columns,
     Runs,
     fill_columns,
 )
-from vibro_cli.kernels.statistics.regimes import EIGHTS, REGIMES, ROWS
 from vibro_cli.kernels.world import RUNNING, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
