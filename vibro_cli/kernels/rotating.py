@@ -21,7 +21,16 @@ from vibro_cli.kernels.flow.rotating_flow import half_way, pull
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.statistics import rotating_forces, run_statistics
 from vibro_cli.kernels.tangent import flight_jacobian, follow, rotating_jacobian
-from vibro_cli.kernels.world import NEVER, Flight, FlightRow, PairTrack, PieceData, TrackData, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    Flight,
+    FlightRow,
+    PairTrack,
+    PieceData,
+    TrackData,
+    World,
+    track_of,
+)
 
 
 @kernel
@@ -75,7 +84,7 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
 def free_acceleration(world: World, ball: int) -> float:
     """Tangential acceleration (m/s^2) of a body under gravity and the turning of the trace."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     if supported(flight):
         return 0.0
     if track.path_radius == 0.0:

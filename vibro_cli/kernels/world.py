@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from vibro_cli.compile.kernel import Series, struct
+from vibro_cli.compile.kernel import Series, kernel, struct
 from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.tridiagonal import ChainRow
 
@@ -449,3 +449,45 @@ RECORDS: dict[str, Any] = {
     "touches": ContactRow,
     "segments": SegmentRow,
 }
+
+
+@kernel
+def track_on(world: World, ball: int, piece: int) -> TrackData:
+    """Return the path of a body's centre on a piece."""
+    return world.tracks[ball * world.settings[0].pieces + piece]
+
+
+@kernel
+def track_of(world: World, ball: int) -> TrackData:
+    """Return the path of a body's centre on the piece of its flight."""
+    return track_on(world, ball, world.flights[ball].piece)
+
+
+@kernel
+def flights_of(world: World, pair: PairData) -> tuple[Flight, Flight]:
+    """Return the flights of both bodies of a pair."""
+    return world.flights[pair.a], world.flights[pair.b]
+
+
+@kernel
+def tracks_of(world: World, pair: PairData) -> tuple[TrackData, TrackData]:
+    """Return the paths of both bodies of a pair on the pieces of their flights."""
+    return track_of(world, pair.a), track_of(world, pair.b)
+
+
+@kernel
+def number_along(world: World, first: int, step: int) -> int:
+    """Number of the body at a place of a chain, and of the pair of it and its right neighbour."""
+    return (first + step) % world.settings[0].bodies
+
+
+@kernel
+def flight_along(world: World, first: int, step: int) -> Flight:
+    """Return the flight of the body at a place of a chain."""
+    return world.flights[number_along(world, first, step)]
+
+
+@kernel
+def pair_along(world: World, first: int, step: int) -> PairData:
+    """Return the pair at a place of a chain."""
+    return world.pairs[number_along(world, first, step)]

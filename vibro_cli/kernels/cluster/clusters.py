@@ -32,7 +32,17 @@ from vibro_cli.kernels.flow.flight import (
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_to
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
 from vibro_cli.kernels.numerics.double_double import add_to_time
-from vibro_cli.kernels.world import NEVER, Flight, PairData, TrackData, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    Flight,
+    PairData,
+    TrackData,
+    World,
+    flight_along,
+    number_along,
+    pair_along,
+    track_of,
+)
 
 # A normal force above -this share of its terms is zero up to rounding.
 FORCE_ROUNDING = 1.0e-14
@@ -57,7 +67,7 @@ def moments_of_body(world: World, ball: int) -> tuple[float, float, float, float
     The angle is that by which the body leads its group (``shift_s, shift_c`` is half of it).
     """
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     rho = track.path_radius
     inertia = world.bodies[ball].rolling_mass * rho * rho
     moment = world.bodies[ball].weight * rho
@@ -87,12 +97,11 @@ def _balance(world: World, first: int, start: int, end: int) -> tuple[float, flo
 
     The sum runs from the end of the group inwards.
     """
-    bodies = world.settings[0].bodies
     u = 0.0
     v = 0.0
     for number in range(end - start):
         step = number if start == 0 else end - 1 - number
-        ball = (first + step) % bodies
+        ball = number_along(world, first, step)
         inertia, _, x, y = moments_of_body(world, ball)
         u += inertia * world.flights[ball].frequency * world.flights[ball].frequency - x
         v -= y
@@ -102,9 +111,8 @@ def _balance(world: World, first: int, start: int, end: int) -> tuple[float, flo
 @kernel
 def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
     """Find when the force between a group's first bodies and the rest turns negative."""
-    bodies = world.settings[0].bodies
     flight = world.flights[first]
-    pair = world.pairs[(first + bodies_left - 1) % bodies]
+    pair = pair_along(world, first, bodies_left - 1)
     pair.release_t = NEVER
     pair.release_t_low = 0.0
     u, v = force_coefficients(world, first, count, bodies_left)
@@ -155,9 +163,8 @@ def _release_at(flight: Flight, s: float, c: float, slope: float) -> float:
 @kernel
 def limit_by_lift_off(world: World, first: int, count: int) -> None:
     """End the flights of a group on an arc where a one-sided trace would have to pull a body."""
-    bodies = world.settings[0].bodies
     for step in range(count):
-        ball = (first + step) % bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
         a, b, c = _normal_force(world, first, count, step)
         after = _first_negative(flight, a, b, c)
@@ -169,11 +176,10 @@ def limit_by_lift_off(world: World, first: int, count: int) -> None:
 @kernel
 def _normal_force(world: World, first: int, count: int, step: int) -> tuple[float, float, float]:
     """``(A, B, C)`` of the normal force ``A + B cos f + C sin f`` (N) of a member of a group."""
-    settings = world.settings[0]
-    ball = (first + step) % settings.bodies
+    ball = number_along(world, first, step)
     flight = world.flights[ball]
     sign = world.pieces[flight.piece].sign
-    rho = world.tracks[ball * settings.pieces + flight.piece].path_radius
+    rho = track_of(world, ball).path_radius
     _, _, x, y = moments_of_body(world, ball)
     # m v^2/rho = m rho w^2 (4 m - 2 + 2 cos f)
     central = world.bodies[ball].mass * rho * flight.frequency * flight.frequency
@@ -181,7 +187,7 @@ def _normal_force(world: World, first: int, count: int, step: int) -> tuple[floa
     b = sign * (2.0 * central + x / rho)
     c = -sign * y / rho
     if step > 0:
-        lever = lever_of(world, (first + step - 1) % settings.pairs, ball)
+        lever = lever_of(world, number_along(world, first, step - 1), ball)
         u, v = force_coefficients(world, first, count, step)
         b -= v * lever
         c -= u * lever
@@ -196,15 +202,14 @@ def _normal_force(world: World, first: int, count: int, step: int) -> tuple[floa
 @kernel
 def limit_on_line(world: World, first: int, count: int) -> None:
     """End the flights of a group on a line at once if a one-sided trace would have to pull."""
-    bodies = world.settings[0].bodies
     for step in range(count - 1):
-        set_normals(world, (first + step) % bodies)
+        set_normals(world, number_along(world, first, step))
     for step in range(count):
-        set_speed(world, (first + step) % bodies)
+        set_speed(world, number_along(world, first, step))
     contact_forces(world, first, count - 1)
     for step in range(count):
-        flight = world.flights[(first + step) % bodies]
-        weight = world.bodies[(first + step) % bodies].weight
+        flight = flight_along(world, first, step)
+        weight = world.bodies[number_along(world, first, step)].weight
         if normal_force_now(world, first, count, step) < -FORCE_ROUNDING * weight:
             flight.exit_kind = LIFT_OFF
             flight.exit_after = 0.0
@@ -214,7 +219,7 @@ def limit_on_line(world: World, first: int, count: int) -> None:
 def lever_of(world: World, j: int, ball: int) -> float:
     """Part of a contact's force across the path of a body, for one newton metre between a pair."""
     pair = world.pairs[j]
-    rho = world.tracks[ball * world.settings[0].pieces + world.flights[ball].piece].path_radius
+    rho = track_of(world, ball).path_radius
     dx, dy = line_of_centres(world, j)
     tx, ty = tangent(world, ball)
     along = dx * tx + dy * ty
@@ -249,14 +254,13 @@ def _first_negative(flight: Flight, a: float, b: float, c: float) -> float:
 @kernel
 def launch_group(world: World, first: int, count: int) -> None:
     """Launch ``count`` bodies in contact on one piece, from ``first`` to the right."""
-    bodies = world.settings[0].bodies
     piece = world.flights[first].piece
     if world.pieces[piece].sign == 0.0:
         launch_group_on_line(world, first, count)
     else:
         _launch_on_arc(world, first, count)
     for step in range(count):
-        flight = world.flights[(first + step) % bodies]
+        flight = flight_along(world, first, step)
         if flight.exit_after < NEVER:
             flight.exit_t, flight.exit_t_low = add_to_time(
                 flight.t, flight.t_low, flight.exit_after
@@ -289,15 +293,15 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
     inertia = 0.0
     momentum = 0.0
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         body = world.bodies[ball]
         weight += body.weight
         inertia += body.rolling_mass
         momentum += body.rolling_mass * world.flights[ball].p
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        track = track_of(world, ball)
         clear(flight, track)
         flight.p = momentum / inertia
         flight.flow_s = flight.s
@@ -322,9 +326,9 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
     flow_s, flow_c = _turned(middle_s, middle_c, lead_s, lead_c)
     flow_p = momentum / inertia / (2.0 * frequency)
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        track = track_of(world, ball)
         clear(flight, track)
         flight.flow_s = flow_s
         flight.flow_c = flow_c
@@ -333,7 +337,7 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
         flight.shift_s, flight.shift_c = _turned(flight.shift_s, flight.shift_c, -lead_s, lead_c)
         flight.rate_ratio = frequency / track.frequency
     for step in range(count):
-        set_group_flow(world, first, count, (first + step) % settings.bodies)
+        set_group_flow(world, first, count, number_along(world, first, step))
     for step in range(count - 1):
         set_release(world, first, count, step + 1)
     if settings.one_sided == 1:
@@ -356,27 +360,27 @@ def _set_offsets(world: World, first: int, count: int) -> tuple[float, float]:
     settings = world.settings[0]
     left = (count - 1) // 2
     right = count // 2
-    ball = (first + left) % settings.bodies
+    ball = number_along(world, first, left)
     s = 0.0
     c = 1.0
     if left < right:
         contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
         s, c = half_of(contact.cosine, contact.sine)
     _set_shift(world, ball, -s, c)
-    _set_shift(world, (first + right) % settings.bodies, s, c)
+    _set_shift(world, number_along(world, first, right), s, c)
     left_s, left_c = s, c
     right_s, right_c = s, c
     for step in range(left):
-        ball = (first + right + step) % settings.bodies
+        ball = number_along(world, first, right + step)
         contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
         right_s, right_c = _turned(right_s, right_c, contact.sine, contact.cosine)
         _set_shift(world, (ball + 1) % settings.bodies, right_s, right_c)
-        ball = (first + left - step - 1) % settings.bodies
+        ball = number_along(world, first, left - step - 1)
         contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
         left_s, left_c = _turned(left_s, left_c, contact.sine, contact.cosine)
         _set_shift(world, ball, -left_s, left_c)
-    one = world.flights[(first + left) % settings.bodies]
-    other = world.flights[(first + right) % settings.bodies]
+    one = flight_along(world, first, left)
+    other = flight_along(world, first, right)
     one_s, one_c = _turned(one.s, one.c, -one.shift_s, one.shift_c)
     other_s, other_c = _turned(other.s, other.c, -other.shift_s, other.shift_c)
     s = 0.5 * (one_s + other_s)
@@ -397,14 +401,13 @@ def _moments(world: World, first: int, count: int) -> tuple[float, float, float,
 
     The angles are those from the middle of the group; bodies are taken two by two from its ends.
     """
-    bodies = world.settings[0].bodies
     inertia = 0.0
     momentum = 0.0
     x = 0.0
     y = 0.0
     for step in range((count + 1) // 2):
-        left_i, left_l, left_x, left_y = moments_of_body(world, (first + step) % bodies)
-        other = (first + count - 1 - step) % bodies
+        left_i, left_l, left_x, left_y = moments_of_body(world, number_along(world, first, step))
+        other = number_along(world, first, count - 1 - step)
         if 2 * step == count - 1:
             return inertia + left_i, momentum + left_l, x + left_x, y + left_y
         right_i, right_l, right_x, right_y = moments_of_body(world, other)
@@ -419,7 +422,7 @@ def _moments(world: World, first: int, count: int) -> tuple[float, float, float,
 def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     """Constants, exit and bounds of a member of a group on an arc."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     member_s, member_c, member_p = body_of_group(
         flight, flight.flow_s, flight.flow_c, flight.flow_p
     )

@@ -54,7 +54,18 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     turned,
 )
 from vibro_cli.kernels.numerics.weierstrass_motion import set_quartic_constants, squared_rate
-from vibro_cli.kernels.world import NEVER, BodyForces, Flight, TrackData, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    BodyForces,
+    Flight,
+    TrackData,
+    World,
+    flight_along,
+    number_along,
+    pair_along,
+    track_of,
+    track_on,
+)
 
 
 @kernel
@@ -70,17 +81,17 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     """Constants, exit and bounds of a member of a group on an arc (as ``groups`` has it)."""
     settings = world.settings[0]
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     flight.tilt = track.tilt
     torque = 0.0
     along = 0.0
     across = 0.0
     for step in range(count):
-        member = (first + step) % settings.bodies
+        member = number_along(world, first, step)
         _, _, x, _ = moments_of_body(world, member)
         sine, cosine = _lead(world.flights[member])
         torque += x
-        rho = world.tracks[member * settings.pieces + flight.piece].path_radius
+        rho = track_of(world, member).path_radius
         strength = world.bodies[member].mass * settings.turning_square * rho * rho
         along += strength * ((cosine - sine) * (cosine + sine))
         across += strength * (2.0 * sine * cosine)
@@ -194,14 +205,13 @@ def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
 @kernel
 def _drive(world: World, first: int, start: int, end: int) -> Harmonics:
     """Moment (N m) that drives some bodies of a group on beyond what their motion takes."""
-    settings = world.settings[0]
     flight = world.flights[first]
     w2 = flight.frequency * flight.frequency
     group = 0.0, flight.tilt, -1.0, flight.twist, 0.5 * flight.spread
     total = 0.0, 0.0, 0.0, 0.0, 0.0
     for step in range(start, end):
-        ball = (first + step) % settings.bodies
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        ball = number_along(world, first, step)
+        track = track_of(world, ball)
         inertia, _, _, _ = moments_of_body(world, ball)
         sine, cosine = _lead(world.flights[ball])
         own = turned((0.0, track.tilt, -1.0, 0.0, 0.5 * track.spread), sine, cosine)
@@ -229,9 +239,8 @@ def _from_start(flight: Flight, h: Harmonics) -> Harmonics:
 @kernel
 def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
     """Find when the force between a group's first bodies and the rest falls through zero."""
-    bodies = world.settings[0].bodies
     flight = world.flights[first]
-    pair = world.pairs[(first + bodies_left - 1) % bodies]
+    pair = pair_along(world, first, bodies_left - 1)
     pair.release_t = NEVER
     pair.release_t_low = 0.0
     if flight.at_rest == 1:
@@ -244,13 +253,12 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
 @kernel
 def _group_ways(world: World, first: int, count: int) -> tuple[float, float]:
     """Angles (rad) that a group can go to both sides before one of its bodies leaves its piece."""
-    settings = world.settings[0]
     flight = world.flights[first]
-    left, right = _ways(flight, world.tracks[first * settings.pieces + flight.piece])
+    left, right = _ways(flight, track_of(world, first))
     for step in range(1, count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         other = world.flights[ball]
-        its_left, its_right = _ways(other, world.tracks[ball * settings.pieces + other.piece])
+        its_left, its_right = _ways(other, track_of(world, ball))
         left = min(left, its_left)
         right = min(right, its_right)
     return left, right
@@ -259,10 +267,9 @@ def _group_ways(world: World, first: int, count: int) -> tuple[float, float]:
 @kernel
 def limit_by_lift_off(world: World, first: int, count: int) -> None:
     """End the flights of a group on an arc where a one-sided trace would have to pull a body."""
-    settings = world.settings[0]
     left, right = _group_ways(world, first, count)
     for step in range(count):
-        flight = world.flights[(first + step) % settings.bodies]
+        flight = flight_along(world, first, step)
         h = _from_start(flight, normal_harmonics(world, first, count, step))
         after = NEVER
         if harmonic_value(h, 0.0, 1.0) < -FORCE_ROUNDING * harmonic_size(h):
@@ -277,10 +284,9 @@ def limit_by_lift_off(world: World, first: int, count: int) -> None:
 @kernel
 def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmonics:
     """Normal force (N) of a member of a group in the group's angle."""
-    settings = world.settings[0]
-    ball = (first + step) % settings.bodies
+    ball = number_along(world, first, step)
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     body = world.bodies[ball]
     sine, cosine = _lead(flight)
     own = turned((0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0), sine, cosine)
@@ -293,7 +299,7 @@ def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmoni
     sign = world.pieces[flight.piece].sign
     h = combined(scaled(sign * body.weight, own), sign * central, square)
     if step > 0:
-        part = lever_of(world, (first + step - 1) % settings.pairs, ball)
+        part = lever_of(world, number_along(world, first, step - 1), ball)
         h = combined(h, -part, press_between(world, first, count, step))
     if step < count - 1:
         h = combined(h, lever_of(world, ball, ball), press_between(world, first, count, step + 1))
@@ -309,7 +315,7 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
     growth = 0.0
     momentum = 0.0
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         own, own_growth = _alone_on_line(world, ball)
         mass = world.bodies[ball].rolling_mass
         inertia += mass
@@ -317,9 +323,9 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
         growth += mass * own_growth
         momentum += mass * world.flights[ball].p
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        track = track_of(world, ball)
         clear(flight, track)
         flight.p = momentum / inertia
         flight.flow_s = flight.s
@@ -344,7 +350,7 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
 def _alone_on_line(world: World, ball: int) -> tuple[float, float]:
     """Acceleration (m/s^2) of a body alone on a line, and how it grows with the way (1/s^2)."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     square = track.line_growth * track.line_growth
     return track.line_acceleration + square * flight.s, square
 
@@ -356,7 +362,7 @@ def _push_on_line(world: World, first: int, step: int) -> tuple[float, float]:
     force = 0.0
     growth = 0.0
     for before in range(step + 1):
-        ball = (first + before) % world.settings[0].bodies
+        ball = number_along(world, first, before)
         own, own_growth = _alone_on_line(world, ball)
         mass = world.bodies[ball].rolling_mass
         force += mass * (own - flight.line_acceleration)
@@ -366,9 +372,8 @@ def _push_on_line(world: World, first: int, step: int) -> tuple[float, float]:
 
 @kernel
 def _set_release_on_line(world: World, first: int, step: int) -> None:
-    bodies = world.settings[0].bodies
     flight = world.flights[first]
-    pair = world.pairs[(first + step) % bodies]
+    pair = pair_along(world, first, step)
     pair.release_t = NEVER
     pair.release_t_low = 0.0
     force, growth = _push_on_line(world, first, step)
@@ -378,17 +383,16 @@ def _set_release_on_line(world: World, first: int, step: int) -> None:
 @kernel
 def _limit_on_line(world: World, first: int, count: int, step: int) -> None:
     """End the flight of a member where a one-sided trace would have to pull it."""
-    settings = world.settings[0]
-    ball = (first + step) % settings.bodies
+    ball = number_along(world, first, step)
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     weight = world.bodies[ball].weight
     force = weight * (track.line_press + track.line_press_growth * flight.s)
     growth = weight * track.line_press_growth
     for side in range(2):
         other = step - 1 + side
         if 0 <= other < count - 1:
-            part = lever_on_line(world, (first + other) % settings.pairs)
+            part = lever_on_line(world, number_along(world, first, other))
             push, push_growth = _push_on_line(world, first, other)
             part = part if side == 1 else -part
             force += part * push
@@ -450,7 +454,7 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
         _fit_group(world, number, scratch)
     else:
         body = world.bodies[row.body]
-        track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+        track = track_on(world, row.body, row.piece)
         one = world.forces[world.settings[0].bodies]
         press = press_harmonics(scratch, track.tilt, track.spread, body.kappa)
         put(one.press, scaled(body.weight * world.pieces[row.piece].sign, press))
@@ -486,9 +490,9 @@ def _fit_group(world: World, number: int, scratch: Flight) -> None:
     recall_flight(world, row, number, scratch)
     pull = pull_harmonics(scratch)
     for place in range(count):
-        ball = (first + place) % world.settings[0].bodies
+        ball = number_along(world, first, place)
         body = world.bodies[ball]
-        rho = world.tracks[ball * world.settings[0].pieces + row.piece].path_radius
+        rho = track_on(world, ball, row.piece).path_radius
         w2 = scratch.frequency * scratch.frequency
         put(
             world.forces[base + place].drag, scaled((body.kappa - 1.0) * body.mass * rho * w2, pull)
@@ -515,7 +519,7 @@ def _fit_on_line(world: World, number: int, scratch: Flight) -> None:
         set_forces(world, number, AT_WAY, 1.0 - at, scratch)
         for place in range(count):
             one = world.forces[base + place]
-            body = world.bodies[(first + place) % world.settings[0].bodies]
+            body = world.bodies[number_along(world, first, place)]
             force = (body.kappa - 1.0) * body.mass * one.acceleration
             one.press[1] = one.normal if at == 0 else one.press[1] - one.normal
             one.press[0] = one.normal

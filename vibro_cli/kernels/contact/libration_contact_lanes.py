@@ -16,16 +16,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.compile.lanes import (
-    Lanes,
-    Two,
-    any_lane,
-    both,
-    choose,
-    either,
-    in_lane,
-    opposite,
-)
+from vibro_cli.compile.lanes import Lanes, Two, any_lane, both, choose, either, in_lane, opposite
 from vibro_cli.kernels.contact.arc_contact import (
     LONGEST_CHANGE,
     derivatives_of_sine,
@@ -64,6 +55,7 @@ from vibro_cli.kernels.world import (
     PairTrack,
     TrackData,
     World,
+    track_on,
 )
 
 # Evaluations of both flows for one contact; a lane that needs more fails.
@@ -327,7 +319,7 @@ def fits(world: World, piece: int) -> bool:
     fit = fit and pair.touching == PARTING and pair.searched == 0.0 and pair.contact_t == NEVER
     for ball in range(2):
         flight = world.flights[ball]
-        track = world.tracks[ball * world.settings[0].pieces + piece]
+        track = track_on(world, ball, piece)
         end = min(track.left_s * track.left_s, track.right_s * track.right_s)
         fit = fit and flight.piece == piece and swings(flight) and flight.form == TRIGONOMETRIC
         fit = fit and track.lowest_s2 == 0.0 and flight.exit_after == NEVER

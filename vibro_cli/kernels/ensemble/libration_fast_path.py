@@ -46,6 +46,8 @@ from vibro_cli.kernels.world import (
     PARTING,
     RUNNING,
     World,
+    track_of,
+    track_on,
 )
 
 
@@ -133,13 +135,12 @@ def _gather(world: World, two: TwoSwings, tracks: TwoTracks) -> None:
 @kernel
 def _launch(world: World) -> None:
     """Set both flights up as the event loop has them."""
-    settings = world.settings[0]
     a = world.flights[0]
     b = world.flights[1]
     set_two_theta_constants(a, a.parameter, a.root_complement, b, b.parameter, b.root_complement)
     for ball in range(2):
         flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        track = track_of(world, ball)
         launch(flight, world.bodies[ball], world.pieces[flight.piece], track, 0)
 
 
@@ -224,7 +225,6 @@ def _share_energy(
     """
     a = world.flights[0]
     b = world.flights[1]
-    pieces = world.settings[0].pieces
     if any_lane(c * c + p * p < CREST_NEIGHBOURHOOD) or any_lane(abs(p) >= abs(c)):
         return -1
     head = head_on_arc(tracks, s, c, p)
@@ -239,7 +239,7 @@ def _share_energy(
     more = 0 if energy_a > energy_b else 1
     other = world.flights[more]
     kept = other.head
-    track = world.tracks[more * pieces + a.piece]
+    track = track_on(world, more, a.piece)
     other.head = (total - min(energy_a, energy_b)) / world.bodies[more].weight
     rest, rest_root = energy_on_piece(other, track, track)
     if more == 0:

@@ -25,14 +25,7 @@ from vibro_cli.kernels.ensemble.records import (
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.tangent.frame import Tangents
-from vibro_cli.kernels.world import (
-    END_TIME,
-    LOG_FULL,
-    NEVER,
-    RUNNING,
-    Flight,
-    World,
-)
+from vibro_cli.kernels.world import END_TIME, LOG_FULL, NEVER, RUNNING, Flight, World
 
 
 @kernel

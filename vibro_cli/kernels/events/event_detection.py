@@ -29,6 +29,9 @@ from vibro_cli.kernels.world import (
     PieceData,
     TrackData,
     World,
+    flights_of,
+    track_of,
+    tracks_of,
 )
 
 # Cosines of bounds are compared with room for their rounding.
@@ -74,8 +77,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     settings = world.settings[0]
     clock = world.clock[0]
     clock.searches += 1
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     apart = world.far[j * settings.pieces + a.piece][b.piece] == 1
     apart = apart or (a.at_rest == 1 and b.at_rest == 1)
     apart = apart or _is_left_to_the_other(world, pair)
@@ -158,11 +160,10 @@ def _contact_by_distance(
     """
     settings = world.settings[0]
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     piece_a = world.pieces[a.piece]
     piece_b = world.pieces[b.piece]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
+    track_a = track_of(world, pair.a)
     track_b = world.tracks[(pair.a if straight else pair.b) * settings.pieces + b.piece]
     reach = world.contacts[j * settings.pieces + a.piece].sine if straight else pair.distance
     clock = world.clock[0]
@@ -199,13 +200,10 @@ def _is_left_to_the_other(world: World, pair: PairData) -> bool:
 @kernel
 def _hand_over(world: World, pair: PairData, other: PairData) -> None:
     """Give a contact of two bodies on two pieces to the other pair if it is on that side."""
-    settings = world.settings[0]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     piece_a = world.pieces[a.piece]
     piece_b = world.pieces[b.piece]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    track_a, track_b = tracks_of(world, pair)
     ax, ay = centre_position(piece_a, track_a, pair.a_s, pair.a_c)
     bx, by = centre_position(piece_b, track_b, pair.b_s, pair.b_c)
     tx, ty = centre_tangent(piece_a, pair.a_s, pair.a_c)

@@ -78,6 +78,11 @@ from vibro_cli.kernels.world import (
     PairData,
     TrackData,
     World,
+    flights_of,
+    number_along,
+    track_of,
+    track_on,
+    tracks_of,
 )
 
 # Below this share of the whole energy, a speed is carried over a junction instead of the energy.
@@ -132,12 +137,9 @@ def _collide_alone(world: World, j: int) -> int:
     settings = world.settings[0]
     clock = world.clock[0]
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    body_a = world.bodies[pair.a]
-    body_b = world.bodies[pair.b]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    a, b = flights_of(world, pair)
+    body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
+    track_a, track_b = tracks_of(world, pair)
     if a.frequency > 0.0:
         pair.a_s, pair.a_c, pair.a_p = project(a, pair.a_s, pair.a_c, pair.a_p)
     if b.frequency > 0.0:
@@ -201,12 +203,9 @@ def _share_energy(world: World, pair: PairData, loss: float) -> None:
     added up. A tie is shared evenly, so that mirror images stay mirror images.
     """
     settings = world.settings[0]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    body_a = world.bodies[pair.a]
-    body_b = world.bodies[pair.b]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    a, b = flights_of(world, pair)
+    body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
+    track_a, track_b = tracks_of(world, pair)
     total = body_a.weight * a.head + body_b.weight * b.head - loss
     energy_a = body_a.weight * head_from_state(a, body_a, track_a, settings.gravity)
     energy_b = body_b.weight * head_from_state(b, body_b, track_b, settings.gravity)
@@ -237,7 +236,7 @@ def release(world: World, j: int) -> int:
     clock.t_low = pair.release_t_low
     first, count = held_run(world, j)
     for step in range(count + 1):
-        bring_to(world, (first + step) % world.settings[0].bodies, clock.t, clock.t_low)
+        bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
     open_contacts(world, j, first, count)
     return RUNNING
 
@@ -255,14 +254,14 @@ def leave_piece(world: World, ball: int) -> int:
         return END_LIFT_OFF
     if flight.grouped == 1:
         return _leave_in_group(world, ball)
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     right = flight.exit_side > 0
     exit_p = flight.exit_p
     _place_at_end(flight, track, right, exit_p)
     target = flight.piece + (1 if right else -1)
     if settings.closed == 1 or 0 <= target < settings.pieces:
         _enter(world, ball, target, right, track.speed_factor * exit_p)
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        track = track_of(world, ball)
         speed = track.speed_factor * flight.p
         kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / settings.gravity
         if kinetic > SLOW_CROSSING * flight.head:
@@ -293,7 +292,7 @@ def _enter(world: World, ball: int, target: int, right: bool, speed: float) -> N
         flight.lap += 1
     world.clock[0].crossings += 1
     flight.piece = target
-    track = world.tracks[ball * settings.pieces + target]
+    track = track_on(world, ball, target)
     flight.s = track.left_s if right else track.right_s
     flight.c = track.left_c if right else track.right_c
     flight.p = speed / track.speed_factor
@@ -308,7 +307,7 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
         rate = math.sqrt(max(2.0 * settings.gravity * rise / world.bodies[ball].kappa, 0.0))
     else:
         anchor = flight.anchor if flight.anchor >= 0 else flight.piece
-        set_arc_energy(flight, track, world.tracks[ball * settings.pieces + anchor])
+        set_arc_energy(flight, track, track_on(world, ball, anchor))
         s2 = flight.s * flight.s
         if s2 > 0.5:
             root = flight.root_complement
@@ -332,11 +331,11 @@ def _leave_in_group(world: World, ball: int) -> int:
     j = ball if ball < settings.pairs and world.pairs[ball].held == 1 else ball - 1
     first, count = held_run(world, j % settings.bodies)
     for step in range(count + 1):
-        bring_to(world, (first + step) % settings.bodies, clock.t, clock.t_low)
+        bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
     if segment_only:
         relaunch_run(world, first, count, SEGMENT)
         return RUNNING
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     flight.exit_t = clock.t
     flight.exit_t_low = clock.t_low
     _place_at_end(flight, track, right, exit_p)

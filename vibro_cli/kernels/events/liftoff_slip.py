@@ -20,7 +20,7 @@ from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, row_of, 
 from vibro_cli.kernels.flow.flight import squared_rate_at
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, recall_flight, time_to
 from vibro_cli.kernels.numerics.elliptic import quarter_period
-from vibro_cli.kernels.world import NEVER, BodyForces, Flight, World
+from vibro_cli.kernels.world import NEVER, BodyForces, Flight, World, track_on
 
 TURNING = 0
 LIFT_OFF = 1
@@ -349,7 +349,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
     row = world.log[span.row]
     body = world.bodies[row.body]
     piece = world.pieces[row.piece]
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     one = world.forces[world.settings[0].bodies]
     if piece.sign == 0.0:
         one.start_normal = body.weight * piece.tangent_x

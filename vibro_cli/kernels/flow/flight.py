@@ -9,7 +9,16 @@ from vibro_cli.compile.lanes import choose
 from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_to
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants, set_two_theta_constants
-from vibro_cli.kernels.world import NEVER, BodyData, Flight, PieceData, TrackData, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    BodyData,
+    Flight,
+    PieceData,
+    TrackData,
+    World,
+    track_of,
+    track_on,
+)
 
 BOUNDARY = 0
 LIFT_OFF = 1
@@ -410,7 +419,7 @@ def take_energy(world: World, ball: int) -> None:
     """Measure the energy of a body in its state."""
     settings = world.settings[0]
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     measure_energy(flight, world.bodies[ball], track, settings.gravity)
 
 
@@ -421,10 +430,9 @@ def _arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]
     if from_state == 1:
         take_energy(world, ball)
         return energy_of_state(flight.s, flight.c, flight.p)
-    pieces = world.settings[0].pieces
     anchor = flight.anchor if flight.anchor >= 0 else flight.piece
-    track = world.tracks[ball * pieces + flight.piece]
-    return energy_on_piece(flight, track, world.tracks[ball * pieces + anchor])
+    track = track_of(world, ball)
+    return energy_on_piece(flight, track, track_on(world, ball, anchor))
 
 
 @kernel
@@ -432,7 +440,7 @@ def launch_and_log(world: World, ball: int, cause: int) -> None:
     """Launch the flight whose state and constants are set, and log it."""
     settings = world.settings[0]
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     piece = world.pieces[flight.piece]
     launch(flight, world.bodies[ball], piece, track, settings.one_sided)
     log_flight(world, ball, cause)

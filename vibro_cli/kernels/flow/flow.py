@@ -24,7 +24,7 @@ from vibro_cli.kernels.numerics.elliptic import (
     theta_functions,
     trigonometric_form,
 )
-from vibro_cli.kernels.world import NEVER, Flight, FlightRow, TrackData, World
+from vibro_cli.kernels.world import NEVER, Flight, FlightRow, TrackData, World, track_on
 
 LINE = 3  # a flight's form on a line, beside those of kernels.numerics.elliptic
 POLYNOMIAL = 4  # ... and on a segment of a motion in contact across pieces
@@ -425,7 +425,7 @@ class Sample:
 @kernel
 def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> None:
     """Set up a flight from its row, the ``number``-th of the log, so that its flow can be asked."""
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     flight.piece = row.piece
     flight.s = row.s
     flight.c = row.c
@@ -518,7 +518,7 @@ def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) ->
     body = world.bodies[row.body]
     if row.grouped == 0:
         return body.weight * row.head
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     rise = track.line_rise * s if track.path_radius == 0.0 else 2.0 * track.path_radius * s * s
     speed = track.speed_factor * p
     kinetic = 0.5 * body.kappa * speed * speed / world.settings[0].gravity

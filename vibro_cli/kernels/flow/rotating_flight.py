@@ -37,7 +37,16 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
 )
 from vibro_cli.kernels.numerics.elliptic import sine_cosine
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
-from vibro_cli.kernels.world import NEVER, BodyData, Flight, FlightRow, PieceData, TrackData, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    BodyData,
+    Flight,
+    FlightRow,
+    PieceData,
+    TrackData,
+    World,
+    track_on,
+)
 
 # A normal force above -this share of the weight is zero up to rounding.
 FORCE_ROUNDING = 1.0e-14
@@ -221,7 +230,7 @@ def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) ->
     if row.grouped == 0:
         return body.weight * row.head
     gravity = world.settings[0].gravity
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     speed = track.speed_factor * p
     kinetic = 0.5 * body.kappa * speed * speed / gravity
     return body.weight * (potential_head(track, gravity, body.kappa, s, c) + kinetic)

@@ -16,12 +16,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.flow.flow import (
-    POLYNOMIAL,
-    body_of_group,
-    group_of_body,
-    polynomial_flow,
-)
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, body_of_group, group_of_body, polynomial_flow
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
 from vibro_cli.kernels.numerics.elliptic import sine_cosine
 from vibro_cli.kernels.numerics.weierstrass_motion import (

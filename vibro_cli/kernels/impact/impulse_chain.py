@@ -22,7 +22,15 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 from vibro_cli.kernels.flow.flight import AT_END, is_at, state_at
 from vibro_cli.kernels.impact.laws import law_approach, weight_and_response
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
-from vibro_cli.kernels.world import NEVER, FlightRow, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    FlightRow,
+    World,
+    flight_along,
+    number_along,
+    pair_along,
+    track_of,
+)
 
 # Height of a bounce that is lost in rounding, as a share of the size of the places.
 BOUNCE_ROUNDING = 16.0 * 2.220446049250313e-16
@@ -35,7 +43,7 @@ def touched_wall(world: World, ball: int) -> int:
     if settings.closed == 1:
         return 0
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     first = ball == 0 and flight.piece == 0 and settings.left_wall >= 0.0
     last = ball == settings.bodies - 1 and flight.piece == settings.pieces - 1
     last = last and settings.right_wall >= 0.0
@@ -50,7 +58,7 @@ def touched_wall(world: World, ball: int) -> int:
 def stand_at_wall(world: World, ball: int, side: int) -> None:
     """Put a body that touches a wall where it touches it, so that it meets it at once or not."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     flight.s = track.right_s if side > 0 else track.left_s
     flight.c = track.right_c if side > 0 else track.left_c
 
@@ -76,7 +84,7 @@ def _is_at_end(s: float, c: float, end_s: float, end_c: float, path_radius: floa
 def lost_height(world: World, ball: int) -> float:
     """Height (m) of a bounce that is lost in the rounding of the body's place."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     x, y = centre_position(world.pieces[flight.piece], track, flight.s, flight.c)
     return BOUNCE_ROUNDING * (abs(x) + abs(y) + world.bodies[ball].radius)
 
@@ -194,7 +202,7 @@ def held_from(world: World, first: int, count: int, start: int) -> int:
     """Number of held pairs in a row from place ``start`` of a chain on."""
     length = 0
     while start + length < count:
-        if world.pairs[(first + start + length) % world.settings[0].pairs].held == 0:
+        if pair_along(world, first, start + length).held == 0:
             break
         length += 1
     return length
@@ -205,7 +213,7 @@ def speed_of_chain(world: World, first: int, count: int) -> float:
     """Size (m/s) of the greatest speeds in a chain, in whose rounding small ones are lost."""
     fastest = 0.0
     for step in range(count):
-        fastest = max(fastest, speed_of_pair(world, (first + step) % world.settings[0].pairs))
+        fastest = max(fastest, speed_of_pair(world, number_along(world, first, step)))
     return fastest
 
 
@@ -216,14 +224,13 @@ def share_fastest(world: World, first: int, count: int) -> float:
     A sequence of impacts at one instant may contract to rest: what is left of its speeds is
     measured by those it began with. The bodies of the chain share what each of them remembers.
     """
-    bodies = world.settings[0].bodies
     fastest = speed_of_chain(world, first, count)
     if count == 0:
         fastest = abs(world.flights[first].speed)
     for step in range(count + 1):
-        fastest = max(fastest, world.flights[(first + step) % bodies].fastest)
+        fastest = max(fastest, flight_along(world, first, step).fastest)
     for step in range(count + 1):
-        world.flights[(first + step) % bodies].fastest = fastest
+        flight_along(world, first, step).fastest = fastest
     return fastest
 
 
@@ -236,7 +243,7 @@ def joint_impulses(world: World, first: int, count: int, law: int, plastic: int)
     """
     pairs = world.settings[0].pairs
     for step in range(count):
-        j = (first + step) % pairs
+        j = number_along(world, first, step)
         pair = world.pairs[j]
         qa, ha = _weight_and_response(world, law, pair.a, pair.normal_a)
         qb, hb = _weight_and_response(world, law, pair.b, pair.normal_b)
@@ -251,11 +258,11 @@ def joint_impulses(world: World, first: int, count: int, law: int, plastic: int)
         pair.lower = 0.0
         pair.upper = 0.0
         if step > 0:
-            before = world.pairs[(first + step - 1) % pairs]
+            before = pair_along(world, first, step - 1)
             _, h = _weight_and_response(world, law, pair.a, before.normal_b)
             pair.lower = -qa * h
         if step < count - 1:
-            after = world.pairs[(first + step + 1) % pairs]
+            after = pair_along(world, first, step + 1)
             _, h = _weight_and_response(world, law, pair.b, after.normal_a)
             pair.upper = -qb * h
     solve_from_both_ends(world.pairs, pairs, first, count)
@@ -275,18 +282,17 @@ def apply_impulses(world: World, first: int, count: int, law: int) -> None:
     A light body between heavy ones gets two great impulses that take one another away: what is left
     is rounded as they are, so that their size counts as one of its speeds at this instant.
     """
-    pairs = world.settings[0].pairs
     for step in range(count + 1):
         left = 0.0
         right = 0.0
         ball = 0
         if step > 0:
-            pair = world.pairs[(first + step - 1) % pairs]
+            pair = pair_along(world, first, step - 1)
             ball = pair.b
             _, h = _weight_and_response(world, law, ball, pair.normal_b)
             left = pair.solution * h
         if step < count:
-            pair = world.pairs[(first + step) % pairs]
+            pair = pair_along(world, first, step)
             ball = pair.a
             _, h = _weight_and_response(world, law, ball, pair.normal_a)
             right = pair.solution * h
@@ -300,7 +306,7 @@ def contact_forces(world: World, first: int, count: int) -> None:
     """Forces (``solution``, N) that keep a run of pairs in contact (normals and speeds set)."""
     pairs = world.settings[0].pairs
     for step in range(count):
-        j = (first + step) % pairs
+        j = number_along(world, first, step)
         pair = world.pairs[j]
         ease_a = mobility(world, pair.a)
         ease_b = mobility(world, pair.b)
@@ -314,9 +320,9 @@ def contact_forces(world: World, first: int, count: int) -> None:
         pair.lower = 0.0
         pair.upper = 0.0
         if step > 0:
-            before = world.pairs[(first + step - 1) % pairs]
+            before = pair_along(world, first, step - 1)
             pair.lower = -pair.normal_a * before.normal_b * ease_a
         if step < count - 1:
-            after = world.pairs[(first + step + 1) % pairs]
+            after = pair_along(world, first, step + 1)
             pair.upper = -pair.normal_b * after.normal_a * ease_b
     solve_from_both_ends(world.pairs, pairs, first, count)

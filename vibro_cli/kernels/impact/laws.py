@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
-from vibro_cli.kernels.world import BodyData, PairData, World
+from vibro_cli.kernels.world import BodyData, PairData, World, flights_of, track_of
 
 HEDRIH = 0
 TRANSLATIONAL = 1
@@ -146,8 +146,7 @@ def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float
     clock = world.clock[0]
     row = world.impacts[clock.impact_rows]
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     row.t = clock.t
     row.t_low = clock.t_low
     row.pair = j
@@ -216,8 +215,7 @@ def log_contacts(world: World, t: float, t_low: float) -> None:
 def _log_contact(world: World, j: int, pair: PairData) -> None:
     clock = world.clock[0]
     row = world.touches[clock.contact_rows]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     row.t = pair.change_t
     row.t_low = pair.change_t_low
     row.delay = pair.delay
@@ -228,6 +226,6 @@ def _log_contact(world: World, j: int, pair: PairData) -> None:
     row.piece_b = b.piece
     row.b_s = b.s
     row.b_c = b.c
-    row.speed = b.p * world.tracks[pair.b * world.settings[0].pieces + b.piece].speed_factor
+    row.speed = b.p * track_of(world, pair.b).speed_factor
     clock.contact_rows += 1
     clock.contacts += pair.held

@@ -19,7 +19,7 @@ from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.rotating_flight import potential_head
 from vibro_cli.kernels.impact.laws import LAW_NAMES, TRANSLATIONAL
 from vibro_cli.kernels.statistics.run_statistics import residual_gap
-from vibro_cli.kernels.world import ImpactRow, PieceData, TrackData, World
+from vibro_cli.kernels.world import ImpactRow, PieceData, TrackData, World, track_on
 
 REGIMES = ("oscillating", "progressive")
 EIGHTS = ("none", "left loop", "right loop", "on it", "outside")
@@ -58,7 +58,7 @@ def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
     count = 0
     for number in range(len(world.pieces)):
         piece = world.pieces[number]
-        track = world.tracks[body * len(world.pieces) + number]
+        track = track_on(world, body, number)
         if number == 0:
             s, c = _half_angle(piece, piece.angle_start)
             head = potential_head(track, settings.gravity, kappa, s, c)
@@ -513,7 +513,7 @@ def _fill_body(
     a bound on its acceleration (m/s^2).
     """
     data = world.pieces[piece]
-    track = world.tracks[body * world.settings[0].pieces + piece]
+    track = track_on(world, body, piece)
     place = place_on(data, s, c)
     line = data.sign == 0.0
     arc_length = data.start_s + (place if line else data.radius * (place - data.angle_start))

@@ -54,7 +54,16 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
 from vibro_cli.kernels.numerics.elliptic import sine_cosine
 from vibro_cli.kernels.numerics.weierstrass_motion import period_of, squared_rate
 from vibro_cli.kernels.statistics.run_statistics import Outcome, friction_demand
-from vibro_cli.kernels.world import NEVER, BodyData, BodyForces, Flight, FlightRow, TrackData, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    BodyData,
+    BodyForces,
+    Flight,
+    FlightRow,
+    TrackData,
+    World,
+    track_on,
+)
 
 # Places are looked for this far (rad) beyond where a flight has come: times decide.
 MARGIN = 1.0e-9
@@ -122,7 +131,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
     row = world.log[span.row]
     body = world.bodies[row.body]
     sign = world.pieces[row.piece].sign
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     lifts = True
     slips = friction >= 0.0
     if sign != 0.0:
@@ -260,7 +269,7 @@ def tally_alone(
     """Count in the normal forces and the demand of friction of a flight of a body by itself."""
     row = world.log[number]
     body = world.bodies[row.body]
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     sign = world.pieces[row.piece].sign
     most = 0.0
     if sign != 0.0:

@@ -16,12 +16,7 @@ import math
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.kernels.cluster.trace_forces import (
-    AT_TIME,
-    fit_forces,
-    is_pendulum,
-    set_forces,
-)
+from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, is_pendulum, set_forces
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.flow import energy_of_row, flow, half_period, recall_flight
 from vibro_cli.kernels.world import (
@@ -36,6 +31,7 @@ from vibro_cli.kernels.world import (
     ImpactRow,
     PieceData,
     World,
+    track_on,
 )
 
 # A square below another one by this factor is so whatever the rounding of both.
@@ -179,9 +175,8 @@ def residual_gap(world: World, row: ImpactRow) -> float:
 @kernel
 def _half_angle_of_contact(world: World, row: ImpactRow) -> tuple[float, float]:
     """Sine and cosine of half the angle of contact on an arc, where both bodies are on it."""
-    pieces = world.settings[0].pieces
-    rho_a = world.tracks[row.a * pieces + row.piece_a].path_radius
-    rho_b = world.tracks[row.b * pieces + row.piece_b].path_radius
+    rho_a = track_on(world, row.a, row.piece_a).path_radius
+    rho_b = track_on(world, row.b, row.piece_b).path_radius
     if row.piece_a != row.piece_b or rho_a == 0.0:
         return 0.0, 1.0
     return half_angle_on_arc(rho_a * rho_b, world.bodies[row.a].radius, world.bodies[row.b].radius)
@@ -198,9 +193,8 @@ def half_angle_on_arc(product: float, radius_a: float, radius_b: float) -> tuple
 @kernel
 def _gap(world: World, row: ImpactRow, half_sine: float, half_cosine: float) -> float:
     """As :func:`residual_gap`, with half the angle of contact on the arc."""
-    pieces = world.settings[0].pieces
-    track_a = world.tracks[row.a * pieces + row.piece_a]
-    track_b = world.tracks[row.b * pieces + row.piece_b]
+    track_a = track_on(world, row.a, row.piece_a)
+    track_b = track_on(world, row.b, row.piece_b)
     radius_a = world.bodies[row.a].radius
     radius_b = world.bodies[row.b].radius
     reach = radius_a + radius_b
@@ -316,7 +310,7 @@ def tally_alone(
     row = world.log[number]
     body = world.bodies[row.body]
     piece = world.pieces[row.piece]
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     if track.path_radius == 0.0:
         outcome.least_force = min(outcome.least_force, body.weight * piece.tangent_x)
         demand = friction_demand(
