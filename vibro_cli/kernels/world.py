@@ -21,6 +21,9 @@ PARTING = 1  # after an impact, with a speed
 RELEASED = 2  # after lasting contact, with neither speed nor acceleration
 CLOSING = 3  # in contact and approaching: an impact now, whatever the rounding of the gap
 
+State = tuple[float, float, float]  # (S, C, P) of a body
+States = tuple[float, float, float, float, float, float]  # those of both bodies of a pair
+
 NEVER = 1.0e303  # a time, s, after the end of every run (a stop.time is at most 1e300)
 
 
@@ -473,6 +476,13 @@ def flights_of(world: World, pair: PairData) -> tuple[Flight, Flight]:
 def tracks_of(world: World, pair: PairData) -> tuple[TrackData, TrackData]:
     """Return the paths of both bodies of a pair on the pieces of their flights."""
     return track_of(world, pair.a), track_of(world, pair.b)
+
+
+@kernel
+def contact_of(world: World, j: int) -> PairTrack:
+    """Return the constants of contact of a pair on the piece of its left body."""
+    pieces = world.settings[0].pieces
+    return world.contacts[j * pieces + world.flights[world.pairs[j].a].piece]
 
 
 @kernel

@@ -43,6 +43,7 @@ from vibro_cli.kernels.world import (
     Flight,
     FlightRow,
     PieceData,
+    States,
     TrackData,
     World,
     track_on,
@@ -426,21 +427,12 @@ def speed_and_jerk(flight: Flight, track: TrackData, until: float) -> tuple[floa
 
 
 @kernel
-def released_step(
-    a: Flight,
-    b: Flight,
-    a_s: float,
-    a_c: float,
-    a_p: float,
-    b_s: float,
-    b_c: float,
-    b_p: float,
-    rate: float,
-) -> float:
+def released_step(a: Flight, b: Flight, states: States, rate: float) -> float:
     """Step up to which a pair whose contact force has just vanished stays apart.
 
     As ``arc_contact.released_step``, with the flights' own bounds on the fourth derivative.
     """
+    a_s, a_c, a_p, b_s, b_c, b_p = states
     wa = a.own_frequency
     wb = b.own_frequency
     third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
