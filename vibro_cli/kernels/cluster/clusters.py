@@ -21,13 +21,15 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     tangent,
 )
 from vibro_cli.kernels.flow.flight import (
-    BOUNDARY,
     LIFT_OFF,
     choose_exit,
+    clear,
     is_at,
     launch_on_line,
+    set_exit_time,
     set_flow_energy,
     squared_rate_at,
+    start_from_state,
 )
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_to
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
@@ -113,11 +115,10 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
     """Find when the force between a group's first bodies and the rest turns negative."""
     flight = world.flights[first]
     pair = pair_along(world, first, bodies_left - 1)
-    pair.release_t = NEVER
-    pair.release_t_low = 0.0
     u, v = force_coefficients(world, first, count, bodies_left)
     size = math.sqrt(u * u + v * v)
     if size == 0.0 or flight.at_rest == 1:
+        keep_release(flight, pair, NEVER)
         return
     # Zeros of U sin f + V cos f: sin f = -+ V/size, cos f = +- U/size.
     after = NEVER
@@ -136,7 +137,9 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
 
 @kernel
 def keep_release(flight: Flight, pair: PairData, after: float) -> None:
-    """Keep when a contact force falls through zero (s after the flight's start), if it does."""
+    """Keep when a contact force falls through zero (s after the flight's start), or NEVER."""
+    pair.release_t = NEVER
+    pair.release_t_low = 0.0
     if after < NEVER:
         pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
 
@@ -260,29 +263,22 @@ def launch_group(world: World, first: int, count: int) -> None:
     else:
         _launch_on_arc(world, first, count)
     for step in range(count):
-        flight = flight_along(world, first, step)
-        if flight.exit_after < NEVER:
-            flight.exit_t, flight.exit_t_low = add_to_time(
-                flight.t, flight.t_low, flight.exit_after
-            )
-        else:
-            flight.exit_t = NEVER
-            flight.exit_t_low = 0.0
+        set_exit_time(flight_along(world, first, step))
 
 
 @kernel
-def clear(flight: Flight, track: TrackData) -> None:
+def begin_member(flight: Flight, track: TrackData) -> None:
     """Forget what a flight had of its motion before it became one of a group."""
-    flight.at_rest = 0
-    flight.wall_side = 0
-    flight.exit_kind = BOUNDARY
-    flight.exit_side = 0
-    flight.exit_after = NEVER
-    flight.exit_p = 0.0
+    clear(flight, track, 1)
     flight.anchor = -1
-    flight.segment = 0.0
-    flight.own_frequency = track.frequency
-    flight.grouped = 1
+
+
+@kernel
+def begin_on_line(flight: Flight, track: TrackData, speed: float) -> None:
+    """Let a flight of a group on a line start at its common speed (m/s)."""
+    begin_member(flight, track)
+    flight.p = speed
+    start_from_state(flight)
 
 
 @kernel
@@ -302,11 +298,7 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
         ball = number_along(world, first, step)
         flight = world.flights[ball]
         track = track_of(world, ball)
-        clear(flight, track)
-        flight.p = momentum / inertia
-        flight.flow_s = flight.s
-        flight.flow_c = flight.c
-        flight.flow_p = flight.p
+        begin_on_line(flight, track, momentum / inertia)
         flight.line_acceleration = -track.line_rise * weight / inertia
         launch_on_line(flight, track.left_s, track.right_s)
         if step < count - 1:
@@ -329,7 +321,7 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
         ball = number_along(world, first, step)
         flight = world.flights[ball]
         track = track_of(world, ball)
-        clear(flight, track)
+        begin_member(flight, track)
         flight.flow_s = flow_s
         flight.flow_c = flow_c
         flight.flow_p = flow_p

@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import SERIES_LENGTH, Series, kernel
+from vibro_cli.kernels.cluster.clusters import keep_release
 from vibro_cli.kernels.cluster.trace_forces import normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import free_acceleration, set_normals
-from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_to
+from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_to, set_exit_time
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, path_on_segment, polynomial_flow
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
-from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.world import (
     NEVER,
     Flight,
@@ -83,12 +83,9 @@ def launch_across(world: World, first: int, count: int) -> None:
             _limit_by_lift_off(flight, h)
         if step < count - 1:
             pair = world.pairs[ball]
-            pair.release_t = NEVER
-            pair.release_t_low = 0.0
             weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
             after = first_root_of_series(pair.series, h, FORCE_ROUNDING * weights)
-            if after < h:
-                pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
+            keep_release(flight, pair, after if after < h else NEVER)
 
 
 @kernel
@@ -132,31 +129,26 @@ def _start_member(world: World, ball: int, h: float) -> None:
 def _integrate(world: World, first: int, count: int, h: float) -> bool:
     """Collocation on a segment of length ``h`` (s); False if it does not converge to rounding."""
     for step in range(count):
-        ball = number_along(world, first, step)
-        _start_member(world, ball, h)
+        _start_member(world, number_along(world, first, step), h)
+    change = NEVER
     for _ in range(ITERATIONS):
         change = _iterate(world, first, count, h)
         if change < CONVERGED:
             if world.settings[0].one_sided == 1:
                 _set_normal_forces(world, first, count, h)
-            _restore_members(world, first, count)
-            return _resolved(world, first, count)
+            break
     _restore_members(world, first, count)
-    return False
-
-
-@kernel
-def _restore(flight: Flight) -> None:
-    flight.s = flight.flow_s
-    flight.c = flight.flow_c
-    flight.p = flight.flow_p * flight.rate_ratio
-    flight.speed = flight.flow_p
+    return change < CONVERGED and _resolved(world, first, count)
 
 
 @kernel
 def _restore_members(world: World, first: int, count: int) -> None:
     for step in range(count):
-        _restore(flight_along(world, first, step))
+        flight = flight_along(world, first, step)
+        flight.s = flight.flow_s
+        flight.c = flight.flow_c
+        flight.p = flight.flow_p * flight.rate_ratio
+        flight.speed = flight.flow_p
 
 
 @kernel
@@ -181,14 +173,16 @@ def _limit_by_lift_off(flight: Flight, h: float) -> None:
         flight.exit_kind = LIFT_OFF
         flight.exit_after = after
         _, _, flight.exit_p = polynomial_flow(flight, after)
-        flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, after)
+        set_exit_time(flight)
 
 
 @kernel
 def _force_members(world: World, first: int, count: int, t: float) -> None:
     """Put the members into their states at a time of the segment; find their contact forces."""
     for step in range(count):
-        _move_to(world, number_along(world, first, step), t)
+        flight = flight_along(world, first, step)
+        flight.s, flight.c, flight.p = polynomial_flow(flight, t)
+        flight.speed = flight.p / flight.rate_ratio
     for step in range(count - 1):
         set_normals(world, number_along(world, first, step))
     contact_forces(world, first, count - 1)
@@ -223,17 +217,6 @@ def _iterate(world: World, first: int, count: int, h: float) -> float:
             change = max(change, moved / (size * h * h + abs(flight.flow_p) * h))
             flight.series[i] = value
     return change
-
-
-@kernel
-def _move_to(world: World, ball: int, t: float) -> None:
-    """Set a member's state and speed from its present polynomial."""
-    flight = world.flights[ball]
-    s, c, p = polynomial_flow(flight, t)
-    flight.s = s
-    flight.c = c
-    flight.p = p
-    flight.speed = p / flight.rate_ratio
 
 
 @kernel
@@ -294,7 +277,7 @@ def _set_end(world: World, ball: int, h: float) -> None:
         flight.exit_side = 1 if right < left else -1
         flight.exit_after = min(left, right)
     _, _, flight.exit_p = polynomial_flow(flight, flight.exit_after)
-    flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
+    set_exit_time(flight)
 
 
 @kernel

@@ -20,7 +20,7 @@ import math
 from vibro_cli.compile.kernel import Series, kernel
 from vibro_cli.kernels.cluster.clusters import (
     FORCE_ROUNDING,
-    clear,
+    begin_on_line,
     keep_release,
     lever_of,
     moments_of_body,
@@ -241,9 +241,8 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
     """Find when the force between a group's first bodies and the rest falls through zero."""
     flight = world.flights[first]
     pair = pair_along(world, first, bodies_left - 1)
-    pair.release_t = NEVER
-    pair.release_t_low = 0.0
     if flight.at_rest == 1:
+        keep_release(flight, pair, NEVER)
         return
     h = _from_start(flight, press_between(world, first, count, bodies_left))
     left, right = _group_ways(world, first, count)
@@ -326,11 +325,7 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
         ball = number_along(world, first, step)
         flight = world.flights[ball]
         track = track_of(world, ball)
-        clear(flight, track)
-        flight.p = momentum / inertia
-        flight.flow_s = flight.s
-        flight.flow_c = flight.c
-        flight.flow_p = flight.p
+        begin_on_line(flight, track, momentum / inertia)
         flight.rate_ratio = 1.0
         flight.frequency = 0.0
         flight.form = TURNING_LINE
@@ -374,8 +369,6 @@ def _push_on_line(world: World, first: int, step: int) -> tuple[float, float]:
 def _set_release_on_line(world: World, first: int, step: int) -> None:
     flight = world.flights[first]
     pair = pair_along(world, first, step)
-    pair.release_t = NEVER
-    pair.release_t_low = 0.0
     force, growth = _push_on_line(world, first, step)
     keep_release(flight, pair, fall_on_line(flight, force, growth))
 

@@ -83,19 +83,9 @@ def is_pendulum(flight: Flight) -> bool:
 def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight) -> None:
     """Set normal force and friction (N) of every body of a motion, in ``world.forces``.
 
-    Parameters
-    ----------
-    world
-        With the logs of the run.
-    number
-        Row of the flight of one of its bodies.
-    angle
-        At one of the fitted angles; ``AT_TIME`` for a time (s) after its start, ``AT_WAY`` for a
-        way (m) along a line.
-    t
-        That time or way.
-    scratch
-        A flight to work with; of a body alone it is that of its row.
+    ``number`` is the row of the flight of one of its bodies, ``angle`` one of the fitted angles, or
+    ``AT_TIME`` for a time ``t`` (s) after its start, ``AT_WAY`` for a way ``t`` (m) along a line.
+    Of a body alone ``scratch`` is the flight of its row.
     """
     row = world.log[number]
     first, count, base = bodies_of(world, row)

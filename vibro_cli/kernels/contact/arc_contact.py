@@ -123,10 +123,8 @@ def contact_of_swings(
 ) -> tuple[float, float]:
     """First contact of two free swings, and a time before which there is none.
 
-    Returns
-    -------
-    The time (s) of the first contact from now, the states then being left in the pair, or
-    ``NONE_BEFORE_LIMIT`` if it is not found; a time up to which there is no contact.
+    Its time (s) from now, the states then being left in the pair, or ``NONE_BEFORE_LIMIT`` if it is
+    not found; and a time up to which there is no contact.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
@@ -243,24 +241,13 @@ def contact_on_arc(
 ) -> float:
     """First contact of two bodies on one arc.
 
-    Parameters
-    ----------
-    world, j
-        The pair. ``touching``: ``PARTING`` or ``RELEASED`` if they are in contact at the begin of
-        the search and going apart, else 0; ``searched``: how far the search has come (s from its
-        begin), where it goes on.
-    ages
-        The times since the starts of both flights at the begin of the search, s.
-    horizon, limit
-        The search may stop after ``horizon`` (s from its begin), which decides on no step of it;
-        the first of the flights ends at ``limit``.
-    orientation
-        -1 if b is one lap ahead.
+    The pair has ``touching``, ``PARTING`` or ``RELEASED`` if they are in contact at the begin of
+    the search and going apart, else 0, and ``searched``, how far the search has come. It may stop
+    after ``horizon``, which decides on no step of it; the first of the flights ends at ``limit``
+    (both in s from its begin). ``orientation`` is -1 if b is one lap ahead.
 
-    Returns
-    -------
-    Time of the first contact from the begin (s), the states then being left in the pair;
-    ``NONE_BEFORE_LIMIT`` if there is none before the horizon.
+    Returns the time of the first contact from the begin (s), the states then being left in the
+    pair; ``NONE_BEFORE_LIMIT`` if there is none before the horizon.
     """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)

@@ -101,8 +101,6 @@ def distance_gap(
 ) -> tuple[float, float, float]:
     """Gap between two bodies as a distance, and its first two time derivatives.
 
-    Returns
-    -------
     ``d - (r_a + r_b)`` (m), ``d'`` (m/s), ``d''`` (m/s^2).
     """
     ax, ay = centre_position(piece_a, track_a, a_s, a_c)

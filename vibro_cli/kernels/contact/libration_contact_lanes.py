@@ -109,10 +109,8 @@ class SwingLanes(Flight):
 def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[Lanes, bool]:
     """First contact of two swings that have just parted, in all lanes.
 
-    Returns
-    -------
-    Its time (s) from the start of both flights, the states being left in ``a`` and ``b``; and in
-    which lanes it is not certain.
+    Returns its time (s) from the start of both flights, the states being left in ``a`` and ``b``;
+    and in which lanes it is not certain.
     """
     rate = 2.0 * (b.frequency * b.flow_p - a.frequency * a.flow_p)
     fastest = max(a.frequency, b.frequency)

@@ -187,9 +187,7 @@ class LaneGroup(NamedTuple):
 def next_impact(world: World, group: LaneGroup) -> bool:
     """Go on to the next impact in every lane; one that fails stays where it is.
 
-    Returns
-    -------
-    Which lanes have failed or are at their last impact.
+    Returns which lanes have failed or are at their last impact.
     """
     run = group.runs[0]
     a = group.swings[0]
@@ -245,10 +243,8 @@ def _project(swing: SwingLanes) -> bool:
 def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     """Carry out the impact: states, energies and parameters after it.
 
-    Returns
-    -------
-    What the energy lacked before it was shared (J), and in which lanes the impact is of another
-    kind.
+    Returns what the energy lacked before it was shared (J), and in which lanes the impact is of
+    another kind.
     """
     settings = world.settings[0]
     run = group.runs[0]

@@ -166,8 +166,6 @@ def _collide_alone(world: World, j: int) -> int:
     log_impact(world, j, wa, wb, law, loss)
     row.substituted = substituted
     row.admissible = admissible
-    row.head_a_pre = a.head
-    row.head_b_pre = b.head
     if admissible == 0 and substituted == 0:
         complete_inadmissible(world, row)
         return END_INADMISSIBLE
@@ -427,12 +425,7 @@ def proceed(world: World, starting: bool) -> int:
 
 @kernel
 def advance(world: World) -> int:
-    """Run until an end cause, or until a log has no room for another event.
-
-    Returns
-    -------
-    One of the causes of ``kernels.world``.
-    """
+    """Run until an end cause, or until a log has no room for another event; return which."""
     settings = world.settings[0]
     clock = world.clock[0]
     while True:

@@ -99,17 +99,9 @@ class Search(NamedTuple):
 def find_passages(world: World, search: Search) -> int:
     """Find the passages on flights, from where ``progress`` is until all is done or full.
 
-    Parameters
-    ----------
-    world
-        With the log that the spans are of.
-    search
-        The spans, best in order of the log; the forces at both ends are filled in, and the
-        passages, those of a flight and kind in order of time.
-
-    Returns
-    -------
-    The number of passages filled in; there may be more if that is all the room there is.
+    The spans are best in order of the log; the forces at both ends are filled in, and the passages,
+    those of a flight and kind in order of time. Returns the number of passages filled in; there may
+    be more if that is all the room there is.
     """
     now = search.progress[0]
     now.filled = 0

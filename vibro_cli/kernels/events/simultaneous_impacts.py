@@ -305,8 +305,6 @@ def _limit(world: World, first: int, count: int) -> float:
         if pair.pressing == PRESSING:
             log_impact(world, number_along(world, first, step), 0.0, 0.0, law, 0.0)
             row = world.impacts[clock.impact_rows - 1]
-            row.head_a_pre = world.flights[pair.a].head
-            row.head_b_pre = world.flights[pair.b].head
             row.simultaneous = 1  # it stands for all that would follow, on walls too
             row.loss = half_approach(world, number_along(world, first, step), law)
     apply_impulses(world, first, count, law)
@@ -329,8 +327,6 @@ def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[f
         log_impact(world, number_along(world, begin, step), 0.0, 0.0, law, 0.0)
         row = world.impacts[clock.impact_rows - 1]
         pair = pair_along(world, begin, step)
-        row.head_a_pre = world.flights[pair.a].head
-        row.head_b_pre = world.flights[pair.b].head
         row.simultaneous = 1 if length > 1 else 0
     apply_impulses(world, begin, length, law)
     loss = 0.0

@@ -39,24 +39,41 @@ def launch(
     flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
 ) -> None:
     """Set up the flight that starts from the state, piece and energy held in ``flight``."""
+    clear(flight, track, 0)
+    start_from_state(flight)
+    launch_on_piece(flight, body, piece, track, one_sided)
+    set_exit_time(flight)
+
+
+@kernel
+def clear(flight: Flight, track: TrackData, grouped: int) -> None:
+    """Forget what a flight had of its motion before the one that begins, alone or in a group."""
     flight.at_rest = 0
     flight.exit_kind = BOUNDARY
     flight.exit_side = 0
     flight.exit_after = NEVER
     flight.exit_p = 0.0
-    flight.grouped = 0
+    flight.grouped = grouped
     flight.wall_side = 0
     flight.segment = 0.0
+    flight.own_frequency = track.frequency
+
+
+@kernel
+def start_from_state(flight: Flight) -> None:
+    """Let the flow of a flight start from its own state."""
     flight.flow_s = flight.s
     flight.flow_c = flight.c
     flight.flow_p = flight.p
-    flight.own_frequency = track.frequency
-    launch_on_piece(flight, body, piece, track, one_sided)
+
+
+@kernel
+def set_exit_time(flight: Flight) -> None:
+    """Set the instant of the exit from the time that a flight lasts."""
+    flight.exit_t = NEVER
+    flight.exit_t_low = 0.0
     if flight.exit_after < NEVER:
         flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
-    else:
-        flight.exit_t = NEVER
-        flight.exit_t_low = 0.0
 
 
 @kernel

@@ -105,16 +105,10 @@ def reach(flight: Flight, side: float, end_s: float, end_c: float) -> float:
 
 @kernel
 def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float) -> float:
-    """Time (s) at which a force falls through zero on a flight on an arc, or NEVER.
+    """Time (s) at which a force falls through zero on a moving flight on an arc, or NEVER.
 
-    Parameters
-    ----------
-    flight
-        Moving.
-    h
-        The force in the angle from the start.
-    to_left, to_right
-        Angles (rad) that the flight takes in; a body that turns passes first what is ahead.
+    ``h`` is the force in the angle from the start; ``to_left`` and ``to_right`` are the angles
+    (rad) that the flight takes in. A body that turns passes first what is ahead.
     """
     forward = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
     for turn in range(2):

@@ -99,12 +99,18 @@ def bounce_is_lost(world: World, ball: int, side: int) -> bool:
 
 
 @kernel
-def last_row_of(world: World, ball: int) -> FlightRow:
-    """Return the row of a flight that has just been logged."""
+def last_number_of(world: World, ball: int) -> int:
+    """Return the number of the last row of a body in the log of flights."""
     last = world.clock[0].flight_rows - 1
     while world.log[last].body != ball:
         last -= 1
-    return world.log[last]
+    return last
+
+
+@kernel
+def last_row_of(world: World, ball: int) -> FlightRow:
+    """Return the row of a flight that has just been logged."""
+    return world.log[last_number_of(world, ball)]
 
 
 @kernel

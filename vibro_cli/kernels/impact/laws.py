@@ -97,10 +97,8 @@ def impact_of_pair(
 ) -> tuple[float, float, float]:
     """Speeds after the impact of one pair, and the energy that the law takes.
 
-    Returns
-    -------
-    ``v_a+``, ``v_b+`` (m/s) and the loss of rolling energy (J), formed from the impulse: for
-    ``hedrih`` and ``normal-impulse`` ``(1 - k) I u/2`` (B (20)), never a difference of energies.
+    Returns ``v_a+``, ``v_b+`` (m/s) and the loss of rolling energy (J), formed from the impulse:
+    for ``hedrih`` and ``normal-impulse`` ``(1 - k) I u/2`` (B (20)), no difference of energies.
     """
     qa, ha = weight_and_response(law, body_a, normal_a)
     qb, hb = weight_and_response(law, body_b, normal_b)
@@ -166,6 +164,8 @@ def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float
     row.speed_b_post = wb
     row.normal_a = pair.normal_a
     row.normal_b = pair.normal_b
+    row.head_a_pre = a.head
+    row.head_b_pre = b.head
     row.law = law
     pair.law = law
     row.loss = loss

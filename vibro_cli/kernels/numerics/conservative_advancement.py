@@ -20,15 +20,8 @@ LEAST_BOUND = 1.0e-200
 def safe_step_second_order(g: float, rate: float, bound: float) -> float:
     """Return the step up to which ``g + g' h - B h^2/2`` is positive, given ``g'' >= -B``.
 
-    Parameters
-    ----------
-    g
-        The function now, not negative.
-    rate
-        Its derivative now.
-    bound
-        ``B``, not negative. With ``B = 0`` a function that does not fall now never does: the step
-        is longer than any run.
+    ``g`` and the bound B are not negative. With ``B = 0`` a function that does not fall now never
+    does: the step is longer than any run.
     """
     bound = max(bound, LEAST_BOUND)
     root = math.sqrt(rate * rate + 2.0 * bound * g)
@@ -82,19 +75,11 @@ def unresolved_step(second: float, bound_third: float, rounding: float) -> float
 
 @kernel
 def safe_return(g: float, rate: float, level: float, frequency: float) -> float:
-    """Return a step up to which ``g`` is positive, given ``g'' >= -w^2 (g + Y)``, ``Y > 0``.
+    """Return a step up to which ``g >= 0`` is positive, given ``g'' >= -w^2 (g + Y)``, ``Y > 0``.
 
     By Sturm's comparison ``g + Y`` stays above the oscillation of frequency ``w`` that starts like
-    it; ``atan x >= 3 x/(1 + 2 sqrt(1 + x^2))`` (Shafer) bounds the time at which that is at ``Y``.
-
-    Parameters
-    ----------
-    g
-        The function now, not negative.
-    rate
-        Its derivative now.
-    level, frequency
-        ``Y`` and ``w``.
+    it; ``atan x >= 3 x/(1 + 2 sqrt(1 + x^2))`` (Shafer) bounds the time at which that is at the
+    ``level`` Y.
     """
     return safe_time(_rise(g, rate, level, frequency), frequency * (2.0 * level + g), frequency)
 
@@ -107,19 +92,10 @@ def safe_time(over: float, under: float, frequency: float) -> float:
 
 @kernel
 def is_clear_before(time: float, slope: float, level: float, frequency: float) -> bool:
-    """Tell whether ``g`` is positive for a time before a zero at which it falls.
+    """Tell whether ``g`` is positive for a time before a zero at which it falls with ``-slope``.
 
     Seen backwards from the zero, where it rises, the bound of :func:`safe_return` holds; here it is
     compared without its root and quotient, and with 1 % in hand for the rounding of the zero.
-
-    Parameters
-    ----------
-    time
-        The time before the zero.
-    slope
-        ``-g'`` at the zero.
-    level, frequency
-        ``Y`` and ``w``, ``g'' >= -w^2 (g + Y)``.
     """
     return slope > 0.0 and is_clear_with(time, slope, level, frequency)
 

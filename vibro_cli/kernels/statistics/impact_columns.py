@@ -363,20 +363,8 @@ def fill_columns(
 ) -> int:
     """Fill the columns of some runs of one system, which may differ in their masses.
 
-    Parameters
-    ----------
-    world
-        The system's records.
-    log, runs
-        Impacts, run by run.
-    columns
-        Filled in.
-    around
-        Length (m) of a closed trace with two bodies, which may meet on two sides; else 0.
-
-    Returns
-    -------
-    Number of rows.
+    The log has the impacts run by run. ``around`` is the length (m) of a closed trace with two
+    bodies, which may meet on two sides; else 0. Returns the number of rows.
     """
     row = 0
     for run in range(len(runs.counts)):

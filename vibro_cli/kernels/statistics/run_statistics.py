@@ -87,21 +87,11 @@ def tally(
 ) -> None:
     """Fill in the outcome of a run, and the final state of every body.
 
-    Parameters
-    ----------
-    world
-        After the run, with all its rows in the logs (their numbers are those of the clock).
-    known
-        0, or the number of bodies for a part of a run that is not the first: the log then begins
-        with the present flight of every body, and the outcome tells of the parts before.
-    cause, end_t, end_t_low
-        Why and when (two doubles, s) the run ended; ``RUNNING`` if it has not, for a part of it.
-    outcomes, number
-        Outcomes of runs, and which is that of this one; filled in.
-    finals
-        A row for each body, run by run; filled in.
-    scratch
-        A flight to work with.
+    The logs hold all rows of the run. If ``known`` is not 0 but the number of bodies, it is a part
+    of a run that is not the first: the log then begins with the present flight of every body, and
+    the outcome tells of the parts before. The run has ended at ``end_t`` (two doubles, s) because
+    of ``cause``, or has not and that is ``RUNNING``. Its outcome is that of ``number``; ``finals``
+    has a row for each body, run by run.
     """
     clock = world.clock[0]
     bodies = world.settings[0].bodies
@@ -409,18 +399,8 @@ def group_extremes(
 ) -> tuple[float, float]:
     """Least normal force (N) and greatest demand of friction of a group on one of its motions.
 
-    Parameters
-    ----------
-    world
-        With the logs of the run.
-    number
-        Row of the flight of the group's first body.
-    duration
-        Of the motion, s.
-    end
-        ``(S, C, P)`` of the first body at its end.
-    scratch
-        A flight to work with.
+    ``number`` is the row of the flight of its first body, whose state after the duration (s) is
+    ``end``.
     """
     row = world.log[number]
     recall_flight(world, row, number, scratch)
