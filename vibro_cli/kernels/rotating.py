@@ -16,6 +16,7 @@ from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip
 from vibro_cli.kernels.events.event_detection import CAUTION
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import launch_and_log, take_energy
+from vibro_cli.kernels.flow.flow import angle_from_start
 from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_head
 from vibro_cli.kernels.flow.rotating_flow import half_way, pull
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
@@ -43,8 +44,7 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
     size = p * p + along * along
     if size < 1.0e-8:
         return s, c, p
-    sine = s * flight.flow_c - c * flight.flow_s
-    cosine = c * flight.flow_c + s * flight.flow_s
+    sine, cosine = angle_from_start(flight, s, c)
     defect = 0.5 * (squared_rate(flight, sine, cosine) - p * p) / size
     turn = along * defect
     return s + c * turn, c - s * turn, p + p * defect
@@ -110,8 +110,7 @@ def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
         return False
     if a.crests == 0:
         return False
-    sine = b.flow_s * a.flow_c - b.flow_c * a.flow_s
-    cosine = b.flow_c * a.flow_c + b.flow_s * a.flow_s
+    sine, cosine = angle_from_start(a, b.flow_s, b.flow_c)
     between = math.atan2(sine, cosine) - half_way(a, 1.0) - half_way(b, -1.0)
     return between > 0.5 * (math.pi - contact.far_gap) + CAUTION
 

@@ -34,6 +34,7 @@ from vibro_cli.kernels.flow.flight import (
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_to
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
 from vibro_cli.kernels.numerics.double_double import add_to_time
+from vibro_cli.kernels.numerics.elliptic import angle_sum, twice_angle
 from vibro_cli.kernels.world import (
     NEVER,
     Flight,
@@ -73,8 +74,7 @@ def moments_of_body(world: World, ball: int) -> tuple[float, float, float, float
     rho = track.path_radius
     inertia = world.bodies[ball].rolling_mass * rho * rho
     moment = world.bodies[ball].weight * rho
-    cosine = (flight.shift_c - flight.shift_s) * (flight.shift_c + flight.shift_s)
-    sine = 2.0 * flight.shift_s * flight.shift_c
+    sine, cosine = twice_angle(flight.shift_s, flight.shift_c)
     momentum = inertia * (2.0 * track.frequency * flight.p)
     return inertia, momentum, moment * cosine, moment * sine
 
@@ -315,7 +315,7 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
     torque = math.sqrt(x * x + y * y)
     frequency = math.sqrt(torque / inertia)
     lead_s, lead_c = half_of(x / torque, y / torque)
-    flow_s, flow_c = _turned(middle_s, middle_c, lead_s, lead_c)
+    flow_s, flow_c = angle_sum(middle_s, middle_c, lead_s, lead_c)
     flow_p = momentum / inertia / (2.0 * frequency)
     for step in range(count):
         ball = number_along(world, first, step)
@@ -326,7 +326,7 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
         flight.flow_c = flow_c
         flight.flow_p = flow_p
         flight.frequency = frequency
-        flight.shift_s, flight.shift_c = _turned(flight.shift_s, flight.shift_c, -lead_s, lead_c)
+        flight.shift_s, flight.shift_c = angle_sum(flight.shift_s, flight.shift_c, -lead_s, lead_c)
         flight.rate_ratio = frequency / track.frequency
     for step in range(count):
         set_group_flow(world, first, count, number_along(world, first, step))
@@ -334,12 +334,6 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
         set_release(world, first, count, step + 1)
     if settings.one_sided == 1:
         limit_by_lift_off(world, first, count)
-
-
-@kernel
-def _turned(s: float, c: float, by_s: float, by_c: float) -> tuple[float, float]:
-    """Sine and cosine of the sum of two half-angles."""
-    return s * by_c + c * by_s, c * by_c - s * by_s
 
 
 @kernel
@@ -365,16 +359,16 @@ def _set_offsets(world: World, first: int, count: int) -> tuple[float, float]:
     for step in range(left):
         ball = number_along(world, first, right + step)
         contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
-        right_s, right_c = _turned(right_s, right_c, contact.sine, contact.cosine)
+        right_s, right_c = angle_sum(right_s, right_c, contact.sine, contact.cosine)
         _set_shift(world, (ball + 1) % settings.bodies, right_s, right_c)
         ball = number_along(world, first, left - step - 1)
         contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
-        left_s, left_c = _turned(left_s, left_c, contact.sine, contact.cosine)
+        left_s, left_c = angle_sum(left_s, left_c, contact.sine, contact.cosine)
         _set_shift(world, ball, -left_s, left_c)
     one = flight_along(world, first, left)
     other = flight_along(world, first, right)
-    one_s, one_c = _turned(one.s, one.c, -one.shift_s, one.shift_c)
-    other_s, other_c = _turned(other.s, other.c, -other.shift_s, other.shift_c)
+    one_s, one_c = angle_sum(one.s, one.c, -one.shift_s, one.shift_c)
+    other_s, other_c = angle_sum(other.s, other.c, -other.shift_s, other.shift_c)
     s = 0.5 * (one_s + other_s)
     c = 0.5 * (one_c + other_c)
     scale = 1.5 - 0.5 * (s * s + c * c)

@@ -19,6 +19,7 @@ from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_t
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, path_on_segment, polynomial_flow
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
+from vibro_cli.kernels.numerics.elliptic import angle_difference
 from vibro_cli.kernels.world import (
     NEVER,
     Flight,
@@ -285,14 +286,9 @@ def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
     """Length of the centre's path (m) to the left and to the right end of the piece."""
     if track.path_radius == 0.0:
         return flight.s - track.left_s, track.right_s - flight.s
-    left = math.atan2(
-        flight.s * track.left_c - flight.c * track.left_s,
-        flight.c * track.left_c + flight.s * track.left_s,
-    )
-    right = math.atan2(
-        track.right_s * flight.c - track.right_c * flight.s,
-        track.right_c * flight.c + track.right_s * flight.s,
-    )
+    left_s, left_c = angle_difference(flight.s, flight.c, track.left_s, track.left_c)
+    right_s, right_c = angle_difference(track.right_s, track.right_c, flight.s, flight.c)
+    left, right = math.atan2(left_s, left_c), math.atan2(right_s, right_c)
     return 2.0 * track.path_radius * half_way_to(left), 2.0 * track.path_radius * half_way_to(right)
 
 

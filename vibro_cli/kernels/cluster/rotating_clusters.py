@@ -34,10 +34,18 @@ from vibro_cli.kernels.cluster.trace_forces import (
 )
 from vibro_cli.kernels.contact.contact_kinematics import line_of_centres, tangent
 from vibro_cli.kernels.flow.flight import LIFT_OFF, half_way_to, is_at
-from vibro_cli.kernels.flow.flow import POLYNOMIAL, body_of_group, group_of_body, recall_flight
+from vibro_cli.kernels.flow.flow import (
+    POLYNOMIAL,
+    angle_from_start,
+    body_of_group,
+    group_of_body,
+    place_from_start,
+    recall_flight,
+)
 from vibro_cli.kernels.flow.rotating_flight import (
     fall_on_line,
     first_negative,
+    harmonics_from_start,
     launch_on_line,
     press_harmonics,
     pull_harmonics,
@@ -53,6 +61,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     least_value,
     turned,
 )
+from vibro_cli.kernels.numerics.elliptic import angle_difference, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import set_quartic_constants, squared_rate
 from vibro_cli.kernels.world import (
     NEVER,
@@ -69,14 +78,6 @@ from vibro_cli.kernels.world import (
 
 
 @kernel
-def _lead(flight: Flight) -> tuple[float, float]:
-    """Sine and cosine of the angle by which a body leads its group."""
-    s = flight.shift_s
-    c = flight.shift_c
-    return 2.0 * s * c, (c - s) * (c + s)
-
-
-@kernel
 def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     """Constants, exit and bounds of a member of a group on an arc (as ``groups`` has it)."""
     settings = world.settings[0]
@@ -89,7 +90,8 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     for step in range(count):
         member = number_along(world, first, step)
         _, _, x, _ = moments_of_body(world, member)
-        sine, cosine = _lead(world.flights[member])
+        lead = world.flights[member]
+        sine, cosine = twice_angle(lead.shift_s, lead.shift_c)
         torque += x
         rho = track_of(world, member).path_radius
         strength = world.bodies[member].mass * settings.turning_square * rho * rho
@@ -161,8 +163,7 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
         cosine = 1.0
         if not is_at(flight.s, flight.c, end_s, end_c):
             s, c = group_of_body(flight, end_s, end_c)
-            sine = s * flight.flow_c - c * flight.flow_s
-            cosine = c * flight.flow_c + s * flight.flow_s
+            sine, cosine = angle_from_start(flight, s, c)
         half = half_way_to(side * math.atan2(sine, cosine))
         if turn == 0 and half <= 0.0:
             _leave(flight, side, flight.flow_p, 0.0)
@@ -171,8 +172,8 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
         # The quartic knows a slow rate to all its digits, and so where the group turns back.
         if squared > 0.0 and (flight.turns_over == 1 or half_way(flight, side) >= half):
             p = side * math.sqrt(squared)
-            s = flight.flow_s * cosine + flight.flow_c * sine
-            after = time_to(flight, s, flight.flow_c * cosine - flight.flow_s * sine, p)
+            s, c = place_from_start(flight, sine, cosine)
+            after = time_to(flight, s, c, p)
             if after < NEVER:
                 _leave(flight, side, p, after)
                 return
@@ -193,8 +194,8 @@ def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
     if flight.exit_side != 0:
         end_s = track.right_s if flight.exit_side > 0 else track.left_s
         end_c = track.right_c if flight.exit_side > 0 else track.left_c
-        sine = end_s * flight.c - end_c * flight.s
-        angle = 2.0 * abs(math.atan2(sine, end_c * flight.c + end_s * flight.s))
+        sine, cosine = angle_difference(end_s, end_c, flight.s, flight.c)
+        angle = 2.0 * abs(math.atan2(sine, cosine))
         if flight.exit_side > 0:
             right = angle
         else:
@@ -213,7 +214,8 @@ def _drive(world: World, first: int, start: int, end: int) -> Harmonics:
         ball = number_along(world, first, step)
         track = track_of(world, ball)
         inertia, _, _, _ = moments_of_body(world, ball)
-        sine, cosine = _lead(world.flights[ball])
+        lead = world.flights[ball]
+        sine, cosine = twice_angle(lead.shift_s, lead.shift_c)
         own = turned((0.0, track.tilt, -1.0, 0.0, 0.5 * track.spread), sine, cosine)
         total = combined(total, world.bodies[ball].weight * track.path_radius, own)
         total = combined(total, -inertia * w2, group)
@@ -229,14 +231,6 @@ def press_between(world: World, first: int, count: int, bodies_left: int) -> Har
 
 
 @kernel
-def _from_start(flight: Flight, h: Harmonics) -> Harmonics:
-    """A function of the group's angle in the angle from the start of its motion."""
-    s = flight.flow_s
-    c = flight.flow_c
-    return turned(h, 2.0 * s * c, (c - s) * (c + s))
-
-
-@kernel
 def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
     """Find when the force between a group's first bodies and the rest falls through zero."""
     flight = world.flights[first]
@@ -244,7 +238,7 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
     if flight.at_rest == 1:
         keep_release(flight, pair, NEVER)
         return
-    h = _from_start(flight, press_between(world, first, count, bodies_left))
+    h = harmonics_from_start(flight, press_between(world, first, count, bodies_left))
     left, right = _group_ways(world, first, count)
     keep_release(flight, pair, first_negative(flight, h, left, right))
 
@@ -269,7 +263,7 @@ def limit_by_lift_off(world: World, first: int, count: int) -> None:
     left, right = _group_ways(world, first, count)
     for step in range(count):
         flight = flight_along(world, first, step)
-        h = _from_start(flight, normal_harmonics(world, first, count, step))
+        h = harmonics_from_start(flight, normal_harmonics(world, first, count, step))
         after = NEVER
         if harmonic_value(h, 0.0, 1.0) < -FORCE_ROUNDING * harmonic_size(h):
             after = 0.0
@@ -287,7 +281,7 @@ def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmoni
     flight = world.flights[ball]
     track = track_of(world, ball)
     body = world.bodies[ball]
-    sine, cosine = _lead(flight)
+    sine, cosine = twice_angle(flight.shift_s, flight.shift_c)
     own = turned((0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0), sine, cosine)
     # P^2 in the group's angle: that from the start, turned back.
     s = flight.flow_s
@@ -427,8 +421,7 @@ FIRST = 3
 @kernel
 def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, float, float, float]:
     """``(S, C)``, ``f''`` and ``f'^2`` of a group half an angle from its start."""
-    s = flight.flow_s * cosine + flight.flow_c * sine
-    c = flight.flow_c * cosine - flight.flow_s * sine
+    s, c = place_from_start(flight, sine, cosine)
     w2 = flight.frequency * flight.frequency
     square = 4.0 * w2 * squared_rate(flight, sine, cosine)
     return s, c, w2 * pull_of(flight, s, c), square
@@ -476,10 +469,9 @@ def _fit_group(world: World, number: int, scratch: Flight) -> None:
         put(world.forces[base + place].press, (0.0, 0.0, 0.0, 0.0, 0.0))
     for angle in range(FIRST, FIRST + 5):
         set_forces(world, number, angle, 0.0, scratch)
-        s = HALF_SINES[angle]
-        c = HALF_COSINES[angle]
+        sine, cosine = twice_angle(HALF_SINES[angle], HALF_COSINES[angle])
         for place in range(count):
-            _add_angle(world.forces[base + place], 2.0 * s * c, (c - s) * (c + s))
+            _add_angle(world.forces[base + place], sine, cosine)
     recall_flight(world, row, number, scratch)
     pull = pull_harmonics(scratch)
     for place in range(count):

@@ -39,7 +39,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_third_order,
     unresolved_step,
 )
-from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY
+from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, twice_angle
 from vibro_cli.kernels.world import RELEASED, Flight, States, World, contact_of, flights_of
 
 # A step of the iteration times the frequency: a longer one leads anywhere.
@@ -415,8 +415,7 @@ def _frequency_of_difference(
     turn = step * (1.0 - step * step * (1.0 / 6.0))
     stay = 1.0 - 0.5 * step * step
     s, c = s * stay + c * turn, c * stay - s * turn
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
+    sine, cosine = twice_angle(s, c)
     less = MEAN_SQUARE * angle * angle * (1.0 / 24.0)
     double = (cosine - sine) * (cosine + sine)
     along = (cosine + a.tilt * sine) * (1.0 - less)

@@ -14,6 +14,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, tangential_acceleration
+from vibro_cli.kernels.numerics.elliptic import angle_difference, twice_angle
 from vibro_cli.kernels.world import (
     Flight,
     PairTrack,
@@ -39,12 +40,8 @@ def half_gap_sine(
 
     ``orientation`` is -1 when b is one lap ahead of a, so that the half angle is larger by pi.
     """
-    sine = (b_s * a_c - b_c * a_s) * orientation
-    cosine = (b_c * a_c + b_s * a_s) * orientation
-    return (
-        sine * contact.cosine - cosine * contact.sine,
-        cosine * contact.cosine + sine * contact.sine,
-    )
+    sine, cosine = angle_difference(b_s, b_c, a_s, a_c)
+    return angle_difference(sine * orientation, cosine * orientation, contact.sine, contact.cosine)
 
 
 @kernel
@@ -73,8 +70,7 @@ def centre_acceleration(
     """Acceleration of a body's centre (m/s^2), given its part along the path."""
     if piece.sign == 0.0:
         return piece.tangent_x * tangential, piece.tangent_y * tangential
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
+    sine, cosine = twice_angle(s, c)
     rate = 2.0 * track.frequency * p
     central = track.path_radius * rate * rate
     return (

@@ -16,6 +16,8 @@ from vibro_cli.kernels.numerics.elliptic import (
     HYPERBOLIC_TINY,
     ROOT_COMPLEMENT_TINY,
     TRIGONOMETRIC,
+    angle_difference,
+    angle_sum,
     carlson_rf,
     quarter_period,
     rf_near_logarithm,
@@ -133,23 +135,33 @@ def polynomial_flow(flight: Flight, t: float) -> tuple[float, float, float]:
     if flight.half_curvature == 0.0:
         return flight.flow_s + way, flight.flow_c, p
     s, c = sine_cosine(way * flight.half_curvature)
-    return flight.flow_s * c + flight.flow_c * s, flight.flow_c * c - flight.flow_s * s, p
+    s, c = place_from_start(flight, s, c)
+    return s, c, p
 
 
 @kernel
 def body_of_group(flight: Flight, s: float, c: float, p: float) -> tuple[float, float, float]:
     """State of a body from that of its group's pendulum, which it leads by a constant angle."""
-    return (
-        s * flight.shift_c + c * flight.shift_s,
-        c * flight.shift_c - s * flight.shift_s,
-        p * flight.rate_ratio,
-    )
+    s, c = angle_sum(s, c, flight.shift_s, flight.shift_c)
+    return s, c, p * flight.rate_ratio
 
 
 @kernel
 def group_of_body(flight: Flight, s: float, c: float) -> tuple[float, float]:
     """Half-angle of the group's pendulum from that of the body."""
-    return s * flight.shift_c - c * flight.shift_s, c * flight.shift_c + s * flight.shift_s
+    return angle_difference(s, c, flight.shift_s, flight.shift_c)
+
+
+@kernel
+def place_from_start(flight: Flight, sine: float, cosine: float) -> tuple[float, float]:
+    """``(S, C)`` of the place whose half-angle from the start of a flow has sine and cosine."""
+    return angle_sum(flight.flow_s, flight.flow_c, sine, cosine)
+
+
+@kernel
+def angle_from_start(flight: Flight, s: float, c: float) -> tuple[float, float]:
+    """Sine and cosine of the half-angle from the start of a flow to a place."""
+    return angle_difference(s, c, flight.flow_s, flight.flow_c)
 
 
 @kernel

@@ -16,7 +16,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.flow.flight import LIFT_OFF, at_end
-from vibro_cli.kernels.flow.flow import POLYNOMIAL
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
     angular_jerk,
@@ -30,12 +30,13 @@ from vibro_cli.kernels.flow.rotating_flow import (
 )
 from vibro_cli.kernels.numerics.conservative_advancement import (
     Harmonics,
+    combined,
     first_fall_of_harmonics,
     harmonic_value,
     mirrored,
     turned,
 )
-from vibro_cli.kernels.numerics.elliptic import sine_cosine
+from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.world import (
     NEVER,
@@ -57,9 +58,14 @@ FORCE_ROUNDING = 1.0e-14
 def pull_harmonics(flight: Flight) -> Harmonics:
     """The pull of a flight on an arc in the angle from its start."""
     h = 0.0, flight.tilt, -1.0, flight.twist, 0.5 * flight.spread
-    s = flight.flow_s
-    c = flight.flow_c
-    return turned(h, 2.0 * s * c, (c - s) * (c + s))
+    return harmonics_from_start(flight, h)
+
+
+@kernel
+def harmonics_from_start(flight: Flight, h: Harmonics) -> Harmonics:
+    """A function of the angle of a flight in the angle from its start."""
+    sine, cosine = twice_angle(flight.flow_s, flight.flow_c)
+    return turned(h, sine, cosine)
 
 
 @kernel
@@ -73,13 +79,9 @@ def square_harmonics(flight: Flight, pull: Harmonics) -> Harmonics:
 @kernel
 def press_harmonics(flight: Flight, tilt: float, spread: float, kappa: float) -> Harmonics:
     """``N/(m g)``, up to the sign of the arc, of a body alone in the angle from its start."""
-    a, b, c, d, e = square_harmonics(flight, pull_harmonics(flight))
+    square = square_harmonics(flight, pull_harmonics(flight))
     h = 0.5 * spread, 1.0, tilt, -0.5 * spread, 0.0
-    s = flight.flow_s
-    k = flight.flow_c
-    ga, gb, gc, gd, ge = turned(h, 2.0 * s * k, (k - s) * (k + s))
-    share = 4.0 / kappa
-    return ga + share * a, gb + share * b, gc + share * c, gd + share * d, ge + share * e
+    return combined(harmonics_from_start(flight, h), 4.0 / kappa, square)
 
 
 @kernel
@@ -93,8 +95,7 @@ def scaled(weight: float, h: Harmonics) -> Harmonics:
 def reach(flight: Flight, side: float, end_s: float, end_c: float) -> float:
     """Angle (rad) that a flight on an arc takes in on one side, which it may leave at an end."""
     if flight.exit_side * side > 0.0 or flight.turns_over == 1:
-        sine = end_s * flight.flow_c - end_c * flight.flow_s
-        cosine = end_c * flight.flow_c + end_s * flight.flow_s
+        sine, cosine = angle_from_start(flight, end_s, end_c)
         half = side * math.atan2(sine, cosine)
         if half < 0.0:
             # The end is ahead: here, or a whole turn, up to rounding.
@@ -120,8 +121,8 @@ def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float
         if angle >= 0.0:
             sine, cosine = sine_cosine(0.5 * side * angle)
             p = side * math.sqrt(max(squared_rate(flight, sine, cosine), 0.0))
-            s = flight.flow_s * cosine + flight.flow_c * sine
-            return time_to(flight, s, flight.flow_c * cosine - flight.flow_s * sine, p)
+            s, c = place_from_start(flight, sine, cosine)
+            return time_to(flight, s, c, p)
         if flight.exit_side * side > 0.0:
             return NEVER
     return NEVER
@@ -351,8 +352,6 @@ def _leave(flight: Flight, side: int, s: float, c: float, squared: float) -> Non
 @kernel
 def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: float) -> float:
     """``P^2`` at an end of the arc; not positive if a crest or the height of the end is before."""
-    s0 = flight.flow_s
-    c0 = flight.flow_c
     if track.crests > 0:
         crest_s = track.crest_s
         crest_c = track.crest_c
@@ -360,15 +359,16 @@ def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: flo
             if number == 1:
                 crest_s = track.other_crest_s
                 crest_c = track.other_crest_c
-            sine = crest_s * c0 - crest_c * s0
+            sine, cosine = angle_from_start(flight, crest_s, crest_c)
             beyond = s * crest_c - c * crest_s
             if sine * side > 0.0 and beyond * side > 0.0:
-                squared = squared_rate(flight, sine, crest_c * c0 + crest_s * s0)
+                squared = squared_rate(flight, sine, cosine)
                 if squared <= 0.0:
                     return squared
-    if s == s0 and c == c0:
+    if s == flight.flow_s and c == flight.flow_c:
         return flight.flow_p * flight.flow_p
-    return squared_rate(flight, s * c0 - c * s0, c * c0 + s * s0)
+    sine, cosine = angle_from_start(flight, s, c)
+    return squared_rate(flight, sine, cosine)
 
 
 @kernel

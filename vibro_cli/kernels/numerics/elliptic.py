@@ -113,6 +113,24 @@ def sine_cosine_in_lanes(x: Lanes) -> tuple[Lanes, Lanes]:
 
 
 @kernel
+def angle_sum(s: float, c: float, by_s: float, by_c: float) -> tuple[float, float]:
+    """Sine and cosine of the sum of two angles, given theirs."""
+    return s * by_c + c * by_s, c * by_c - s * by_s
+
+
+@kernel
+def angle_difference(s: float, c: float, from_s: float, from_c: float) -> tuple[float, float]:
+    """Sine and cosine of an angle less another one, given theirs."""
+    return s * from_c - c * from_s, c * from_c + s * from_s
+
+
+@kernel
+def twice_angle(s: float, c: float) -> tuple[float, float]:
+    """Sine and cosine of twice an angle, given its own."""
+    return 2.0 * s * c, (c - s) * (c + s)
+
+
+@kernel
 def in_quadrant(x: float) -> tuple[float, float, float]:
     """Return the number of the quadrant nearest to ``x``, and sine and cosine from there."""
     # To the nearest quadrant, without a way through an integer: its place is used at once.

@@ -24,7 +24,7 @@ from vibro_cli.kernels.events.liftoff_slip import (
     set_course,
     set_sides,
 )
-from vibro_cli.kernels.flow.flow import flow, group_of_body, recall_flight
+from vibro_cli.kernels.flow.flow import flow, group_of_body, place_from_start, recall_flight
 from vibro_cli.kernels.flow.rotating_flight import (
     fall_through_zero,
     potential,
@@ -51,7 +51,12 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     next_zero,
     turned,
 )
-from vibro_cli.kernels.numerics.elliptic import sine_cosine
+from vibro_cli.kernels.numerics.elliptic import (
+    angle_difference,
+    angle_sum,
+    sine_cosine,
+    twice_angle,
+)
 from vibro_cli.kernels.numerics.weierstrass_motion import period_of, squared_rate
 from vibro_cli.kernels.statistics.run_statistics import Outcome, friction_demand
 from vibro_cli.kernels.world import (
@@ -120,8 +125,7 @@ def _set_place(
     course: Course, flight: Flight, sine: float, cosine: float, p: float, duration: float
 ) -> None:
     """Set when a flight passes a place whose half angle from the start has this sine and cosine."""
-    s = flight.flow_s * cosine + flight.flow_c * sine
-    c = flight.flow_c * cosine - flight.flow_s * sine
+    s, c = place_from_start(flight, sine, cosine)
     set_course(course, flight, s, c, p, duration)
 
 
@@ -232,8 +236,7 @@ def _add_on_arc(
 @kernel
 def arc_share(track: TrackData, kappa: float, s: float, c: float, squared: float) -> float:
     """``N/(m g)``, up to the sign of the arc, of a body at ``(S, C)`` with ``P^2 = squared``."""
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
+    sine, cosine = twice_angle(s, c)
     return cosine + sine * (track.tilt + track.spread * sine) + 4.0 / kappa * squared
 
 
@@ -292,11 +295,12 @@ def tally_alone(
             # Where it is extreme whatever the energy.
             s = track.extremes[2 * place - 4]
             c = track.extremes[2 * place - 3]
-            half = math.atan2(s * row.c - c * row.s, c * row.c + s * row.s)
+            sine, cosine = angle_difference(s, c, row.s, row.c)
+            half = math.atan2(sine, cosine)
         if low <= half <= high:
             s, c = sine_cosine(half)
             rate = squared_rate(scratch, s, c)
-            s, c = row.s * c + row.c * s, row.c * c - row.s * s
+            s, c = angle_sum(row.s, row.c, s, c)
             least = min(least, sign * arc_share(track, body.kappa, s, c, rate))
     outcome.least_force = min(outcome.least_force, body.weight * least)
     if most == 0.0 or outcome.most_demand * least >= most:

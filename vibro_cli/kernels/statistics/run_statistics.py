@@ -18,7 +18,13 @@ from collections.abc import Sequence
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, is_pendulum, set_forces
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
-from vibro_cli.kernels.flow.flow import energy_of_row, flow, half_period, recall_flight
+from vibro_cli.kernels.flow.flow import (
+    energy_of_row,
+    flow,
+    group_of_body,
+    half_period,
+    recall_flight,
+)
 from vibro_cli.kernels.world import (
     END_INADMISSIBLE,
     NEVER,
@@ -489,10 +495,8 @@ def pendulum_range(
     c = flight.flow_c
     p = flight.flow_p
     start = 2.0 * math.atan2(s, c)
-    stop = 2.0 * math.atan2(
-        end_s * flight.shift_c - end_c * flight.shift_s,
-        end_c * flight.shift_c + end_s * flight.shift_s,
-    )
+    stop_s, stop_c = group_of_body(flight, end_s, end_c)
+    stop = 2.0 * math.atan2(stop_s, stop_c)
     if p == 0.0:
         # From rest it moves downwards.
         p = -s * c
