@@ -162,7 +162,6 @@ TURNING = Overrides(
         flight.launch_on_piece: rotating_flight.launch_on_piece,
         flight.head_from_state: rotating_flight.head_from_state,
         flight.anchor_at_crest: rotating_flight.anchor_at_crest,
-        flight.set_arc_energy: rotating_flight.set_arc_energy,
         first_contact.speed_and_jerk: rotating_flight.speed_and_jerk,
         arc_contact.both_swing: arc_contact.are_alone,
         arc_contact.fastest_return: arc_contact.rotating_fastest_return,

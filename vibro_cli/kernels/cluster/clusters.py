@@ -24,17 +24,17 @@ from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
     choose_exit,
     clear,
+    energy_of_state,
     is_at,
     launch_on_line,
     set_exit_time,
-    set_flow_energy,
     squared_rate_at,
     start_from_state,
 )
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_to
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
 from vibro_cli.kernels.numerics.double_double import add_to_time
-from vibro_cli.kernels.numerics.elliptic import angle_sum, twice_angle
+from vibro_cli.kernels.numerics.elliptic import angle_sum, set_theta_constants, twice_angle
 from vibro_cli.kernels.world import (
     NEVER,
     Flight,
@@ -417,7 +417,8 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     flight.s = member_s
     flight.c = member_c
     flight.p = member_p
-    set_flow_energy(flight)
+    m, root = energy_of_state(flight.flow_s, flight.flow_c, flight.flow_p)
+    set_theta_constants(flight, m, root)
     if flight.flow_p == 0.0 and (flight.flow_s == 0.0 or flight.flow_c == 0.0):
         flight.at_rest = 1
     left_s, left_c = group_of_body(flight, track.left_s, track.left_c)

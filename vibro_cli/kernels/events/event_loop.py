@@ -30,6 +30,7 @@ from vibro_cli.kernels.events.simultaneous_impacts import (
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
     anchor_at_crest,
+    arc_energy,
     begin_flight,
     begin_two_flights,
     bring_to,
@@ -37,16 +38,9 @@ from vibro_cli.kernels.flow.flight import (
     is_same_instant,
     place_at,
     project,
-    set_arc_energy,
 )
 from vibro_cli.kernels.impact.chattering import FORCED
-from vibro_cli.kernels.impact.impulse_chain import (
-    bounce_is_lost,
-    chain_of_contacts,
-    held_run,
-    last_row_of,
-    row_from,
-)
+from vibro_cli.kernels.impact.impulse_chain import bounce_is_lost, last_row_of, row_from, run_around
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     impact_of_pair,
@@ -103,7 +97,7 @@ def collide(world: World, j: int) -> int:
     first = j
     count = 1
     if settings.bodies > 2:
-        first, count = chain_of_contacts(world, j)
+        first, count = run_around(world, j, True)
     bound = _is_bound(world, pair.a, pair.a_s, pair.a_c)
     if count > 1 or bound or _is_bound(world, pair.b, pair.b_s, pair.b_c):
         at_once = clock.t == pair.begin_t and clock.t_low == pair.begin_t_low
@@ -232,7 +226,7 @@ def release(world: World, j: int) -> int:
     pair = world.pairs[j]
     clock.t = pair.release_t
     clock.t_low = pair.release_t_low
-    first, count = held_run(world, j)
+    first, count = run_around(world, j, False)
     for step in range(count + 1):
         bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
     open_contacts(world, j, first, count)
@@ -304,14 +298,12 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
         rise = flight.head - (track.bottom + track.line_rise * flight.s)
         rate = math.sqrt(max(2.0 * settings.gravity * rise / world.bodies[ball].kappa, 0.0))
     else:
-        anchor = flight.anchor if flight.anchor >= 0 else flight.piece
-        set_arc_energy(flight, track, track_on(world, ball, anchor))
+        m, root = arc_energy(world, ball, 0)
         s2 = flight.s * flight.s
         if s2 > 0.5:
-            root = flight.root_complement
             rate = math.sqrt(max(flight.c * flight.c - root * abs(root), 0.0))
         else:
-            rate = math.sqrt(max(flight.parameter - s2, 0.0))
+            rate = math.sqrt(max(m - s2, 0.0))
     if rate == 0.0:
         return flight.p
     return rate if flight.p > 0.0 else -rate
@@ -327,7 +319,7 @@ def _leave_in_group(world: World, ball: int) -> int:
     right = flight.exit_side > 0
     exit_p = flight.exit_p
     j = ball if ball < settings.pairs and world.pairs[ball].held == 1 else ball - 1
-    first, count = held_run(world, j % settings.bodies)
+    first, count = run_around(world, j % settings.bodies, False)
     for step in range(count + 1):
         bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
     if segment_only:

@@ -111,16 +111,6 @@ def head_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
 
 
 @kernel
-def measure_energy(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> None:
-    """Take the energy from the state.
-
-    Near a crest also, to full accuracy, relative to the crest.
-    """
-    flight.head = head_from_state(flight, body, track, gravity)
-    anchor_at_crest(flight, track)
-
-
-@kernel
 def anchor_at_crest(flight: Flight, track: TrackData) -> None:
     """Measure the energy also relative to the crest of the piece, if the state is near it."""
     flight.anchor = -1
@@ -312,23 +302,9 @@ def choose_exit(
 
 
 @kernel
-def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) -> None:
-    """Set the constants of the flow on an arc from the energy that the body carries."""
-    m, root = energy_on_piece(flight, track, anchor_track)
-    set_theta_constants(flight, m, root)
-
-
-@kernel
 def energy_of_state(s: float, c: float, p: float) -> tuple[float, float]:
     """Parameter ``m`` and root of its complement of a pendulum in a state."""
     return s * s + p * p, root_of_state(c, p)
-
-
-@kernel
-def set_flow_energy(flight: Flight) -> None:
-    """Set the constants of a group's flow from the state of its pendulum."""
-    m, root = energy_of_state(flight.flow_s, flight.flow_c, flight.flow_p)
-    set_theta_constants(flight, m, root)
 
 
 @kernel
@@ -406,7 +382,7 @@ def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
     """Launch and log the flight whose state is set; its energy from the state or as carried."""
     flight = world.flights[ball]
     if world.pieces[flight.piece].sign != 0.0:
-        m, root = _arc_energy(world, ball, from_state)
+        m, root = arc_energy(world, ball, from_state)
         set_theta_constants(flight, m, root)
     elif from_state == 1:
         take_energy(world, ball)
@@ -424,8 +400,8 @@ def begin_two_flights(
         begin_flight(world, ball, cause, from_state)
         begin_flight(world, other, cause, other_from_state)
         return
-    m, root = _arc_energy(world, ball, from_state)
-    other_m, other_root = _arc_energy(world, other, other_from_state)
+    m, root = arc_energy(world, ball, from_state)
+    other_m, other_root = arc_energy(world, other, other_from_state)
     set_two_theta_constants(flight, m, root, other_flight, other_m, other_root)
     launch_and_log(world, ball, cause)
     launch_and_log(world, other, cause)
@@ -433,15 +409,16 @@ def begin_two_flights(
 
 @kernel
 def take_energy(world: World, ball: int) -> None:
-    """Measure the energy of a body in its state."""
+    """Take the energy of a body from its state; near a crest also, to full accuracy, from there."""
     settings = world.settings[0]
     flight = world.flights[ball]
     track = track_of(world, ball)
-    measure_energy(flight, world.bodies[ball], track, settings.gravity)
+    flight.head = head_from_state(flight, world.bodies[ball], track, settings.gravity)
+    anchor_at_crest(flight, track)
 
 
 @kernel
-def _arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]:
+def arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]:
     """Parameter and root of its complement of the flight that begins on an arc."""
     flight = world.flights[ball]
     if from_state == 1:

@@ -132,7 +132,10 @@ def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float
 def limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData, track: TrackData) -> None:
     """End a flight where a one-sided trace would have to pull."""
     if piece.sign == 0.0:
-        after = _lift_off_of_line(flight, track)
+        press = track.line_press + track.line_press_growth * flight.flow_s
+        after = 0.0
+        if press >= -FORCE_ROUNDING * abs(track.line_press):
+            after = fall_on_line(flight, press, track.line_press_growth)
     else:
         after = _lift_off_of_arc(flight, body, piece, track)
     if after < flight.exit_after:
@@ -151,15 +154,6 @@ def _lift_off_of_arc(flight: Flight, body: BodyData, piece: PieceData, track: Tr
     to_left = reach(flight, -1.0, track.left_s, track.left_c)
     to_right = reach(flight, 1.0, track.right_s, track.right_c)
     return first_negative(flight, h, to_left, to_right)
-
-
-@kernel
-def _lift_off_of_line(flight: Flight, track: TrackData) -> float:
-    growth = track.line_press_growth
-    press = track.line_press + growth * flight.flow_s
-    if press < -FORCE_ROUNDING * abs(track.line_press):
-        return 0.0
-    return fall_on_line(flight, press, growth)
 
 
 @kernel
@@ -253,12 +247,6 @@ def speed_of_head(flight: Flight, body: BodyData, track: TrackData, gravity: flo
 @kernel
 def anchor_at_crest(flight: Flight, track: TrackData) -> None:
     """Nothing: on a turning trace a state alone tells the energy."""
-    flight.anchor = -1
-
-
-@kernel
-def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) -> None:
-    """Nothing: the constants of a flight follow from its start."""
     flight.anchor = -1
 
 

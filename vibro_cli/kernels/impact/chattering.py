@@ -28,9 +28,9 @@ from vibro_cli.kernels.flow.flow import angular_jerk, tangential_acceleration
 from vibro_cli.kernels.impact.impulse_chain import (
     apply_impulses,
     held_from,
-    held_run,
     joins,
     joint_impulses,
+    run_around,
     share_fastest,
     touched_wall,
 )
@@ -283,7 +283,7 @@ def _fastest(world: World, j: int) -> float:
 def _undisturbed(world: World, j: int, delay: float) -> bool:
     """Tell whether no other body can hit a pair, or those held to it, before a delay (s)."""
     settings = world.settings[0]
-    first, count = held_run(world, j)
+    first, count = run_around(world, j, False)
     for side in range(2):
         outer = first - 1 if side == 0 else first + count
         if settings.closed == 1:

@@ -133,18 +133,6 @@ def rest(world: World, ball: int, side: int) -> None:
 
 
 @kernel
-def held_run(world: World, j: int) -> tuple[int, int]:
-    """First pair and number of pairs of the run of lasting contacts on both sides of pair ``j``."""
-    return _run_around(world, j, False)
-
-
-@kernel
-def chain_of_contacts(world: World, j: int) -> tuple[int, int]:
-    """First pair and number of pairs of the chain that touches when pair ``j`` does."""
-    return _run_around(world, j, True)
-
-
-@kernel
 def row_from(world: World, ball: int, right: bool) -> int:
     """Number of pairs of the chain that touches a body at the wall on a side."""
     most = ball if right else world.settings[0].bodies - 1 - ball
@@ -157,8 +145,11 @@ def row_from(world: World, ball: int, right: bool) -> int:
 
 
 @kernel
-def _run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
-    """Pair ``j`` and its neighbours on both sides, as far as they are held (or touch)."""
+def run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
+    """First pair and number of pairs of the run around pair ``j`` of those that are held.
+
+    With ``touching`` of the chain of those that are in contact when pair ``j`` is.
+    """
     settings = world.settings[0]
     first = j
     count = 1
@@ -215,24 +206,15 @@ def held_from(world: World, first: int, count: int, start: int) -> int:
 
 
 @kernel
-def speed_of_chain(world: World, first: int, count: int) -> float:
-    """Size (m/s) of the greatest speeds in a chain, in whose rounding small ones are lost."""
-    fastest = 0.0
-    for step in range(count):
-        fastest = max(fastest, speed_of_pair(world, number_along(world, first, step)))
-    return fastest
-
-
-@kernel
 def share_fastest(world: World, first: int, count: int) -> float:
     """Size (m/s) of the greatest speeds that a chain has had at this instant.
 
     A sequence of impacts at one instant may contract to rest: what is left of its speeds is
     measured by those it began with. The bodies of the chain share what each of them remembers.
     """
-    fastest = speed_of_chain(world, first, count)
-    if count == 0:
-        fastest = abs(world.flights[first].speed)
+    fastest = 0.0 if count > 0 else abs(world.flights[first].speed)
+    for step in range(count):
+        fastest = max(fastest, speed_of_pair(world, number_along(world, first, step)))
     for step in range(count + 1):
         fastest = max(fastest, flight_along(world, first, step).fastest)
     for step in range(count + 1):

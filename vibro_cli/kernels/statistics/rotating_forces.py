@@ -130,21 +130,30 @@ def _set_place(
 
 
 @kernel
+def _bounds_on_arc(world: World, row: FlightRow) -> tuple[float, float, float]:
+    """Bounds all over an arc of a flight of a body alone, as shares of its weight.
+
+    Of its normal force from below, of its friction from above, and what is rounding of the former.
+    """
+    sign = world.pieces[row.piece].sign
+    track = track_on(world, row.body, row.piece)
+    kappa = world.bodies[row.body].kappa
+    energy = row.p * row.p + potential(track, row.s, row.c)
+    least = track.least_press + sign * (4.0 / kappa) * energy
+    if sign > 0.0:
+        least = max(least, track.least_still)
+    most = track.most_angular / (track.frequency * track.frequency) * (1.0 - 1.0 / kappa)
+    return least, most, CAUTION * (1.0 + abs(track.tilt) + track.spread + 4.0 * abs(energy))
+
+
+@kernel
 def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tuple[bool, bool]:
     """Set the forces on a body alone, if it may pass a limit; which ones it may."""
     row = world.log[span.row]
-    body = world.bodies[row.body]
-    sign = world.pieces[row.piece].sign
-    track = track_on(world, row.body, row.piece)
     lifts = True
     slips = friction >= 0.0
-    if sign != 0.0:
-        energy = row.p * row.p + potential(track, row.s, row.c)
-        least = track.least_press + sign * (4.0 / body.kappa) * energy
-        if sign > 0.0:
-            least = max(least, track.least_still)
-        most = track.most_angular / (track.frequency * track.frequency) * (1.0 - 1.0 / body.kappa)
-        caution = CAUTION * (1.0 + abs(track.tilt) + track.spread + 4.0 * abs(energy))
+    if world.pieces[row.piece].sign != 0.0:
+        least, most, caution = _bounds_on_arc(world, row)
         lifts = least <= caution
         slips = slips and most >= friction * least - caution
         if not lifts and not slips:
@@ -241,26 +250,6 @@ def arc_share(track: TrackData, kappa: float, s: float, c: float, squared: float
 
 
 @kernel
-def least_share(track: TrackData, sign: float, kappa: float, energy: float) -> float:
-    """Bound from below of ``N/(m g)`` all over an arc, of a flight with ``P^2 + potential``."""
-    least = track.least_press + sign * (4.0 / kappa) * energy
-    return max(least, track.least_still) if sign > 0.0 else least
-
-
-@kernel
-def _tells_nothing(
-    body: BodyData, sign: float, track: TrackData, row: FlightRow, most: float, outcome: Outcome
-) -> bool:
-    """Tell whether a flight on an arc has surely neither less force nor more demand than known."""
-    energy = row.p * row.p + potential(track, row.s, row.c)
-    least = least_share(track, sign, body.kappa, energy)
-    least -= CAUTION * (1.0 + abs(track.tilt) + track.spread + 4.0 * abs(energy))
-    if body.weight * least < outcome.least_force:
-        return False
-    return most == 0.0 or outcome.most_demand == math.inf or outcome.most_demand * least >= most
-
-
-@kernel
 def tally_alone(
     world: World,
     number: int,
@@ -276,9 +265,11 @@ def tally_alone(
     sign = world.pieces[row.piece].sign
     most = 0.0
     if sign != 0.0:
-        most = track.most_angular / (track.frequency * track.frequency) * (1.0 - 1.0 / body.kappa)
-        if _tells_nothing(body, sign, track, row, most, outcome):
-            return
+        bound, most, caution = _bounds_on_arc(world, row)
+        bound -= caution
+        known = outcome.most_demand == math.inf or outcome.most_demand * bound >= most
+        if body.weight * bound >= outcome.least_force and (most == 0.0 or known):
+            return  # it has surely neither less force nor more demand than known
     recall_flight(world, row, number, scratch)
     end_s, _, end_p = end
     if track.path_radius == 0.0:
