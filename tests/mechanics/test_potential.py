@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.mechanics.kernel_records import three_arcs
+from tests.kernels.kernel_records import three_arcs
 from vibro_cli.mechanics.potential import contains_turn, heights
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.stress.oracles.scene import Piece, chain

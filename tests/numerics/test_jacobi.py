@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.numerics.test_elliptic import COMPLEMENTS, EPSILON, exact, mp
+from tests.kernels.test_elliptic import COMPLEMENTS, EPSILON, exact, mp
 from vibro_cli.numerics.jacobi import Jacobi
 
 OFF = [sign * 10.0**-exponent for exponent in (15, 13, 12, 10, 8, 6, 3, 2) for sign in (1, -1)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.bare_system import bare_system
-from tests.mechanics.kernel_records import ball, three_arcs
+from tests.kernels.kernel_records import ball, three_arcs
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.stress.oracles.reference_solver import Twin
 from vibro_cli.stress.oracles.scene import scene_of_system

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.bare_system import bare_system
-from tests.mechanics.kernel_records import Records, ball, records, three_arcs
+from tests.kernels.kernel_records import Records, ball, records, three_arcs
 from vibro_cli.kernels.contact.contact_kinematics import (
     centre_position,
     centre_tangent,

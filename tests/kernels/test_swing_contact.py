@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.bare_system import bare_system
-from tests.mechanics.kernel_records import ball, flight_on_arc
+from tests.kernels.kernel_records import ball, flight_on_arc
 from vibro_cli.kernels.contact import arc_contact
 from vibro_cli.kernels.flow.flow import flow, flow_of_two
 from vibro_cli.kernels.numerics.elliptic import (

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tests.mechanics.kernel_records import flight_on_arc
+from tests.kernels.kernel_records import flight_on_arc
 from vibro_cli.kernels.contact.first_contact import displacement
 from vibro_cli.kernels.flow.flow import LINE, advance_slightly, flow, time_to
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
