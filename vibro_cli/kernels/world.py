@@ -125,7 +125,7 @@ class Flight(QuarticConstants):
     own_frequency: float  # w of the body alone on this piece
     at_rest: int  # 1: in equilibrium
     wall_side: int  # +1, -1: pressed at rest to the wall on the right or left, else 0
-    pressing: int  # scratch of an instant: at a wall, see kernels.cluster.active_contacts
+    pressing: int  # scratch of an instant: at a wall, see kernels.cluster.contact_changes
     impacts: int  # of the body, or a body in its chain, at the instant when its flight began
     fastest: float  # size (m/s) of the greatest speeds in its chain at that instant
     brief: float  # time (s) in which a body at rest falls no farther than rounding
@@ -196,7 +196,7 @@ class PairData(ChainRow):
     normal_a: float  # scratch of an instant: n t of both bodies
     normal_b: float
     closing: int  # scratch of an instant: ``touching`` to be; 1: takes part in a joint impact
-    pressing: int  # scratch of an instant: see kernels.cluster.active_contacts
+    pressing: int  # scratch of an instant: see kernels.cluster.contact_changes
     series: Series  # contact force on a segment across pieces, in powers of t/segment (N)
     nodal: Series  # scratch: force at the nodes; its first also energy (J) that closing takes
 

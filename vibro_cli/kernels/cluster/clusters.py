@@ -1,11 +1,9 @@
 """Groups of bodies in lasting contact on one piece: their motion, and what force ends it.
 
-The force between two neighbours and the normal force of each body are sums of a constant, a sine
-and a cosine of the angle of the group's pendulum, so that their zeros are known in closed form.
-
-On one arc a group is one pendulum ``(sum kappa_i m_i rho_i^2) f'' = -g A sin(f + delta)``; the
-force between two neighbours is ``U sin f + V cos f`` in its angle, so that the angle at which they
-part is known in closed form. On a line the acceleration and the forces are constant.
+On one arc a group is one pendulum ``(sum kappa_i m_i rho_i^2) f'' = -g A sin(f + delta)``; in its
+angle the force between two neighbours is ``U sin f + V cos f`` and the normal force of each body
+has a constant beside, so that their zeros are known in closed form. On a line the acceleration and
+the forces are constant.
 """
 
 from __future__ import annotations

@@ -5,12 +5,9 @@ twist cos 2f)``: ``w`` and the origin of f as on a trace at rest, the tilt that 
 ``(spread, 2 twist) = sum m (Omega rho)^2 (cos 2 delta, sin 2 delta)/torque`` with the angles delta
 by which the bodies lead. So the motion is again one under a quartic; forces between neighbours and
 of the trace are trigonometric polynomials of degree 2. On a line the motion is a sum of cosh and
-sinh, and the forces are linear in the place. The kernels stand in for those of
-``kernels.cluster.clusters`` and ``kernels.cluster.clusters``.
-
-On an arc normal force and friction are trigonometric polynomials of degree 2 in the angle from the
-start of the motion, on a line they are linear in the way from there. The kernels stand in for those
-of ``kernels.cluster.trace_forces``.
+sinh, and the forces are linear in the place. Forces are told in the angle, or the way, from the
+start of the motion. The kernels stand in for those of ``kernels.cluster.clusters`` and
+``kernels.cluster.trace_forces``.
 """
 
 from __future__ import annotations

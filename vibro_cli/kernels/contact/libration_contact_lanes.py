@@ -1,12 +1,8 @@
 """The first contact of two free swings on one arc in lanes, of scenarios or of both bodies.
 
-The operations of ``kernels.contact.arc_contact`` for two bodies that have just parted,
-without jumps:
-where those would go another way, the lane is marked as failed.
-
-The operations of ``kernels.contact.arc_contact`` for two bodies that have just parted; where
-those
-would go another way, the contact is not looked for.
+The operations of ``kernels.contact.arc_contact`` for two bodies that have just parted, without
+jumps. Where those would go another way, a lane is marked as failed; of both bodies the contact is
+then not looked for.
 """
 
 from __future__ import annotations
@@ -127,7 +123,7 @@ def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[
     failed = either(failed, lost)
     approach = 2.0 * (a.frequency * a.contact_p - b.frequency * b.contact_p)
     certain = both(approach > 0.0, is_clear_with(h - clear, approach, level, fastest))
-    # Short flights from contact to contact are timed otherwise (kernels.contact.bounce).
+    # Short flights from contact to contact are timed otherwise (kernels.contact.first_contact).
     long = both(a.frequency * h > LONG, h > 0.0)
     long = both(either(long, b.frequency * h > LONG), h > 0.0)
     far = both(approach > 0.0, approach * h > FAR)
@@ -136,8 +132,7 @@ def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[
 
 @kernel
 def _refined(a: SwingLanes, b: SwingLanes, h: Lanes, contact: PairTrack) -> tuple[Lanes, bool]:
-    """Zero of the sine of half the gap (see ``kernels.contact.arc_contact``); where it is not
-    found."""
+    """Zero of the sine of half the gap, as of ``refine_on_arc``; where it is not found."""
     fastest = max(a.frequency, b.frequency)
     lost = h * (a.frequency + b.frequency) > 0.1 * REDUCTION_LIMIT
     done = lost
@@ -265,7 +260,7 @@ def contact_of_two(two: TwoSwings, a: Flight, b: Flight, contact: PairTrack, clo
     approach = 2.0 * (wa * in_lane(two.contact_p, 0) - wb * in_lane(two.contact_p, 1))
     if not is_clear_before(h - clear, approach, level, fastest):
         return NONE_BEFORE_LIMIT
-    # Short flights from contact to contact are timed otherwise (kernels.contact.bounce).
+    # Short flights from contact to contact are timed otherwise (kernels.contact.first_contact).
     return h if fastest * h > LONG or approach * h > FAR else NONE_BEFORE_LIMIT
 
 

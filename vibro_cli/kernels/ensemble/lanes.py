@@ -1,17 +1,11 @@
 """Runs of several scenarios in the lanes of registers: from impact to impact, with their summaries.
 
-The sums of ``kernels.statistics.run_statistics`` for librations that one impact after the other
-ends; what bounds
-do not decide there is left to it: the lane fails.
-
-The operations of ``kernels.events.event_loop`` and ``kernels.flow.flight`` for an impact
-between librations
-that are not near a crest or an end of the arc, and whose bounces are not small, without jumps.
-
-In lanes are the runs whose bodies both swing on one arc, from one impact to the next (see
-``kernels.ensemble.lanes``). All else, and each event that fails there, is done by the
-kernels of
-single runs, after which the run goes back into its lane. The bits are those of single runs.
+In lanes are the runs whose bodies both swing on one arc, from one impact to the next: the
+operations of ``kernels.events.event_loop`` and ``kernels.flow.flight`` for an impact between
+librations that are not near a crest or an end of the arc, and whose bounces are not small, and the
+sums of ``kernels.statistics.run_statistics``, without jumps. All else, and each event whose lane
+fails because bounds do not decide there, is done by the kernels of single runs, after which the
+run goes back into its lane. The bits are those of single runs.
 """
 
 from __future__ import annotations
@@ -83,7 +77,7 @@ def range_in_lanes(
     """Extremes of ``S^2`` over a flight that ends in a state; in which lanes they are not sure.
 
     How often a half period and its half fit into the flight is decided by bounds of the quarter
-    period K: it is ``pi/2`` over a mean of 1 and k' (see ``kernels.flow.replay.half_period``).
+    period K: it is ``pi/2`` over a mean of 1 and k' (see ``kernels.flow.flow.half_period``).
     """
     start = swing.flow_s * swing.flow_s
     end = s * s
@@ -222,8 +216,7 @@ def next_impact(world: World, group: LaneGroup) -> bool:
 
 @kernel
 def _project(swing: SwingLanes) -> bool:
-    """Project the state of contact (see ``kernels.flow.begin_flight.project``); where that
-    fails."""
+    """Project the state of contact (see ``kernels.flow.flight.project``); where that fails."""
     s = swing.contact_s
     c = swing.contact_c
     p = swing.contact_p
@@ -371,8 +364,7 @@ def run_points_in_lanes(
     last: int,
     group: LaneGroup,
 ) -> int:
-    """Run some of the points, whose impacts are not kept; see
-    ``kernels.ensemble.points.run_points``.
+    """Run some of the points, as ``kernels.ensemble.points.run_points``; no impacts are kept.
 
     The arc is the one that ``group`` is set up for. Returns the number of impacts made in lanes.
     """

@@ -53,8 +53,7 @@ from vibro_cli.kernels.world import (
 
 @kernel
 def proceed_swinging(world: World, bodies: TwoBodies) -> int:
-    """Do what ``kernels.events.event_loop.proceed`` does to go on, for two bodies on an open
-    trace."""
+    """Go on as ``kernels.events.event_loop.proceed`` does, for two bodies on an open trace."""
     settings = world.settings[0]
     clock = world.clock[0]
     most = settings.stop_collisions
@@ -218,7 +217,7 @@ def _next_impact(world: World, two: TwoSwings, tracks: TwoTracks) -> bool:
 def _share_energy(
     world: World, two: TwoSwings, tracks: TwoTracks, s: Two, c: Two, p: Two, loss: float
 ) -> int:
-    """Give both bodies their energies and parameters after an impact (see ``changes``).
+    """Give both bodies their energies and parameters after an impact (see ``event_loop``).
 
     Returns the body with more energy; -1 if the flights after it are not librations far from a
     crest and the ends of the arc, or neither has more.

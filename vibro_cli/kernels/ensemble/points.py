@@ -80,8 +80,7 @@ def run_stacked(
     last: int,
     filled: int,
 ) -> tuple[int, int]:
-    """Run some of the points, each with its own system; see
-    ``kernels.ensemble.points.run_points``."""
+    """Run some of the points as :func:`run_points`, each with its own system."""
     at = first
     while at < last:
         system = stack.of_runs[at].number

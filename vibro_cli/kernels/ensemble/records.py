@@ -34,7 +34,7 @@ class StartData:
     """One body at the start of one run."""
 
     piece: int
-    s: float  # (S, C, P) as in kernels.structs
+    s: float  # (S, C, P) as in kernels.world
     c: float
     p: float
     mass: float  # kg

@@ -294,7 +294,7 @@ def _is_endless(world: World, first: int, count: int) -> bool:
 def _limit(world: World, first: int, count: int) -> float:
     """Take a chain to the limit of its sequence of impacts; return the energy lost (J).
 
-    That is its plastic impact, with the walls that it touches: see ``plastic.press_speeds``.
+    That is its plastic impact, with the walls that it touches: see ``chattering.press_speeds``.
     """
     clock = world.clock[0]
     law = closing_law(world, first, count)

@@ -2,12 +2,10 @@
 
 On an arc every force is a trigonometric polynomial of degree 2 in the angle from the start of the
 flight (``kernels.numerics.conservative_advancement``), on a line it is linear in the place. The
-normal force of a body
-alone is ``N/(m g) = sign (cos f + tilt sin f + spread sin^2 f + (4/kappa) P^2)`` on an arc.
-
-The kernels stand in for those of ``kernels.flow.flight`` and for the bounds of
+normal force of a body alone is ``N/(m g) = sign (cos f + tilt sin f + spread sin^2 f + (4/kappa)
+P^2)`` on an arc. The energy is ``m kappa v^2/2 + m g y - m Omega^2 (x_C - x0)^2/2``, kept between
+impacts. The kernels stand in for those of ``kernels.flow.flight`` and for the bounds of
 ``kernels.contact.first_contact``.
-The energy is ``m kappa v^2/2 + m g y - m Omega^2 (x_C - x0)^2/2``, kept between impacts.
 """
 
 from __future__ import annotations
