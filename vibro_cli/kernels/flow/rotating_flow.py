@@ -4,8 +4,8 @@
 of ``kernels.world``, ``S' = wPC, C' = -wPS`` and ``P^2 = m - V`` with the potential ``V = S^2 -
 tilt S C - spread S^2 C^2``, where ``tilt = sign Omega^2 (O_x - x0)/g`` and ``spread = Omega^2
 rho/g``: seen from any place of the orbit ``tan(f/2)`` moves under a quartic
-(``kernels.numerics.weierstrass_motion``).
-On a line the acceleration is linear in the place, the motion a sum of cosh and sinh. The kernels stand in for those of ``kernels.flow.flow``.
+(``kernels.numerics.weierstrass_motion``). On a line the acceleration is linear in the place, the
+motion a sum of cosh and sinh. The kernels stand in for those of ``kernels.flow.flow``.
 """
 
 from __future__ import annotations

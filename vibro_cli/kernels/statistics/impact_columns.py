@@ -440,30 +440,21 @@ def _fill_row(
     _flag(columns, 2, at, row.simultaneous == 1)
     _flag(columns, 4, at, row.contact == 1)
     # Two bodies on a closed trace are 1 and 2, whichever pair found the contact.
-    end_a = 0
-    if around > 0.0 and row.a == 1:
-        end_a = 1
+    end_a = 1 if around > 0.0 and row.a == 1 else 0
     mass_a, mass_b = runs.masses[run, row.a], runs.masses[run, row.b]
     end_b = 1 - end_a
     s_a, size_a, pull_a = _fill_body(
-        world, columns, at, end_a, row.a, row.piece_a, row.a_s, row.a_c, mass_a,
+        world, runs.hills, columns, at, end_a, row.a, mass_a, (row.piece_a, row.a_s, row.a_c),
         (row.speed_a_pre, row.speed_a_post), (row.head_a_pre, row.head_a_post),
     )  # fmt: skip
     s_b, size_b, pull_b = _fill_body(
-        world, columns, at, end_b, row.b, row.piece_b, row.b_s, row.b_c, mass_b,
+        world, runs.hills, columns, at, end_b, row.b, mass_b, (row.piece_b, row.b_s, row.b_c),
         (row.speed_b_pre, row.speed_b_post), (row.head_b_pre, row.head_b_post),
     )  # fmt: skip
-    _fill_phases(
-        world, runs.hills, columns, at, end_a, row.a, s_a, (row.head_a_pre, row.head_a_post)
-    )
-    _fill_phases(
-        world, runs.hills, columns, at, end_b, row.b, s_b, (row.head_b_pre, row.head_b_post)
-    )
-    change = (
-        row.speed_b_post - row.speed_b_pre if end_b == 1 else row.speed_a_post - row.speed_a_pre
-    )
-    mass = mass_b if end_b == 1 else mass_a
-    _number(columns, _IMPULSE, at, mass * change if row.law == TRANSLATIONAL else math.nan)
+    impulse = mass_a * (row.speed_a_post - row.speed_a_pre)
+    if end_b == 1:
+        impulse = mass_b * (row.speed_b_post - row.speed_b_pre)
+    _number(columns, _IMPULSE, at, impulse if row.law == TRANSLATIONAL else math.nan)
     overlap = approach * approach / (2.0 * (pull_a + pull_b))
     _flag(columns, 3, at, overlap < _GRAZING_UNITS * _EPSILON * (size_a + size_b))
     if around > 0.0:
@@ -484,31 +475,31 @@ def _side(row: ImpactRow, near: bool) -> int:
 @kernel
 def _fill_body(
     world: World,
+    hills: FloatMatrix,
     columns: Columns,
     at: int,
     end: int,
     body: int,
-    piece: int,
-    s: float,
-    c: float,
     mass: float,
+    place: tuple[int, float, float],
     speeds: tuple[float, float],
     heads: tuple[float, float],
 ) -> tuple[float, float, float]:
-    """Fill the columns of one body.
+    """Fill the columns of one body at its place, piece and ``(S, C)``, before and after.
 
     Returns the arc length (m) of its contact point, the size of its centre's coordinates (m), and
     a bound on its acceleration (m/s^2).
     """
+    piece, s, c = place
     data = world.pieces[piece]
     track = track_on(world, body, piece)
-    place = place_on(data, s, c)
+    along = place_on(data, s, c)
     line = data.sign == 0.0
-    arc_length = data.start_s + (place if line else data.radius * (place - data.angle_start))
+    arc_length = _along(data, along)
     x, y = centre_position(data, track, s, c)
     _integer(columns, 2 + end, at, body + 1)
     _integer(columns, 4 + end, at, piece + 1)
-    _number(columns, _ANGLE + end, at, math.nan if line else place)
+    _number(columns, _ANGLE + end, at, math.nan if line else along)
     _number(columns, _S + end, at, arc_length)
     _number(columns, _X + end, at, x)
     _number(columns, _Y + end, at, y)
@@ -524,29 +515,15 @@ def _fill_body(
         _number(columns, _ENERGY + later, at, weight * heads[when])
         kinetic = 0.5 * world.bodies[body].kappa * mass * speed * speed
         _number(columns, _KINETIC + later, at, kinetic)
+        regime = regime_of(world, hills, body, arc_length, heads[when])
+        _integer(columns, _REGIME + later, at, regime)
+        eight = side_of_eight(world, hills, body, arc_length, heads[when])
+        _integer(columns, _EIGHT + later, at, eight)
     if end == 1:
         inertia = world.bodies[body].kappa * mass * radius
         _number(columns, 4, at, inertia * (speeds[1] - speeds[0]))
     central = 0.0 if line else speeds[0] * speeds[0] / track.path_radius
     return arc_length, abs(x) + abs(y), track.gravity_rate + central
-
-
-@kernel
-def _fill_phases(
-    world: World,
-    hills: FloatMatrix,
-    columns: Columns,
-    at: int,
-    end: int,
-    body: int,
-    s: float,
-    heads: tuple[float, float],
-) -> None:
-    """Fill regime and side of the figure eight of one body, before and after the impact."""
-    for when in range(2):
-        later = end + _AFTER * when
-        _integer(columns, _REGIME + later, at, regime_of(world, hills, body, s, heads[when]))
-        _integer(columns, _EIGHT + later, at, side_of_eight(world, hills, body, s, heads[when]))
 
 
 @kernel
