@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.storage.provenance import json_bytes, manifest
+from vibro_cli.storage.files import json_bytes, manifest
 from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, summary, to_arrow
 from vibro_cli.systems.trace.tables import collisions
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from vibro_cli.systems import NAMES
+from vibro_cli.systems import NAMES, system_named
+from vibro_cli.systems.contract import Imported
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "vibro_cli"
@@ -75,8 +76,8 @@ PARTS = {
     "describe": "report",
     "stress": "stress",
     **dict.fromkeys(("grid_solver", "system_template"), "grids"),
-    **dict.fromkeys(("phase_plane", "wall_orbits"), "analysis"),
-    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait", "velocities"), "figures"),
+    "phase_plane": "analysis",
+    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait"), "figures"),
 }
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py"))
@@ -227,7 +228,7 @@ def test_no_private_name_of_another_package_is_used(path: Path) -> None:
 
 
 # Documents of scenes, which name their system as a user does.
-SCENES = {"benchmark/other_systems.py"}
+SCENES = {"benchmark/scenes.py"}
 OUTSIDE = [
     path
     for path in SOURCES
@@ -250,6 +251,13 @@ def test_nobody_asks_for_a_system_by_name_or_type(path: Path) -> None:
             assert asked not in {"System", "Scenario", "ImpactSystem"}, node.lineno
         if isinstance(node, ast.Constant) and node.value in NAMES[2:]:
             assert str(path.relative_to(PACKAGE)) in SCENES, node.lineno
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_the_object_of_a_system_imports_is_there(name: str) -> None:
+    system = system_named(name)
+    for key, value in vars(type(system)).items():
+        assert not isinstance(value, Imported) or getattr(system, key) is not None
 
 
 def test_few_files_are_beside_each_other() -> None:

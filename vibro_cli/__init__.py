@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     from vibro_cli.interface.scenarios import portrait as portrait
     from vibro_cli.scenario.models import Scenario as Scenario
     from vibro_cli.scenario.problems import ScenarioError as ScenarioError
+    from vibro_cli.storage.files import FolderRefused as FolderRefused
     from vibro_cli.storage.folders import NotContinuable as NotContinuable
     from vibro_cli.storage.frame import Table as Table
-    from vibro_cli.storage.provenance import FolderRefused as FolderRefused
     from vibro_cli.storage.stored import NotAGrid as NotAGrid
     from vibro_cli.systems.driver import CannotContinue as CannotContinue
     from vibro_cli.systems.driver import TooQuiet as TooQuiet
@@ -68,7 +68,7 @@ _HOME = {
     "vibro_cli.interface.scenarios": ("check", "example", "load_scenario", "portrait"),
     "vibro_cli.scenario": ("Scenario", "ScenarioError"),
     "vibro_cli.storage.frame": ("Table",),
-    "vibro_cli.storage.provenance": ("FolderRefused",),
+    "vibro_cli.storage.files": ("FolderRefused",),
     "vibro_cli.storage.folders": ("NotContinuable",),
     "vibro_cli.storage.stored": ("NotAGrid",),
     "vibro_cli.systems.driver": ("CannotContinue", "TooQuiet"),

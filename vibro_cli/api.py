@@ -13,8 +13,7 @@ from vibro_cli.scenario.loading import load_scenario
 from vibro_cli.systems import run, system_named
 from vibro_cli.systems.contract import Motion, Sink
 from vibro_cli.systems.driver import CannotContinue, TooQuiet, check_continuable
-from vibro_cli.systems.run import Run
-from vibro_cli.systems.stream import Streamed, stream
+from vibro_cli.systems.run import Run, Streamed, stream
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
@@ -28,30 +27,13 @@ def simulate(
     checkpoint: dict[str, Any] | None = None,
     history: dict[str, Any] | None = None,
 ) -> Run:
-    """Run a scenario to its end.
+    """Run a scenario to its end, with either engine to the same bits.
 
-    Parameters
-    ----------
-    scenario
-        From :func:`load_scenario`.
-    engine
-        ``"compiled"``, or ``"python"`` (interpreted); both give the same bits.
-    checkpoint, history
-        From ``run.checkpoint()`` and ``run.history()`` of an earlier run of this scenario with a
-        nearer stop: it goes on from there, and the result is that of one run without a break.
-
-    Returns
-    -------
-    The run: ``collisions``, ``events``, ``summary``, ``motion`` as columns, ``sample(times)``.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario is mechanically impossible; every problem with its place.
-    TooQuiet
-        If millions of crossings follow one another without an impact.
-    CannotContinue
-        If the earlier run had ended for good, or is past the stop.
+    It goes on from ``checkpoint()`` and ``history()`` of an earlier run of the scenario with a
+    nearer stop, as one run without a break. Raises ``ScenarioError`` if the scenario is
+    mechanically impossible, with every problem and its place, ``TooQuiet`` if millions of
+    crossings follow one another without an impact, ``CannotContinue`` if the earlier run had
+    ended for good, or is past the stop.
     """
     system = build_any(scenario)
     kind = system_named(scenario.system)
@@ -70,17 +52,9 @@ def simulate_streamed(
 ) -> Streamed:
     """Run a scenario to its end; the rows of its tables are handed over as they come.
 
-    Parameters
-    ----------
-    scenario, engine
-        As for :func:`simulate`.
-    sink
-        Takes the name of a table and more columns of it, in order of time.
-    checkpoint
-        Of an earlier run of this scenario: raises ``CannotContinue`` unless this one goes on from
-        where it stopped.
-    more
-        See ``systems.stream.stream``.
+    The sink takes the name of a table and more columns of it, in order of time; `more` is that of
+    ``systems.run.stream``. Raises ``CannotContinue`` unless the run goes on from where that of the
+    checkpoint stopped.
     """
     kind = system_named(scenario.system)
     limits = kind.limits(scenario)
@@ -97,15 +71,8 @@ class NotRecalled(VibroError, RuntimeError):
 def recalled(scenario: AnyScenario, checkpoint: Mapping[str, Any]) -> Run:
     """Return a run that is over, with its motion: solved again from its start, to the same bits.
 
-    Parameters
-    ----------
-    scenario, checkpoint
-        Of the run.
-
-    Raises
-    ------
-    NotRecalled
-        Where the bits are others: sines may be rounded otherwise on another machine.
+    Raises ``NotRecalled`` where the bits are others: sines may be rounded otherwise on another
+    machine.
     """
     kind = system_named(scenario.system)
     limits = kind.limits(scenario)

@@ -21,6 +21,7 @@ from vibro_cli.mechanics.system import (
     TraceSystem,
     Wall,
     mass_from_density,
+    neighbours,
 )
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace
 from vibro_cli.numerics import elementwise
@@ -364,11 +365,7 @@ def _check_order(
     findings: Findings,
 ) -> None:
     """Check that the bodies start in order along the trace and that no two overlap."""
-    count = len(bodies)
-    pairs = [(n, n + 1) for n in range(count - 1)]
-    if trace.closed and count > 2:
-        pairs.append((count - 1, 0))
-    for a, b in pairs:
+    for a, b in neighbours(len(bodies), trace.closed):
         left, right = states[a], states[b]
         if left is None or right is None:
             continue

@@ -23,8 +23,8 @@ from vibro_cli.benchmark.measurement import (
     parquet,
     read_rows,
 )
-from vibro_cli.benchmark.methods.motion import Motion
-from vibro_cli.benchmark.methods.runner import Event, LegRunner, Lost, Method, Setting
+from vibro_cli.benchmark.methods.runner import Event, LegRunner, Lost, Method, Motion, Setting
+from vibro_cli.benchmark.methods.with_heyoka import batches
 from vibro_cli.benchmark.methods.with_series import Leg, coefficients
 from vibro_cli.benchmark.scenes import (
     BY_NAME,
@@ -39,11 +39,14 @@ from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
 
-LIBRARY = {"with_heyoka": "heyoka", "with_cyrk": "CyRK", "with_scipy": "scipy"}
+LIBRARY = {"with_heyoka": "heyoka", "cyrk": "CyRK", "scipy": "scipy"}
 
 
-def methods(module: str) -> list[Method]:
-    found: list[Method] = import_module(f"vibro_cli.benchmark.methods.{module}").methods()
+def methods(name: str) -> list[Method]:
+    """Methods of a module, or of a function of the module of integrators."""
+    module = name if name.startswith("with_") else "with_integrators"
+    source = import_module(f"vibro_cli.benchmark.methods.{module}")
+    found: list[Method] = getattr(source, "methods" if module == name else name)()
     return found
 
 
@@ -95,7 +98,7 @@ def test_the_models_of_the_peers_are_the_model(module: str, name: str) -> None:
 def test_a_batch_of_heyoka_has_the_impacts_of_the_scene_in_every_lane() -> None:
     if find_spec("heyoka") is None:
         pytest.skip("heyoka is not installed")
-    (method,) = methods("with_heyoka_batch")
+    (method,) = batches()
     assert [scene.name for scene in SCENES if method.suits(scene)] == ["circle"]
     scene = BY_NAME["circle"]
     runner = method.prepare(scene, Setting("1e-10", 1e-10))

@@ -13,7 +13,7 @@ from tests.commands.processes import VIBRO
 from tests.effort import ratio
 from vibro_cli import __version__
 from vibro_cli.storage import tables
-from vibro_cli.storage.provenance import read_manifest
+from vibro_cli.storage.files import read_manifest
 from vibro_cli.storage.tables import read_parquet
 
 GALLERY = Path(__file__).parents[2] / "scenarios"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.conftest import Vibro
-from vibro_cli.storage.provenance import read_manifest
+from vibro_cli.storage.files import read_manifest
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
 THREE_ARCS = GALLERY / "three_arcs.toml"

@@ -275,9 +275,58 @@ def of_try(a: float) -> float:
         return 0.0
 
 
+@kernel
+def of_else(a: float) -> float:
+    while a > 1.0:
+        a *= 0.5
+    else:
+        a = 0.0
+    return a
+
+
+@kernel
+def of_several_results(rows: Sequence[Cell], a: float) -> float:
+    if a > 0.0:
+        return a
+    return rows[0]  # type: ignore[return-value]
+
+
+@kernel
+def of_fewer_names(a: float) -> float:
+    low, high, _ = _ordered(a, a)  # type: ignore[misc]
+    return low + high  # type: ignore[no-any-return]
+
+
+@kernel
+def of_no_elements(a: float) -> float:
+    return a[0]  # type: ignore[index,no-any-return]
+
+
+@kernel
+def of_shifts(i: int) -> int:
+    return i << 2
+
+
+@kernel
+def of_membership(a: float) -> bool:
+    return a in FACTORS
+
+
+@kernel
+def of_no_variable(a: float) -> float:
+    return a + ENTRIES  # type: ignore[operator]
+
+
 @pytest.mark.parametrize(
     ("function", "text"),
     [
+        (of_else, "no else of a loop"),
+        (of_several_results, "returns values of several types"),
+        (of_fewer_names, "expected a tuple of 3 values"),
+        (of_no_elements, "a has no elements"),
+        (of_shifts, "a kernel has no such operator"),
+        (of_membership, "a in FACTORS"),
+        (of_no_variable, "ENTRIES is no variable"),
         (of_no_type, "expected a type of numbers"),
         (of_text, "str is no kernel"),
         (of_list, "a kernel has no list"),
@@ -305,7 +354,7 @@ def test_what_the_subset_does_not_have_is_told_with_its_place(
 def test_the_source_points_to_the_kernels() -> None:
     text = Program("rules", (control,)).source()
     assert "static int64_t control(int64_t limit) {" in text
-    assert f'#line {control.__code__.co_firstlineno} "' in text
+    assert f'#line {control.__code__.co_firstlineno + 1} "' in text
 
 
 def test_pointers_are_eight_bytes() -> None:

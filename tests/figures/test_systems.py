@@ -16,8 +16,7 @@ from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.figures import springs_place
 from vibro_cli.systems.springs.portrait import motions, springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
-from vibro_cli.systems.table.wall_orbits import has_wall_portrait
-from vibro_cli.systems.table.wall_portrait import wall_portrait
+from vibro_cli.systems.table.wall_portrait import has_wall_portrait, wall_portrait
 
 pytestmark = pytest.mark.long
 

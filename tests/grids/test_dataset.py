@@ -29,7 +29,7 @@ from vibro_cli.grids.dataset import (
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.workers import solve_in_threads
 from vibro_cli.storage import files
-from vibro_cli.storage.provenance import FolderRefused
+from vibro_cli.storage.files import FolderRefused
 
 pytestmark = pytest.mark.long
 

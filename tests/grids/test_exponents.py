@@ -9,9 +9,9 @@ import pytest
 
 from tests.grids.test_same_as_run import GRIDS, MORE, grid_of, plain
 from vibro_cli.api import simulate
-from vibro_cli.grids.points import scenario_at
 from vibro_cli.systems import driver
 from vibro_cli.systems.trace.grid_solver import TraceSolver
+from vibro_cli.systems.trace.system_template import scenario_at
 
 NAMES = (
     "two balls, starts and k",

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 
 from tests.grids.conftest import Write
 from vibro_cli.grids import chunk_writer, chunks, workers
-from vibro_cli.grids.buffers import Lease, Pieces, Rooms
-from vibro_cli.grids.chunk_writer import Encoded, Making
+from vibro_cli.grids.chunk_writer import Encoded, Lease, Making, Pieces, Rooms
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.dataset import known_division, opened, verify
 from vibro_cli.grids.document import load_grid

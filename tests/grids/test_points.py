@@ -6,9 +6,9 @@ from itertools import product
 from pathlib import Path
 
 from vibro_cli.assemble import build_system
-from vibro_cli.grids.points import Reader, scenario_at
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.loading import load_document
+from vibro_cli.systems.trace.system_template import Reader, scenario_at
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 END = 0.8726646259971648  # of the first arc of three_arcs, 50 deg

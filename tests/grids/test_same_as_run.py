@@ -12,9 +12,9 @@ import pytest
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.grids.document import Grid, load_grid
-from vibro_cli.grids.points import Reader, scenario_at
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.systems.trace.grid_solver import TraceSolver
+from vibro_cli.systems.trace.system_template import Reader, scenario_at
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 POINTS = 60

@@ -10,8 +10,7 @@ import pytest
 
 from tests.grids.test_same_as_run import plain
 from vibro_cli.api import simulate
-from vibro_cli.grids.document import Grid, load_grid
-from vibro_cli.grids.points import document_at, reason_of
+from vibro_cli.grids.document import Grid, document_at, load_grid, reason_of
 from vibro_cli.grids.solving import solver_of, summary_table
 from vibro_cli.grids.workers import expected_impacts
 from vibro_cli.scenario import ScenarioError, any_scenario_of

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vibro_cli.stress.oracles.scene import KAPPA, Body, Scene, chain
-from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.stress.oracles.scene import KAPPA, Body, Real, Scene, chain, mp
 
 
 def scene_of_decimals(scenario: Mapping[str, Any]) -> Scene:

@@ -6,8 +6,8 @@ import pytest
 
 from tests import references
 from vibro_cli.stress.impacts import QUANTITIES
-from vibro_cli.stress.oracles.scene import slope_of
-from vibro_cli.stress.oracles.taylor import ArcMotion, mp
+from vibro_cli.stress.oracles.reference_solver import ArcMotion
+from vibro_cli.stress.oracles.scene import mp, slope_of
 
 pytestmark = pytest.mark.long
 

@@ -19,7 +19,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_second_order,
     safe_step_third_order,
 )
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.oracles.scene import mp
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=400)
 coefficient = st.floats(-4.0, 4.0).map(lambda x: round(x, 6))

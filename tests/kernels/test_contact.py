@@ -12,8 +12,7 @@ from tests.bare_system import bare_system
 from tests.kernels.kernel_records import ball, three_arcs
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.stress.oracles.reference_solver import Twin
-from vibro_cli.stress.oracles.scene import scene_of_system
-from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.stress.oracles.scene import Real, mp, scene_of_system
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 

@@ -13,7 +13,8 @@ from vibro_cli.kernels.contact.first_contact import displacement
 from vibro_cli.kernels.flow.flow import LINE, advance_slightly, flow, time_to
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.world import Flight
-from vibro_cli.stress.oracles.taylor import ArcMotion, Real, mp
+from vibro_cli.stress.oracles.reference_solver import ArcMotion
+from vibro_cli.stress.oracles.scene import Real, mp
 
 EPSILON = 2.0**-52
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=200)

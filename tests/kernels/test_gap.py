@@ -19,8 +19,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.stress.oracles.reference_solver import Place, Twin
-from vibro_cli.stress.oracles.scene import scene_of_system
-from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.stress.oracles.scene import Real, mp, scene_of_system
 from vibro_cli.systems.trace.world import half_angle
 
 EPSILON = 2.0**-52

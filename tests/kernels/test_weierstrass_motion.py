@@ -17,7 +17,8 @@ from vibro_cli.kernels.numerics.weierstrass_motion import (
     time_to_place,
 )
 from vibro_cli.mechanics.potential import Pull
-from vibro_cli.stress.oracles.taylor import ArcMotion, mp
+from vibro_cli.stress.oracles.reference_solver import ArcMotion
+from vibro_cli.stress.oracles.scene import mp
 
 # tilt, spread, angle, P, whether the body turns over, and how near rounding may bring it.
 ORBITS = [

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from tests.kernels.kernel_records import three_arcs
 from vibro_cli.mechanics.potential import contains_turn, heights
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.stress.oracles.scene import Piece, chain
-from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.stress.oracles.scene import Piece, Real, chain, mp
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=60)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.numerics import elementwise
-from vibro_cli.numerics.dual import Dual
+from vibro_cli.numerics.elementwise import Dual
 
 FUNCTIONS: tuple[tuple[Callable[[Any], Any], Callable[[Any], Any]], ...] = (
     (lambda x: 3.0 - x * x / (1.0 + x), lambda x: 3 - x * x / (1 + x)),

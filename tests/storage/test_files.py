@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from vibro_cli.storage import files
-from vibro_cli.storage.files import new_folder, write_file
-from vibro_cli.storage.provenance import FolderRefused
+from vibro_cli.storage.files import FolderRefused, new_folder, write_file
 
 WRITER = """
 import sys

@@ -9,8 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from vibro_cli.storage import parquet_files
-from vibro_cli.storage.parquet_files import PartFile
+from vibro_cli.grids import chunk_writer
+from vibro_cli.grids.chunk_writer import PartFile
 
 SCHEMA = pa.schema([("n", pa.int64()), ("t", pa.float64()), ("law", pa.string())])
 GROUPS = [[20_000, 0, 7_001], [30_000], [1, 40_000, 12_345], [3]]
@@ -56,7 +56,7 @@ def test_rows_come_back_in_their_groups() -> None:
 
 def test_the_bytes_do_not_depend_on_how_often_it_moved(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, _ = written()
-    monkeypatch.setattr(parquet_files, "_GROUPS_AT_FIRST", 1)
+    monkeypatch.setattr(chunk_writer, "_GROUPS_AT_FIRST", 1)
     moved, sizes = written()
     assert len(sizes) > 1
     assert moved == whole

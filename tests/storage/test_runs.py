@@ -10,8 +10,8 @@ import pytest
 
 from tests.fake_run import FakeRun, FakeScenario, columns_of
 from vibro_cli import __version__
+from vibro_cli.storage.files import FolderRefused, json_bytes, read_manifest
 from vibro_cli.storage.folders import write_run
-from vibro_cli.storage.provenance import FolderRefused, json_bytes, read_manifest
 from vibro_cli.storage.tables import read_parquet
 from vibro_cli.systems.trace import tables as of_trace
 

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from vibro_cli.stress import digits
-from vibro_cli.stress.finding import Document
 from vibro_cli.stress.oracles.oracle import Told
-from vibro_cli.stress.oracles.taylor import mp
-from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
+from vibro_cli.stress.oracles.scene import mp
+from vibro_cli.stress.scenes import VALLEY, Document, ball, scene, solve, system_of
 from vibro_cli.systems.run import Run
 
 HARD = Path(__file__).parents[1] / "hard_cases"
@@ -47,7 +46,7 @@ def two_balls(law: str = "normal-impulse") -> Document:
 
 def test_an_inadmissible_impact_from_a_height_lost_in_rounding_is_none() -> None:
     hard = tomllib.loads((HARD / "closes_up_to_rounding.toml").read_text(encoding="utf-8"))
-    run = digits._solved(hard)
+    run = solve(hard, "compiled")
     told = Told(end_cause="inadmissible", end_approach=mp.mpf("1e-8"))
     assert digits._decided_by_rounding(run, told)
     told.end_approach = mp.mpf("1e-5")
@@ -57,7 +56,7 @@ def test_an_inadmissible_impact_from_a_height_lost_in_rounding_is_none() -> None
 def test_motion_amid_summed_bounces_is_not_compared() -> None:
     # They take 1e-3 s from an impact on, which is known, and end in contact.
     document = scene(VALLEY, [ball(-0.3), ball(0.0)], 0.5, time=2.0)
-    run = digits._solved(document)
+    run = solve(document, "compiled")
     first = int(np.argmax(run.collisions["contact"]))
     begun, closed = float(run.collisions["t"][first]), float(run.events["t"][0])
     assert run.events["event"][0] == "contact_closed"
@@ -94,7 +93,7 @@ def test_every_number_of_a_document_is_changed() -> None:
 
 def test_bodies_that_touch_without_a_force_are_changed_by_a_gap() -> None:
     def parted(document: Document) -> list[Document]:
-        return list(digits.parted_documents(document, digits._solved(document)))
+        return list(digits.parted_documents(document, solve(document, "compiled")))
 
     # The second one rolls away from the first; at rest beside it, it leans on it.
     row = [ball(0.1, mass=2.0), {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}]

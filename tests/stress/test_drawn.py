@@ -14,7 +14,6 @@ import pytest
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress import physics
 from vibro_cli.stress.drawing import draw
-from vibro_cli.stress.finding import Document, Plan
 from vibro_cli.stress.physics import (
     check_drawn,
     distance_from_image,
@@ -22,7 +21,17 @@ from vibro_cli.stress.physics import (
     judge,
     mirrored_system,
 )
-from vibro_cli.stress.scenes import VALLEY, GivenUp, Watched, ball, scene, solve, system_of
+from vibro_cli.stress.scenes import (
+    VALLEY,
+    Document,
+    GivenUp,
+    Plan,
+    Watched,
+    ball,
+    scene,
+    solve,
+    system_of,
+)
 from vibro_cli.stress.suite import line_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system

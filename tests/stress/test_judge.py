@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibro_cli.stress.flights import (
+from vibro_cli.stress.first_contacts import (
     KINDS,
     Family,
     States,
@@ -17,8 +17,8 @@ from vibro_cli.stress.flights import (
     random_family,
     random_states,
     scenario_of_flight,
+    scene_of_flight,
 )
-from vibro_cli.stress.oracles.fifty_digits import first_contact, multiprecision
 from vibro_cli.stress.oracles.interval_oracle import (
     COLUMNS,
     CONTACT,
@@ -26,6 +26,8 @@ from vibro_cli.stress.oracles.interval_oracle import (
     NO_CONTACT,
     judge_all,
 )
+from vibro_cli.stress.oracles.oracle import first_contact
+from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.scenes import solve
 
 
@@ -71,13 +73,13 @@ def some_flights(kind: int, grazing: bool, count: int) -> tuple[Family, States]:
 
 @pytest.mark.parametrize("grazing", [False, True])
 def test_fifty_digits_agree(grazing: bool) -> None:
-    mp = multiprecision()
     judged = 0
     for kind in range(len(KINDS)):
         family, states = some_flights(kind, grazing, 2)
         rows = for_judge(family, states, states.horizon)
-        for row, (status, low, high, _) in zip(rows, verdicts_on(rows), strict=True):
-            exact = first_contact(mp, row)
+        for number, (row, verdict) in enumerate(zip(rows, verdicts_on(rows), strict=True)):
+            status, low, high, _ = verdict
+            exact = first_contact(scene_of_flight(family, states, number), mp.mpf(row[HORIZON]))
             judged += 1
             assert status == (NO_CONTACT if exact is None else CONTACT)
             if exact is not None:

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from vibro_cli.stress.left_open import left_open, order_left_open, throw_left_open, untold
+from vibro_cli.stress.digits import left_open, order_left_open, throw_left_open, untold
 from vibro_cli.stress.oracles.oracle import Bounce, Event, Told
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.oracles.scene import mp
 
 SIZE = 4.0
 EPSILON = 2.0**-52

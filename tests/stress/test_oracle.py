@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from tests import references
-from vibro_cli.stress.finding import Document
 from vibro_cli.stress.oracles.motion import (
     BITS,
     Undecided,
@@ -19,9 +18,8 @@ from vibro_cli.stress.oracles.motion import (
     without_leading_zeros,
 )
 from vibro_cli.stress.oracles.oracle import Oracle, Told
-from vibro_cli.stress.oracles.scene import Scene, scene_of_system
-from vibro_cli.stress.oracles.taylor import mp
-from vibro_cli.stress.scenes import ball, scene, system_of
+from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
+from vibro_cli.stress.scenes import Document, ball, scene, system_of
 
 pytestmark = pytest.mark.long
 

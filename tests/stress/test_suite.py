@@ -13,8 +13,7 @@ from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.tables import read_parquet
 from vibro_cli.stress import suite
 from vibro_cli.stress.extremes import swings, unequal
-from vibro_cli.stress.finding import Finding, Plan, Worst
-from vibro_cli.stress.scenes import VALLEY, ball, fault_of, scene
+from vibro_cli.stress.scenes import VALLEY, Finding, Plan, Worst, ball, fault_of, scene
 from vibro_cli.stress.suite import line_of, write
 
 pytestmark = pytest.mark.long

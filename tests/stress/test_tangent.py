@@ -9,8 +9,7 @@ import pytest
 
 from vibro_cli.stress import digits
 from vibro_cli.stress.drawing import draw
-from vibro_cli.stress.finding import Document, Plan
-from vibro_cli.stress.scenes import VALLEY, ball, scene, system_of
+from vibro_cli.stress.scenes import VALLEY, Document, Plan, ball, scene, system_of
 from vibro_cli.systems.trace.tangents import follow_system
 
 TOUCHING: Document = {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"}

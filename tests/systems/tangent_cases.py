@@ -8,9 +8,9 @@ import numpy as np
 
 from vibro_cli.api import simulate, simulate_streamed
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.stress.finding import Document
+from vibro_cli.stress.scenes import Document
 from vibro_cli.systems import system_named
-from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import LoggedMap, followed
 
 TOLD = {"n", "amplification", "digits_left", "smooth", "lyapunov_1", "lyapunov_error"}

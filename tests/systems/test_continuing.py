@@ -10,8 +10,9 @@ import pytest
 
 from tests.systems.springs_cases import FIGURE_FIVE, disk, spring, springs
 from tests.systems.table_cases import ball, box, ellipse, table
-from vibro_cli.api import CannotContinue, simulate
+from vibro_cli.api import simulate
 from vibro_cli.scenario import any_scenario_of
+from vibro_cli.systems.driver import CannotContinue
 
 Document = dict[str, Any]
 GAS = [ball(0.3 * n - 0.9, 0.1 * (-1) ** n, 0.7 - 0.3 * n, 0.4 * n) for n in range(6)]

@@ -12,8 +12,8 @@ import pytest
 from tests.systems.springs_cases import FIGURE_FIVE, disk, solve, spring, springs
 from tests.systems.tangent_cases import follow
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.stress.finding import Document, Plan
-from vibro_cli.stress.oracles.neighbours import map_error
+from vibro_cli.stress.oracles.sensitivity import map_error
+from vibro_cli.stress.scenes import Document, Plan
 from vibro_cli.systems.springs import SYSTEM, stress
 
 Floats = Any

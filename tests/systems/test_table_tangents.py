@@ -11,8 +11,8 @@ import pytest
 from tests.systems.tangent_cases import follow
 from vibro_cli.api import simulate
 from vibro_cli.scenario import any_scenario_of
-from vibro_cli.stress.finding import Document, Plan
-from vibro_cli.stress.oracles.neighbours import map_error
+from vibro_cli.stress.oracles.sensitivity import map_error
+from vibro_cli.stress.scenes import Document, Plan
 from vibro_cli.systems.table import stress
 
 ELLIPSE: Document = {"shape": "ellipse", "semi_axis_x": 1.0, "semi_axis_y": 0.8, "k": 1.0}

@@ -14,12 +14,12 @@ from tests.systems.tangent_cases import solved_and_streamed
 from tests.systems.test_table_tangents import ELLIPSE, TWO, scene
 from vibro_cli.api import simulate, simulate_streamed
 from vibro_cli.figures.runs.kinds import draw_all
-from vibro_cli.grids.points import document_at
+from vibro_cli.grids.document import document_at
 from vibro_cli.grids.solving import solver_of
 from vibro_cli.scenario import ScenarioError, any_scenario_of
 from vibro_cli.storage.folders import write_run
 from vibro_cli.storage.stored import open_run
-from vibro_cli.stress.finding import Document, Plan
+from vibro_cli.stress.scenes import Document, Plan
 from vibro_cli.systems.springs import stress as springs_stress
 from vibro_cli.systems.table import stress as table_stress
 from vibro_cli.systems.tangents import LoggedMap
@@ -64,7 +64,7 @@ def test_several_stretches_are_one_run(system: str, monkeypatch: pytest.MonkeyPa
     scenario = any_scenario_of(DOCUMENTS[system] | {"stop": {"collisions": 60}})
     whole = simulate(scenario).summary_record()
     monkeypatch.setattr("vibro_cli.systems.driver.COMPILED_ROWS", 32)
-    monkeypatch.setattr("vibro_cli.systems.stream.LEAST_ROWS", 16)
+    monkeypatch.setattr("vibro_cli.systems.run.LEAST_ROWS", 16)
     assert simulate_streamed(scenario, lambda *_: None).summary_record() == whole
 
 

@@ -25,7 +25,7 @@ from scipy.stats import chi2, t
 from vibro_cli.analysis.impact_times import ImpactTimes, NoDerivative, impact_times, number_at
 from vibro_cli.assemble import build_system
 from vibro_cli.errors import VibroError
-from vibro_cli.numerics.dual import Floats
+from vibro_cli.numerics.elementwise import Floats
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
 from vibro_cli.scenario.source import parsed_path

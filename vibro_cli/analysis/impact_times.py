@@ -8,8 +8,8 @@ the numbers p. A flight of length t from (T0, x0, v0) gives at a fixed time
 
 with the closed form J of ``kernels.tangent``. An event with g(x, p) = 0 is at ``dT = -dg/gdot``,
 and x and v there change by ``xdot dT`` and ``vdot dT`` more. Gap, law, wall and junction are
-evaluated with numbers that carry their derivatives (``numerics.dual``), as is the system that is
-built from the scenario: nothing is differenced.
+evaluated with numbers that carry their derivatives (``numerics.elementwise``), as is the system
+that is built from the scenario: nothing is differenced.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from vibro_cli.assemble import body_of, speed_of, system_of, trace_of
 from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
-from vibro_cli.grids.points import changed
 from vibro_cli.kernels.impact.laws import weight_and_response
 from vibro_cli.kernels.tangent.flight_jacobian import Arrival, find_arrivals
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
@@ -35,13 +34,12 @@ from vibro_cli.mechanics.initial_conditions import wall_position
 from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import elementwise
-from vibro_cli.numerics.dual import Dual, Floats, change_of, value_of
+from vibro_cli.numerics.elementwise import Dual, Floats, change_of, value_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
-from vibro_cli.systems.driver import Driver
-from vibro_cli.systems.rows import body_record
+from vibro_cli.systems.driver import Driver, body_record, with_logs
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.summary import with_logs
+from vibro_cli.systems.trace.system_template import changed
 from vibro_cli.systems.trace.world import make_world
 
 
@@ -151,7 +149,7 @@ def impact_times(
 
 def _arrivals(system: TraceSystem, stretch: Any) -> Any:
     own = make_world(system, None, None)
-    world = with_logs(own, stretch.engine, stretch.logs, stretch.clock)
+    world = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)
     arrivals = np.zeros(len(stretch.logs["log"]), dtype=engine.dtype(Arrival))
     current = np.zeros((1, len(system.bodies)), dtype=np.int64)
     scratch = np.zeros(1, dtype=engine.dtype(Flight))

@@ -16,6 +16,7 @@ from vibro_cli.benchmark.measurement import (
     INTERPRETED,
     KEPT,
     KERNEL,
+    SERIES,
     WITH,
     Row,
 )
@@ -23,7 +24,6 @@ from vibro_cli.benchmark.methods.with_series import PAPERS_ORDER
 from vibro_cli.benchmark.scenes import BY_NAME
 
 _OURS = (COMPILED, KEPT, BATCH, INTERPRETED)
-_SERIES = "series of the papers"
 _HEYOKA = ("heyoka", "heyoka, defaults")
 _FLAT = 0.2
 _LEAST = 3
@@ -116,8 +116,8 @@ def _of_lost(rows: Sequence[Row]) -> Iterator[str]:
 
 def _of_series(rows: Sequence[Row]) -> Iterator[str]:
     """How bad the papers' series is, and how slowly higher orders help."""
-    for scene in dict.fromkeys(row.scene for row in rows if row.method == _SERIES):
-        own = [row for row in _precision(rows) if row.scene == scene and row.method == _SERIES]
+    for scene in dict.fromkeys(row.scene for row in rows if row.method == SERIES):
+        own = [row for row in _precision(rows) if row.scene == scene and row.method == SERIES]
         good = [row for row in own if row.error is not None]
         first = next((row for row in own if row.setting == f"order {PAPERS_ORDER}"), None)
         if first is None:

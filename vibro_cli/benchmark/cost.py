@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -22,26 +23,31 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.benchmark.measurement import (
+    BATCH,
     WITH,
     WITHOUT,
+    Job,
     Plan,
     Row,
     Task,
     by_turns,
+    counted,
     greatest_memory,
     shared_out,
+    timed,
     warmed,
 )
-from vibro_cli.benchmark.methods.motion import Motion
-from vibro_cli.benchmark.methods.runner import DriverRunner, Lost
-from vibro_cli.benchmark.methods.with_heyoka_batch import NAME, TOLERANCES, Lanes
-from vibro_cli.benchmark.precision import installed_peers
-from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Document, Scene, ball
-from vibro_cli.storage.provenance import available_cores, json_bytes
+from vibro_cli.benchmark.methods import installed_peers
+from vibro_cli.benchmark.methods.runner import Lost, Motion
+from vibro_cli.benchmark.methods.with_heyoka import NAME, TOLERANCES, Lanes
+from vibro_cli.benchmark.methods.with_vibro import DriverRunner, driver_of
+from vibro_cli.benchmark.scenes import BY_NAME, OTHER_SCENES, SLOW, VALLEY, Document, Scene, ball
+from vibro_cli.scenario.loading import any_scenario_of
+from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
-from vibro_cli.systems.wanted import Wanted
+from vibro_cli.systems.wanted import Limits, Wanted
 
 _IMPACTS = 20_000
 _DENSITY = (7800.0, 2700.0)
@@ -124,25 +130,16 @@ def first_halves(numbers: Any, count: int) -> Any:
     return -0.36 - 0.05 * numbers / count
 
 
-class Crew:
+class Crew(Job):
     """Threads that solve a number of scenarios, a stretch at a time.
 
-    Parameters
-    ----------
-    threads
-        How many.
-    count
-        How many scenarios: circles that differ in where the first ball starts.
+    They are circles that differ in where the first ball starts.
     """
 
     def __init__(self, threads: int, count: int) -> None:
         self._scene = BY_NAME["circle"]
         self._count = count
         self._batches = [Batch(self._scene.system) for _ in range(threads)]
-        self.impacts = 0
-
-    def ready(self) -> None:
-        """Nothing is kept from run to run."""
 
     def go(self) -> None:
         """Solve all scenarios."""
@@ -164,16 +161,12 @@ def _measure_batches(plan: Plan) -> list[Row]:
     """Batches of ever more scenarios on all cores, then one size on ever more cores."""
     cores = available_cores()
     size = _THREADED if plan.form != "quick" else 1000
-    rows = [Row("scenarios", "circle", "vibro, batch", size=count) for count in plan.scenarios]
-    crews = [Crew(1, count) for count in plan.scenarios]
-    for threads in sorted({1, 2, cores} - ({2} if cores < 2 else set())):
-        rows.append(Row("cores", "circle", "vibro, batch", size=threads))
-        crews.append(Crew(threads, size))
-    times = by_turns(warmed([(crew.ready, crew.go) for crew in crews]), plan)
-    for row, crew, taken in zip(rows, crews, times, strict=True):
-        row.impacts = crew.impacts
-        row.take_times(taken)
-    return rows
+    jobs = [
+        (Row("scenarios", "circle", BATCH, size=count), Crew(1, count)) for count in plan.scenarios
+    ]
+    for threads in sorted({1, min(2, cores), cores}):
+        jobs.append((Row("cores", "circle", BATCH, size=threads), Crew(threads, size)))
+    return counted(jobs, plan)
 
 
 _GRID = """
@@ -213,21 +206,10 @@ _SCENE = "circle"
 _SCENARIOS = {"quick": 64, "default": 10_000, "full": 10_000}
 
 
-class Processes:
-    """heyoka's batches of the scenarios of a `Crew`, in processes.
-
-    Parameters
-    ----------
-    processes
-        How many; each waits for its work from the start on.
-    count
-        How many scenarios.
-    tolerance
-        Of the integrator.
-    """
+class Processes(Job):
+    """heyoka's batches of the scenarios of a `Crew`, in processes that wait for their work."""
 
     def __init__(self, processes: int, count: int, tolerance: float) -> None:
-        self.impacts = 0
         context = multiprocessing.get_context("spawn")
         self._ends: list[Any] = []
         for number in range(processes):
@@ -237,9 +219,6 @@ class Processes:
             work.daemon = True
             work.start()
             self._ends.append(here)
-
-    def ready(self) -> None:
-        """Nothing is kept from run to run."""
 
     def go(self) -> None:
         """Solve all scenarios."""
@@ -272,22 +251,48 @@ def _serve(end: Connection, share: range, count: int, tolerance: float) -> None:
 def measure_on_all_cores(plan: Plan) -> list[Row]:
     """Measure one grid by every way there is, by turns."""
     count, cores = _SCENARIOS[plan.form], available_cores()
-    rows = [Row(PART, _SCENE, "vibro, batch", "exact", size=count)]
-    crews: list[Crew | Processes] = [Crew(cores, count)]
+    jobs: list[tuple[Row, Job]] = [
+        (Row(PART, _SCENE, BATCH, "exact", size=count), Crew(cores, count))
+    ]
     if "heyoka" in installed_peers():
         for tolerance in TOLERANCES:
-            rows.append(Row(PART, _SCENE, NAME, f"{tolerance:g}", size=count))
-            crews.append(Processes(cores, count, tolerance))
+            row = Row(PART, _SCENE, NAME, f"{tolerance:g}", size=count)
+            jobs.append((row, Processes(cores, count, tolerance)))
     try:
-        taken = by_turns(warmed([(crew.ready, crew.go) for crew in crews]), plan)
+        return counted(jobs, plan)
     finally:
-        for crew in crews:
-            if isinstance(crew, Processes):
-                crew.close()
-    for row, crew, times in zip(rows, crews, taken, strict=True):
-        row.impacts = crew.impacts
-        row.take_times(times)
-    return rows
+        for _, job in jobs:
+            if isinstance(job, Processes):
+                job.close()
+
+
+def measure_other_systems(plan: Plan) -> list[Row]:
+    """Measure every scene by turns; an impact is one of two bodies, of a lone ball a bounce."""
+    long = 5_000 if plan.form == "quick" else 200_000
+    rows, tasks = [], []
+    for name, document in OTHER_SCENES.items():
+        impacts = long // 100 if name in SLOW else long
+        rows.append(Row("systems", name, "vibro", impacts=impacts))
+        run = _SystemRun(document, impacts)
+        tasks.append((run.ready, run.go))
+    return timed(rows, tasks, plan)
+
+
+class _SystemRun:
+    """Runs of a scene of any system, so many impacts or bounces each."""
+
+    def __init__(self, document: Document, impacts: int) -> None:
+        self._scenario: Any = any_scenario_of(document)
+        lone = len(document["balls"]) == 1
+        self._limits = Limits(bounces=impacts) if lone else Limits(collisions=impacts)
+
+    def ready(self) -> None:
+        """Make the records of a run."""
+        self._driver = driver_of(self._scenario, self._limits)
+
+    def go(self) -> None:
+        """Run."""
+        self._driver.run()
 
 
 APART = "searches of pairs out of reach"
@@ -318,9 +323,7 @@ def measure_skips(plan: Plan) -> list[Row]:
     for setting, task in ((WITH, _tables(False)), (WITHOUT, _tables(True))):
         rows.append(Row("skips", "three_arcs", TABLES, setting, impacts=_SHORT_RUN))
         tasks.append(task)
-    for row, times in zip(rows, by_turns(warmed(tasks), plan), strict=True):
-        row.take_times(times)
-    return rows + _measure_figures(plan)
+    return timed(rows, tasks, plan) + _measure_figures(plan)
 
 
 _SHORT_RUN = 300
@@ -328,16 +331,17 @@ _SHORT_RUN = 300
 
 def _kernel_skips(impacts: int) -> list[tuple[str, Scene, Task, Task]]:
     three, circle = BY_NAME["three_arcs"], BY_NAME["circle"]
+    plain = [DriverRunner(scene.system, "compiled") for scene in (three, circle)]
+    searching = _Searching(three.system, "compiled")
+    keeping = DriverRunner(circle.system, "compiled", keep=True)
 
     def task(runner: DriverRunner) -> Task:
         return lambda: runner.ready(impacts), runner.go
 
     return [
-        (APART, three, task(DriverRunner(three.system, "compiled")),
-         task(_Searching(three.system, "compiled"))),
-        (ROWS, circle, task(DriverRunner(circle.system, "compiled")),
-         task(DriverRunner(circle.system, "compiled", keep=True))),
-    ]  # fmt: skip
+        (APART, three, task(plain[0]), task(searching)),
+        (ROWS, circle, task(plain[1]), task(keeping)),
+    ]
 
 
 def _tables(all_of_them: bool) -> Task:
@@ -367,14 +371,11 @@ def _measure_figures(plan: Plan) -> list[Row]:
         for setting, option in ((WITH, "--no-figures"), (WITHOUT, "--figures=default")):
             rows.append(Row("skips", "three_arcs", FIGURES, setting, impacts=_SHORT_RUN))
             tasks.append((_nothing, _process(Path(folder), option)))
-        few = Plan(plan.form, 3, plan.target, (), (), ())
-        for row, times in zip(rows, by_turns(warmed(tasks), few), strict=True):
-            row.take_times(times)
-    return rows
+        return timed(rows, tasks, replace(plan, repeats=3))
 
 
 def _process(folder: Path, option: str) -> Callable[[], None]:
-    from vibro_cli.storage.provenance import json_bytes
+    from vibro_cli.storage.files import json_bytes
 
     document = BY_NAME["three_arcs"].document | {"stop": {"collisions": _SHORT_RUN}}
     source = folder / "scene.json"

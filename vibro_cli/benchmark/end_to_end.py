@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.assemble import build_any, build_system
+from vibro_cli.assemble import build_system
 from vibro_cli.benchmark.measurement import (
     COMMAND,
     COMMAND_PART,
@@ -30,29 +30,26 @@ from vibro_cli.benchmark.measurement import (
     GRID,
     GRID_PART,
     KERNEL,
+    Job,
     Plan,
     Row,
-    Task,
-    by_turns,
+    counted,
     greatest_memory,
     shared_out,
-    warmed,
 )
-from vibro_cli.benchmark.other_systems import SLOW, WHOLE
-from vibro_cli.benchmark.scenes import BY_NAME, Document, ball
+from vibro_cli.benchmark.methods.with_vibro import driver_of
+from vibro_cli.benchmark.scenes import BY_NAME, SLOW, WHOLE, Document, ball
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.buffers import Lease, Pieces
+from vibro_cli.grids.chunk_writer import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks
 from vibro_cli.grids.document import Grid, load_grid
 from vibro_cli.grids.solving import impact_table_of
 from vibro_cli.grids.workers import expected_impacts, impact_density, solve_in_threads
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.loading import any_scenario_of, scenario_of
-from vibro_cli.storage.provenance import available_cores, json_bytes
+from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.storage.tables import Table
 from vibro_cli.stress.scenes import three_arcs
-from vibro_cli.systems import system_named
-from vibro_cli.systems.driver import Driver
 from vibro_cli.systems.trace.ensemble import Batch, empty_results
 from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, impact_columns
 from vibro_cli.systems.trace.grid_solver import Task as Planned
@@ -67,21 +64,16 @@ _MOST = 50
 
 def measure_grid(plan: Plan) -> list[Row]:
     """Measure one grid, with every impact and with summaries only, and its kernel, by turns."""
-    rows: list[Row] = []
-    tasks: list[Task] = []
-    jobs: list[_Kernels | _Whole] = []
+    jobs: list[tuple[Row, Job]] = []
     with _grid(_SIDE[plan.form]) as grid:
         for setting, one in ((ROWS, grid), (SUMMARIES, grid.without_collisions())):
             expected = expected_impacts(one)
             chunks = Chunks.of(one, expected, impact_density(one, expected, "compiled"))
-            for method, job in ((KERNEL, _Kernels(one, chunks)), (GRID, _Whole(one, chunks))):
-                rows.append(Row(GRID_PART, _SCENE, method, setting, size=chunks.points))
-                jobs.append(job)
-                tasks.append((job.ready, job.go))
-        times = by_turns(warmed(tasks), plan)
-        for row, job, taken in zip(rows, jobs, times, strict=True):
-            row.impacts = job.impacts
-            row.take_times(taken)
+            for method, kind in ((KERNEL, _Kernels), (GRID, _Whole)):
+                row = Row(GRID_PART, _SCENE, method, setting, size=chunks.points)
+                jobs.append((row, kind(one, chunks)))
+        rows = counted(jobs, plan)
+        for _, job in jobs:
             job.ready()
     return rows
 
@@ -103,18 +95,13 @@ def _grid(side: int) -> Iterator[Grid]:
         yield load_grid(source)
 
 
-def _threads() -> int:
-    return available_cores()
-
-
-class _Whole:
+class _Whole(Job):
     """The grid, planned, solved, encoded and written, with its checksums."""
 
     def __init__(self, grid: Grid, chunks: Chunks) -> None:
         self._grid = grid
         self._chunks = chunks
         self._folder = Path(tempfile.mkdtemp(prefix="vibro-bench-"))
-        self.impacts = 0
 
     def ready(self) -> None:
         """Remove the parts of the last time."""
@@ -125,13 +112,13 @@ class _Whole:
         for name in ("summary", *self._grid.kept_tables):
             (self._folder / name).mkdir(parents=True)
         receipts = solve_in_threads(
-            self._grid, self._chunks, range(self._chunks.count), self._folder, _threads(),
+            self._grid, self._chunks, range(self._chunks.count), self._folder, available_cores(),
             "compiled", lambda points, impacts: None,
         )  # fmt: skip
         self.impacts = sum(receipt.impacts for receipt in receipts)
 
 
-class _Kernels:
+class _Kernels(Job):
     """The kernel of the grid, a batch for each thread, on points that are planned."""
 
     def __init__(self, grid: Grid, chunks: Chunks) -> None:
@@ -143,16 +130,12 @@ class _Kernels:
             for points in (np.arange(*stretch) for stretch in chunks.stretches(chunk))
         ]
         table = impact_table_of(grid) if grid.keep.collisions else None
-        self._solvers = [_Solver(self._setting.system, table) for _ in range(_threads())]
-        self.impacts = 0
+        self._solvers = [_Solver(self._setting.system, table) for _ in range(available_cores())]
 
     def _planned(self, grid: Grid, points: Array) -> Planned:
         values = grid.design.columns(points)
         systems = self._setting.systems(values, len(points))
         return Planned.of(self._setting.starts(values, systems), systems, points)
-
-    def ready(self) -> None:
-        """Nothing is kept from run to run."""
 
     def go(self) -> None:
         """Solve all points."""
@@ -185,9 +168,8 @@ class _Solver:
             counts = outcomes["kept"].copy()
             log = self._logs.keep(results.impacts, int(counts.sum()))
             given = Logged(
-                task.system, self._batch.world, "compiled", task.points, counts, log,
-                task.starts.mass,
-            )  # fmt: skip
+                task.system, self._batch.world, task.points, counts, log, task.starts.mass
+            )
             lease = Lease(self._pieces)
             impact_columns(self._kept, [given], points, lease)
             lease.give_back()
@@ -264,11 +246,7 @@ def _measured(name: str, document: Document, impacts: int) -> list[Row]:
 def _event_loop(document: Document, impacts: int) -> float:
     """Time (s) of a run; the rows of a trace are dropped."""
     scenario: Any = any_scenario_of(document)
-    kind, system = system_named(scenario.system), build_any(scenario)
-    world = kind.world(system, kind.limits(scenario))
-    if hasattr(world.settings[0], "keep"):
-        world.settings[0].keep = 0
-    driver = Driver(kind.loop, world, "compiled", overrides=kind.overrides(system))
+    driver = driver_of(scenario)
     start = time.perf_counter()
     driver.run()
     taken = time.perf_counter() - start

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import platform
 import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from importlib import metadata
 from pathlib import Path
 from statistics import median
@@ -20,8 +19,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from vibro_cli import __version__
-from vibro_cli.storage.provenance import available_cores
-from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, to_arrow
+from vibro_cli.grids.solving import columns_of_records
+from vibro_cli.storage.files import available_cores
+from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, read_parquet, to_arrow
 
 TABLE = Table(
     "benchmark",
@@ -141,39 +141,48 @@ def by_turns(tasks: Sequence[Task], plan: Plan) -> list[list[float]]:
     return times
 
 
+class Job:
+    """Work whose impacts are counted as it is done."""
+
+    impacts = 0
+
+    def ready(self) -> None:
+        """Nothing is kept from run to run."""
+
+    def go(self) -> None:
+        """Do the work."""
+        raise NotImplementedError
+
+
+def timed(rows: Sequence[Row], tasks: Sequence[Task], plan: Plan) -> list[Row]:
+    """Run tasks once, then by turns; return the rows, which are given their times."""
+    for row, times in zip(rows, by_turns(warmed(tasks), plan), strict=True):
+        row.take_times(times)
+    return list(rows)
+
+
+def counted(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
+    """Run jobs once, then by turns; return the rows, which are given their impacts and times."""
+    times = by_turns(warmed([(job.ready, job.go) for _, job in jobs]), plan)
+    for (row, job), taken in zip(jobs, times, strict=True):
+        row.impacts = job.impacts
+        row.take_times(taken)
+    return [row for row, _ in jobs]
+
+
 def parquet(rows: Sequence[Row], details: dict[str, Any]) -> bytes:
     """Return the table of the rows as a parquet file; the details go into its metadata."""
-    columns: dict[str, Any] = {}
-    for column in TABLE.columns:
-        values = [getattr(row, column.name) for row in rows]
-        if column.type == "string":
-            columns[column.name] = np.array(values, dtype=object)
-        elif column.type == "float64":
-            columns[column.name] = np.array(
-                [math.nan if value is None else value for value in values], dtype=float
-            )
-        else:
-            missing = [value is None for value in values]
-            whole = np.array([value or 0 for value in values], dtype=np.int64)
-            columns[column.name] = np.ma.MaskedArray(whole, mask=missing)
+    columns = columns_of_records([vars(row) for row in rows], TABLE)
     return parquet_bytes(to_arrow(TABLE, columns, Origin(details, __version__)))
 
 
 def read_rows(path: Path) -> tuple[list[Row], dict[str, Any]]:
     """Return the rows of a table that was written, and its details."""
-
-    from vibro_cli.storage.tables import read_parquet
-
     table = read_parquet(path)
     names = [field.name for field in fields(Row)]
     columns = {name: table.column(name).to_pylist() for name in names}
     rows = [Row(**{name: columns[name][n] for name in names}) for n in range(table.num_rows)]
     return rows, json.loads(table.schema.metadata[b"vibro:scenario"])
-
-
-def record_of(row: Row) -> dict[str, Any]:
-    """Return a row as plain values."""
-    return asdict(row)
 
 
 _LIBRARIES = ("numpy", "scipy", "heyoka", "diffrax", "jax", "CyRK")
@@ -210,6 +219,7 @@ COMPILED = "vibro"
 KEPT = "vibro, all rows kept"
 INTERPRETED = "vibro, interpreted"
 BATCH = "vibro, batch"
+SERIES = "series of the papers"
 
 
 Work = TypeVar("Work")

@@ -1,13 +1,16 @@
-"""The scenes that every method is measured on, with the times of their first impacts.
+"""The scenes that every method is measured on, with their references; those of other systems.
 
-The times are kept in the folder ``references``. They come from ``stress.oracles.reference_solver``,
-a Taylor integration in 50 digits fed with the very doubles that the methods get.
+The times of first impacts are kept in the folder ``references``. They come from
+``stress.oracles.reference_solver``, a Taylor integration in 50 digits fed with the very doubles
+that the methods get.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from importlib.resources import files
 from typing import Any
@@ -95,6 +98,78 @@ SCENES = (
 BY_NAME = {scene.name: scene for scene in SCENES}
 
 
+def _table(wall: Document, *balls: Document) -> Document:
+    return {
+        "system": "table", "wall": {"k": 1.0, **wall}, "balls": list(balls),
+        "collision": {"k": 1.0}, "stop": {"bounces": 1},
+    }  # fmt: skip
+
+
+def _ball_on_table(x: float, y: float, radius: float = 0.1) -> Document:
+    motion = {"x": x, "y": y, "velocity_x": 0.9 - x, "velocity_y": 0.7 + y}
+    body: Document = {"body": "particle"} if radius == 0.0 else {}
+    return {"radius": radius, "mass": 1.0, **motion, **body}
+
+
+def _disk(position: float, speed: float, mass: float, **spring: float) -> Document:
+    held = {"length": 5.0, **spring}
+    start = {"position": position, "speed": speed}
+    return {"body": "disk", "radius": 0.4, "mass": mass, **start, "spring": held}
+
+
+def _circle(**trace: Any) -> Document:
+    return {
+        "gravity": 9.81, "trace": valley(90) | trace,
+        "balls": [ball("-60 deg", _STEEL), ball("50 deg", _STEEL)],
+        "collision": {"k": 1.0}, "stop": {"collisions": 1},
+    }  # fmt: skip
+
+
+_ELLIPSE: Document = {"shape": "ellipse", "semi_axis_x": 2.0, "semi_axis_y": 1.2}
+_BOX: Document = {"shape": "rectangle", "width": 3.0, "depth": 2.0}
+OTHER_SCENES: dict[str, Document] = {
+    "wall: ellipse, r = 0": _table(_ELLIPSE, _ball_on_table(0.3, 0.1, 0.0)),
+    "wall: ellipse, r = 0.1": _table(_ELLIPSE, _ball_on_table(0.3, 0.1)),
+    "wall: circle": _table({"shape": "circle", "radius": 1.5}, _ball_on_table(0.3, 0.1)),
+    "wall: rectangle": _table(_BOX, _ball_on_table(0.3, 0.1)),
+    "30 balls in a box": _table(
+        _BOX, *(_ball_on_table(0.4 * (n % 6) - 1.0, 0.35 * (n // 6) - 0.7) for n in range(30))
+    ),
+    "circle at rest": _circle(),
+    "circle turning about its axis": _circle(turning={"through_arc": 1, "rate": 2.5}),
+    "springs": {
+        "system": "springs", "collision": {"k": 1.0}, "stop": {"collisions": 1},
+        "balls": [
+            _disk(-4.0, 8.5, 1.0, stiffness=6.0, height=1.0, foot=0.0),
+            _disk(7.0, -2.0, 2.0, stiffness=9.0, height=1.5, foot=3.0),
+        ],
+    },
+}  # fmt: skip
+
+
+WHOLE: dict[str, Document] = {
+    **{name: OTHER_SCENES[name] for name in ("30 balls in a box", "springs")},
+    "200 balls in a box": _table(
+        {"shape": "rectangle", "width": 12.0, "depth": 8.0},
+        *(_ball_on_table(0.55 * (n % 20) - 5.3, 0.7 * (n // 20) - 3.2) for n in range(200)),
+    ),
+    "springs, 200 disks": {
+        "system": "springs", "collision": {"k": 1.0}, "stop": {"collisions": 1},
+        "balls": [
+            _disk(
+                3.0 * n, 8.5 if n % 2 else -7.0, 1.0 + n % 3,
+                stiffness=6.0 + n % 5, height=1.0, foot=3.0 * n,
+            )
+            for n in range(200)
+        ],
+    },
+}  # fmt: skip
+"""Scenes measured as whole commands, with many bodies too."""
+
+SLOW = ("springs", "springs, 200 disks")
+"""Scenes that are solved step by step, of which fewer impacts are enough."""
+
+
 DIGITS = 40
 
 
@@ -132,8 +207,7 @@ def reference_times(scene: Scene) -> list[str]:
 def computed_reference(scene: Scene) -> dict[str, Any]:
     """Return the content of a scene's file, computed anew; needs mpmath."""
     from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
-    from vibro_cli.stress.oracles.scene import scene_of_system
-    from vibro_cli.stress.oracles.taylor import mp
+    from vibro_cli.stress.oracles.scene import mp, scene_of_system
     from vibro_cli.systems.trace import simulate_system
 
     run = simulate_system(scene.system, None, scene.compared, "python")
@@ -146,22 +220,17 @@ def computed_reference(scene: Scene) -> dict[str, Any]:
     }
 
 
-def errors_of_times(times: list[float], exact: list[str]) -> list[float]:
+def errors_of_times(times: Sequence[float | str], exact: list[str]) -> list[float]:
     """Relative errors of times, formed in exact fractions and rounded once."""
-    from fractions import Fraction
-
     pairs = zip(times, exact, strict=False)
     return [float(abs(Fraction(time) - Fraction(true)) / Fraction(true)) for time, true in pairs]
 
 
 def reference_difference(scene: Scene, content: dict[str, Any]) -> str:
     """Say in words how a content computed anew differs from the reference in use."""
-    from fractions import Fraction
-
     try:
         used = reference_times(scene)
     except ReferenceOutdated:
         return "no reference in use"
-    pairs = zip(used, content["times"], strict=True)
-    worst = max(float(abs(Fraction(a) - Fraction(b)) / Fraction(b)) for a, b in pairs)
+    worst = max(errors_of_times(used, content["times"]))
     return f"{len(used)} times, greatest relative difference {worst:.1e}"

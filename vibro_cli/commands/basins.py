@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import Task
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.basins import Basins, Estimate
@@ -57,16 +57,17 @@ def _basins(
     """Read, measure, draw, write and print."""
     from vibro_cli.analysis.basins import NoBasins
     from vibro_cli.figures.grids.basins import mapped_basins
-    from vibro_cli.storage.folders import check_basins_folder, write_basins
-    from vibro_cli.storage.provenance import FolderRefused
+    from vibro_cli.storage.files import FolderRefused, check_replaceable
+    from vibro_cli.storage.folders import write_results
     from vibro_cli.storage.stored import NotAGrid, open_grid
 
     try:
-        check_basins_folder(target)
+        check_replaceable(target, "basins")
         stored = open_grid(source)
         found = mapped_basins(stored, outcome)
         record = record_of(found.basins, [one.path for one in found.shown.coordinates])
-        write_basins(record, target, _drawn(found) if figures else {})
+        drawn = _drawn(found) if figures else {}
+        write_results("basins", target, drawn, record=record)
     except NoBasins as error:
         raise CommandError(f"vibro: {source}: no basins: {error}") from error
     except (NotAGrid, FolderRefused) as error:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
 from vibro_cli.commands.shared.options import Quiet, Task
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.benchmark.measurement import Row
@@ -78,14 +78,14 @@ def _check_scenes(names: tuple[str, ...]) -> None:
 
 
 def _measure(wishes: _BenchOptions) -> int:
-    from vibro_cli.benchmark import precision, suite
+    from vibro_cli.benchmark import methods, suite
     from vibro_cli.benchmark.measurement import PLANS, describe_machine
     from vibro_cli.benchmark.scenes import ReferenceOutdated
-    from vibro_cli.storage.provenance import FolderRefused, check_replaceable
+    from vibro_cli.storage.files import FolderRefused, check_replaceable
 
     _check_scenes(wishes.scenes)
     details = {"machine": describe_machine(), "plan": wishes.form}
-    missing = sorted(set(precision.PEERS.values()) - set(precision.installed_peers()))
+    missing = sorted(set(methods.PEERS) - set(methods.installed_peers()))
     if missing and not wishes.quiet:
         names = ", ".join(missing)
         say(f"vibro: not measured because not installed: {names} (pip install 'vibro-cli[peers]')")
@@ -104,11 +104,9 @@ def _measure(wishes: _BenchOptions) -> int:
 
 
 def _tell(rows: "list[Row]", wishes: _BenchOptions) -> None:
-    from vibro_cli.benchmark.measurement import record_of
-
     for row in rows:
         if wishes.as_json:
-            print(json_text(record_of(row)), flush=True)
+            print(json_text(vars(row)), flush=True)
         elif not wishes.quiet:
             name = row.method if row.size is None else f"{row.method}, {row.part} {row.size}"
             time = "" if row.per_impact is None else f"{row.per_impact * 1e6:10.3g} µs an impact"
@@ -123,8 +121,13 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli.figures.style import render
     from vibro_cli.figures.work_precision import growth, work_precision
     from vibro_cli.report.benchmark_page import benchmark_html
-    from vibro_cli.storage.files import new_folder
-    from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+    from vibro_cli.storage.files import (
+        MANIFEST_NAME,
+        check_replaceable,
+        json_bytes,
+        manifest,
+        new_folder,
+    )
 
     files = {
         "benchmark.parquet": parquet(rows, details),
@@ -149,13 +152,13 @@ def _renew(target: str, names: tuple[str, ...]) -> int:
         reference_difference,
         reference_file,
     )
-    from vibro_cli.storage.files import new_folder
-    from vibro_cli.storage.provenance import (
+    from vibro_cli.storage.files import (
         MANIFEST_NAME,
         FolderRefused,
         check_replaceable,
         json_bytes,
         manifest,
+        new_folder,
     )
 
     _check_scenes(names)
@@ -232,10 +235,17 @@ def stress(
 
 
 def _run_suite(wishes: _StressOptions) -> int:
-    from vibro_cli.storage.provenance import FolderRefused
-    from vibro_cli.stress.finding import Plan
-    from vibro_cli.stress.oracles.fifty_digits import MissingLibrary
-    from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run, write
+    from vibro_cli.storage.files import FolderRefused
+    from vibro_cli.stress.scenes import Plan
+    from vibro_cli.stress.suite import (
+        NAMES,
+        MissingLibrary,
+        check_stress_folder,
+        line_of,
+        record_of,
+        run,
+        write,
+    )
 
     unknown = sorted(set(wishes.only) - set(NAMES))
     if unknown:

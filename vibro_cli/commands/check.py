@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, FAILED, MISUSED, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, MISUSED, CommandError
 from vibro_cli.commands.shared.options import FailFast, Overrides, Quiet, Scenarios, Task
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
@@ -117,7 +117,7 @@ def _point(grid: "Grid", index: int) -> str | None:
     import numpy as np
 
     from vibro_cli.assemble import build_any
-    from vibro_cli.grids.points import document_at, reason_of
+    from vibro_cli.grids.document import document_at, reason_of
     from vibro_cli.scenario.loading import any_scenario_of
     from vibro_cli.scenario.problems import ScenarioError
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason, say
+from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason
 from vibro_cli.commands.shared.options import Task, scenario_keys
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.fit import Fit, Free
@@ -118,8 +118,8 @@ def _fit(wishes: _Wishes) -> int:
     """Read, fit, draw, write and print."""
     from vibro_cli.analysis.fit import NoFit, NotMeasured, fit_impacts, read_measured
     from vibro_cli.commands.shared.loading import load_any
-    from vibro_cli.storage.folders import check_fit_folder, write_fit
-    from vibro_cli.storage.provenance import FolderRefused
+    from vibro_cli.storage.files import FolderRefused, check_replaceable
+    from vibro_cli.storage.folders import write_results
     from vibro_cli.systems import system_named
 
     scenario, _ = load_any(wishes.source, wishes.overrides)
@@ -129,13 +129,13 @@ def _fit(wishes: _Wishes) -> int:
     free = parsed_free(wishes.free)
     try:
         if folder is not None:
-            check_fit_folder(folder)
+            check_replaceable(folder, "fit")
         measured = read_measured(wishes.measured)
         found = fit_impacts(cast("Scenario", scenario), measured, free, wishes.noise)
         if folder is not None:
             columns = residual_columns(found)
             drawn = _drawn(columns) if wishes.figures else {}
-            write_fit(found.scenario, record_of(found), columns, folder, drawn)
+            write_results("fit", folder, drawn, found.scenario, record_of(found), columns)
     except NoFit as error:
         raise CommandError(f"vibro: {scenario.name}: no fit: {error}") from error
     except (NotMeasured, FolderRefused) as error:

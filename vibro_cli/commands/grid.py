@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError
 from vibro_cli.commands.shared.options import Engine, Overrides, Strict, Task, scenario_files
 from vibro_cli.commands.shared.terminal import (
     EARLY_ENDS,
@@ -21,6 +21,7 @@ from vibro_cli.commands.shared.terminal import (
     lines_of,
     printable,
     report_command,
+    say,
     size,
 )
 
@@ -185,7 +186,7 @@ def load(wishes: Wishes) -> "Grid":
 
 
 def _workers(wishes: Wishes) -> int:
-    from vibro_cli.storage.provenance import available_cores
+    from vibro_cli.storage.files import available_cores
 
     return wishes.workers or available_cores()
 
@@ -261,7 +262,7 @@ def sweep(wishes: "Wishes", grid: "Grid", workers: int) -> dict[str, Any]:
     """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
     from vibro_cli.grids.dataset import FolderInUse, GridChanged, MergeRefused, merge, opened
     from vibro_cli.grids.workers import ClusterError
-    from vibro_cli.storage.provenance import FolderRefused
+    from vibro_cli.storage.files import FolderRefused
 
     whole = wishes.folder_of(grid)
     folder = whole if wishes.shard is None else wishes.shard.folder_in(whole)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import Task, gallery_names
-from vibro_cli.commands.shared.terminal import json_text, printable
+from vibro_cli.commands.shared.terminal import json_text, printable, say
 from vibro_cli.systems import NAMES
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import Task, scenario_keys
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.analysis.orbit_branch import Branch
@@ -102,8 +102,8 @@ def _find(wishes: _Wishes) -> int:
     from vibro_cli.analysis.orbit_branch import family_of
     from vibro_cli.analysis.orbits import NoOrbit, find_orbit
     from vibro_cli.commands.shared.loading import load_any
-    from vibro_cli.storage.folders import check_orbit_folder, write_orbits
-    from vibro_cli.storage.provenance import FolderRefused
+    from vibro_cli.storage.files import FolderRefused, check_replaceable
+    from vibro_cli.storage.folders import write_results
     from vibro_cli.systems import system_named
 
     scenario, system = load_any(wishes.source, wishes.overrides)
@@ -115,7 +115,7 @@ def _find(wishes: _Wishes) -> int:
     longest = scenario.stop.time or 1000.0
     try:
         if folder is not None:
-            check_orbit_folder(folder)
+            check_replaceable(folder, "orbit")
         found = find_orbit(system, wishes.impacts, wishes.period, longest)
         branch = None
         if wishes.vary is not None:
@@ -125,7 +125,7 @@ def _find(wishes: _Wishes) -> int:
             drawn = {}
             if wishes.vary is not None and wishes.figures:
                 drawn = _drawn(columns, _axis(parsed_span(wishes.vary)[0]))
-            write_orbits(scenario, columns, folder, drawn)
+            write_results("orbit", folder, drawn, scenario, columns=columns)
     except NoOrbit as error:
         raise CommandError(f"vibro: {scenario.name}: no orbit: {error}") from error
     except FolderRefused as error:

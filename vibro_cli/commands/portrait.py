@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.options import Overrides, Quiet, Task
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -319,8 +319,8 @@ def portrait(
 def _portray(wishes: _Wishes) -> int:
     """Analyse, draw, write and print."""
     from vibro_cli.commands.shared.loading import load_any
-    from vibro_cli.storage.folders import check_portrait_folder, write_portraits
-    from vibro_cli.storage.provenance import FolderRefused
+    from vibro_cli.storage.files import FolderRefused, check_replaceable
+    from vibro_cli.storage.folders import write_results
 
     scenario, system = load_any(wishes.source, wishes.overrides)
     if (wishes.vary or wishes.compare) and wishes.source == "-":
@@ -332,10 +332,10 @@ def _portray(wishes: _Wishes) -> int:
         folder = Path(wishes.output or Path("outputs") / f"{scenario.name}-portrait")
     try:
         if folder is not None:
-            check_portrait_folder(folder)
+            check_replaceable(folder, "portrait")
         found, drawn = _analysed(wishes, scenario, system)
         if folder is not None:
-            write_portraits(scenario, found, folder, drawn)
+            write_results("portrait", folder, drawn, scenario, found)
     except FolderRefused as error:
         raise CommandError(f"vibro: {error}") from error
     if wishes.as_json:

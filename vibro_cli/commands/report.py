@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from vibro_cli import __version__
-from vibro_cli.commands.shared.error_handling import DONE, CommandError, say
+from vibro_cli.commands.shared.error_handling import DONE, CommandError
 from vibro_cli.commands.shared.filming import FilmWishes, check_film, write_film
 from vibro_cli.commands.shared.options import Task
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.figures.runs.kinds import Drawn
@@ -231,7 +231,7 @@ def _opened(folder: Path) -> "StoredRun":
 
 def _check(wishes: _Wishes) -> None:
     """Raise `CommandError` before anything is drawn if some file could not take its place."""
-    from vibro_cli.storage.provenance import FolderRefused, check_replaceable
+    from vibro_cli.storage.files import FolderRefused, check_replaceable
 
     pdf = wishes.pdf
     if pdf is not None and pdf.exists() and pdf.read_bytes()[:5] != b"%PDF-":
@@ -271,12 +271,12 @@ def _write_pdf(subject: "Subject", target: Path, wishes: _Wishes) -> None:
 def _write_figures(subject: "Subject", target: Path, wishes: _Wishes) -> None:
     """Write every figure into a folder, in all forms."""
     from vibro_cli.figures.style import FORMATS, render
-    from vibro_cli.storage.folders import write_figures
+    from vibro_cli.storage.folders import write_results
 
     files = {
         f"{stem}.{form}": render(drawn.figure, form)
         for stem, drawn in _drawn(subject, wishes.width, wishes.maps)
         for form in FORMATS
     }
-    write_figures(files, target)
+    write_results("figures", target, files)
     say(f"figures in {target}")

@@ -6,14 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vibro_cli.commands.shared.error_handling import (
-    DONE,
-    FAILED,
-    MISUSED,
-    CommandError,
-    attempt,
-    say,
-)
+from vibro_cli.commands.shared.error_handling import DONE, FAILED, MISUSED, CommandError, attempt
 from vibro_cli.commands.shared.options import (
     CollisionStream,
     Engine,
@@ -24,7 +17,7 @@ from vibro_cli.commands.shared.options import (
     Task,
 )
 from vibro_cli.commands.shared.solving import Wishes, solve
-from vibro_cli.commands.shared.terminal import json_text
+from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -161,8 +154,8 @@ def _worst(codes: list[int]) -> int:
 
 def _check_folders(wishes: Wishes, scenarios: "Sequence[AnyScenario]") -> None:
     """Raise `CommandError` before anything runs if some results could not take their place."""
+    from vibro_cli.storage.files import FolderRefused
     from vibro_cli.storage.folders import check_run_folder
-    from vibro_cli.storage.provenance import FolderRefused
 
     for scenario in scenarios:
         folder = wishes.folder_of(scenario.name)

@@ -15,11 +15,10 @@ from vibro_cli.commands.shared.error_handling import (
     CommandError,
     closest,
     reason,
-    say,
     suggestion,
 )
 from vibro_cli.commands.shared.options import TableFormat, Task, table_files
-from vibro_cli.commands.shared.terminal import json_text, printable
+from vibro_cli.commands.shared.terminal import json_text, printable, say
 
 if TYPE_CHECKING:
     import pyarrow

@@ -32,14 +32,12 @@ ZIG = "ziglang"
 _SYSTEMS = ("c++", "g++", "clang++")
 
 # Same operations in the same order as the interpreter: no contraction and no reassociation. What
-# is left out is errno and traps, which nobody reads, and a vectoriser that only costs time here.
+# is left out is errno and traps, which nobody reads, and vectorisers, which only cost time here.
 _FLAGS = (
     *("-O3", "-std=c++17", "-fPIC", "-fvisibility=hidden", "-w"),
-    *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fno-tree-slp-vectorize"),
+    *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
+    *("-fno-tree-vectorize", "-fno-tree-slp-vectorize"),
 )
-_LEVEL = """#include "prelude.hpp"
-extern "C" EXPORTED int kernels_level() { return processor_level(); }
-"""
 
 
 class BuildError(Exception):
@@ -118,14 +116,14 @@ def build(
         If a kernel uses what the subset does not have.
     """
     command = compiler()
-    texts = {program.name: program.source() for program in programs} | {"level": _LEVEL}
     with _work_folder(folder) as work:
         shutil.copy(PRELUDE, work)
-        for program, text in texts.items():
-            (work / f"{program}.cpp").write_text(text)
-        made = _compiled(command, more_flags, list(texts), levels, work)
+        for program in programs:
+            (work / f"{program.name}.cpp").write_text(program.source())
+        names = [program.name for program in programs]
+        made = _compiled(command, more_flags, names, levels, work)
         record = work / RECORD
-        record.write_text(json.dumps(_record(command, levels), indent=1) + "\n")
+        record.write_text(json.dumps(_record(levels), indent=1) + "\n")
         for path in (*made, record):
             path.replace(folder / path.name)
 
@@ -169,32 +167,16 @@ def _compiled(
     return [work / library_name(level) for level in levels]
 
 
-def _record(command: Sequence[str], levels: Sequence[str]) -> dict[str, Any]:
-    """What the library was made of."""
-    sources = _sources()
-    return {
-        "portable": NATIVE not in levels,
-        "libraries": list(map(library_name, levels)),
-        "compiler": _version_of(command),
-        "sources": sources,
-        "digest": digest_of(sources),
-    }
+def _record(levels: Sequence[str]) -> dict[str, Any]:
+    """The libraries, and what they were made of: files of the package that were imported for it."""
+    files = {Path(str(getattr(module, "__file__", None))) for module in sys.modules.values()}
+    inside = [file for file in {*files, PRELUDE, _MAIN} if file.is_relative_to(PACKAGE)]
+    sources = sorted(file.relative_to(PACKAGE).as_posix() for file in inside)
+    libraries = list(map(library_name, levels))
+    return {"libraries": libraries, "sources": sources, "digest": digest_of(sources)}
 
 
 def _run(command: Sequence[str], work: Path) -> None:
     done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
     if done.returncode:
         raise BuildError(f"{' '.join(command)}: exit {done.returncode}\n{done.stderr[:4000]}")
-
-
-def _version_of(command: Sequence[str]) -> str:
-    asked = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
-    return asked.stdout.partition("\n")[0]
-
-
-def _sources() -> list[str]:
-    """Files of the package that the library depends on: what was imported to make it."""
-    names = [name for name in sys.modules if name.partition(".")[0] == PACKAGE.name]
-    files = {Path(str(getattr(sys.modules[name], "__file__", None))) for name in names}
-    inside = [file for file in {*files, PRELUDE, _MAIN} if file.is_relative_to(PACKAGE)]
-    return sorted(file.relative_to(PACKAGE).as_posix() for file in inside)

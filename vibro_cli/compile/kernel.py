@@ -32,24 +32,23 @@ BoolMatrix = Any
 FloatArray3 = Any
 FloatArray4 = Any
 
-_kernels: dict[str, dict[str, Kernel]] = {}
+_kernels: set[Kernel] = set()
 
 
 def kernel(function: Function) -> Function:
     """Register a function as a kernel; it stays a plain Python function."""
-    _kernels.setdefault(function.__module__, {})[function.__name__] = function
+    _kernels.add(function)
     return function
 
 
 def is_kernel(value: Any) -> bool:
     """Tell whether a value is a function decorated with :func:`kernel`."""
-    home = getattr(value, "__module__", None)
-    return isinstance(value, FunctionType) and value in _kernels.get(str(home), {}).values()
+    return isinstance(value, FunctionType) and value in _kernels
 
 
 def kernel_names() -> set[str]:
     """Return the names of all kernels."""
-    return {name for kernels in _kernels.values() for name in kernels}
+    return {function.__name__ for function in _kernels}
 
 
 def is_struct(value: Any) -> bool:

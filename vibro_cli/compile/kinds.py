@@ -102,6 +102,7 @@ def _joined(one: Kind, other: Kind) -> Kind | None:
     return None
 
 
+@cache
 def annotated(text: str, module: str) -> Any:
     """Return the type that an annotation in a module means; None if it means none."""
     return _meant(ast.parse(text, mode="eval").body, module)
@@ -138,6 +139,7 @@ def _of_value(value: Any) -> Any:
     return None
 
 
+@cache
 def fields_of(world: type) -> dict[str, Any]:
     """Return the types of the arrays of a named tuple, by name."""
     return {
@@ -201,10 +203,9 @@ def signature(kernel: Kernel) -> tuple[tuple[str, ...], tuple[Any, ...], Any]:
     return tuple(kinds), tuple(kinds.values()), returned
 
 
-def place_of(kernel: Kernel, line: int = 0) -> str:
-    """Return file and line of a kernel, or of a line in it."""
-    code = kernel.__code__
-    return f"{shown(code.co_filename)}:{code.co_firstlineno + line}"
+def place_of(kernel: Kernel) -> str:
+    """Return file and line of a kernel."""
+    return f"{shown(kernel.__code__.co_filename)}:{kernel.__code__.co_firstlineno}"
 
 
 def shown(path: str) -> str:

@@ -52,7 +52,7 @@ def library() -> ctypes.CDLL:
 
 def _path() -> Path:
     record = _record()
-    if not record or not (record["portable"] or record["digest"] == digest_of(record["sources"])):
+    if not record or record["digest"] != digest_of(record["sources"]):
         _make("changed" if record else "are not there yet")
         record = _record()
     names: list[str] = record["libraries"]

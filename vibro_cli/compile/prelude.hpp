@@ -8,7 +8,6 @@
 #include <cstring>
 #ifdef __x86_64__
 #include <cpuid.h>
-#include <immintrin.h>
 #endif
 
 #define EXPORTED __attribute__((visibility("default")))
@@ -117,18 +116,12 @@ static inline Lanes<count> choose(Mask<count> condition, Lanes<count> yes, Lanes
 static inline double sqrt(double value) { return __builtin_sqrt(value); }
 template <class Part>
 static inline Part root_of(Part part) {
-#if __has_builtin(__builtin_elementwise_sqrt)  // clang, and g++, make scalar roots of the loop
-  return __builtin_elementwise_sqrt(part);
+#ifdef __AVX__  // compilers make scalar roots of the loop; the header of such functions is long
+  __asm__("vsqrtpd %1, %0" : "=v"(part) : "v"(part));
 #else
-#ifdef __AVX512F__
-  if constexpr (sizeof(Part) == 64) return (Part)_mm512_sqrt_pd((__m512d)part);
-#endif
-#ifdef __AVX__
-  if constexpr (sizeof(Part) == 32) return (Part)_mm256_sqrt_pd((__m256d)part);
-#endif
   for (int at = 0; at < int(sizeof part / 8); at++) part[at] = __builtin_sqrt(part[at]);
-  return part;
 #endif
+  return part;
 }
 template <int count>
 static inline Lanes<count> sqrt(Lanes<count> lanes) {
@@ -166,7 +159,9 @@ static inline bool any_lane(Mask<count> mask) {
   for (int at = 1; at < mask.parts; at++) any |= mask.part[at];
 #ifdef __AVX512F__
   if constexpr (sizeof any == 64) {
-    return _mm512_test_epi64_mask((__m512i)any, (__m512i)any) != 0;
+    uint8_t set;
+    __asm__("vptestmq %1, %1, %0" : "=k"(set) : "v"(any));
+    return set != 0;
   }
 #endif
   int64_t bits = 0;
@@ -207,8 +202,8 @@ static inline void keep(int64_t* results, Value value) {
 }
 }  // namespace py
 
-// Which level of x86-64 the processor and the system have, 2 to 4 (see build.py); 0 on others.
-static inline int processor_level() {
+// Which level of x86-64 the processor and the system have, 2 to 4 (see native.py); 0 on others.
+extern "C" EXPORTED __attribute__((used)) inline int kernels_level() {
 #ifdef __x86_64__
   unsigned a, b, c, d, state, more;
   if (!__get_cpuid(1, &a, &b, &c, &d)) return 2;

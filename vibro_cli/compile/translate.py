@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import ast
 import builtins
-import inspect
 import math
 import sys
-import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from vibro_cli.compile import kinds as t
@@ -27,7 +27,7 @@ _WORDS = """alignas and asm auto bool break case catch char class const continue
     namespace new not operator or private protected public register return short signed sizeof
     static struct switch template this throw true try typedef typename union unsigned using
     virtual void volatile while xor std math py"""
-_RESERVED = frozenset(_WORDS.split())
+_RESERVED = set(_WORDS.split())
 _OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.BitAnd: "&"}
 _COMPARISONS = {
     ast.Lt: "<",
@@ -120,6 +120,7 @@ class Program:
     constants: dict[str, tuple[Any, str]] = field(default_factory=dict)
     translated: list[Function] = field(default_factory=list)
     names: dict[str, Kernel] = field(default_factory=dict)
+    taken: set[str] = field(default_factory=lambda: kernel_names() | _RESERVED)
 
     def source(self) -> str:
         """Return the C++ source file.
@@ -224,6 +225,14 @@ def literal(value: Any) -> str:
     return "NAN" if math.isnan(value) else repr(value)
 
 
+@cache
+def _definitions(path: str) -> dict[int, ast.FunctionDef]:
+    """The functions of a module by the lines where they begin, at their decorators."""
+    tree = ast.parse(Path(path).read_text(encoding="utf-8"))
+    found = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+    return {node.decorator_list[0].lineno: node for node in found if node.decorator_list}
+
+
 class Function:
     """One kernel as a C++ function of parameters of given types."""
 
@@ -231,10 +240,8 @@ class Function:
         self.program = program
         self.kernel = kernel
         self.kinds = kinds
-        source, self._first_line = inspect.getsourcelines(kernel)
         self._file = shown(kernel.__code__.co_filename)
-        tree = ast.parse(textwrap.dedent("".join(source)))
-        self._node: Any = tree.body[0]
+        self._node = _definitions(kernel.__code__.co_filename)[kernel.__code__.co_firstlineno]
         self.parameters, _, self._declared = signature(kernel)
         self.returns: Any = None
         self._kinds: dict[str, Kind] = dict(zip(self.parameters, kinds, strict=True))
@@ -270,18 +277,16 @@ class Function:
         parameters = ", ".join(text for text, _ in kinds[: len(self.parameters)])
         locals_ = [f"  {text}{{}};" for text, _ in kinds[len(self.parameters) :]]
         head = f"static {self.returns.cpp} {self.name}({parameters}) {{"
-        return "\n".join([self._line_of(1), head, *locals_, *self._lines, "}\n"])
+        return "\n".join([self._line_of(self._node), head, *locals_, *self._lines, "}\n"])
 
-    def _line_of(self, number: int) -> str:
-        return f'#line {self._first_line + number - 1} "{self._file}"'
+    def _line_of(self, node: Any) -> str:
+        return f'#line {node.lineno} "{self._file}"'
 
     def _fail(self, node: Any, text: str) -> NoReturn:
-        line = self._first_line + getattr(node, "lineno", 1) - 1
-        raise TranslationError(f"{self._file}:{line}: {self.kernel.__name__}: {text}")
+        raise TranslationError(f"{self._file}:{node.lineno}: {self.kernel.__name__}: {text}")
 
     def _local(self, name: str) -> str:
-        clash = name in _RESERVED or name in kernel_names() or name.isupper()
-        return f"{name}_" if clash else name
+        return f"{name}_" if name in self.program.taken or name.isupper() else name
 
     def _meaning(self, node: ast.expr) -> Any:
         """What a name that is no variable means in the kernel's module."""
@@ -305,7 +310,9 @@ class Function:
             write = getattr(self, f"_write_{type(statement).__name__}", None)
             if write is None:
                 self._fail(statement, f"a kernel has no {_words(statement)}")
-            self._lines.append(self._line_of(statement.lineno))
+            if isinstance(statement, (ast.For, ast.While)) and statement.orelse:
+                self._fail(statement, "a kernel has no else of a loop")
+            self._lines.append(self._line_of(statement))
             write(statement)
 
     def _inner(self, head: str, body: Sequence[ast.stmt], first: str = "") -> None:
@@ -346,15 +353,13 @@ class Function:
             self._inner("else", statement.orelse)
 
     def _write_While(self, statement: ast.While) -> None:
-        if statement.orelse:
-            self._fail(statement, "a kernel has no else of a loop")
         self._inner(f"while ({self._condition(statement.test)})", statement.body)
 
     def _write_For(self, statement: ast.For) -> None:
         steps: Any = statement.iter
         is_range = isinstance(steps, ast.Call) and ast.unparse(steps.func) == "range"
-        if not is_range or not isinstance(statement.target, ast.Name) or statement.orelse:
-            self._fail(statement, "expected `for name in range(...)`, without else")
+        if not is_range or not isinstance(statement.target, ast.Name):
+            self._fail(statement, "expected `for name in range(...)`")
         bounds = [self._cast(self._value(one), t.INT, one) for one in steps.args]
         low, high, step = (("0", *bounds, "1") if len(bounds) == 1 else (*bounds, "1"))[:3]
         name = self._declare(statement.target, statement.target.id, t.INT)

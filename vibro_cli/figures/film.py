@@ -10,7 +10,7 @@ import math
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import pairwise
@@ -121,6 +121,23 @@ class Frames:
 
 States = tuple[Array, Array, Array, int]
 """Times (s), places (m), speeds (m/s), and 0 before an impact, 1 after it, 2 at other times."""
+
+
+def struck(run: Any, body: int, place: str) -> Iterator[States]:
+    """Yield the states of a body (from 0) before and after its impacts on others.
+
+    `place` is what the columns of its place begin with.
+    """
+    table = run.collisions
+    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
+        table["substituted"], dtype=np.bool_
+    )
+    for side in "ab":
+        rows = np.flatnonzero((np.asarray(table[f"ball_{side}"]) == body + 1) & made)
+        for order, when in enumerate(("pre", "post")):
+            names = ("t", f"{place}_{side}", f"speed_{side}_{when}")
+            time, where, speed = (np.asarray(table[name], dtype=np.float64)[rows] for name in names)
+            yield time, where, speed, order
 
 
 def frame_times(start: float, end: float, pace: float, rate: int) -> Array:

@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,7 +18,14 @@ from vibro_cli.scenario import fields
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.fields import unknown_key
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.problems import Fault, KeyPath, listing, path_text, shown, suggestion
+from vibro_cli.scenario.problems import (
+    Fault,
+    KeyPath,
+    listing,
+    path_text,
+    shown,
+    suggestion,
+)
 from vibro_cli.scenario.source import parsed_path
 
 # What a grid's tables do not depend on.
@@ -155,25 +163,10 @@ class Axis:
 
 
 def read_axis(given: Any, loc: KeyPath, folder: Path, seed: int, root: Model) -> Axis:
-    """Return the axis that a table of a grid file describes.
+    """Return the axis that a table of a grid file describes, of scenarios with the model `root`.
 
-    Parameters
-    ----------
-    given
-        The table as plain data.
-    loc
-        Its path in the file.
-    folder
-        Folder of the grid file, which paths of tables start from.
-    seed
-        Seed of random values.
-    root
-        Model of the scenarios.
-
-    Raises
-    ------
-    Wrong
-        With the first thing that is wrong with it.
+    `loc` is its path in the file, whose folder is where paths of tables start from. Raises `Wrong`
+    with the first thing that is wrong with it.
     """
     if not isinstance(given, dict):
         raise Wrong(loc, shown(given), "a table with a path and its values")
@@ -277,7 +270,7 @@ def _numbers(
 ) -> list[Any]:
     """Two ends in SI units and, if the form has it, a count."""
     if not all(isinstance(kind, kinds.Quantity) for kind in of):
-        raise Wrong(loc, loc_name(loc), "values: this path has no real numbers", on_key=True)
+        raise Wrong(loc, str(loc[-1]), "values: this path has no real numbers", on_key=True)
     if len({kind.dimension for kind in of if isinstance(kind, kinds.Quantity)}) > 1:
         raise Wrong(loc, "paths of different dimensions", "paths of one dimension, or values")
     forms_text = listing("[low, high, count]" if n == 3 else "[low, high]" for n in forms)
@@ -291,11 +284,6 @@ def _numbers(
             raise Wrong((*loc, 2), shown(count), expected)
         numbers.append(count)
     return numbers
-
-
-def loc_name(loc: KeyPath) -> str:
-    """The key that a path ends with."""
-    return str(loc[-1])
 
 
 def _spaced(
@@ -312,7 +300,7 @@ def _spaced(
         values = np.array([low, *steps, high][:count] if count > 1 else [low])
     else:
         values = np.linspace(low, high, count)
-    resolved = {"paths": [path_text(path) for path in paths], loc_name(loc): [low, high, count]}
+    resolved = {"paths": [path_text(path) for path in paths], str(loc[-1]): [low, high, count]}
     return Axis(paths, of, (values,) * len(paths), None, resolved)
 
 
@@ -386,3 +374,77 @@ def _table_column(kind: kinds.Kind, values: Array, name: str, loc: KeyPath) -> A
             found = f"{error.fault.found} in row {row + 1} of column {name}"
             raise Wrong(loc, found, error.fault.expected) from None
     return _column(kind, read)
+
+
+SAMPLED = ("latin-hypercube", "sobol")
+"""Modes that draw a number of points from the axes."""
+MODES = ("product", "zip", *SAMPLED)
+
+
+@dataclass(frozen=True)
+class Design:
+    """The points of a grid, numbered from 0; the last axis changes fastest."""
+
+    axes: tuple[Axis, ...]
+    mode: str
+    points: int
+    seed: int
+
+    @property
+    def paths(self) -> tuple[KeyPath, ...]:
+        """The path of every column."""
+        return tuple(path for axis in self.axes for path in axis.paths)
+
+    def resolved(self) -> dict[str, Any]:
+        """Return the design as plain data."""
+        return {
+            "mode": self.mode,
+            "n": self.points,
+            "seed": self.seed,
+            "axes": [axis.resolved for axis in self.axes],
+        }
+
+    def columns(self, indices: Array) -> dict[KeyPath, Array]:
+        """Return the value of every path at some points."""
+        found: dict[KeyPath, Array] = {}
+        for number, axis in enumerate(self.axes):
+            if self.mode in ("product", "zip"):
+                values = axis.at(self._index(number, indices))
+            else:
+                values = axis.drawn(self._shares(indices)[:, number])
+            found.update(zip(axis.paths, values, strict=True))
+        return found
+
+    def _index(self, number: int, indices: Array) -> Array:
+        """Index on one axis of some points."""
+        if self.mode == "zip":
+            return indices
+        inner = 1
+        for axis in self.axes[number + 1 :]:
+            inner *= len(axis)
+        return (indices // inner) % len(self.axes[number])
+
+    def _shares(self, indices: Array) -> Array:
+        """Points of the unit cube, a row for each, from scipy's quasi-random designs."""
+        if self.mode == "latin-hypercube":
+            return np.asarray(self._hypercube[indices])
+        from scipy.stats import qmc
+
+        if not len(indices):
+            return np.zeros((0, len(self.axes)))
+        first, last = int(indices.min()), int(indices.max())
+        engine = qmc.Sobol(len(self.axes), scramble=True, rng=np.random.default_rng(self.seed))
+        if first:
+            engine.fast_forward(first)
+        # The first draw is of one point: of any other number it would warn of lost balance.
+        stretch: Array = engine.random(1)
+        if last > first:
+            stretch = np.concatenate([stretch, engine.random(last - first)])
+        return np.asarray(stretch[indices - first])
+
+    @cached_property
+    def _hypercube(self) -> Array:
+        from scipy.stats import qmc
+
+        rng = np.random.default_rng(self.seed)
+        return np.asarray(qmc.LatinHypercube(len(self.axes), rng=rng).random(self.points))

@@ -1,9 +1,12 @@
-"""The parts of a chunk, made as its stretches come: files in memory, then on the disk."""
+"""The parts of a chunk, made as its stretches come: files in memory, then on the disk.
+
+Memory is used again: fresh pages cost more time than what is written into them."""
 
 from __future__ import annotations
 
+import json
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -11,17 +14,144 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 
+from vibro_cli import __version__
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.buffers import Room, Rooms
 from vibro_cli.grids.chunks import Chunks, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.solving import Columns, Solved, impact_table_of, part_file, summary_table
-from vibro_cli.storage.files import write_file
-from vibro_cli.storage.parquet_files import PartFile
-from vibro_cli.storage.provenance import entry
-from vibro_cli.storage.tables import record_batch
+from vibro_cli.grids.solving import (
+    SUMMARY,
+    Columns,
+    Solved,
+    end_to_end,
+    impact_table_of,
+    summary_table,
+)
+from vibro_cli.storage.files import BLOCK, entry, write_file
+from vibro_cli.storage.tables import (
+    Origin,
+    Table,
+    arrow_schema,
+    numbers_in,
+    parquet_options,
+    plain_numbers,
+    record_batch,
+    words_in,
+)
 
+# Bytes of a block of which pieces are cut; larger pieces have blocks of their own.
+_OF_PIECES = 1 << 25
+# Pieces begin with a line of the processor's cache.
+_LINE = 64
+
+
+class Room:
+    """Blocks of memory by name, each as large as was ever asked for; for one thread at a time."""
+
+    def __init__(self) -> None:
+        self._blocks: dict[str, Array] = {}
+
+    def __call__(self, name: str, size: int) -> Array:
+        """Return so many bytes; they are good until the same name is asked for again."""
+        block = self._blocks.get(name)
+        if block is None or block.nbytes < size:
+            self._blocks.pop(name, None)
+            # Pages that are not written to cost nothing; the next one may need some more.
+            block = np.empty(2 * size + BLOCK, dtype=np.uint8)
+            block = block[-block.ctypes.data % BLOCK :]
+            self._blocks[name] = block
+        return block[:size]
+
+
+class Rooms:
+    """Rooms that any thread may take and give back."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._spare: list[Room] = []
+
+    def take(self) -> Room:
+        """Return a room that nobody works in."""
+        with self._lock:
+            return self._spare.pop() if self._spare else Room()
+
+    def give_back(self, room: Room) -> None:
+        """Take back a room."""
+        with self._lock:
+            self._spare.append(room)
+
+
+@dataclass(eq=False)
+class _Block:
+    memory: Array
+    used: int = 0
+    leases: int = 0
+
+
+class Pieces:
+    """Pieces of memory for one thread, one after another; any thread may give them back."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._block = _Block(np.empty(0, dtype=np.uint8))
+        self._spare: list[_Block] = []
+
+    def cut(self, size: int) -> tuple[Array, _Block]:
+        """Return so many bytes, and what to give back once they are not needed any more."""
+        with self._lock:
+            if self._block.leases == 0:
+                self._block.used = 0
+            if self._block.used + size > self._block.memory.nbytes:
+                self._block = self._another(size)
+            block, begin = self._block, self._block.used
+            block.used += -(-size // _LINE) * _LINE
+            block.leases += 1
+            return block.memory[begin : begin + size], block
+
+    def _another(self, size: int) -> _Block:
+        if self._block.leases == 0:
+            self._spare.append(self._block)
+        # The one used last may still be in the processor's cache.
+        for block in reversed(self._spare):
+            if block.memory.nbytes >= size:
+                self._spare.remove(block)
+                block.used = 0
+                return block
+        if self._spare:  # all of them are too small
+            self._spare.remove(min(self._spare, key=lambda block: block.memory.nbytes))
+        return _Block(np.empty(max(size + size // 4, _OF_PIECES), dtype=np.uint8))
+
+    def give_back(self, block: _Block) -> None:
+        """Take back a piece."""
+        with self._lock:
+            block.leases -= 1
+            if block.leases == 0 and block is not self._block:
+                self._spare.append(block)
+
+
+class Lease:
+    """Arrays of pieces, given back together."""
+
+    def __init__(self, pieces: Pieces) -> None:
+        self._pieces = pieces
+        self._blocks: list[_Block] = []
+
+    def __call__(self, shape: tuple[int, ...], kind: type) -> Any:
+        """Return an array without contents."""
+        size = int(np.prod(shape)) * np.dtype(kind).itemsize
+        memory, block = self._pieces.cut(size)
+        self._blocks.append(block)
+        return memory.view(kind).reshape(shape)
+
+    def give_back(self) -> None:
+        """Give all arrays back: nobody must look at them any more."""
+        while self._blocks:
+            self._pieces.give_back(self._blocks.pop())
+
+
+# Columns of impacts that readers of a few scenarios or moments look at first.
+_ORDERED = ("scenario", "n", "t")
 # A group of rows has no fewer, but for the last one of a part; it has whole stretches.
 _ROWS_OF_A_GROUP = 100_000
 
@@ -66,14 +196,8 @@ class _Part:
 class Making:
     """The parts of a chunk in the making.
 
-    Parameters
-    ----------
-    grid, chunk
-        The grid, and the number of the chunk.
-    indices, stretches
-        Numbers of its points, from 0 in the grid, and how many stretches they make.
-    rooms
-        Memory for the parts; it is taken with the first group of rows.
+    It has so many stretches, and `indices` are the numbers of its points, from 0 in the grid.
+    Memory for the parts is taken from `rooms` with the first group of rows.
     """
 
     def __init__(
@@ -196,8 +320,111 @@ def _joined(name: str, tables: list[Columns]) -> Any:
         else:
             rows = len(next(iter(table.values())))
             parts.append(np.ma.MaskedArray(np.zeros(rows, dtype=np.int64), mask=True))
-    if len(parts) == 1:
-        return parts[0]
-    if any(np.ma.isMaskedArray(part) for part in parts):
-        return np.ma.concatenate(parts)  # type: ignore[no-untyped-call]
-    return np.concatenate(parts)
+    return end_to_end(parts)
+
+
+# Bytes of a page, which is split, compressed and summed up before the next one: in the cache.
+_PAGE = 1 << 17
+# Numbers by which it is judged whether a column has few different ones.
+_SAMPLE = 512
+# Memory is asked for so many groups like the first one; what is not written to costs nothing.
+_GROUPS_AT_FIRST = 8
+# What a file takes at its end (bytes), and for each group.
+_AT_THE_END, _OF_A_GROUP = 1 << 20, 1 << 16
+
+
+class PartFile:
+    """A parquet file in the making, in memory that `room(bytes)` gives.
+
+    It is encoded as by `tables.parquet_bytes`, but numbers of which the first group has only a few
+    different ones go into a dictionary, and pages stay in the processor's cache. The least and
+    largest value of row groups, by which readers skip them, is there of the columns `skipped_by`
+    only.
+    """
+
+    def __init__(
+        self, room: Callable[[int], Any], schema: pa.Schema, skipped_by: Sequence[str]
+    ) -> None:
+        self._room = room
+        self._schema = schema
+        self._skipped_by = list(skipped_by)
+        self._groups: list[list[int]] = []
+        self._few: list[str] = []
+        self._writer: Any = None
+
+    def add(self, batches: Sequence[pa.RecordBatch]) -> None:
+        """Write a group of rows; the batches are not needed afterwards."""
+        group = pa.Table.from_batches(batches, self._schema)
+        if self._writer is None:
+            self._few = [n for n in numbers_in(self._schema) if _has_few(group[n])]
+            self._begin(_GROUPS_AT_FIRST * _most_bytes(group) + _AT_THE_END)
+        elif self._sink.tell() + _most_bytes(group) + _AT_THE_END > len(self._block):
+            self._move(2 * len(self._block) + _most_bytes(group))
+        self._write(group)
+        self._groups.append([batch.num_rows for batch in batches])
+
+    def finish(self) -> memoryview:
+        """Return the whole file, once at least one group is written."""
+        self._writer.close()
+        return memoryview(self._block)[: self._sink.tell()]
+
+    def _begin(self, size: int) -> None:
+        self._block = self._room(size)
+        self._sink = pa.FixedSizeBufferWriter(pa.py_buffer(self._block))
+        self._writer = pq.ParquetWriter(
+            self._sink,
+            self._schema,
+            use_dictionary=[*words_in(self._schema), *self._few],
+            write_statistics=self._skipped_by,
+            data_page_size=_PAGE,
+            **parquet_options(self._schema, self._few),
+        )
+
+    def _write(self, group: pa.Table) -> None:
+        self._writer.write_table(group, row_group_size=max(group.num_rows, 1))
+
+    def _move(self, size: int) -> None:
+        """Go on in more memory: what is written already is read and written again."""
+        before = pq.ParquetFile(pa.BufferReader(pa.py_buffer(self.finish())))
+        self._begin(size)
+        for number, lengths in enumerate(self._groups):
+            rows = before.read_row_group(number).combine_chunks()
+            ends = np.cumsum(lengths).tolist()
+            batches = [
+                batch
+                for end, length in zip(ends, lengths, strict=True)
+                for batch in rows.slice(end - length, length).to_batches()
+            ]
+            self._write(pa.Table.from_batches(batches, self._schema))
+
+
+def _most_bytes(group: pa.Table) -> int:
+    """The most that a group of rows can take in a file."""
+    return int(group.nbytes) * 5 // 4 + _OF_A_GROUP
+
+
+def _has_few(column: pa.ChunkedArray) -> bool:
+    """Whether a column seems to repeat a few numbers, judged by some of them."""
+    # Of all rows: how they lie in chunks depends on how the points were solved.
+    values = np.concatenate([np.empty(0), *map(plain_numbers, column.chunks)])
+    step = max(1, len(values) // _SAMPLE)
+    return len(np.unique(values[::step])) <= len(values[::step]) // 8
+
+
+def part_file(grid: Grid, table: Table, chunk: int, room: Callable[[str, int], Any]) -> PartFile:
+    """Return the file of one part, to be filled: the same bytes for the same rows of the same grid.
+
+    ``table`` and ``chunk`` are what it is a part of; ``room(name, size)`` gives memory for it.
+    """
+    resolved = grid.resolved()
+    origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
+    names = [column.name for column in table.columns]
+    skipped_by = [name for name in names if table.name == SUMMARY or name in _ORDERED]
+    return PartFile(partial(room, f"file of {table.name}"), arrow_schema(table, origin), skipped_by)
+
+
+def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:
+    return {
+        "vibro:grid": json.dumps(resolved, ensure_ascii=False, allow_nan=False),
+        "vibro:part": str(chunk),
+    }

@@ -64,14 +64,10 @@ class Chunks:
 
     @staticmethod
     def of(grid: Grid, impacts: Expected, density: Array | None = None) -> Chunks:
-        """Divide a grid.
+        """Divide a grid whose points are expected to have so many impacts.
 
-        Parameters
-        ----------
-        grid, impacts
-            The grid, and how many impacts its points are expected to have.
-        density
-            The same for points of each of some equal parts of the grid, where it has many parts.
+        `density` is the same for points of each of some equal parts of the grid, where it has many
+        parts.
         """
         if density is not None:
             return Chunks.of_division(grid, _cut(grid.design.points, density), impacts)

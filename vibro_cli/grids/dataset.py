@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import json
 import os
 import re
@@ -25,8 +24,7 @@ from vibro_cli import __version__
 from vibro_cli.errors import VibroError
 from vibro_cli.grids.chunks import Chunks, Division, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
-from vibro_cli.storage.files import flush_folder, remove_partial_files, write_file
-from vibro_cli.storage.provenance import (
+from vibro_cli.storage.files import (
     MANIFEST_NAME,
     Finding,
     FolderRefused,
@@ -34,9 +32,12 @@ from vibro_cli.storage.provenance import (
     check_replaceable,
     differences,
     entry,
+    flush_folder,
     json_bytes,
     manifest_of,
     read_manifest,
+    remove_partial_files,
+    write_file,
 )
 
 GRID_NAME = "grid.json"
@@ -123,29 +124,11 @@ def opened(
     anew: bool = False,
     wanted: Sequence[int] | None = None,
 ) -> Iterator[Dataset]:
-    """Open the folder of a grid for writing, and hold it alone.
+    """Open the folder of a grid for writing, made if it is not there, and hold it alone.
 
-    Parameters
-    ----------
-    folder
-        Made if it is not there.
-    grid, chunks
-        What it is to hold.
-    anew
-        Whether what it holds of a grid is dropped.
-    wanted
-        The chunks that are to be here; all of them for None.
-
-    Raises
-    ------
-    FolderRefused
-        If the folder holds something else than a grid of ours.
-    GridChanged
-        If it holds another grid.
-    FolderInUse
-        If another process works on it.
-    OSError
-        If it cannot be written.
+    `anew` drops what it holds of a grid; the chunks that are `wanted`, all for None, are to be
+    here. Raises as :func:`check_grid_folder` and :func:`check_same`, `FolderInUse` if another
+    process works on it, and ``OSError`` if it cannot be written.
     """
     check_grid_folder(folder)
     for name in ("summary", *grid.kept_tables):
@@ -274,8 +257,7 @@ def _read_receipt(folder: Path, grid: Grid, chunks: Chunks, chunk: int) -> Recei
 
     files = {}
     for name in file_names(grid, chunk).values():
-        content = (folder / name).read_bytes()
-        files[name] = {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+        files[name] = entry((folder / name).read_bytes())
     summary = folder / file_names(grid, chunk)["summary"]
     try:
         table = pq.read_table(
@@ -461,8 +443,7 @@ def merge(dataset: Dataset) -> Iterator[Receipt]:
 
 def _check(folder: Path, receipt: Receipt) -> None:
     for name, described in receipt.files.items():
-        content = (folder / name).read_bytes()
-        if hashlib.sha256(content).hexdigest() != described["sha256"]:
+        if entry((folder / name).read_bytes())["sha256"] != described["sha256"]:
             raise MergeRefused(
                 f"{folder / name} is not as it was written (SHA-256); "
                 "vibro grid --shard … --repair solves it again"

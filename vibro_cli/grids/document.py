@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from vibro_cli.grids.axes import Axis, Wrong, read_axis
-from vibro_cli.grids.points import MODES, SAMPLED, Design
+import numpy as np
+
+from vibro_cli.grids.axes import GENERATORS, MODES, SAMPLED, Axis, Design, Wrong, read_axis
 from vibro_cli.scenario import loading
 from vibro_cli.scenario.base import ScenarioTable, model_of, system_of
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, exactly_one, identifier, json_schema
@@ -385,7 +386,6 @@ _KEEP_SCHEMA: dict[str, dict[str, Any]] = {
         "minItems": 1,
     },
 }
-_GENERATORS = ("values", "linspace", "logspace", "uniform", "table")
 
 
 def grid_schema(system: str = "trace") -> dict[str, Any]:
@@ -471,7 +471,7 @@ def _table(description: str, properties: dict[str, Any]) -> dict[str, Any]:
 
 def _axis() -> dict[str, Any]:
     rules: list[dict[str, Any]] = [
-        exactly_one(*_GENERATORS),
+        exactly_one(*GENERATORS),
         {"not": {"required": ["path", "paths"]}},
         {"anyOf": [{"required": [key]} for key in ("path", "paths", "table")]},
     ]
@@ -492,3 +492,27 @@ def _incomplete(value: Any) -> Any:
         return value
     left = {key: item for key, item in value.items() if key not in ("required", "allOf")}
     return {key: _incomplete(item) for key, item in left.items()}
+
+
+PointValues = Mapping[KeyPath, Any]
+
+
+def document_at(base: Document, values: PointValues) -> Document:
+    """Return the document of one point."""
+    data = base.data
+    given: list[KeyPath] = []
+    for path, value in values.items():
+        data = apply(data, path, plain_value(value), given)
+        given.append(path)
+    return Document(data, base.source, base.name)
+
+
+def plain_value(value: Any) -> Any:
+    """Return a number of numpy as one of Python, all else as it is."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def reason_of(error: ScenarioError) -> str:
+    """Return what is wrong with a point, on one line."""
+    texts = [f"{one.path}: found {one.found}, expected {one.expected}" for one in error.problems]
+    return "; ".join(texts)

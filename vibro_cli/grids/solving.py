@@ -6,29 +6,22 @@ All else is the same for every system: axes, chunks, parts, manifest, shards, wo
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 import pyarrow as pa
 
-from vibro_cli import __version__
 from vibro_cli.api import simulate
 from vibro_cli.grids.axes import Array, Model, kind_of, type_of, unit_of
-from vibro_cli.grids.document import Grid
-from vibro_cli.grids.points import document_at, reason_of
+from vibro_cli.grids.document import Grid, document_at, reason_of
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
-from vibro_cli.storage.parquet_files import PartFile
 from vibro_cli.storage.tables import (
     Column,
-    Origin,
     Table,
-    arrow_schema,
     record_batch,
     summary,
     table_named,
@@ -38,8 +31,6 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.tables import impacts_of_runs
 
 SUMMARY = "grid-summary"
-# Columns of impacts that readers of a few scenarios or moments look at first.
-_ORDERED = ("scenario", "n", "t")
 _NUMBER = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
 
 
@@ -89,25 +80,6 @@ def _nullable(column: Column) -> Column:
     return Column(column.name, column.type, column.unit, column.description, nullable=True)
 
 
-def part_file(grid: Grid, table: Table, chunk: int, room: Callable[[str, int], Any]) -> PartFile:
-    """Return the file of one part, to be filled: the same bytes for the same rows of the same grid.
-
-    ``table`` and ``chunk`` are what it is a part of; ``room(name, size)`` gives memory for it.
-    """
-    resolved = grid.resolved()
-    origin = Origin(resolved["scenario"], __version__, _metadata(resolved, chunk))
-    names = [column.name for column in table.columns]
-    skipped_by = [name for name in names if table.name == SUMMARY or name in _ORDERED]
-    return PartFile(partial(room, f"file of {table.name}"), arrow_schema(table, origin), skipped_by)
-
-
-def _metadata(resolved: dict[str, Any], chunk: int) -> dict[str, str]:
-    return {
-        "vibro:grid": json.dumps(resolved, ensure_ascii=False, allow_nan=False),
-        "vibro:part": str(chunk),
-    }
-
-
 Columns = dict[str, Any]
 
 
@@ -124,21 +96,6 @@ class Solved:
     """Called once these rows are not needed any more."""
 
 
-def not_solved(status: str, reason: str | None, bodies: int, followed: bool = False) -> Columns:
-    """Return the summary of a point without a run."""
-    table: Columns = {}
-    for column in summary(bodies, grown=followed).columns:
-        if column.type == "string":
-            table[column.name] = np.array([None], dtype=object)
-        elif column.type == "int64":
-            table[column.name] = np.ma.MaskedArray([0], mask=True)
-        else:
-            table[column.name] = np.array([np.nan])
-    table["status"][0] = status
-    table["reason"][0] = reason
-    return table
-
-
 class Solver(Protocol):
     """Solves stretches of a grid's points, in one thread."""
 
@@ -152,15 +109,7 @@ def solver_of(grid: Grid, engine: str = "compiled") -> Solver:
 
 
 class RunSolver:
-    """Solves stretches of a grid's points, in one thread, each as a run of its own.
-
-    Parameters
-    ----------
-    grid
-        The grid, of a system other than the trace.
-    engine
-        ``"compiled"`` or ``"python"``; both give the same bits.
-    """
+    """Solves stretches of a grid's points, in one thread, each as a run of its own."""
 
     def __init__(self, grid: Grid, engine: str = "compiled") -> None:
         self._grid = grid
@@ -172,7 +121,7 @@ class RunSolver:
         """Solve some points, given by their numbers from 0."""
         found = [self._run(values) for values in self._values(indices)]
         records = [one.summary_record() if isinstance(one, Run) else one for one in found]
-        table = _columns_of(records, self._table)
+        table = columns_of_records(records, self._table)
         done = np.array([isinstance(one, Run) for one in found])
         runs = [one for one in found if isinstance(one, Run)]
         kept = {
@@ -203,9 +152,9 @@ def impacts_of(table: dict[str, Any], grid: Grid) -> int:
     return int(sum(np.ma.filled(table[name], 0).sum() for name in grid.counted))
 
 
-def _columns_of(records: Sequence[dict[str, Any]], table: Table) -> dict[str, Any]:
-    """Summaries as columns."""
-    columns: dict[str, Any] = {}
+def columns_of_records(records: Sequence[Mapping[str, Any]], table: Table) -> Columns:
+    """Return records as columns of a table; what is not in a record is null."""
+    columns: Columns = {}
     for column in table.columns:
         values = [record.get(column.name) for record in records]
         if column.type == "string":
@@ -214,19 +163,23 @@ def _columns_of(records: Sequence[dict[str, Any]], table: Table) -> dict[str, An
             mask = [value is None for value in values]
             columns[column.name] = np.ma.MaskedArray([value or 0 for value in values], mask)
         else:
-            columns[column.name] = np.array(values, dtype=np.float64)
+            columns[column.name] = np.array(values, dtype=column.type)
     return columns
+
+
+def end_to_end(parts: Sequence[Any]) -> Any:
+    """Return parts of a column, of which some may be masked, as one."""
+    if len(parts) == 1:
+        return parts[0]
+    masked = any(np.ma.isMaskedArray(part) for part in parts)
+    join: Any = np.ma.concatenate if masked else np.concatenate
+    return join(parts)
 
 
 def columns_of_runs(table: Table, points: Array, runs: Sequence[Run]) -> dict[str, Any]:
     """Return the columns of a table of the impacts of runs.
 
-    Parameters
-    ----------
-    table
-        Which columns there are.
-    points, runs
-        Numbers of points, from 0 in the grid, in order, and the run of each.
+    `points` has the number, from 0 in the grid, of that of each run, in order.
     """
     if not runs:
         kinds = {"float64": np.float64, "int64": np.int64, "bool": np.bool_, "string": object}

@@ -10,7 +10,7 @@ import queue
 import threading
 import time
 import uuid
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,13 +20,12 @@ import numpy as np
 
 from vibro_cli.errors import VibroError
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.buffers import Rooms
-from vibro_cli.grids.chunk_writer import Encoded, Making, part_bytes
+from vibro_cli.grids.chunk_writer import Encoded, Making, Rooms, part_bytes
 from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many_parts
 from vibro_cli.grids.dataset import known_division, opened
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Solver, solver_of
-from vibro_cli.storage.provenance import available_cores
+from vibro_cli.storage.files import available_cores
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""
@@ -43,24 +42,13 @@ class _Stretch(NamedTuple):
     """Its first point and the one after its last."""
 
 
-class _Work:
-    """The stretches of all chunks, handed out in order."""
-
-    def __init__(self, grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> None:
-        self._lock = threading.Lock()
-        self._rooms = Rooms()
-        self._next = self._stretches(grid, chunks, wanted)
-
-    def _stretches(self, grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> Iterator[_Stretch]:
-        for chunk in wanted:
-            parts = Making.of(grid, chunks, chunk, self._rooms)
-            for number, (first, last) in enumerate(chunks.stretches(chunk)):
-                yield _Stretch(parts, number, first, last)
-
-    def take(self) -> _Stretch | None:
-        """Return the next stretch, None after the last."""
-        with self._lock:
-            return next(self._next, None)
+def _stretches(grid: Grid, chunks: Chunks, wanted: Sequence[int]) -> Iterator[_Stretch]:
+    """The stretches of all chunks, in order."""
+    rooms = Rooms()
+    for chunk in wanted:
+        parts = Making.of(grid, chunks, chunk, rooms)
+        for number, (first, last) in enumerate(chunks.stretches(chunk)):
+            yield _Stretch(parts, number, first, last)
 
 
 def solve_in_threads(
@@ -77,9 +65,13 @@ def solve_in_threads(
     What goes wrong in a thread (a full disk) stops all of them and is raised here. When the caller
     stops, every thread drops its chunk after the stretch at hand.
     """
-    work = _Work(grid, chunks, wanted)
+    left, lock = _stretches(grid, chunks, wanted), threading.Lock()
     receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
+
+    def following() -> _Stretch | None:
+        with lock:
+            return next(left, None)
 
     def write(parts: Encoded) -> None:
         receipt = parts.write(folder)
@@ -90,7 +82,7 @@ def solve_in_threads(
         try:
             solver = solver_of(grid, engine)
             writing: Future[None] | None = None
-            while not stop.is_set() and (taken := work.take()) is not None:
+            while not stop.is_set() and (taken := following()) is not None:
                 solved = solver.solve(np.arange(taken.first, taken.last))
                 tell(taken.last - taken.first, solved.impacts)
                 made = taken.parts.add(taken.number, solved)
@@ -171,11 +163,17 @@ def expected_impacts(grid: Grid) -> Expected:
     free = [name for name in grid.counted if ("stop", name) not in grid.design.paths]
     limited = grid.stopped_at(min(int(limit), _MOST_IMPACTS), free)
     solved = solver_of(limited.without_collisions()).solve(spread(grid, _POINTS)).summary
-    each = [np.ma.filled(solved[name], 0).astype(np.float64) for name in grid.counted]
-    counts = np.sum(each, axis=0)
+    counts = _counts(grid, solved)
     counts[counts >= _MOST_IMPACTS] = limit
     crossings = np.ma.filled(solved.get("crossings", np.zeros(1)), 0)
     return Expected(float(np.mean(counts)), float(np.max(counts)), float(np.mean(crossings)))
+
+
+def _counts(grid: Grid, summary: Mapping[str, Any]) -> Array:
+    """How many impacts each point of a summary has."""
+    each = [np.ma.filled(summary[name], 0).astype(np.float64) for name in grid.counted]
+    counts: Array = np.sum(each, axis=0)
+    return counts
 
 
 def impact_density(grid: Grid, impacts: Expected, engine: str) -> Array | None:
@@ -193,7 +191,7 @@ def impact_density(grid: Grid, impacts: Expected, engine: str) -> Array | None:
     distinct, places = np.unique(sample, return_inverse=True)
     solver = solver_of(grid.without_collisions(), engine)
     solved = solver.solve(distinct).summary
-    counts = np.sum([np.ma.filled(solved[n], 0).astype(np.float64) for n in grid.counted], axis=0)
+    counts = _counts(grid, solved)
     density: Array = counts[places].reshape(sample.shape).mean(axis=1)
     return density
 
@@ -240,20 +238,10 @@ def estimate(grid: Grid, engine: str, stretch: int) -> Estimate:
 def solve_into(
     folder: Path, grid: Grid, workers: int = 0, engine: str = "compiled", force: bool = False
 ) -> None:
-    """Solve what a folder lacks of a grid.
+    """Solve what a folder lacks of a grid, in threads, by default one on each processor.
 
-    Parameters
-    ----------
-    folder, grid
-        Where the dataset goes, and what it is to hold.
-    workers
-        Threads; 0 for one on each processor.
-    engine
-        ``"compiled"`` or ``"python"``; both give the same bytes.
-    force
-        Whether another grid in the folder is replaced.
-
-    Raises as :func:`dataset.opened`, and ``OSError`` where a part cannot be written.
+    Both engines give the same bytes; `force` replaces another grid in the folder. Raises as
+    :func:`dataset.opened`, and ``OSError`` where a part cannot be written.
     """
     chunks = chunks_of(grid, None if force else known_division(folder), engine)
     with opened(folder, grid, chunks, force) as dataset:

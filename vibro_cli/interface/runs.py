@@ -15,8 +15,8 @@ from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface.drawing import Drawing
 from vibro_cli.storage import folders
+from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.frame import Table
-from vibro_cli.storage.provenance import available_cores
 from vibro_cli.storage.stored import as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
 from vibro_cli.storage.tables import read_parquet, table_named, to_arrow, units_of_numbers

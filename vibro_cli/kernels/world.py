@@ -296,7 +296,7 @@ CAUSE_NAMES = (
     "segment",
 )
 
-# Why the loop came back; the first ones are causes of the end of a run.
+# Why the event loop of any system came back; all but RUNNING and LOG_FULL are causes of the end.
 RUNNING = 0
 END_TIME = 1
 END_COLLISIONS = 2
@@ -306,7 +306,11 @@ END_OF_TRACE = 5
 END_LIFT_OFF = 6
 END_REST = 7
 LOG_FULL = 8
-END_INTERRUPTED = 9
+END_INTERRUPTED = 9  # from outside
+END_BOUNCES = 10
+END_WALL_CONTACT = 11
+END_ACCUMULATION = 12
+END_QUIET = 13  # the run is refused
 END_NAMES = {
     END_TIME: "time",
     END_COLLISIONS: "collisions",
@@ -316,6 +320,9 @@ END_NAMES = {
     END_LIFT_OFF: "lift_off",
     END_REST: "rest",
     END_INTERRUPTED: "interrupted",
+    END_BOUNCES: "bounces",
+    END_WALL_CONTACT: "wall_contact",
+    END_ACCUMULATION: "accumulation",
 }
 
 

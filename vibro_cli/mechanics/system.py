@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.trace import Trace
@@ -132,6 +134,12 @@ class TraceSystem:
     """The vertical axis about which the trace turns, and its rate; None at rest."""
 
 
+def neighbours(count: int, closed: bool) -> list[tuple[int, int]]:
+    """Return the neighbours on a trace; on a closed one of three or more bodies the seam's last."""
+    pairs = list(pairwise(range(count)))
+    return [*pairs, (count - 1, 0)] if closed and count > 2 else pairs
+
+
 DRY_FRICTION = 1.0
 """A coefficient of friction that dry surfaces hardly exceed."""
 
@@ -141,10 +149,9 @@ def mechanics_warnings(system: TraceSystem, stop_time: float | None = None) -> t
 
     `stop_time` (s) is when its run ends at the latest.
     """
-    neighbours = list(pairwise(system.bodies))
-    if system.trace.closed and len(system.bodies) > 2:
-        neighbours.append((system.bodies[-1], system.bodies[0]))
-    warnings = law_warnings(system.law, system.inadmissible, neighbours)
+    bodies = system.bodies
+    pairs = [(bodies[a], bodies[b]) for a, b in neighbours(len(bodies), system.trace.closed)]
+    warnings = law_warnings(system.law, system.inadmissible, pairs)
     longest = _longest_phase(system)
     if stop_time is not None and stop_time > longest:
         warnings.append(
@@ -186,3 +193,30 @@ def _longest_phase(system: TraceSystem) -> float:
                 w = body.natural_rate(system.gravity, rho)
                 fastest = max(fastest, math.hypot(state.speed / rho, 2.0 * w))
     return 1.0 / (EPSILON * fastest) if fastest > 0.0 else math.inf
+
+
+@dataclass(frozen=True)
+class ImpactSystem(ABC):
+    """Bodies and the law of their impacts."""
+
+    bodies: tuple[Body, ...]
+    law: str
+    """`hedrih`, `normal-impulse` or `translational`."""
+    inadmissible: str
+    """What follows an inadmissible impact: `stop` or `normal-impulse`."""
+
+    @property
+    def law_keeps_energy(self) -> bool:
+        """Whether impacts with k = 1 take no energy: the translational law needs equal κ."""
+        return self.law != "translational" or len({body.kappa for body in self.bodies}) == 1
+
+    @abstractmethod
+    def keeps_energy(self, clock: Mapping[str, Any]) -> bool:
+        """Whether nothing takes energy in a run, whose clock at its end is given."""
+
+
+def touching_distance(one: Body, other: Body) -> float:
+    """Return 2 √(r_a r_b), the horizontal distance (m) of two touching bodies' centres."""
+    if one.radius == other.radius:
+        return 2.0 * one.radius
+    return 2.0 * math.sqrt(one.radius * other.radius)

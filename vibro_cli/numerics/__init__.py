@@ -1,1 +1,1 @@
-"""Elliptic functions, certified steps, and the switch between interpreted and compiled kernels."""
+"""Elliptic functions by themselves; functions of numbers, arrays and derivatives alike."""

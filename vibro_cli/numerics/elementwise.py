@@ -1,9 +1,9 @@
-"""Functions of numbers and of arrays of numbers alike, with the same bits.
+"""Functions of numbers, of arrays of numbers and of numbers with derivatives, with the same bits.
 
 What a system is built with is written once with them: for one scenario with numbers, which need no
 numpy, for many that differ in numbers with arrays, and for its derivatives with numbers that carry
-them (``numerics.dual``). Sums, products, quotients and square roots of arrays are rounded as those
-of numbers; all else is asked of the same library, one by one.
+them, which is forward differentiation and exact. Sums, products, quotients and square roots of
+arrays are rounded as those of numbers; all else is asked of the same library, one by one.
 """
 
 from __future__ import annotations
@@ -13,7 +13,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import reduce
 from itertools import repeat
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 Some = Any
 """A number, an array of numbers with one axis, or a number with derivatives. Where a number goes in
@@ -30,11 +34,6 @@ def is_number(values: Some) -> bool:
     return isinstance(values, _NUMBERS)
 
 
-def carries(value: Some) -> bool:
-    """Tell whether a number carries derivatives (see ``numerics.dual``)."""
-    return hasattr(value, "change")
-
-
 def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> Some:
     """Return a function's values, one by one where an argument is an array.
 
@@ -47,9 +46,7 @@ def each(function: Callable[..., Any], *arguments: Some, kind: type = float) -> 
         return function(*arguments)
     import numpy as np
 
-    if any(map(carries, arguments)):
-        from vibro_cli.numerics.dual import through
-
+    if any(isinstance(one, Dual) for one in arguments):
         return through(function, *arguments)
     if len(arguments) == 1 and kind is float and arguments[0].dtype == np.float64:
         return _each_of_stretches(function, np.ascontiguousarray(arguments[0]))
@@ -81,9 +78,9 @@ def cosine(angle: float) -> float:
     return found
 
 
-def arcsine(value: float) -> float:
+def arcsine(value: Some) -> float:
     """Return the arcsine (rad), nan beyond 1 and -1."""
-    found: float = each(math.asin if carries(value) else _arcsine, value)
+    found: float = each(math.asin if isinstance(value, Dual) else _arcsine, value)
     return found
 
 
@@ -91,17 +88,16 @@ def _arcsine(value: float) -> float:
     return math.asin(value) if -1.0 <= value <= 1.0 else math.nan
 
 
-def square_root(value: float) -> float:
+def square_root(value: Some) -> float:
     """Return the square root; of negative elements of an array nan."""
     if is_number(value):
         return math.sqrt(value)
+    if isinstance(value, Dual):
+        return each(math.sqrt, value)  # type: ignore[no-any-return]
     import numpy as np
 
-    if carries(value):
-        return each(math.sqrt, value)  # type: ignore[no-any-return]
     with np.errstate(invalid="ignore"):
-        found: float = np.sqrt(value)
-    return found
+        return np.sqrt(value)  # type: ignore[no-any-return]
 
 
 def power(base: float, exponent: int) -> float:
@@ -115,7 +111,7 @@ def exact_sum(terms: Iterable[float]) -> float:
     given = list(terms)
     if all(map(is_number, given)):
         return math.fsum(given)
-    if any(map(carries, given)):
+    if any(isinstance(one, Dual) for one in given):
         return each(math.fsum, *given)  # type: ignore[no-any-return]
     found: float = each(lambda *numbers: math.fsum(numbers), *given)
     return found
@@ -203,3 +199,121 @@ def distance(x: Some, y: Some) -> Any:
 def direction(y: Some, x: Some) -> Any:
     """Return the angle (rad) of a vector, to rounding."""
     return about("arctan2", math.atan2, y, x)
+
+
+Floats: TypeAlias = "NDArray[np.float64]"
+
+
+class Dual:
+    """A number and its derivatives, an array."""
+
+    __slots__ = ("change", "value")
+    __array_ufunc__ = None  # numbers of numpy leave sums and products to it
+
+    def __init__(self, value: float, change: Floats) -> None:
+        self.value = float(value)
+        self.change = change
+
+    def _joined(self, other: Any, value: float, mine: float, its: float) -> Dual:
+        change = mine * self.change
+        return Dual(value, change + its * other.change if isinstance(other, Dual) else change)
+
+    def __add__(self, other: Any) -> Dual:
+        return self._joined(other, self.value + value_of(other), 1.0, 1.0)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Dual:
+        return self._joined(other, self.value - value_of(other), 1.0, -1.0)
+
+    def __rsub__(self, other: Any) -> Dual:
+        return self._joined(other, value_of(other) - self.value, -1.0, 1.0)
+
+    def __mul__(self, other: Any) -> Dual:
+        its = value_of(other)
+        return self._joined(other, self.value * its, its, self.value)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Dual:
+        its = value_of(other)
+        ratio = self.value / its
+        return self._joined(other, ratio, 1.0 / its, -ratio / its)
+
+    def __rtruediv__(self, other: Any) -> Dual:
+        ratio = value_of(other) / self.value
+        return self._joined(other, ratio, -ratio / self.value, 1.0 / self.value)
+
+    def __neg__(self) -> Dual:
+        return Dual(-self.value, -self.change)
+
+    def __abs__(self) -> Dual:
+        return -self if self.value < 0.0 else self
+
+    def __lt__(self, other: Any) -> bool:
+        return self.value < value_of(other)
+
+    def __le__(self, other: Any) -> bool:
+        return self.value <= value_of(other)
+
+    def __gt__(self, other: Any) -> bool:
+        return self.value > value_of(other)
+
+    def __ge__(self, other: Any) -> bool:
+        return self.value >= value_of(other)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both are the same and stay so: a number that changes is no constant."""
+        import numpy as np
+
+        its = other.change if isinstance(other, Dual) else 0.0
+        return self.value == value_of(other) and bool(np.all(self.change == its))
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def value_of(number: Any) -> float:
+    """Return a number without its derivatives."""
+    return number.value if isinstance(number, Dual) else float(number)
+
+
+def change_of(number: Any, size: int) -> Floats:
+    """Return the derivatives of a number to ``size`` parameters, zero for a constant."""
+    import numpy as np
+
+    return number.change if isinstance(number, Dual) else np.zeros(size)
+
+
+_SLOPES: dict[Callable[..., Any], Callable[[float], float]] = {
+    math.sin: math.cos,
+    math.cos: lambda x: -math.sin(x),
+    math.asin: lambda x: 1.0 / math.sqrt((1.0 - x) * (1.0 + x)),
+    math.sqrt: lambda x: 0.5 / math.sqrt(x),
+}
+_STEPS = (math.ulp, round, math.ceil)
+
+
+def through(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return a function of numbers of which some have derivatives.
+
+    Raises
+    ------
+    TypeError
+        If its derivative is not known.
+    """
+    values = [value_of(one) for one in arguments]
+    if function in _STEPS:
+        return function(*values)
+    if function is math.fsum:
+        import numpy as np
+
+        changes = [one.change for one in arguments if isinstance(one, Dual)]
+        return Dual(math.fsum(values), np.sum(changes, axis=0))
+    if function is pow and not isinstance(arguments[1], Dual):
+        base, exponent = arguments
+        slope = exponent * base.value ** (exponent - 1)
+        return Dual(base.value**exponent, slope * base.change)
+    if function in _SLOPES and len(arguments) == 1:
+        (x,) = values
+        return Dual(function(x), _SLOPES[function](x) * arguments[0].change)
+    raise TypeError(f"the derivative of {function!r} is not known")

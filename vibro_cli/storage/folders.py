@@ -5,7 +5,6 @@ Each has its tables and numbers, the scenario where there is one, and its figure
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
@@ -16,28 +15,28 @@ from typing import TYPE_CHECKING, Any
 
 from vibro_cli import __version__
 from vibro_cli.errors import VibroError
-from vibro_cli.storage.files import NewFolder, abandoned_parts, new_folder
-from vibro_cli.storage.parquet_files import GrowingTable
-from vibro_cli.storage.provenance import (
+from vibro_cli.storage.files import (
     MANIFEST_NAME,
     FolderRefused,
+    NewFolder,
+    abandoned_parts,
     check_replaceable,
     differences,
     entry,
     json_bytes,
     manifest,
     manifest_of,
+    new_folder,
     read_manifest,
 )
-from vibro_cli.storage.tables import Origin, parquet_bytes, table_named, to_arrow
+from vibro_cli.storage.tables import GrowingTable, Origin, parquet_bytes, table_named, to_arrow
 from vibro_cli.systems.columns import Column, Table, count, flag, number
 
 if TYPE_CHECKING:
     import pyarrow
 
     from vibro_cli.scenario.base import AnyScenario
-    from vibro_cli.systems.run import Run
-    from vibro_cli.systems.stream import Streamed
+    from vibro_cli.systems.run import Run, Streamed
 
 SCENARIO_NAME = "scenario.json"
 CHECKPOINT_NAME = "checkpoint.json"
@@ -106,15 +105,7 @@ Rows = Mapping[str, Any]
 
 
 class StreamedFolder:
-    """The folder of a run in the making, into which the rows of its tables are put as they come.
-
-    Parameters
-    ----------
-    folder
-        In the making.
-    scenario
-        What is solved.
-    """
+    """The folder of a run in the making, into which the rows of its tables are put as they come."""
 
     def __init__(self, folder: NewFolder, scenario: AnyScenario) -> None:
         self._folder = folder
@@ -232,12 +223,10 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     content: dict[str, bytes] = {}
     for name in (SCENARIO_NAME, CHECKPOINT_NAME):
         content[name] = (folder / name).read_bytes()
-        if hashlib.sha256(content[name]).hexdigest() != found["files"].get(name, {}).get("sha256"):
+        if entry(content[name])["sha256"] != found["files"].get(name, {}).get("sha256"):
             raise NotContinuable(f"{folder / name} is not as it was written (SHA-256)")
     return EarlierRun(folder / SCENARIO_NAME, json.loads(content[CHECKPOINT_NAME]))
 
-
-check_fit_folder = partial(check_replaceable, kind="fit")
 
 RESIDUALS = Table(
     "residuals",
@@ -250,39 +239,6 @@ RESIDUALS = Table(
         number("first", "s", "the same before the fit (null: no such impact)", True),
     ),
 )
-
-
-def write_fit(
-    scenario: AnyScenario,
-    record: Mapping[str, Any],
-    columns: Mapping[str, Any],
-    target: Path,
-    figures: Mapping[str, bytes],
-) -> None:
-    """Write the folder of a fit, whole or not at all.
-
-    Parameters
-    ----------
-    scenario
-        With the fitted numbers.
-    record, columns
-        What ``fit.json`` and ``residuals.parquet`` hold.
-    target, figures
-        The folder; names and contents of its pictures.
-
-    Raises `FolderRefused` when `target` is there and is none of ours, `OSError` when it cannot be
-    written.
-    """
-    files = {
-        "fit.json": json_bytes(record),
-        "residuals.parquet": parquet_bytes(to_arrow(RESIDUALS, columns, origin_of(scenario))),
-        SCENARIO_NAME: json_bytes(scenario.resolved()),
-        **figures,
-    }
-    _write(files, target, "fit")
-
-
-check_orbit_folder = partial(check_replaceable, kind="orbit")
 
 
 def orbits(balls: int) -> Table:
@@ -319,54 +275,37 @@ def orbits(balls: int) -> Table:
     return Table("orbits", "one periodic orbit", columns)
 
 
-def write_orbits(
-    scenario: AnyScenario, columns: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]
+def write_results(
+    kind: str,
+    target: Path,
+    figures: Mapping[str, bytes],
+    scenario: AnyScenario | None = None,
+    record: Mapping[str, Any] | None = None,
+    columns: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write the folder of orbits, whole or not at all; `figures` are names and contents.
+    """Write the folder of a fit, orbits, a portrait, basins or figures, whole or not at all.
+
+    Parameters
+    ----------
+    kind
+        ``fit``, ``orbit``, ``portrait``, ``basins`` or ``figures``.
+    target, figures
+        The folder; names and contents of its pictures.
+    scenario, record, columns
+        What is written of it: the scenario, plain values under the name of the kind, and the
+        columns of the table of residuals or orbits.
 
     Raises `FolderRefused` when `target` is there and is none of ours, `OSError` when it cannot be
     written.
     """
-    table = orbits(len(scenario.balls))
-    files = {
-        "orbits.parquet": parquet_bytes(to_arrow(table, columns, origin_of(scenario))),
-        SCENARIO_NAME: json_bytes(scenario.resolved()),
-        **figures,
-    }
-    _write(files, target, "orbit")
-
-
-check_portrait_folder = partial(check_replaceable, kind="portrait")
-check_basins_folder = partial(check_replaceable, kind="basins")
-
-
-def write_portraits(
-    scenario: AnyScenario, found: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]
-) -> None:
-    """Write the folder of a portrait, whole or not at all; `figures` are names and contents.
-
-    Raises `FolderRefused` when `target` is there and is no portrait of ours, `OSError` when it
-    cannot be written.
-    """
-    files = {
-        "portrait.json": json_bytes(found),
-        "scenario.json": json_bytes(scenario.resolved()),
-        **figures,
-    }
-    _write(files, target, "portrait")
-
-
-def write_basins(found: Mapping[str, Any], target: Path, figures: Mapping[str, bytes]) -> None:
-    """Write the folder of the basins of a grid; raises as `write_portraits`."""
-    _write({"basins.json": json_bytes(found), **figures}, target, "basins")
-
-
-def write_figures(figures: Mapping[str, bytes], target: Path) -> None:
-    """Write a folder of figures, whole or not at all; raises as `write_portraits`."""
-    _write(figures, target, "figures")
-
-
-def _write(files: Mapping[str, bytes], target: Path, kind: str) -> None:
+    files = {} if record is None else {f"{kind}.json": json_bytes(record)}
+    if scenario is not None:
+        files[SCENARIO_NAME] = json_bytes(scenario.resolved())
+        if columns is not None:
+            table = RESIDUALS if kind == "fit" else orbits(len(scenario.balls))
+            data = to_arrow(table, columns, origin_of(scenario))
+            files[f"{table.name}.parquet"] = parquet_bytes(data)
+    files |= figures
     with new_folder(target, partial(check_replaceable, kind=kind)) as folder:
         for name, content in files.items():
             folder.write(name, content)

@@ -17,9 +17,15 @@ from vibro_cli.api import NotRecalled, recalled, recalled_motion
 from vibro_cli.errors import VibroError
 from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.scenario.loading import load_any
+from vibro_cli.storage.files import check_files, manifest, read_manifest
 from vibro_cli.storage.folders import NotContinuable, read_earlier_run
-from vibro_cli.storage.provenance import check_files, manifest, read_manifest
-from vibro_cli.storage.tables import column_names, read_column, read_first
+from vibro_cli.storage.tables import (
+    as_array,
+    column_names,
+    read_column,
+    read_first,
+    units_of_numbers,
+)
 from vibro_cli.systems import system_named
 from vibro_cli.systems.contract import Motion, System
 from vibro_cli.systems.run import Run
@@ -265,19 +271,19 @@ class StoredGrid:
 
     def impact_columns(self) -> tuple[str, ...]:
         """Return the columns of the table of impacts, none where none was kept."""
-        import pyarrow.parquet as parquet
-
-        part = next(iter(_parts(self.folder / "collisions")), None)
-        return () if part is None else tuple(parquet.read_schema(part).names)
+        schema = self._impact_schema()
+        return () if schema is None else tuple(schema.names)
 
     def impact_units(self) -> dict[str, str]:
         """Return the units of the columns of numbers of the impacts, by name."""
+        schema = self._impact_schema()
+        return {} if schema is None else units_of_numbers(schema)
+
+    def _impact_schema(self) -> pyarrow.Schema | None:
         import pyarrow.parquet as parquet
 
-        from vibro_cli.storage.tables import units_of_numbers
-
         part = next(iter(_parts(self.folder / "collisions")), None)
-        return {} if part is None else units_of_numbers(parquet.read_schema(part))
+        return None if part is None else parquet.read_schema(part)
 
     def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
         """Return some columns of the impacts of some scenarios, in their order."""
@@ -337,6 +343,4 @@ def _unit(field: pyarrow.Field) -> str:
 
 def _columns(data: pyarrow.Table) -> dict[str, Column]:
     """The columns as arrays; null is NaN in numbers and None in words."""
-    from vibro_cli.storage.tables import as_array
-
     return {name: as_array(data[name]) for name in data.column_names}

@@ -3,15 +3,17 @@
 The parquet schemas, the checks before writing, `vibro schema tables` and the tables' reference in
 docs/ all come from these declarations (see `systems.columns`).
 
-What a column must be is said in `storage.tables`; here it is held to it. Equal columns give equal
-bytes: nothing of the machine or of the time goes into a table.
+What a column must be is said there; here it is held to it. Equal columns give equal bytes: nothing
+of the machine or of the time goes into a table. Tables of a run grow while it goes on, and leave
+memory with each group of rows.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -22,9 +24,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vibro_cli.systems import system_named
-from vibro_cli.systems.columns import Column, Table, count, flag, number
+from vibro_cli.systems.columns import Column, Table
 
-__all__ = ["Column", "Table", "count", "flag", "number"]
+__all__ = ["Column", "Table"]
 
 
 def summary(balls: int, system: str = "trace", grown: bool = False) -> Table:
@@ -400,11 +402,35 @@ def _flags(bits: Any, chunk: pa.Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
     return flags[chunk.offset : chunk.offset + len(chunk)].view(np.bool_)
 
 
-def json_lines(data: pa.Table) -> Iterator[bytes]:
-    """The rows as JSON objects, one per line, some thousands of lines at a time."""
-    for batch in data.to_batches(max_chunksize=_JSON_LINES_AT_ONCE):
-        rows = (json.dumps(row, ensure_ascii=False, allow_nan=False) for row in batch.to_pylist())
-        yield "".join(f"{row}\n" for row in rows).encode()
+class _RowWriter:
+    """Writes rows to an open binary stream as csv, jsonl or arrow (IPC stream)."""
+
+    def __init__(self, sink: BinaryIO, form: str, schema: pa.Schema) -> None:
+        self._sink = sink
+        self._writer: Any = None
+        if form == "csv":
+            from pyarrow import csv
+
+            options = csv.WriteOptions(quoting_style="needed")
+            self._writer = csv.CSVWriter(sink, schema, write_options=options)
+        elif form == "arrow":
+            self._writer = pa.ipc.new_stream(sink, schema)
+        elif form != "jsonl":
+            raise ValueError(f"there is no form {form!r} of a table")
+
+    def write(self, rows: pa.Table) -> None:
+        """Write rows; of jsonl some thousands of lines at a time."""
+        if self._writer is not None:
+            self._writer.write_table(rows)
+            return
+        for batch in rows.to_batches(max_chunksize=_JSON_LINES_AT_ONCE):
+            lines = (json.dumps(r, ensure_ascii=False, allow_nan=False) for r in batch.to_pylist())
+            self._sink.write("".join(f"{line}\n" for line in lines).encode())
+
+    def close(self) -> None:
+        """Write what belongs to the end."""
+        if self._writer is not None:
+            self._writer.close()
 
 
 def stream(data: pa.Table, form: str, sink: BinaryIO) -> None:
@@ -412,17 +438,113 @@ def stream(data: pa.Table, form: str, sink: BinaryIO) -> None:
 
     Numbers of csv and jsonl read back to the same doubles; null is an empty field or `null`.
     """
-    if form == "csv":
-        from pyarrow import csv
-
-        csv.write_csv(data, sink, csv.WriteOptions(quoting_style="needed"))
-    elif form == "jsonl":
-        for lines in json_lines(data):
-            sink.write(lines)
-    elif form == "arrow":
-        with pa.ipc.new_stream(sink, data.schema) as writer:
-            writer.write_table(data)
-    elif form == "parquet":
+    if form == "parquet":
         sink.write(parquet_bytes(data))
-    else:
-        raise ValueError(f"there is no form {form!r} of a table")
+        return
+    writer = _RowWriter(sink, form, data.schema)
+    writer.write(data)
+    writer.close()
+
+
+# Rows of a group: where it ends depends on nothing but the table.
+GROUP_ROWS = 1 << 16
+
+
+class GrowingTable:
+    """A table on its way to an open file; its bytes do not depend on how rows are added."""
+
+    def __init__(self, file: BinaryIO, table: Table, origin: Origin) -> None:
+        self._table = table
+        self._file = Counted(file)
+        schema = arrow_schema(table, origin)
+        self._schema = schema
+        self._writer = pq.ParquetWriter(
+            self._file, schema, use_dictionary=words_in(schema), **parquet_options(schema)
+        )
+        self._waiting: list[pa.RecordBatch] = []
+        self._rows = 0
+
+    def add(self, columns: Mapping[str, Any]) -> None:
+        """Add rows; raises `ValueError` for columns that are not those of the table."""
+        batch = record_batch(self._table, columns)
+        self._waiting.append(batch)
+        self._rows += batch.num_rows
+        while self._rows >= GROUP_ROWS:
+            self._write(GROUP_ROWS)
+
+    def finish(self) -> dict[str, Any]:
+        """Write the rest and the end of the file; return what a manifest says of it."""
+        if self._rows or not self._writer.writer:
+            self._write(self._rows)
+        self._writer.close()
+        return self._file.entry()
+
+    def abandon(self) -> None:
+        """Write no more, not even an end: a file that was not finished is removed by its owner."""
+        self._writer.is_open = False  # else it would write its end when it is collected
+
+    def _write(self, count: int) -> None:
+        waiting = pa.Table.from_batches(self._waiting, self._schema)
+        group = waiting.slice(0, count).combine_chunks()
+        self._writer.write_table(group, row_group_size=max(count, 1))
+        self._waiting = waiting.slice(count).to_batches()
+        self._rows -= count
+
+
+class StreamedTable:
+    """A table on its way to an open binary stream, row by row as they come (see :func:`stream`)."""
+
+    def __init__(self, sink: BinaryIO, form: str, table: Table, origin: Origin) -> None:
+        self._sink = sink
+        self._table = table
+        self._schema = arrow_schema(table, origin)
+        self._rows = None if form == "parquet" else _RowWriter(sink, form, self._schema)
+        if self._rows is None:
+            self._growing = GrowingTable(sink, table, origin)
+
+    def add(self, columns: Mapping[str, Any]) -> None:
+        """Write rows; raises `ValueError` for columns that are not those of the table."""
+        if self._rows is None:
+            self._growing.add(columns)
+            return
+        self._rows.write(pa.Table.from_batches([record_batch(self._table, columns)], self._schema))
+        self._sink.flush()
+
+    def finish(self) -> None:
+        """Write what belongs to the end."""
+        if self._rows is None:
+            self._growing.finish()
+        else:
+            self._rows.close()
+        self._sink.flush()
+
+
+class Counted:
+    """A file of which size and checksum are known when it is written."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._sum = hashlib.sha256()
+        self._size = 0
+        self.closed = False
+
+    def write(self, content: Any) -> int:
+        """Write bytes; returns how many."""
+        self._sum.update(content)
+        self._size += len(content)
+        self._file.write(content)
+        return len(content)
+
+    def tell(self) -> int:
+        """Return how many bytes are written."""
+        return self._size
+
+    def flush(self) -> None:
+        """Nothing waits here."""
+
+    def close(self) -> None:
+        """Leave the file to whoever has opened it."""
+
+    def entry(self) -> dict[str, Any]:
+        """Return what a manifest says of the file."""
+        return {"bytes": self._size, "sha256": self._sum.hexdigest()}

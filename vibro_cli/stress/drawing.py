@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.scenario.problems import ScenarioError
-from vibro_cli.stress.finding import Document
-from vibro_cli.stress.scenes import system_of
+from vibro_cli.stress.scenes import Document, system_of
 
 Random = np.random.Generator
 Chain = tuple[float, list[Document]]

@@ -16,14 +16,14 @@ from vibro_cli.kernels.numerics.elliptic import (
 )
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.numerics.jacobi import Jacobi
-from vibro_cli.stress.finding import Finding, Plan, Worst
-from vibro_cli.stress.oracles.fifty_digits import multiprecision
+from vibro_cli.stress.oracles.scene import mp
+from vibro_cli.stress.scenes import Finding, Plan, Worst
 
 LARGEST = math.log10(0.5)  # exponent of 1 - m
 PLAINLY = "relative error of cn, dn / (eps max(1, u))"
 
 
-def _exact(mp: Any, u: float, root: float) -> tuple[Any, Any, Any]:
+def _exact(u: float, root: float) -> tuple[Any, Any, Any]:
     """sn, cn, dn of parameter ``1 - root^2``, by Landen's ladder (DLMF 22.7) in many digits.
 
     ``root`` is exact; its square may be as small as 1e-300, so the digits must reach beyond it.
@@ -45,16 +45,15 @@ def _exact(mp: Any, u: float, root: float) -> tuple[Any, Any, Any]:
 
 def check_elliptic(plan: Plan) -> list[Finding]:
     """sn, cn, dn over a period, and Carlson's integral, for 1 - m from 0.5 to 1e-300."""
-    mp = multiprecision()
     rng = np.random.default_rng([plan.seed, 7])
     return [
-        *_jacobi(mp, rng, plan.amount(150, 4000)),
-        _zeros(mp, rng, plan.amount(60, 1000)),
-        _carlson(mp, rng, plan.amount(300, 10000)),
+        *_jacobi(rng, plan.amount(150, 4000)),
+        _zeros(rng, plan.amount(60, 1000)),
+        _carlson(rng, plan.amount(300, 10000)),
     ]
 
 
-def _jacobi(mp: Any, rng: np.random.Generator, count: int) -> list[Finding]:
+def _jacobi(rng: np.random.Generator, count: int) -> list[Finding]:
     absolute, relative, plain = Worst(), Worst(), Worst()
     for number in range(count):
         root = _root_of_complement(rng, number)
@@ -63,7 +62,7 @@ def _jacobi(mp: Any, rng: np.random.Generator, count: int) -> list[Finding]:
         set_theta_constants(theta, 1.0 - root * root, root)
         u = 4.0 * float(jacobi.quarter_period) * float(rng.uniform(-1.0, 1.0))
         s, c, d, common = theta_functions(theta, u)
-        exact = _exact(mp, u, root)
+        exact = _exact(u, root)
         allowed = 1.0e-14 + 2.0 * math.ulp(u)
         for found, true in zip((s, c, d), exact, strict=True):
             absolute.take(float(abs(mp.mpf(found) / common - true)) / allowed)
@@ -72,7 +71,7 @@ def _jacobi(mp: Any, rng: np.random.Generator, count: int) -> list[Finding]:
         for found, true, slope in zip((c, d), exact[1:], reversed(exact[1:]), strict=True):
             off = abs(mp.mpf(found) / common - true) / (EPSILON * max(1.0, abs(u)))
             relative.take(float(off / (abs(true) + abs(exact[0] * slope))))
-        _take_plainly(mp, plain, jacobi, u, exact)
+        _take_plainly(plain, jacobi, u, exact)
     tried = "sn, cn, dn over a period, 1 - m from 0.5 to 1e-300, against mpmath"
     return [
         Finding(
@@ -92,13 +91,13 @@ def _root_of_complement(rng: np.random.Generator, number: int) -> float:
     return math.sqrt(10.0**exponent)
 
 
-def _take_plainly(mp: Any, worst: Worst, jacobi: Jacobi, u: float, exact: Any) -> None:
+def _take_plainly(worst: Worst, jacobi: Jacobi, u: float, exact: Any) -> None:
     """Take the relative errors of cn and dn by themselves into account."""
     for found, true in zip(jacobi.functions(u)[1:], exact[1:], strict=True):
         worst.take(float(abs(mp.mpf(found) / true - 1) / (EPSILON * max(1.0, abs(u)))))
 
 
-def _zeros(mp: Any, rng: np.random.Generator, count: int) -> Finding:
+def _zeros(rng: np.random.Generator, count: int) -> Finding:
     """cn and dn plainly, 1e-15 to 1e-2 from the zeros of cn, on both sides of several."""
     worst = Worst()
     for number in range(count):
@@ -107,12 +106,12 @@ def _zeros(mp: Any, rng: np.random.Generator, count: int) -> Finding:
         zero = (2 * int(rng.integers(-4, 4)) + 1) * jacobi.quarter_period
         off = float(10.0 ** rng.uniform(-15.0, -2.0)) * (1.0 if rng.random() < 0.5 else -1.0)
         u = float(zero + Decimal(off))
-        _take_plainly(mp, worst, jacobi, u, _exact(mp, u, root))
+        _take_plainly(worst, jacobi, u, _exact(u, root))
     tried = "1e-15 to 1e-2 from the zeros of cn, 1 - m from 0.5 to 1e-300, against mpmath"
     return Finding("elliptic", PLAINLY, tried, count, worst.value, 16.0)
 
 
-def _carlson(mp: Any, rng: np.random.Generator, count: int) -> Finding:
+def _carlson(rng: np.random.Generator, count: int) -> Finding:
     """K and F as the solver computes them, by R_F."""
     worst = Worst()
     for _ in range(count):

@@ -13,19 +13,20 @@ import numpy as np
 
 from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario.problems import ScenarioError
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.flights import Family, States, for_judge
 from vibro_cli.stress.impacts import solved
-from vibro_cli.stress.oracles.fifty_digits import first_contact, multiprecision
-from vibro_cli.stress.oracles.reference_solver import Twin
-from vibro_cli.stress.oracles.scene import scene_of_system
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.oracles.oracle import first_contact
+from vibro_cli.stress.oracles.scene import Path, Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import (
     CIRCLE,
     THREE_ARCS,
     VALLEY,
+    Document,
+    Finding,
+    Plan,
+    Worst,
+    attempted,
     ball,
-    energy_at,
+    energy_gained,
     fault_of,
     scene,
     solve,
@@ -99,21 +100,14 @@ def _ratios(plan: Plan) -> list[Finding]:
         for k in COEFFICIENTS:
             balls = [ball(-1.1, mass=10.0**exponent), ball(0.8)]
             document = scene(VALLEY, balls, k, collisions=1000, time=10.0)
-            ends = not fault_of(document)
-            ended.take(float(not ends), document)
-            if ends:
-                gained.take(_gain(solve(document)), document)
+            run = attempted(document, ended)
+            if run is not None:
+                gained.take(max(energy_gained(run), 0.0), document)
     tried = "two balls, mass ratios to 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
     return [
         ended.finding("extremes", "runs that hang or fail", tried, 0.0),
         gained.finding("extremes", "relative energy gained", tried, 1e-12),
     ]
-
-
-def _gain(run: Run) -> float:
-    before = energy_at(run, 0.0, "before")
-    after = energy_at(run, run.checkpoint()["end_time"], "after")
-    return max((after - before) / abs(before), 0.0)
 
 
 def _penetration(rng: np.random.Generator, plan: Plan) -> Finding:
@@ -123,24 +117,22 @@ def _penetration(rng: np.random.Generator, plan: Plan) -> Finding:
         document = _scene(rng)
         document["stop"] = {"collisions": 50, "time": 20.0}
         run = solve(document)
-        twin = Twin(scene_of_system(run.system))
+        exact = scene_of_system(run.system)
         for row in range(len(run.collisions["n"])):
-            worst.take(_overlap(twin, run, row), document)
+            worst.take(_overlap(exact, run, row), document)
     tried = "two balls on three arcs, k = 0.9, up to 50 impacts each, distances to 50 digits"
     return worst.finding("extremes", "penetration (ulp of the positions)", tried, 8.0)
 
 
-def _overlap(twin: Twin, run: Run, row: int) -> float:
+def _overlap(scene: Scene, run: Run, row: int) -> float:
     """How far the bodies of an impact are in one another, from their angles, in ulp of places."""
     centres = []
     for ball_number, end in enumerate("ab"):
         piece = int(run.collisions[f"arc_{end}"][row]) - 1
-        shape, angle = twin.scene.pieces[piece], solved(run, f"place_{end}", row)
-        rho = twin.path_radius(ball_number, piece)
-        x, y = shape.origin
-        centres.append((x + rho * mp.sin(angle), y - shape.sign * rho * mp.cos(angle)))
+        path = Path(scene, ball_number, piece)
+        centres.append(path.centre(solved(run, f"place_{end}", row)))
     (ax, ay), (bx, by) = centres
-    touch = sum(body.radius for body in twin.scene.bodies)
+    touch = sum(body.radius for body in scene.bodies)
     largest = max(abs(float(value)) for centre in centres for value in centre)
     return max(float(touch - mp.hypot(bx - ax, by - ay)), 0.0) / math.ulp(largest)
 
@@ -156,7 +148,7 @@ def check_limits(plan: Plan) -> list[Finding]:
     return [turns(rng, plan), swings(rng, plan), *unequal(rng, plan), ends_of_range(plan)]
 
 
-def _state(mp: Any, rate: Any, t: float) -> tuple[Any, Any]:
+def _state(rate: Any, t: float) -> tuple[Any, Any]:
     """Sine and cosine of half the angle of a ball of 0.1 m in a valley of 1 m, from ``(0, rate)``.
 
     ``S = k sn(w t | k^2)`` for a libration, ``S = sn(k w t | 1/k^2)`` for a rotation, where
@@ -171,12 +163,12 @@ def _state(mp: Any, rate: Any, t: float) -> tuple[Any, Any]:
     return mp.ellipfun("sn", u, m=1 / k**2), mp.ellipfun("cn", u, m=1 / k**2)
 
 
-def _phase_error(mp: Any, document: Document, t: float) -> float:
+def _phase_error(document: Document, t: float) -> float:
     """Error of a ball's angle in eps x what a relative change of its rate makes of it."""
     run = solve(document, "compiled")
     # The solver gets the speed of the centre, which is the rate times the radius of its path.
     rate = mp.mpf(run.system.initial[0].speed) / (mp.mpf(1) - mp.mpf(0.1))
-    sine, cosine = _state(mp, rate, t)
+    sine, cosine = _state(rate, t)
     sample = run.sample([t])
     half = mp.mpf(float(sample["angle"][0])) / 2
     # The sine of half the difference, whatever number of turns lies between.
@@ -187,31 +179,30 @@ def _phase_error(mp: Any, document: Document, t: float) -> float:
 
 def turns(rng: np.random.Generator, plan: Plan) -> Finding:
     """A ball that goes round its circle, the last time a million turns after it began."""
-    mp, worst = multiprecision(), Worst()
+    worst = Worst()
     for _ in range(plan.amount(1, 4)):
         rate = float(10.0 ** rng.uniform(2.0, 6.0))
         t = plan.amount(1, 100) / 100 * TURNS * 2.0 * math.pi / rate
         document = scene(CIRCLE, [ball(0.0, rate=rate)], time=t)
-        worst.take(_phase_error(mp, document, t), document)
+        worst.take(_phase_error(document, t), document)
     tried = f"one ball on a circle, {plan.amount(1, 100) / 100 * TURNS:g} turns, against 50 digits"
     return worst.finding("limits", "error of the angle / (eps x amplification)", tried, 64.0)
 
 
 def swings(rng: np.random.Generator, plan: Plan) -> Finding:
     """A ball that swings undisturbed for a billion periods."""
-    mp, worst = multiprecision(), Worst()
+    worst = Worst()
     for _ in range(plan.amount(5, 40)):
         rate = float(rng.uniform(0.1, 5.0))
         t = PERIODS * float(rng.uniform(2.0, 3.0))
         document = scene(VALLEY, [ball(0.0, rate=rate)], time=t)
-        worst.take(_phase_error(mp, document, t), document)
+        worst.take(_phase_error(document, t), document)
     tried = f"one ball in a valley, about {PERIODS:g} periods without an event, against 50 digits"
     return worst.finding("limits", "error of the angle / (eps x amplification)", tried, 64.0)
 
 
 def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
     """Radii to 1 : 1e4 with masses to 1 : 1e9 and k at its ends: right, or refused."""
-    mp = multiprecision()
     first, gained, faults, refused = Worst(), Worst(), Worst(), 0
     for number in range(plan.amount(10, 150)):
         radii = [0.1, 0.1 / float(rng.choice(RATIOS))]
@@ -227,19 +218,12 @@ def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
         except ScenarioError:
             refused += 1
             continue
-        fault = fault_of(document)
-        faults.take(float(bool(fault)), document)
-        if fault:
+        run = attempted(document, faults)
+        if run is None:
             continue
-        run = solve(document)
-        before = energy_at(run, 0.0, "before")
-        after = energy_at(run, run.checkpoint()["end_time"], "after")
-        gained.take(max((after - before) / abs(before), 0.0), document)
-        place = np.array([[state.position for state in system.initial]])
-        states = States(place, np.zeros((1, 2)), np.array([10.0]))
-        exact = first_contact(mp, for_judge(Family("", document, system), states, 10.0)[0])
-        found = mp.mpf(float(run.collisions["t"][0])) + mp.mpf(float(run.collisions["t_low"][0]))
-        first.take(float(abs(found - exact) / exact), document)
+        gained.take(max(energy_gained(run), 0.0), document)
+        exact = first_contact(scene_of_system(system), mp.mpf(10))
+        first.take(float(abs(solved(run, "t", 0) - exact) / exact), document)
     tried = "two balls, radii to 1 : 1e4, masses to 1 : 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
     return [
         first.finding(

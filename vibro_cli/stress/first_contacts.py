@@ -2,37 +2,43 @@
 
 The solver's come from its own compiled event loop, many flights one after another; SciPy's DOP853
 finds its events by changes of sign.
+
+Flights that just touch, or just do not, are made at the instant of grazing and followed backwards.
+At that instant the gap is ``-overshoot R``, its rate zero and its second derivative positive. The
+backward motion is in plain doubles (short Taylor steps of the pendulum equation), which places a
+flight within some 1e-15 R of what was meant; what then truly happens the judge decides.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibro_cli.assemble import build_system
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.world import NEVER, World
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.mechanics.trace import Piece
+from vibro_cli.scenario.loading import scenario_of
+from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress import kernels
-from vibro_cli.stress.finding import Document, Finding, Plan
-from vibro_cli.stress.flights import (
-    Family,
-    States,
-    for_judge,
-    for_solver,
-    near_grazing,
-    random_family,
-    random_states,
-    scenario_of_flight,
+from vibro_cli.stress.kernels import (
+    ANSWER_COLUMNS,
+    ORDER,
+    START_COLUMNS,
+    find_first_contacts,
+    follow_all,
 )
-from vibro_cli.stress.kernels import ANSWER_COLUMNS, find_first_contacts
-from vibro_cli.stress.oracles.fifty_digits import first_contact, multiprecision
 from vibro_cli.stress.oracles.interval_oracle import (
     BODY_A,
     BODY_B,
+    BODY_COLUMNS,
+    COLUMNS,
     CONTACT,
     GRAVITY,
     HORIZON,
@@ -48,7 +54,316 @@ from vibro_cli.stress.oracles.interval_oracle import (
     UNDECIDED,
     judge_all,
 )  # fmt: skip
-from vibro_cli.systems.trace.world import compiled_world, make_world
+from vibro_cli.stress.oracles.oracle import first_contact
+from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
+from vibro_cli.stress.scenes import Document, Finding, Plan
+from vibro_cli.systems.trace.motion import centres
+from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world
+
+KINDS = (
+    "valley", "hump", "line", "valley hump", "hump valley", "valley line", "line valley",
+    "hump line", "line hump", "valley valley", "hump hump",
+)  # fmt: skip
+BODIES = ("ball", "disk", "hollow_ball", "hoop", "particle")
+_GRAVITY = 9.81
+# Bodies start at least this far apart, in units of the sum of their radii.
+LEAST_GAP = 1.0e-6
+
+
+@dataclass(frozen=True)
+class Family:
+    """A trace with two bodies, whose initial states vary."""
+
+    document: Document
+    system: TraceSystem
+
+    @property
+    def pieces(self) -> tuple[Piece, Piece]:
+        """The pieces of the left and of the right body: the first and the last."""
+        return self.system.trace.pieces[0], self.system.trace.pieces[-1]
+
+
+def random_family(rng: np.random.Generator, number: int) -> Family:
+    """A random family, every kind in turn; what the mechanics refuse is drawn again."""
+    kind = KINDS[number % len(KINDS)]
+    while True:
+        document = _document(rng, kind)
+        try:
+            return Family(document, build_system(scenario_of(document)))
+        except ScenarioError:
+            continue
+
+
+def _document(rng: np.random.Generator, kind: str) -> Document:
+    shapes = kind.split()
+    slope = _first_slope(rng, shapes)
+    arcs, start = [], slope
+    for shape in shapes:
+        if shape == "line":
+            arcs.append({"shape": shape, "length": float(rng.uniform(1.0, 4.0))})
+            continue
+        turn = float(rng.uniform(0.6, 1.6 if len(shapes) > 1 else 2.6))
+        slope += turn if shape == "valley" else -turn
+        arcs.append({"shape": shape, "radius": float(rng.uniform(0.5, 3.0)), "end_slope": slope})
+    largest = float(rng.uniform(0.02, 0.15))
+    radii = (largest, largest if rng.random() < 0.3 else largest * float(rng.uniform(0.3, 1.0)))
+    balls = []
+    for ball, radius in enumerate(radii):
+        arc = 1 if ball == 0 else len(shapes)
+        own: Document = {
+            "body": str(rng.choice(BODIES)), "radius": radius,
+            "mass": float(rng.uniform(0.1, 3.0)), "arc": arc,
+        }  # fmt: skip
+        balls.append(own | _middle(arcs, start, arc - 1, 0.3 if ball == 0 else 0.7))
+    return {
+        "gravity": _GRAVITY,
+        "trace": {"start_slope": start, "arcs": arcs},
+        "balls": balls,
+        "collision": {"law": "normal-impulse", "k": 1.0},
+        "stop": {"collisions": 1, "time": 100.0},
+    }
+
+
+def _first_slope(rng: np.random.Generator, shapes: list[str]) -> float:
+    """A slope at the left end such that the middle of the trace is about level."""
+    if shapes[0] == "line":
+        return float(rng.uniform(-0.6, 0.6))
+    return float(rng.uniform(0.3, 1.3)) * (-1.0 if shapes[0] == "valley" else 1.0)
+
+
+def _middle(arcs: list[Document], start: float, index: int, share: float) -> Document:
+    """A place within a piece."""
+    arc = arcs[index]
+    if arc["shape"] == "line":
+        return {"position": share * arc["length"]}
+    before = [other["end_slope"] for other in arcs[:index] if "end_slope" in other]
+    first = before[-1] if before else start
+    sign = 1.0 if arc["shape"] == "valley" else -1.0
+    return {"angle": sign * (first + share * (arc["end_slope"] - first))}
+
+
+@dataclass(frozen=True)
+class States:
+    """Initial states of a family's two bodies: places (rad, m), speeds (m/s), longest time (s)."""
+
+    places: Any  # (n, 2)
+    speeds: Any  # (n, 2)
+    horizon: Any  # (n,)
+
+    def part(self, chosen: Any) -> States:
+        """Those of some flights."""
+        return States(self.places[chosen], self.speeds[chosen], self.horizon[chosen])
+
+
+def random_states(rng: np.random.Generator, family: Family, count: int) -> States:
+    """States of bodies apart, from nearly touching to far away, slow and fast."""
+    first, last = family.pieces
+    places = np.empty((count, 2))
+    for ball, piece in enumerate((first, last)):
+        places[:, ball] = rng.uniform(piece.angle_start, piece.angle_end, count)
+    if first is last:
+        places.sort(axis=1)
+    else:
+        near = 10.0 ** rng.uniform(-1.5, 0.0, count)
+        places[:, 0] = first.angle_end + (places[:, 0] - first.angle_end) * near
+        places[:, 1] = last.angle_start + (places[:, 1] - last.angle_start) * near
+    sizes = [piece.length if piece.is_line else piece.radius for piece in (first, last)]
+    typical = math.sqrt(_GRAVITY * min(sizes))
+    speeds = rng.normal(0.0, 1.0, (count, 2)) * typical * 10.0 ** rng.uniform(-1.5, 0.3, (count, 1))
+    longest = math.sqrt(max(sizes) / _GRAVITY) * 10.0 ** rng.uniform(0.0, 1.0, count)
+    states = States(places, speeds, longest)
+    touch = sum(body.radius for body in family.system.bodies)
+    return states.part(distances(family, states) > touch * (1.0 + LEAST_GAP))
+
+
+def centres_of(family: Family, states: States) -> list[tuple[Any, Any]]:
+    """Centres of both bodies at the start (m)."""
+    return [
+        centres(piece, states.places[:, ball], family.system.bodies[ball].radius)
+        for ball, piece in enumerate(family.pieces)
+    ]
+
+
+def distances(family: Family, states: States) -> Any:
+    """Distances of the centres at the start (m)."""
+    (ax, ay), (bx, by) = centres_of(family, states)
+    return np.hypot(bx - ax, by - ay)
+
+
+def for_solver(family: Family, states: States) -> Any:
+    """Rows for :func:`vibro_cli.stress.first_contacts.first_contacts`."""
+    rows = np.empty((len(states.places), START_COLUMNS))
+    rows[:, 8] = states.horizon
+    for ball, piece in enumerate(family.pieces):
+        body = family.system.bodies[ball]
+        rows[:, 4 * ball] = piece.index
+        places = states.places[:, ball].tolist()
+        halves = np.array([half_angle(piece, place) for place in places])
+        rows[:, 4 * ball + 1 : 4 * ball + 3] = halves.reshape(-1, 2)
+        scale = 1.0
+        if not piece.is_line:
+            rho = piece.path_radius(body.radius)
+            scale = 2.0 * math.sqrt(family.system.gravity / (body.kappa * rho)) * rho
+        rows[:, 4 * ball + 3] = states.speeds[:, ball] / scale
+    return rows
+
+
+def for_judge(family: Family, states: States, horizon: Any) -> Any:
+    """Rows for :func:`vibro_cli.stress.oracles.interval_oracle.judge_all`."""
+    rows = np.empty((len(states.places), COLUMNS))
+    first, last = family.pieces
+    rows[:, 0] = family.system.gravity
+    rows[:, 1] = first.start_slope if first is last else first.end_slope
+    rows[:, 2] = horizon
+    for ball, piece in enumerate((first, last)):
+        body = family.system.bodies[ball]
+        side = 0.0 if first is last else (-1.0 if ball == 0 else 1.0)
+        columns = rows[:, 3 + ball * BODY_COLUMNS : 3 + (ball + 1) * BODY_COLUMNS]
+        size = piece.length if piece.is_line else piece.radius
+        columns[:, :4] = [piece.sign, size, body.radius, body.kappa]
+        columns[:, 4] = states.places[:, ball]
+        columns[:, 5] = states.speeds[:, ball]
+        columns[:, 6] = side
+    return rows
+
+
+def scene_of_flight(family: Family, states: States, number: int) -> Scene:
+    """The scene of the doubles that the judge gets of one flight, kappa among them."""
+    scene = scene_of_system(family.system)
+    bodies = tuple(
+        replace(exact, kappa=mp.mpf(body.kappa))
+        for exact, body in zip(scene.bodies, family.system.bodies, strict=True)
+    )
+    starts = tuple(
+        (piece.index, mp.mpf(float(place)), mp.mpf(float(speed)))
+        for piece, place, speed in zip(
+            family.pieces, states.places[number], states.speeds[number], strict=True
+        )
+    )
+    return replace(scene, bodies=bodies, starts=starts)
+
+
+def scenario_of_flight(family: Family, states: States, number: int) -> Document:
+    """The scenario that reproduces one flight."""
+    document: Document = {**family.document, "balls": []}
+    for ball, old in enumerate(family.document["balls"]):
+        key = "position" if "position" in old else "angle"
+        place, speed = float(states.places[number, ball]), float(states.speeds[number, ball])
+        document["balls"].append({**old, key: place, "speed": speed})
+    stop = {"collisions": 1, "time": float(states.horizon[number])}
+    return {**document, "stop": stop}
+
+
+_HALVINGS = 70
+_CHECKS = 8  # instants of the way back at which the bodies must be on their pieces
+_SMALLEST, _LARGEST = -13.0, -2.0  # powers of ten of the overshoot, in radii of the arc
+
+
+def _follow_body(family: Family, ball: int, states: States, times: Any) -> tuple[Any, Any]:
+    """Places and speeds of one body after the given times (negative: before)."""
+    piece, body = family.pieces[ball], family.system.bodies[ball]
+    places, speeds = states.places[:, ball].copy(), states.speeds[:, ball].copy()
+    if piece.is_line:
+        pull = -_GRAVITY / body.kappa * math.sin(piece.start_slope)
+        return places + times * (speeds + 0.5 * pull * times), speeds + pull * times
+    rho = piece.path_radius(body.radius)
+    rates = speeds / rho
+    w = math.sqrt(_GRAVITY / (body.kappa * rho))
+    compiled(follow_all)(piece.sign, w, places, rates, times, np.zeros((3, ORDER + 2)))
+    return places, rates * rho
+
+
+def _slopes(piece: Piece, places: Any) -> Any:
+    return np.full(len(places), piece.start_slope) if piece.is_line else piece.sign * places
+
+
+def _place_beside(family: Family, places: Any, distance: Any) -> tuple[Any, Any]:
+    """Places of the right body at the given distances of the centres, and where there is one."""
+    first, last = family.pieces
+    low = places.copy() if first is last else np.full(len(places), last.angle_start)
+    high = np.full(len(places), last.angle_end)
+    if first is last and not last.is_line:
+        high = np.minimum(high, places + math.pi)
+
+    def apart(candidates: Any) -> Any:
+        return distances(family, States(np.stack([places, candidates], axis=1), 0.0, 0.0))
+
+    found = (apart(low) < distance) & (apart(high) > distance)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        near = apart(middle) < distance
+        low, high = np.where(near, middle, low), np.where(near, high, middle)
+    return 0.5 * (low + high), found
+
+
+def _second_derivative(family: Family, states: States) -> tuple[Any, Any]:
+    """Speed of the right body at which the gap has no rate, and the gap's second derivative."""
+    centres = centres_of(family, states)
+    dx, dy = (centres[1][axis] - centres[0][axis] for axis in range(2))
+    tangents = []
+    for ball, piece in enumerate(family.pieces):
+        slopes = _slopes(piece, states.places[:, ball])
+        tangents.append((np.cos(slopes), np.sin(slopes)))
+    along = [dx * tx + dy * ty for tx, ty in tangents]
+    speed_a = states.speeds[:, 0]
+    speed_b = speed_a * along[0] / along[1]
+    second = np.zeros(len(dx))
+    for side, ball, speed in ((-1.0, 0, speed_a), (1.0, 1, speed_b)):
+        piece, body = family.pieces[ball], family.system.bodies[ball]
+        tx, ty = tangents[ball]
+        central = 0.0 if piece.is_line else piece.sign * speed**2 / piece.path_radius(body.radius)
+        pull = -_GRAVITY / body.kappa * ty
+        second += side * (dx * (pull * tx - central * ty) + dy * (pull * ty + central * tx))
+    across_x = speed_b * tangents[1][0] - speed_a * tangents[0][0]
+    across_y = speed_b * tangents[1][1] - speed_a * tangents[0][1]
+    return speed_b, second + across_x**2 + across_y**2
+
+
+def near_grazing(rng: np.random.Generator, family: Family, tries: int) -> tuple[States, Any]:
+    """Flights of a family close to grazing, and their overshoots (m; negative: they stay apart).
+
+    Returns fewer than ``tries``: where bodies would leave their pieces or press there are none.
+    """
+    first, last = family.pieces
+    sizes = [piece.length if piece.is_line else piece.radius for piece in (first, last)]
+    powers = rng.uniform(_SMALLEST, _LARGEST, tries)
+    # Every fourth a whole power of ten, both ends among them.
+    powers = np.where(rng.random(tries) < 0.25, np.round(powers), powers)
+    overshoot = min(sizes) * 10.0**powers
+    overshoot *= rng.choice([-1.0, 1.0], tries)
+    touch = sum(body.radius for body in family.system.bodies)
+    low = first.angle_start
+    if first is not last:
+        reach = 4.0 * touch / (1.0 if first.is_line else first.radius)
+        low = max(low, first.angle_end - reach)
+    places = np.zeros((tries, 2))
+    places[:, 0] = rng.uniform(low, first.angle_end, tries)
+    places[:, 1], found = _place_beside(family, places[:, 0], touch - overshoot)
+    speeds = np.zeros((tries, 2))
+    speeds[:, 0] = rng.normal(0.0, 1.0, tries) * math.sqrt(_GRAVITY * min(sizes))
+    backwards = math.sqrt(max(sizes) / _GRAVITY) * 10.0 ** rng.uniform(-1.5, 0.3, tries)
+    states, overshoot = States(places, speeds, backwards).part(found), overshoot[found]
+    states.speeds[:, 1], second = _second_derivative(family, states)
+    chosen = (second > 1.0e-3 * _GRAVITY * touch) & (abs(states.speeds[:, 1]) < 20.0)
+    return _go_back(family, states.part(chosen), overshoot[chosen])
+
+
+def _go_back(family: Family, states: States, overshoot: Any) -> tuple[States, Any]:
+    """The states before grazing, of those that come from within their pieces and from apart."""
+    inside = np.ones(len(overshoot), dtype=bool)
+    step = -states.horizon / _CHECKS
+    before = States(states.places.copy(), states.speeds.copy(), 2.0 * states.horizon)
+    for _ in range(_CHECKS):
+        for ball, piece in enumerate(family.pieces):
+            places, speeds = _follow_body(family, ball, before, step)
+            before.places[:, ball], before.speeds[:, ball] = places, speeds
+            inside &= (places > piece.angle_start) & (places < piece.angle_end)
+    touch = sum(body.radius for body in family.system.bodies)
+    if family.pieces[0] is family.pieces[1]:
+        inside &= before.places[:, 0] < before.places[:, 1]
+    inside &= distances(family, before) > touch * (1.0 + LEAST_GAP)
+    return before.part(inside), overshoot[inside]
+
 
 TOLERANCES = (1.0e-9, 1.0e-12)
 
@@ -115,16 +430,8 @@ def _centre(flight: Any, body: int, place: float) -> tuple[float, float]:
 def first_contacts(system: TraceSystem, starts: Any) -> Any:
     """The solver's first contact of each start, up to the first end of a flight.
 
-    Parameters
-    ----------
-    system
-        Two bodies; their initial states are not used.
-    starts
-        Rows of ``START_COLUMNS``; the last one in s.
-
-    Returns
-    -------
-    Rows of ``ANSWER_COLUMNS``.
+    Initial states of the system are not used: ``starts`` has rows of ``START_COLUMNS``, the last
+    one in s. Returns rows of ``ANSWER_COLUMNS``.
     """
     world = compiled_world(make_world(system, NEVER, 1))
     copies: list[Any] = [np.array(array) for array in world]
@@ -143,27 +450,35 @@ WORKERS = 2
 FLIGHTS_OF_A_FAMILY = 2500
 
 
+class Sample(NamedTuple):
+    """A flight with the instants (s) of its first contact; infinite if there is none."""
+
+    row: Any
+    """As the judge is told of it."""
+    scene: Scene
+    judged: float
+    solved: float
+
+
 @dataclass
 class Tally:
     """What became of many flights."""
 
     flights: int = 0
     contacts: int = 0
-    missed: int = 0
-    invented: int = 0
-    undecided: int = 0
-    agreed: int = 0
+    kinds: Counter[str] = field(default_factory=Counter)
+    """How many are missed, invented, undecided or agreed upon."""
     displacement: float = 0.0
     """Greatest distance (relative to the largest radius) by which a contact is displaced."""
     wrong: Document | None = None
     worst: Document | None = None
-    sample: list[tuple[Any, float, float]] = field(default_factory=list)
-    """Some flights: row for the judge, the judge's instant, the solver's (inf: none)."""
+    sample: list[Sample] = field(default_factory=list)
 
     def add(self, other: Tally) -> None:
         """Add what became of other flights."""
-        for name in ("flights", "contacts", "missed", "invented", "undecided"):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
+        self.flights += other.flights
+        self.contacts += other.contacts
+        self.kinds += other.kinds
         if other.displacement >= self.displacement:
             self.displacement, self.worst = other.displacement, other.worst or self.worst
         self.wrong = self.wrong or other.wrong
@@ -181,7 +496,7 @@ def compare(family: Family, states: States, keep: int) -> Tally:
     size = max(p.length if p.is_line else p.radius for p in family.pieces)
     for number, (answer, verdict) in enumerate(zip(answers, verdicts, strict=True)):
         kind, displacement = _classify(answer, verdict, size)
-        setattr(tally, kind, getattr(tally, kind) + 1)
+        tally.kinds[kind] += 1
         if kind in ("missed", "invented") and tally.wrong is None:
             tally.wrong = scenario_of_flight(family, states, number)
         if displacement > tally.displacement:
@@ -190,13 +505,14 @@ def compare(family: Family, states: States, keep: int) -> Tally:
     tally.contacts = int((verdicts[:, 0] == CONTACT).sum())
     for number in range(min(keep, len(rows))):
         true = verdicts[number, 2] if verdicts[number, 0] == CONTACT else np.inf
-        met = answers[number, kernels.MET] > 0.0
-        tally.sample.append((rows[number], true, answers[number, 1] if met else np.inf))
+        found = answers[number, kernels.T] if answers[number, kernels.MET] > 0.0 else np.inf
+        scene = scene_of_flight(family, states, number)
+        tally.sample.append(Sample(rows[number], scene, true, found))
     return tally
 
 
 def _classify(answer: Any, verdict: Any, size: float) -> tuple[str, float]:
-    """What became of one flight: a field of the tally, and by how much its contact is displaced."""
+    """What became of one flight: its kind, and by how much its contact is displaced."""
     met, instant = answer[kernels.MET] > 0.0, answer[kernels.T]
     status, low, high, speed = verdict
     horizon = answer[kernels.HORIZON]
@@ -245,7 +561,7 @@ def run_flights(seed: int, wanted: int, grazing: bool, keep: int) -> Tally:
 def check_contacts(plan: Plan) -> list[Finding]:
     """Missed and invented contacts on random and near-grazing flights."""
     findings: list[Finding] = []
-    hostile: list[tuple[Any, float, float]] = []
+    hostile: list[Sample] = []
     for name, grazing, wanted in (
         ("random flights", False, plan.amount(8_000, 1_000_000)),
         ("near-grazing flights (+-1e-13 R ... +-1e-2 R)", True, plan.amount(2_000, 100_000)),
@@ -254,42 +570,48 @@ def check_contacts(plan: Plan) -> list[Finding]:
         n = tally.flights
         tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
         findings += [
-            Finding("contacts", "missed first contacts", tried, n, tally.missed, 0.0, tally.wrong),
-            Finding("contacts", "invented contacts", tried, n, tally.invented, 0.0, tally.wrong),
-            Finding("contacts", "undecided by the judge", tried, n, tally.undecided, None),
+            Finding("contacts", quantity, tried, n, tally.kinds[kind], mark, scenario)
+            for kind, quantity, mark, scenario in (
+                ("missed", "missed first contacts", 0.0, tally.wrong),
+                ("invented", "invented contacts", 0.0, tally.wrong),
+                ("undecided", "undecided by the judge", None, None),
+            )
+        ]
+        findings.append(
             Finding(
                 "contacts", "displacement of a contact (R)", tried, n, tally.displacement,
                 DISPLACED, tally.worst,
-            ),
-        ]  # fmt: skip
+            )
+        )  # fmt: skip
         if grazing:
             hostile = tally.sample
     findings.append(_by_fifty_digits(hostile, plan))
     return findings + _by_scipy(hostile, plan)
 
 
-def _by_fifty_digits(sample: list[tuple[Any, float, float]], plan: Plan) -> Finding:
-    mp = multiprecision()
+def _by_fifty_digits(sample: list[Sample], plan: Plan) -> Finding:
     wrong, chosen = 0, _spread(sample, plan.amount(20, 1000))
-    for row, true, solved in chosen:
-        exact = first_contact(mp, row)
+    for one in chosen:
+        exact = first_contact(one.scene, mp.mpf(float(one.row[HORIZON])))
         instant = float("inf") if exact is None else float(exact)
-        agree = [instant == other or abs(instant - other) < 1.0e-6 for other in (true, solved)]
+        agree = [
+            instant == other or abs(instant - other) < 1.0e-6 for other in (one.judged, one.solved)
+        ]
         wrong += not all(agree)
     tried = "near-grazing flights, 50 digits against the judge and the solver"
     return Finding("contacts", "contacts decided otherwise", tried, len(chosen), wrong, 0.0)
 
 
-def _by_scipy(sample: list[tuple[Any, float, float]], plan: Plan) -> list[Finding]:
+def _by_scipy(sample: list[Sample], plan: Plan) -> list[Finding]:
     """What SciPy's event finder makes of near-grazing flights that do meet."""
-    meeting = [(row, true) for row, true, _ in sample if true < np.inf]
+    meeting = [one for one in sample if one.judged < np.inf]
     chosen = _spread(meeting, plan.amount(20, 200))
     findings = []
     for tolerance in TOLERANCES:
         missed = 0
-        for row, true in chosen:
-            found = first_event(row, tolerance)
-            missed += found is None or found > true + 1.0e-3
+        for one in chosen:
+            found = first_event(one.row, tolerance)
+            missed += found is None or found > one.judged + 1.0e-3
         tried = f"near-grazing flights with contact, SciPy's DOP853 at rtol {tolerance:g}"
         findings.append(
             Finding("contacts", "missed by SciPy's event finder", tried, len(chosen), missed, None)

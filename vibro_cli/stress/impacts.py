@@ -18,8 +18,6 @@ import numpy as np
 
 from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.numerics.elementwise import EPSILON
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.oracles.fifty_digits import multiprecision
 from vibro_cli.stress.oracles.reference_solver import (
     Happening,
     Impact,
@@ -27,18 +25,23 @@ from vibro_cli.stress.oracles.reference_solver import (
     happenings_of,
     in_contact,
 )
-from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.scene import Path, mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import amplification
-from vibro_cli.stress.oracles.taylor import mp
 from vibro_cli.stress.scenes import (
     CIRCLE,
     GRAVITY,
     THREE_ARCS,
     VALLEY,
+    Document,
+    Finding,
+    Plan,
+    Worst,
     ball,
     scene,
     solve,
     system_of,
+    three_arcs,
+    valley,
 )
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
@@ -244,8 +247,7 @@ class _Flight:
         for number in movers:
             now = begun[number]
             if not self.bounces:
-                on_arc = self.system.trace.pieces[now.piece].sign
-                moved += abs(now.place) * (twin.path_radius(number, now.piece) if on_arc else 1)
+                moved += abs(now.place) / Path(twin.scene, number, now.piece).per_length
             moved += abs(now.speed) * twin.t
         speed = impacts[0].approach if impacts else twin.at(event.a, twin.t).speed
         return float(error / twin.t), float(EPSILON * moved / abs(speed) / twin.t)
@@ -285,7 +287,7 @@ def check_crest(plan: Plan) -> list[Finding]:
     return [*_times(offsets), _decisions(offsets)]
 
 
-def time_from_rest(mp: Any, w: Any, offset: Any, angle: Any) -> Any:
+def time_from_rest(w: Any, offset: Any, angle: Any) -> Any:
     """Time (s) from rest at ``offset`` to ``angle`` on a hump: Carlson's form of the integral.
 
     ``w t = R_F(U12^2, U13^2, U23^2)`` (DLMF 19.29.4) of ``dx / sqrt(x (1-x) (x - x0))``, with
@@ -303,14 +305,14 @@ def _start_off_crest(offset: float) -> Document:
     return scene(THREE_ARCS, balls, 1.0, collisions=1, time=1.0e6)
 
 
-def _exact(mp: Any, offset: float) -> tuple[Any, Any]:
+def _exact(offset: float) -> tuple[Any, Any]:
     """Instants of the departure from the hump and of the first impact."""
     junction = mp.mpf(5) / 18 * mp.pi
     radius = mp.mpf(RADIUS)
     kappa = mp.mpf(KAPPA)
     rho_hump, rho_valley = mp.mpf(HUMP) + radius, mp.mpf(VALLEY_RADIUS) - radius
     w = mp.sqrt(mp.mpf(GRAVITY) / (kappa * rho_hump))
-    departure = time_from_rest(mp, w, mp.mpf(offset), junction)
+    departure = time_from_rest(w, mp.mpf(offset), junction)
     y, x = mp.sin(mp.mpf(offset) / 2), mp.sin(junction / 2)
     speed = 2 * w * mp.sqrt((x - y) * (x + y)) * rho_hump
     pull = mp.mpf(GRAVITY) / (kappa * rho_valley)
@@ -324,12 +326,11 @@ def _exact(mp: Any, offset: float) -> tuple[Any, Any]:
 
 
 def _times(offsets: list[float]) -> list[Finding]:
-    mp = multiprecision()
     departure, impact = Worst(), Worst()
     for offset in offsets:
         document = _start_off_crest(offset)
         run = solve(document)
-        exact = _exact(mp, offset)
+        exact = _exact(offset)
         crossings = run.events["t"][run.events["event"] == "crossing"]
         left = float(crossings[0]) if len(crossings) else math.nan
         met = float(run.collisions["t"][0]) if len(run.collisions["t"]) else math.nan
@@ -364,14 +365,6 @@ def _decisions(offsets: list[float]) -> Finding:
     return worst.finding("crest", "wrong decisions to return", tried, 0.0)
 
 
-_VALLEY: Document = {"shape": "valley", "radius": 1.0, "end_slope": "90 deg"}
-_ARCS: list[Document] = [
-    {"shape": "valley", "radius": 1.0, "end_slope": "50 deg"},
-    {"shape": "hump", "radius": 0.5, "end_slope": "-50 deg"},
-    _VALLEY,
-]
-
-
 def check_turning(plan: Plan) -> list[Finding]:
     """Times of the first impacts, drift of energy at k = 1, balance of lasting contact."""
     return [_first_impacts(), _energy(plan), _balance()]
@@ -379,19 +372,15 @@ def check_turning(plan: Plan) -> list[Finding]:
 
 def _turning_document(on_axis: bool, rate: float, k: float, law: str, **stop: float) -> Document:
     """Two balls in a valley on its axis, or on three arcs about the axis of the hump."""
-    ball: Document = {"radius": 0.1, "density": 7800.0}
+    body: Document = {"radius": 0.1, "density": 7800.0}
     balls = [
-        {**ball, "arc": 1, "angle": "-75 deg", "rate": 0.0 if on_axis else -5.0},
-        {**ball, "arc": 1 if on_axis else 3, "angle": "60 deg", "rate": 0.0 if on_axis else 5.0},
+        {**body, "arc": 1, "angle": "-75 deg", "rate": 0.0 if on_axis else -5.0},
+        {**body, "arc": 1 if on_axis else 3, "angle": "60 deg", "rate": 0.0 if on_axis else 5.0},
     ]
     turning = {"through_arc": 1 if on_axis else 2, "rate": rate}
-    return {
-        "gravity": 9.81, "balls": balls, "collision": {"law": law, "k": k}, "stop": stop,
-        "trace": {
-            "start_slope": "-90 deg", "turning": turning, "arcs": [_VALLEY] if on_axis else _ARCS,
-        },
-        "ends": {"left": {"wall": 1.0}, "right": {"wall": 1.0}},
-    }  # fmt: skip
+    trace = (valley(90) if on_axis else three_arcs(90)) | {"turning": turning}
+    ends = {"left": {"wall": 1.0}, "right": {"wall": 1.0}}
+    return scene(trace, balls, k, law, **stop) | {"ends": ends}
 
 
 def _first_impacts() -> Finding:

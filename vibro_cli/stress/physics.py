@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -19,10 +19,8 @@ import numpy as np
 from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.drawing import draw
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.left_open import size_of_places
 from vibro_cli.stress.oracles.sensitivity import neighbouring
-from vibro_cli.stress.scenes import GivenUp, Watched, system_of
+from vibro_cli.stress.scenes import Document, Finding, GivenUp, Plan, Watched, Worst, system_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -135,11 +133,9 @@ def walls(run: Run, motion: Motion) -> list[Fault]:
     for right, wall in enumerate((run.system.left_end, run.system.right_end)):
         if wall is None or run.system.trace.closed:
             continue
-        piece, sign = (pieces[-1], 1.0) if right else (pieces[0], -1.0)
-        corner = piece.end if right else piece.start
-        slope = piece.end_slope if right else piece.start_slope
-        away = (motion.x - corner[0]) * math.cos(slope) + (motion.y - corner[1]) * math.sin(slope)
-        depth = sign * away + np.array([body.radius for body in run.system.bodies])
+        piece = pieces[-1 if right else 0]
+        radii = np.array([body.radius for body in run.system.bodies])
+        depth = _beyond_wall(run.system, bool(right), motion.x, motion.y) + radii
         # The plane goes on beyond the trace, which may come back to it on the other side.
         near = np.abs(motion.s - (piece.start_s + piece.length if right else 0.0))
         beside = (motion.arc == piece.index + 1) & (near < 1.5 * piece.radius)
@@ -148,6 +144,15 @@ def walls(run: Run, motion: Motion) -> list[Fault]:
             where = "right" if right else "left"
             faults.append(Fault("wall", f"{depth.max():.3g} m beyond the {where} wall"))
     return faults
+
+
+def _beyond_wall(system: TraceSystem, right: bool, x: Any, y: Any) -> Any:
+    """How far (m) places are beyond the plane of the left or right wall."""
+    piece = system.trace.pieces[-1 if right else 0]
+    corner = piece.end if right else piece.start
+    slope = piece.end_slope if right else piece.start_slope
+    away = (x - corner[0]) * math.cos(slope) + (y - corner[1]) * math.sin(slope)
+    return away if right else -away
 
 
 def jumps(run: Run, motion: Motion) -> list[Fault]:
@@ -202,11 +207,8 @@ def _leans(run: Run, motion: Motion, row: int, body: int, side: int) -> bool:
     """Whether a body touches a wall or a neighbour on a side (1 right, -1 left)."""
     system, count = run.system, len(run.system.bodies)
     wall = system.right_end if side > 0 else system.left_end
-    piece = system.trace.pieces[-1 if side > 0 else 0]
     radius = system.bodies[body].radius
-    end, slope = (piece.end, piece.end_slope) if side > 0 else (piece.start, piece.start_slope)
-    dx, dy = motion.x[row, body] - end[0], motion.y[row, body] - end[1]
-    depth = radius + side * (dx * math.cos(slope) + dy * math.sin(slope))
+    depth = radius + _beyond_wall(system, side > 0, motion.x[row, body], motion.y[row, body])
     if wall is not None and not system.trace.closed and abs(depth) < NEARBY:
         return True
     other = body + side
@@ -378,6 +380,12 @@ def first_graze(run: Run) -> float:
     return math.inf
 
 
+def size_of_places(run: Run, places: Iterable[float]) -> float:
+    """Size (m) of the four coordinates, or twice the radii, of the places of a pair."""
+    radii = [piece.radius for piece in run.system.trace.pieces if not piece.is_line]
+    return 4.0 * float(max(*places, *radii))
+
+
 def _size(run: Run) -> float:
     """Return `size_of_places` of where the bodies start."""
     places = run.sample([0.0])
@@ -492,7 +500,7 @@ def judge(seconds: float = JUDGING) -> Callable[[Document], list[Fault]]:
     return judged
 
 
-def faults_of_document(document: Document, engine: str = "compiled") -> list[Fault]:
+def faults_of_document(document: Document) -> list[Fault]:
     """What is wrong with the run of a document."""
     stop = document["stop"]
 

@@ -1,4 +1,4 @@
-"""Scenes that several checks share, and running them.
+"""Scenes that several checks share, running them, and what a check reports.
 
 Runs that may never end or fill the memory have a process of their own, which can be given up.
 """
@@ -10,6 +10,7 @@ import multiprocessing
 import resource
 import signal
 from collections.abc import Callable
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -18,9 +19,74 @@ from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.scenario.problems import ScenarioError
-from vibro_cli.stress.finding import Document
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
+
+Document = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is tried."""
+
+    seed: int
+    full: bool
+    cases: int | None = None
+    """How many scenes the checks draw that draw whole scenes; None for as many as they think."""
+
+    def amount(self, short: int, long: int) -> int:
+        """A number of cases for the short or the full form."""
+        return long if self.full else short
+
+    def scenes(self, short: int, long: int) -> int:
+        """A number of whole scenes, unless it is given."""
+        return self.amount(short, long) if self.cases is None else self.cases
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the table."""
+
+    check: str
+    """Name of the check that made it (the word for ``--only``)."""
+    quantity: str
+    """What is measured, with its unit."""
+    tried: str
+    """What it was measured on."""
+    cases: int
+    """How many cases that were."""
+    worst: float
+    """The greatest value found."""
+    mark: float | None
+    """What it may be at most; None where it is only told."""
+    scenario: Document | None = None
+    """The scenario of the worst case."""
+
+    @property
+    def met(self) -> bool:
+        """Whether the mark is met (a value that is only told meets it; nan never does)."""
+        return self.mark is None or self.worst <= self.mark
+
+
+class Worst:
+    """Keeps the greatest of many values, and where it was found; nan counts as infinite."""
+
+    def __init__(self) -> None:
+        self.value = 0.0
+        self.cases = 0
+        self.scenario: Document | None = None
+
+    def take(self, value: float, scenario: Document | None = None) -> None:
+        """Take one value into account."""
+        self.cases += 1
+        value = float("inf") if value != value else float(value)
+        if value > self.value or self.scenario is None:
+            self.value, self.scenario = max(value, self.value), scenario
+
+    def finding(self, check: str, quantity: str, tried: str, mark: float | None) -> Finding:
+        """Report the worst of all cases; the texts and the mark are those of :class:`Finding`."""
+        return Finding(check, quantity, tried, self.cases, self.value, mark, self.scenario)
+
 
 GRAVITY = 9.81
 CIRCLE: Document = {
@@ -87,6 +153,13 @@ def energy_at(run: Run, t: float, side: str) -> float:
         parts += [0.5 * body.kappa * body.mass * float(speed) ** 2]
         parts += [body.mass * system.gravity * float(y)]
     return math.fsum(parts)
+
+
+def energy_gained(run: Run) -> float:
+    """Change of the energy from the start to the end of a run, relative."""
+    before = energy_at(run, 0.0, "before")
+    after = energy_at(run, run.checkpoint()["end_time"], "after")
+    return (after - before) / abs(before)
 
 
 # Seconds of the processor, however many they are on a busy machine; far more than any run takes.
@@ -196,3 +269,10 @@ def fault_of(document: Document, seconds: float = PATIENCE) -> str:
         return _watched_fault(document, seconds)
     except GivenUp as reason:
         return str(reason)
+
+
+def attempted(document: Document, failed: Worst) -> Run | None:
+    """The run of a document; None if it comes to grief, which is taken into account."""
+    fault = fault_of(document)
+    failed.take(float(bool(fault)), document)
+    return None if fault else solve(document)

@@ -9,17 +9,21 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vibro_cli import __version__
-from vibro_cli.storage.files import new_folder
-from vibro_cli.storage.provenance import MANIFEST_NAME, check_replaceable, json_bytes, manifest
+from vibro_cli.grids.solving import columns_of_records
+from vibro_cli.storage.files import (
+    MANIFEST_NAME,
+    check_replaceable,
+    json_bytes,
+    manifest,
+    new_folder,
+)
 from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, to_arrow
-from vibro_cli.stress.finding import Finding, Plan
-from vibro_cli.stress.oracles.fifty_digits import multiprecision
+from vibro_cli.stress.scenes import Finding, Plan
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
 
@@ -48,6 +52,10 @@ NAMES = tuple(HOMES)
 WORKERS = 2
 
 
+class MissingLibrary(Exception):
+    """A library that only this suite needs is not installed."""
+
+
 def findings_of(name: str, plan: Plan) -> list[Finding]:
     """What one check finds."""
     check: Callable[[Plan], list[Finding]]
@@ -66,8 +74,11 @@ def run(plan: Plan, names: Sequence[str]) -> Iterator[Finding]:
     """Run the checks of these names (all when empty) and yield in the order of ``NAMES``.
 
     Those of the long form run two at a time, each in a process.
+
+    Raises MissingLibrary without mpmath, before anything else.
     """
-    multiprecision()  # so that its absence is told before anything else
+    if find_spec("mpmath") is None:
+        raise MissingLibrary("mpmath is missing; install it with: pip install 'vibro-cli[stress]'")
     chosen = [name for name in NAMES if not names or name in names]
     if not plan.full or len(chosen) == 1:
         for name in chosen:
@@ -129,13 +140,11 @@ def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
     written.
     """
     names = _file_names(findings)
-    columns: dict[str, Any] = {}
-    for column in TABLE.columns:
-        values = names if column.name == "scenario" else [getattr(f, column.name) for f in findings]
-        if column.type == "float64":
-            values = [math.nan if value is None else value for value in values]
-        kind = {"string": object, "int64": np.int64, "float64": float, "bool": bool}[column.type]
-        columns[column.name] = np.array(values, dtype=kind)
+    records = [
+        asdict(finding) | {"met": finding.met, "scenario": name}
+        for finding, name in zip(findings, names, strict=True)
+    ]
+    columns = columns_of_records(records, TABLE)
     origin = Origin(asdict(plan), __version__)
     files = {"stress.parquet": parquet_bytes(to_arrow(TABLE, columns, origin))}
     for name, finding in zip(names, findings, strict=True):

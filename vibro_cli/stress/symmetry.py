@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 from vibro_cli.numerics.elementwise import EPSILON
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.scenes import THREE_ARCS, VALLEY, ball, scene, solve, system_of
+from vibro_cli.stress.scenes import (
+    THREE_ARCS,
+    VALLEY,
+    Document,
+    Finding,
+    Plan,
+    Worst,
+    ball,
+    scene,
+    solve,
+    system_of,
+)
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -83,18 +94,26 @@ def _mirror_on_one_arc(rng: np.random.Generator, count: int) -> Finding:
     return worst.finding("symmetry", "runs that differ", tried, 0.0)
 
 
-def _sensitivity(document: Document, run: Run) -> Any:
-    """Change of the impacts' times (s) for a relative change of 1 of a start, row by row."""
-    change = 2.0**-30
-    greatest: Any = np.abs(run.collisions["t"]).copy()
+CHANGE = 2.0**-30
+
+
+def _changed(document: Document, change: Callable[[float], float]) -> Iterator[Document]:
+    """The document with each of the numbers of its start changed in turn."""
     for number, old in enumerate(document["balls"]):
         for key in ("angle", "speed"):
             balls = list(document["balls"])
-            balls[number] = {**old, key: old.get(key, 0.0) * (1.0 + change)}
-            other = solve({**document, "balls": balls}).collisions["t"]
-            rows = min(len(other), len(greatest))
-            moved = np.abs(other[:rows] - run.collisions["t"][:rows]) / change
-            greatest[:rows] = np.maximum(greatest[:rows], moved)
+            balls[number] = {**old, key: change(old.get(key, 0.0))}
+            yield {**document, "balls": balls}
+
+
+def _sensitivity(document: Document, run: Run) -> Any:
+    """Change of the impacts' times (s) for a relative change of 1 of a start, row by row."""
+    greatest: Any = np.abs(run.collisions["t"]).copy()
+    for changed in _changed(document, lambda value: value * (1.0 + CHANGE)):
+        other = solve(changed).collisions["t"]
+        rows = min(len(other), len(greatest))
+        moved = np.abs(other[:rows] - run.collisions["t"][:rows]) / CHANGE
+        greatest[:rows] = np.maximum(greatest[:rows], moved)
     return greatest
 
 
@@ -138,13 +157,10 @@ def _reversal(rng: np.random.Generator, count: int) -> Finding:
 
 def _growth(document: Document, end: Any) -> float:
     """Greatest change of the final angles for a change of 1 of a start (at least 1)."""
-    change, greatest = 2.0**-30, 1.0
-    for number, old in enumerate(document["balls"]):
-        for key in ("angle", "speed"):
-            balls = list(document["balls"])
-            balls[number] = {**old, key: old[key] + change}
-            moved = solve({**document, "balls": balls}).sample([4.0])["angle"]
-            greatest = max(greatest, float(np.max(np.abs(moved - end))) / change)
+    greatest = 1.0
+    for changed in _changed(document, lambda value: value + CHANGE):
+        moved = solve(changed).sample([4.0])["angle"]
+        greatest = max(greatest, float(np.max(np.abs(moved - end))) / CHANGE)
     return greatest
 
 

@@ -104,11 +104,20 @@ def of_log(name: str) -> Value:
     return lambda rows: rows[name]
 
 
+def of_last(name: str, ball: int | str) -> Value:
+    """Return the value of a column of a summary that is a body's of the motion table at the end."""
+    return lambda totals: totals.last[name][int(ball) - 1]
+
+
 def is_one(name: str) -> Value:
     """Return the value of a column that says whether a field of the log is 1."""
     return lambda rows: rows[name] == 1
 
 
+WHEN = (("pre", "before"), ("post", "after"))
+"""The times of an impact, in names of columns and in words."""
+ENDS = tuple((end, when, words) for when, words in WHEN for end in "ab")
+"""Both bodies of an impact at these times."""
 LAW = word(
     "law", "impact law that gave the speeds after the impact", LAW_NAMES, value=of_log("law")
 )
@@ -165,11 +174,10 @@ def phases(
 
     `value` gives that of a column from the end, `a` or `b`, and `pre` or `post`.
     """
-    for when, said in (("pre", "before"), ("post", "after")):
-        for end in "ab":
-            of_end = None if value is None else value(end, when)
-            name, what = f"{prefix}_{end}_{when}", f"{text}; body {end}, {said} the impact"
-            yield word(name, what, words, value=of_end)
+    for end, when, said in ENDS:
+        of_end = None if value is None else value(end, when)
+        name, what = f"{prefix}_{end}_{when}", f"{text}; body {end}, {said} the impact"
+        yield word(name, what, words, value=of_end)
 
 
 def grazing() -> Column:

@@ -1,8 +1,8 @@
 """The contract of a system: everything that differs from one to another, as one object.
 
 A system is a folder of this package. Its ``__init__`` has one object, ``SYSTEM``, of a class that
-fulfils :class:`System`; what is heavy is imported by the methods that need it. Nobody outside its
-folder asks for a system by its name or its type: they ask its object.
+fulfils :class:`System`; what is heavy is imported when it is asked for. Nobody outside its folder
+asks for a system by its name or its type: they ask its object.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import Driver, EventLoop
-    from vibro_cli.systems.rows import Bodies, ImpactRows
-    from vibro_cli.systems.stream import Stretch, Stretches
+    from vibro_cli.systems.run import Stretch, Stretches
+    from vibro_cli.systems.tables import Bodies, ImpactRows
     from vibro_cli.systems.tangents import LoggedMap
     from vibro_cli.systems.wanted import Limits, Wanted
 
@@ -105,6 +106,19 @@ class ImpactLog(NamedTuple):
     none: str = "was no impact of two bodies"
 
 
+class Imported:
+    """An attribute of a system that is in another module, imported when it is first asked for."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __get__(self, system: Any, kind: Any = None) -> Any:
+        if system is None:
+            return self
+        module, _, name = self._name.rpartition(".")
+        return getattr(import_module(f"vibro_cli.{module}"), name)
+
+
 class System(ABC):
     """Everything that differs from one system to another."""
 
@@ -145,7 +159,7 @@ class System(ABC):
         """Whether bodies may lift off what they roll on."""
         return False
 
-    # The solver: systems/driver.py, systems/stream.py, systems/run.py.
+    # The solver: systems/driver.py, systems/run.py, systems/run.py.
 
     @property
     @abstractmethod
@@ -170,7 +184,7 @@ class System(ABC):
 
     def stretches(self, driver: Driver, stop_time: float | None) -> Stretches:
         """Return the run of a driver in stretches."""
-        from vibro_cli.systems.stream import Stretches
+        from vibro_cli.systems.run import Stretches
 
         return Stretches(self.loop, driver, stop_time)
 

@@ -5,15 +5,19 @@ A run goes on from a checkpoint: what that holds, and whether it can go on, is s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
+
+import numpy as np
 
 from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.kernel import Overrides
+from vibro_cli.compile.kernel import Overrides, compiled_rows, dtype, interpreted_rows
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
-from vibro_cli.systems.rows import Log, plain_rows, set_rows
+from vibro_cli.kernels.world import LOG_FULL, BodyData
+from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.wanted import FINAL, Limits, tell
 
 # Interpreted, the kernels are the reference of every bit; compiled they are faster.
@@ -43,19 +47,12 @@ class EventLoop:
     """What the kernels of a system are called by, and the records that they work on."""
 
     advance: Callable[[Any], int]
-    """The event loop, a kernel; it returns ``log_full`` when it is to be called again."""
+    """The event loop, a kernel; it returns ``LOG_FULL`` when it is to be called again."""
     records: Mapping[str, type]
     logs: Mapping[str, str]
     """Logs, and the field of the clock that counts their rows."""
     state: tuple[str, ...]
     """The records that change in a run, which are its state."""
-    end_names: Mapping[int, str]
-    """Causes of the end by their numbers."""
-    end_time: int
-    """The cause of an end by time."""
-    end_interrupted: int
-    """The cause of an end that was asked for from outside."""
-    log_full: int
     rows_of_event: int
     """An event adds at most so many rows for each body."""
     start: Callable[[Any], None] | None = None
@@ -78,6 +75,12 @@ class EventLoop:
     def room(self, rows: int, world: Any) -> int:
         """Return so many rows, and as many as one event may add."""
         return rows + self.rows_of_event * len(world.bodies)
+
+
+def records_of(world: type) -> dict[str, type]:
+    """Return the struct of each array of records in a world."""
+    hints = get_type_hints(world).items()
+    return {name: get_args(hint)[0] for name, hint in hints if get_origin(hint) is Sequence}
 
 
 class Driver:
@@ -135,7 +138,7 @@ class Driver:
             tell(self.clock_value("t"), self.clock_value("collisions"))
             if loop.quiet_cause is not None and cause == loop.quiet_cause[0]:
                 raise self._too_quiet(loop.quiet_cause[1])
-            if cause != loop.log_full:
+            if cause != LOG_FULL:
                 yield cause
                 return
             if loop.quiet_log is not None:
@@ -154,11 +157,7 @@ class Driver:
 
     def finish(self) -> None:
         """Have the loop go on from its last step to the stop."""
-        settings: Any = self.world.settings[0]
-        if self.engine == "compiled":
-            settings["finishing"] = 1
-        else:
-            settings.finishing = 1
+        _set(self.world.settings, "finishing", 1)
         self._advance()
 
     def _advance(self) -> int:
@@ -176,14 +175,14 @@ class Driver:
             if count > 0 and self.engine == "compiled":
                 rows = self._emptied(name, rows, count)
             self._take(name, rows, count)
-            self._set_clock(used, 0)
+            _set(self.world.clock, used, 0)
         for name, field in (self._loop.counted or {}).items():
-            self._set_clock(field, self.rows[name])
+            _set(self.world.clock, field, self.rows[name])
 
     def _emptied(self, name: str, rows: Any, count: int) -> Any:
         """The rows of a log, which is zero afterwards: the loop fills in nothing else."""
         if 16 * count > len(rows):  # handed over, without a copy
-            self.world = self.world._replace(**{name: fresh_rows(rows)})
+            self.world = self.world._replace(**{name: np.zeros_like(rows)})
             return rows
         few = rows[:count].copy()  # which keep no whole log in memory
         rows[:count].view("u1").fill(0)
@@ -203,13 +202,6 @@ class Driver:
         record = self._loop.records["clock"]
         values = plain_rows(self.world.clock, record)[0]
         return dict(zip(record.fields, values, strict=True))  # type: ignore[attr-defined]
-
-    def _set_clock(self, name: str, value: int) -> None:
-        clock: Any = self.world.clock[0]
-        if self.engine == "compiled":
-            clock[name] = value
-        else:
-            setattr(clock, name, value)
 
     def state(self) -> dict[str, Any]:
         """Return all that changes in a run, exactly, as plain values (see :func:`restore`)."""
@@ -232,13 +224,6 @@ def restore(loop: EventLoop, world: Any, state: Mapping[str, Any]) -> None:
         set_rows(getattr(world, name), loop.records[name], state[name])
 
 
-def fresh_rows(rows: Any) -> Any:
-    """Return as many records that are zero."""
-    import numpy as np
-
-    return np.zeros(len(rows), dtype=rows.dtype)
-
-
 def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:
     room = loop.room(rows, world)
     world.settings[0].room = room
@@ -251,8 +236,6 @@ def compiled_world(loop: EventLoop, world: Any, logs_of: Any = None) -> Any:
 
     Its logs are new, or those of another compiled world with as many bodies.
     """
-    import numpy as np
-
     settings = world.settings[0]
     keeps = getattr(settings, "keep", 1) == 1
     room = loop.room(COMPILED_ROWS if keeps else DROPPED_ROWS, world)
@@ -263,13 +246,91 @@ def compiled_world(loop: EventLoop, world: Any, logs_of: Any = None) -> Any:
         if name in loop.logs and logs_of is not None:
             arrays[name] = getattr(logs_of, name)
         elif name in loop.logs:
-            arrays[name] = np.zeros(2 * room, dtype=engine.dtype(loop.records[name]))
+            arrays[name] = zeros(2 * room, loop.records[name])
         elif cls is not None:
             arrays[name] = engine.compiled_rows(rows, cls)
         else:  # plain numbers
             kind = np.float64 if len(rows) and isinstance(rows[0], float) else np.int64
             arrays[name] = np.array(rows, dtype=kind)
     return type(world)(**arrays)
+
+
+def _set(records: Any, field: str, value: Any) -> None:
+    """Give a field of the only record of an array, or of interpreted ones, a value."""
+    if isinstance(records, np.ndarray):
+        records[field] = value
+    else:
+        setattr(records[0], field, value)
+
+
+def with_logs(
+    loop: EventLoop,
+    world: Any,
+    engine_name: str,
+    logs: Mapping[str, Any],
+    clock: Mapping[str, Any] | None = None,
+) -> Any:
+    """Return the records of a run with some of its logs, for the kernels that tell of them.
+
+    Parameters
+    ----------
+    loop, world
+        The records, interpreted, or of the engine that is wanted; those of arrays change.
+    engine_name
+        ``"python"`` or ``"compiled"``: which records are returned.
+    logs, clock
+        The rows, and the fields of the clock when they were written; without, it stays as it is.
+    """
+    compiles = engine_name == "compiled"
+    if compiles and not isinstance(world.clock, np.ndarray):
+        world = compiled_world(loop, world, world._replace(**logs))
+    counts = {used: len(logs[name]) for name, used in loop.logs.items()}
+    for field, value in {**(clock or {}), **counts}.items():
+        _set(world.clock, field, value)
+    if not compiles:
+        logs = {
+            name: engine.interpreted_copies(rows, loop.records[name]) for name, rows in logs.items()
+        }
+    return world._replace(**logs)
+
+
+def called(kernel: Any, overrides: Overrides | None, world: Any, *arguments: Any) -> Any:
+    """Call a kernel with a world of either engine, and with numbers, arrays and records.
+
+    These are structured arrays, and named tuples of them; the interpreter works on copies, which
+    are written back.
+    """
+    if isinstance(world.clock, np.ndarray):
+        return compiled(kernel, overrides)(world, *arguments)
+    hints = _hints(kernel)[1:]
+    copies = [_interpreted(one, hint) for one, hint in zip(arguments, hints, strict=False)]
+    found = engine.interpreted(kernel, overrides)(world, *copies)
+    for one, copy in zip(arguments, copies, strict=True):
+        _write_back(one, copy)
+    return found
+
+
+@cache
+def _hints(of: Any) -> list[Any]:
+    """The types that a kernel's parameters or the fields of a named tuple are declared with."""
+    return list(get_type_hints(of).values())
+
+
+def _interpreted(value: Any, hint: Any) -> Any:
+    if isinstance(value, tuple):
+        return type(value)(*map(_interpreted, value, _hints(type(value))))
+    if isinstance(value, np.ndarray) and value.dtype.names:
+        return engine.interpreted_copies(value, get_args(hint)[0])
+    return value
+
+
+def _write_back(value: Any, copy: Any) -> None:
+    if isinstance(value, tuple):
+        for one, its in zip(value, copy, strict=True):
+            _write_back(one, its)
+    elif isinstance(value, np.ndarray) and value.dtype.names:
+        for place, record in enumerate(copy):
+            value[place] = tuple(getattr(record, name) for name in value.dtype.names)
 
 
 CHECKPOINT_FORMAT = 4
@@ -288,18 +349,10 @@ def checkpoint_of(
     rows: Mapping[str, int],
     state: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return a checkpoint as plain values.
+    """Return a checkpoint as plain values: why and when (s) a run stopped, with its clock then.
 
-    Parameters
-    ----------
-    end_cause, end_time
-        Why and when (s) the run stopped.
-    clock
-        Of the run then: from it what its stops may count.
-    rows
-        How many rows each of its logs had by then.
-    state
-        All that changes in a run, after the last event.
+    `rows` is how many each of its logs had by then, `state` all that changes in it, after the last
+    event.
     """
     head = {"format": CHECKPOINT_FORMAT, "end_cause": end_cause, "end_time": end_time}
     counts = {kind: int(clock[kind]) for kind in COUNTED if kind in clock}
@@ -314,19 +367,8 @@ def earlier_part(
 ) -> Earlier:
     """Return the part of a run before its checkpoint, once it is known that it can go on.
 
-    Parameters
-    ----------
-    checkpoint, history
-        Of the earlier run.
-    logs
-        Names of the logs that its history must have.
-    limits
-        Of the run that goes on.
-
-    Raises
-    ------
-    CannotContinue
-        If the earlier run had ended for good, or is past a stop.
+    `logs` are the names of those that its history must have, `limits` those of the run that goes
+    on. Raises `CannotContinue` if the earlier run had ended for good, or is past a stop.
     """
     check_continuable(checkpoint, limits)
     if history is None or set(history) != set(logs):
@@ -348,3 +390,108 @@ def check_continuable(checkpoint: Mapping[str, Any], limits: Limits) -> None:
         if most is not None and most <= checkpoint[kind]:
             count = checkpoint[kind]
             raise CannotContinue(f"the run has {count} {words}; expected a greater stop.{kind}")
+
+
+class Log:
+    """Rows of one record type, gathered chunk by chunk from either engine."""
+
+    def __init__(self, cls: type) -> None:
+        self._cls = cls
+        self._chunks: list[Any] = []
+
+    def take(self, rows: Any, count: int) -> None:
+        """Take the first ``count`` rows; those of an array are not copied, and stay as they are."""
+        if count:
+            own = isinstance(rows, np.ndarray)
+            self._chunks.append(rows[:count] if own else compiled_rows(rows[:count], self._cls))
+
+    def __len__(self) -> int:
+        return sum(len(chunk) for chunk in self._chunks)
+
+    def drain(self) -> Any:
+        """Return all rows as :meth:`table` does, and keep none."""
+        rows = self.table()
+        self._chunks = []
+        return rows
+
+    def table(self) -> Any:
+        """Return all rows as one structured array."""
+        if not self._chunks:
+            return zeros(0, self._cls)
+        if len(self._chunks) > 1:
+            self._chunks = [joined(self._chunks)]
+        return self._chunks[0]
+
+
+# numpy copies records field by field: as bytes it takes a third of the time, and with `take` a
+# twentieth of what an index takes.
+
+
+def zeros(count: int, cls: type) -> Any:
+    """Return an array of structs that are zero."""
+    return np.zeros(count, dtype=dtype(cls))
+
+
+def joined(parts: Sequence[Any]) -> Any:
+    """Return arrays of records of one type as one array."""
+    return np.concatenate([part.view(np.uint8) for part in parts]).view(parts[0].dtype)
+
+
+def chosen(rows: Any, flags: Any) -> Any:
+    """Return the records that are flagged."""
+    return rows.take(np.flatnonzero(flags))
+
+
+def record_array(rows: Any, cls: type) -> Any:
+    """Return a structured array of its own with the contents of records of either engine."""
+    if isinstance(rows, np.ndarray):
+        return rows.copy()
+    return compiled_rows(rows, cls)
+
+
+def plain_rows(rows: Any, cls: type) -> list[list[Any]]:
+    """Return records of either engine as plain values, which `set_rows` takes back exactly."""
+    if isinstance(rows, np.ndarray):
+        return [[_plain(value) for value in row.tolist()] for row in rows]
+    names = tuple(cls.fields)  # type: ignore[attr-defined]
+    return [[_plain(getattr(row, name)) for name in names] for row in rows]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return list(value) if isinstance(value, list) else value
+
+
+def rows_of(cls: type, values: Sequence[Sequence[Any]]) -> list[Any]:
+    """Return interpreted records with the values that `plain_rows` has returned."""
+    rows = interpreted_rows(cls, len(values))
+    set_rows(rows, cls, values)
+    return rows
+
+
+def set_rows(rows: Sequence[Any], cls: type, values: Sequence[Sequence[Any]]) -> None:
+    """Give interpreted records the values that `plain_rows` has returned.
+
+    Raises
+    ------
+    ValueError
+        If there are others than these records have.
+    """
+    names = tuple(cls.fields)  # type: ignore[attr-defined]
+    if len(rows) != len(values) or any(len(value) != len(names) for value in values):
+        raise ValueError(f"the state of {cls.__name__} does not belong to this scenario")
+    for row, value in zip(rows, values, strict=True):
+        for field, number in zip(names, value, strict=True):
+            setattr(row, field, _plain(number))
+
+
+def body_record(body: Body, gravity: float = 0.0) -> BodyData:
+    """Return the record of a body; without gravity (m/s²), where it plays no part, no weight."""
+    data = BodyData()
+    data.radius = body.radius
+    data.kappa = body.kappa
+    data.mass = body.mass
+    data.rolling_mass = body.kappa * body.mass
+    data.weight = body.mass * gravity
+    return data

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from vibro_cli.kernels.impact.laws import TRANSLATIONAL
+from vibro_cli.kernels.world import END_NAMES, RUNNING
+from vibro_cli.mechanics.system import Body, ImpactSystem
 from vibro_cli.systems.contract import ImpactLog, Rows, Sink, System
-from vibro_cli.systems.rows import Totals, record_array
-from vibro_cli.systems.stream import RUNNING, Stretch
+from vibro_cli.systems.driver import record_array
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.wanted import Limits, Sampling, Wanted
 
@@ -18,16 +23,10 @@ States = Callable[[Any, float], Rows]
 
 
 class SystemTables:
-    """What the tables of a run say, stretch by stretch.
+    """What the tables of a run say, stretch by stretch: see ``systems.contract.System.teller``.
 
-    Parameters
-    ----------
-    kind, system, wanted, names, sink
-        See ``systems.contract.System.teller``.
-    states
-        Where the bodies are at the start and at the end.
-    events
-        The columns of ``events.parquet`` from the logs of a stretch, where there is such a table.
+    `states` tells where the bodies are at the start and at the end, `events` the columns of
+    ``events.parquet`` from the logs of a stretch, where there is such a table.
     """
 
     def __init__(
@@ -79,7 +78,7 @@ class SystemTables:
             self._before = trajectory.last
         self._totals.take(stretch.logs[self._counted])
         if ended:
-            cause, end = self._kind.loop.end_names[stretch.cause], stretch.end[0]
+            cause, end = END_NAMES[stretch.cause], stretch.end[0]
             last = self._states(stretch.records, end)
             self._totals.finish(self._system, cause, end, stretch.clock, last)
 
@@ -117,15 +116,183 @@ class _Impacts:
 def impacts_of_runs(
     kept: ImpactLog, systems: Sequence[Any], logs: Sequence[Any]
 ) -> tuple[Rows, Any]:
-    """Return the columns of a table of impacts of some runs, and the number of each row's run.
-
-    Parameters
-    ----------
-    kept
-        Which table.
-    systems, logs
-        Of each run.
-    """
+    """Return the columns of a table of impacts of some runs, and the number of each row's run."""
     run = np.repeat(np.arange(len(logs)), [len(log) for log in logs])
     rows = kept.rows(kept.bodies(systems), np.concatenate(list(logs)), run)
     return kept.table.in_words(kept.table.filled(rows)), run
+
+
+class Bodies:
+    """The bodies of some systems as arrays: [system, body]."""
+
+    def __init__(self, systems: Sequence[Any]) -> None:
+        self.systems: Sequence[Any] = systems
+
+    def of_each(self, value: Callable[[Body], float]) -> Any:
+        """Return a value of every body."""
+        return np.array([[value(body) for body in system.bodies] for system in self.systems])
+
+    @cached_property
+    def radii(self) -> Any:
+        """Radii (m)."""
+        return self.of_each(lambda body: body.radius)
+
+    @cached_property
+    def rolling_inertias(self) -> Any:
+        """J_P (kg m²)."""
+        return self.of_each(lambda body: body.rolling_inertia)
+
+    @cached_property
+    def rolling_masses(self) -> Any:
+        """κ m (kg)."""
+        return self.of_each(lambda body: body.kappa * body.mass)
+
+    @cached_property
+    def masses(self) -> Any:
+        """m (kg)."""
+        return self.of_each(lambda body: body.mass)
+
+    @cached_property
+    def slide(self) -> Any:
+        """Which of them are particles."""
+        return self.of_each(lambda body: float(body.kappa == 1.0)) == 1.0
+
+
+class ImpactRows:
+    """Rows of a log of impacts, of which the columns of its table are made.
+
+    Those of one run stand after those of another; `run` is the number of the run of each, from 0.
+    Of the first run `told` rows came before, the last of them `before`.
+    """
+
+    def __init__(
+        self, bodies: Bodies, log: Any, run: Any, told: int = 0, before: Any = None
+    ) -> None:
+        self.bodies, self.run = bodies, run
+        self._log, self._told, self._before = log, told, before
+
+    def __getitem__(self, name: str) -> Any:
+        return self._log[name]
+
+    def __len__(self) -> int:
+        return len(self._log)
+
+    @cached_property
+    def number(self) -> Any:
+        """Of each row in its run, from 1."""
+        return np.arange(1, len(self) + 1) - np.searchsorted(self.run, self.run) + self._told
+
+    @property
+    def between(self) -> Any:
+        """Time (s) since the row before, nan in a run's first."""
+        rows = self._log
+        between = np.full(len(rows), np.nan)
+        between[1:] = np.diff(rows["t"]) + np.diff(rows["t_low"])
+        between[self.number == 1] = np.nan
+        if len(rows) and self._before is not None:
+            before = self._before
+            between[0] = (rows["t"][0] - before["t"]) + (rows["t_low"][0] - before["t_low"])
+        return between
+
+    def of_body(self, values: Any, body: Any) -> Any:
+        """Return the value [system, body] of the body of each row."""
+        return values[self.run, body]
+
+    def inclination(self, one: Any, other: Any) -> Any:
+        """Return the cosine between the line of centres of two bodies and the plane."""
+        a, b = (self.of_body(self.bodies.radii, body) for body in (one, other))
+        return np.where(a == b, 1.0, 2.0 * np.sqrt(a * b) / np.maximum(a + b, 1e-300))
+
+
+class PairRows(ImpactRows):
+    """Impacts of two bodies, whose line of centres is over the line along which the law acts."""
+
+    @abstractmethod
+    def body(self, end: str) -> Any:
+        """Body `a` or `b` of each row, from 0."""
+
+    @abstractmethod
+    def along(self, end: str, when: str) -> Any:
+        """Its speed along that line (m/s), `pre` or `post`."""
+
+    @cached_property
+    def inclined(self) -> Any:
+        """Cosine between the line of centres and the plane."""
+        return self.inclination(self.body("a"), self.body("b"))
+
+    @property
+    def approach_speed(self) -> Any:
+        """Along the line of centres, before (m/s)."""
+        return self.inclined * (self.along("a", "pre") - self.along("b", "pre"))
+
+    @property
+    def separation_speed(self) -> Any:
+        """Along the line of centres, after (m/s)."""
+        return self.inclined * (self.along("b", "post") - self.along("a", "post"))
+
+    @property
+    def impulse(self) -> Any:
+        """On body b (N s), under the law of translation; nan under others, B (6)."""
+        change = self.along("b", "post") - self.along("b", "pre")
+        impulses = self.of_body(self.bodies.masses, self.body("b")) * change
+        return np.where(self["law"] == TRANSLATIONAL, impulses, np.nan)
+
+
+def events_until(times: Any, instants: Any, side: str) -> Any:
+    """Return how many of some events there are by each instant (s), ascending `times` (s).
+
+    `side` is "after" or "before" an event that happens at just such an instant.
+    Raises ValueError for another side.
+    """
+    if side not in ("after", "before"):
+        raise ValueError(f'side must be "after" or "before", not {side!r}')
+    return np.searchsorted(times, instants, side="right" if side == "after" else "left")
+
+
+def bodies_at(system: ImpactSystem, instants: Any) -> dict[str, Any]:
+    """Return `t` (s), `ball` and `mass` (κ m, kg) of a row for each body at each instant."""
+    number = len(system.bodies)
+    masses = [body.kappa * body.mass for body in system.bodies]
+    return {
+        "t": np.repeat(instants, number),
+        "ball": np.tile(np.arange(1, number + 1), len(instants)),
+        "mass": np.tile(masses, len(instants)),
+    }
+
+
+class Totals:
+    """What the summary says of a run, gathered stretch by stretch."""
+
+    def __init__(self, energy_start: float) -> None:
+        self.energy_start = energy_start
+        self.first_time = self.last_time = self.largest_gap = float("nan")
+
+    def take(self, log: Any) -> None:
+        """Take some more impacts of two bodies."""
+        if not len(log):
+            return
+        times = log["t"]
+        if self.first_time != self.first_time:
+            self.first_time = float(times[0])
+        self.last_time = float(times[-1])
+        self.largest_gap = float(np.nanmax([self.largest_gap, np.max(np.abs(log["gap"]))]))
+
+    def finish(
+        self,
+        system: ImpactSystem,
+        end_cause: str,
+        end_time: float,
+        clock: Mapping[str, Any],
+        last: Mapping[str, Any],
+    ) -> None:
+        """Take the end of the run: `last` are the columns of its motion table then."""
+        self.system, self.end_cause, self.end_time = system, end_cause, end_time
+        self.clock, self.last = clock, last
+        self.energy_end = float(np.sum(last["energy"]))
+
+    @property
+    def energy_drift(self) -> float:
+        """Relative change of the energy, where it should be kept; else nan."""
+        start = self.energy_start
+        kept = self.system.keeps_energy(self.clock)
+        return (self.energy_end - start) / start if start > 0.0 and kept else float("nan")

@@ -7,20 +7,18 @@ loop; here are the room that it works in, and the columns that come of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, Tangents, TangentState
-from vibro_cli.kernels.tangent.impacts import WIDTH
+from vibro_cli.compile.kernel import Overrides
+from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, WIDTH, Tangents, TangentState
+from vibro_cli.kernels.world import RUNNING
 from vibro_cli.systems.contract import Rows, System
-from vibro_cli.systems.driver import compiled_world
-from vibro_cli.systems.stream import RUNNING, Stretch, begun
+from vibro_cli.systems.driver import called, with_logs, zeros
+from vibro_cli.systems.run import Stretch, begun
 from vibro_cli.systems.wanted import Limits
 
 Floats = NDArray[np.float64]
@@ -122,6 +120,9 @@ class TangentMap:
 
     Parameters
     ----------
+    follow, overrides
+        The kernel: from a world with the logs of a stretch, how much of it is known, why and when
+        (two doubles, s) the run ended, the tangents, which it changes, and scratch.
     time_scale
         Time (s) by which speeds are compared with ways.
     bodies, numbers
@@ -135,12 +136,15 @@ class TangentMap:
 
     def __init__(
         self,
+        follow: Any,
         time_scale: float,
         bodies: int,
         numbers: int,
+        overrides: Overrides | None = None,
         times: bool = False,
         pairs: int | None = None,
     ) -> None:
+        self._follow, self._overrides = follow, overrides
         self.time_scale = time_scale
         self.size = numbers * bodies
         """Number of exponents."""
@@ -148,35 +152,31 @@ class TangentMap:
         self._times = times
         self._numbers = numbers
         self._pairs = pairs
-        state = TangentState()
-        state.time_scale = time_scale
-        self._state: Any = [state]
-        self._kept = room_for(self.size, 0, False, None)
+        self._state = zeros(1, TangentState)
+        self._state["time_scale"] = time_scale
+        self._kept = room_for(self.size, 0, False, self._state)
 
-    def _room(self, compiles: bool, impacts: int) -> Tangents:
-        """Return what the kernel works on in a stretch with so many impacts."""
-        kept = {name: getattr(self._kept, name) for name in ("frame", "product", "sums")}
-        state = engine.compiled_rows(self._state, TangentState) if compiles else self._state
-        room = room_for(self.size, impacts, self._times, state, pairs=self._pairs)
-        return room._replace(**kept)
+    def go_on(self, world: Any, known: int, stretch: Stretch, instants: Any, *scratch: Any) -> Rows:
+        """Go on through a stretch whose logs a world has, and whose impacts are at instants (s).
 
-    def _told(self, tangents: Tangents, times: Any, cause: int, end: tuple[float, float]) -> Rows:
-        """Take what the kernel has told of a stretch, and the times (s) of its impacts.
-
-        Returns the columns ``amplification`` and ``smooth`` of these impacts.
+        Returns the columns ``amplification`` and ``smooth`` of these impacts and, if wanted,
+        ``times`` ([impact, number]): the derivatives of the instants to ways (m) and speeds (m/s)
+        at the start.
         """
-        state: Any = tangents.state
-        if isinstance(state, np.ndarray):
-            state = engine.interpreted_copies(state, TangentState)
-        self._state = state
-        amplification: Any = tangents.amplification
-        smooth: Any = tangents.smooth
-        growth: Any = tangents.growth
-        self.growth.begin = self._state[0].begin_t
-        self.growth.take(times, growth)
-        if cause != RUNNING:
+        kept = {name: getattr(self._kept, name) for name in ("frame", "product", "sums")}
+        room = room_for(self.size, len(instants), self._times, self._state, pairs=self._pairs)
+        room = room._replace(**kept)
+        end = stretch.end
+        called(self._follow, self._overrides, world, known, stretch.cause, *end, room, *scratch)
+        amplification, smooth, growth, times = map(
+            np.asarray, (room.amplification, room.smooth, room.growth, room.times)
+        )
+        self.growth.begin = float(self._state["begin_t"][0])
+        self.growth.take(instants, growth)
+        if stretch.cause != RUNNING:
             self.growth.end = end[0], self.sums
-        return {"amplification": amplification[0], "smooth": smooth[0] != 0}
+        columns = {"amplification": amplification[0], "smooth": smooth[0] != 0}
+        return columns | {"times": times / self.units} if self._times else columns
 
     @property
     def units(self) -> Floats:
@@ -187,8 +187,8 @@ class TangentMap:
 
     def summary(self) -> dict[str, Any]:
         """Return the columns of a summary that tell of exponents, one row."""
-        duration = self._state[0].end_t - self._state[0].begin_t
-        return exponent_columns(np.asarray(self._kept.sums), np.array([duration]))
+        duration = self._state["end_t"] - self._state["begin_t"]
+        return exponent_columns(np.asarray(self._kept.sums), duration)
 
     @property
     def sums(self) -> Floats:
@@ -199,7 +199,7 @@ class TangentMap:
     def matrix(self) -> Floats:
         """The tangent map in ways (m) and speeds (m/s), after the end of a run at that instant."""
         units = self.units
-        exponent = round(math.log2(SCALE)) * int(self._state[0].scalings)
+        exponent = round(math.log2(SCALE)) * int(self._state["scalings"][0])
         with np.errstate(over="ignore"):
             found: Floats = np.ldexp(
                 np.asarray(self._kept.frame) @ np.asarray(self._kept.product), exponent
@@ -210,23 +210,14 @@ class TangentMap:
 class LoggedMap(TangentMap):
     """The tangent map of a run whose logs one kernel goes through, as they come.
 
-    Parameters
-    ----------
-    kind, system
-        What is solved.
-    follow
-        The kernel: from a world with the logs of a stretch, whether there was one before, why and
-        when (two doubles, s) the run ended, and the tangents, which it changes.
-    time_scale, pairs
-        See :class:`TangentMap`.
+    Else as :class:`TangentMap`; what the kernel knows of a run is 1 after the first stretch.
     """
 
     def __init__(
         self, kind: System, system: Any, follow: Any, time_scale: float, pairs: int | None = None
     ) -> None:
-        super().__init__(time_scale, len(system.bodies), kind.exponents, pairs=pairs)
+        super().__init__(follow, time_scale, len(system.bodies), kind.exponents, pairs=pairs)
         self._kind = kind
-        self._follow = follow
         self._world = kind.world(system, Limits())
         self._known = 0
 
@@ -235,19 +226,16 @@ class LoggedMap(TangentMap):
 
         Impacts of several logs are told of in order of their events.
         """
-        compiles = stretch.engine == "compiled"
-        world = self._with_logs(stretch.logs, compiles)
-        tables = {name: stretch.logs[one.log] for name, one in self._kind.impact_logs.items()}
+        logs = stretch.logs
+        self._world = with_logs(self._kind.loop, self._world, stretch.engine, logs)
+        tables = {name: logs[one.log] for name, one in self._kind.impact_logs.items()}
         parts = list(tables.values())
         order = np.arange(len(parts[0]))
         if len(parts) > 1:
             order = np.argsort(np.concatenate([part["event"] for part in parts]), kind="stable")
         times = np.concatenate([part["t"] for part in parts])[order]
-        room = self._room(compiles, len(times))
-        follow: Any = compiled(self._follow) if compiles else self._follow
-        follow(world, self._known, stretch.cause, *stretch.end, room)
+        columns = self.go_on(self._world, self._known, stretch, times)
         self._known = 1
-        columns = self._told(room, times, stretch.cause, stretch.end)
         found = {name: np.empty_like(values) for name, values in columns.items()}
         for name, values in columns.items():
             found[name][order] = values
@@ -257,25 +245,6 @@ class LoggedMap(TangentMap):
             table: {name: values[number] for name, values in split.items()}
             for number, table in enumerate(tables)
         }
-
-    def _with_logs(self, logs: Mapping[str, Any], compiles: bool) -> Any:
-        """The records of the run, as those before have left them, with the logs of a stretch."""
-        loop = self._kind.loop
-        if compiles and not isinstance(self._world.clock, np.ndarray):
-            self._world = compiled_world(loop, self._world)
-        rows = logs
-        if not compiles:
-            rows = {
-                name: engine.interpreted_copies(log, loop.records[name])
-                for name, log in logs.items()
-            }
-        for name, used in loop.logs.items():
-            if compiles:
-                self._world.clock[used] = len(logs[name])
-            else:
-                setattr(self._world.clock[0], used, len(logs[name]))
-        self._world = self._world._replace(**rows)
-        return self._world
 
 
 def followed(
@@ -308,12 +277,7 @@ def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:
 def exponent_columns(sums: Floats, durations: Floats) -> dict[str, Any]:
     """Return the columns of summaries that tell of exponents (1/s), the greatest first.
 
-    Parameters
-    ----------
-    sums
-        [run, direction] logarithms of the growth of a frame's vectors.
-    durations
-        [run] s.
+    From logarithms [run, direction] of the growth of a frame's vectors, and durations [run] (s).
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         rates = sums / durations[:, None]

@@ -49,35 +49,6 @@ def _reached(instants: Instants, end: float) -> Any:
     return (instants >= 0.0) & (instants <= end * (1.0 + ROUNDING))
 
 
-def asked_for(times: tuple[float, ...] | None, step: float | None, end: float) -> Instants | None:
-    """Return the instants (s) of the motion table of a run that ended at a time (s).
-
-    Those of a list that it has come to, or multiples of a step up to the end; None for neither.
-    """
-    if times is not None:
-        listed: Instants = np.array(times, dtype=np.float64)
-        reached: Instants = listed[_reached(listed, end)]
-        return reached
-    if step is None:
-        return None
-    return np.arange(steps_to(end, step), dtype=np.float64) * step
-
-
-def steps_to(end: float, step: float) -> int:
-    """Return how many multiples of a step there are from 0 to an end (s)."""
-    return int(np.floor(end / step * (1.0 + ROUNDING))) + 1
-
-
-def left_out(times: tuple[float, ...] | None, step: float | None, end: float) -> tuple[str, ...]:
-    """Say which sampled motion there is not, and why."""
-    if times is None and step is None:
-        return ("sampled motion: not asked for (output.step or output.times)",)
-    missing = len(times) - int(np.sum(_reached(np.array(times), end))) if times else 0
-    if not missing:
-        return ()
-    return (f"sampled motion: {missing} of {len(times or ())} times after the end, t = {end!r} s",)
-
-
 # Instants of which the motion is made together.
 _AT_ONCE = 1 << 14
 
@@ -115,26 +86,26 @@ class Wanted:
 
     def left_out(self, end: float) -> tuple[str, ...]:
         """Say which sampled motion there is not of a run with this end (s), and why."""
-        return left_out(self.times, self.step, end)
+        if not self.motion:
+            return ("sampled motion: not asked for (output.step or output.times)",)
+        asked = len(self.times or ())
+        missing = asked - int(np.sum(_reached(np.array(self.times), end))) if asked else 0
+        if not missing:
+            return ()
+        return (f"sampled motion: {missing} of {asked} times after the end, t = {end!r} s",)
 
 
 NOTHING_MORE = Wanted()
 
 
 class Sampling:
-    """The instants of the motion table, as a run comes to them.
-
-    Parameters
-    ----------
-    wanted
-        Ascending instants (s), or their step.
-    """
+    """The instants of the motion table, ascending or by their step, as a run comes to them."""
 
     def __init__(self, wanted: Wanted) -> None:
         self._wanted = wanted
         self._told = 0
 
-    def until(self, end: float, ended: bool) -> list[NDArray[np.float64]]:
+    def until(self, end: float, ended: bool) -> list[Instants]:
         """Return the next instants before the end (s) of a stretch, not many in each array.
 
         When the run has ended, all that are left. There is one array at least.
@@ -146,14 +117,15 @@ class Sampling:
         firsts = range(0, max(len(instants), 1), _AT_ONCE)
         return [instants[first : first + _AT_ONCE] for first in firsts]
 
-    def _left(self, end: float) -> NDArray[np.float64]:
+    def _left(self, end: float) -> Instants:
+        """The instants up to a time (s) that are not told of yet."""
         if self._wanted.times is not None:
-            listed = asked_for(self._wanted.times, None, end)
-            assert listed is not None
-            return listed[self._told :]
-        assert self._wanted.step is not None
-        count = steps_to(end, self._wanted.step)
-        return np.arange(self._told, count, dtype=np.float64) * self._wanted.step
+            listed: Instants = np.array(self._wanted.times, dtype=np.float64)
+            return np.asarray(listed[_reached(listed, end)][self._told :])
+        step = self._wanted.step
+        assert step is not None
+        count = int(np.floor(end / step * (1.0 + ROUNDING))) + 1
+        return np.arange(self._told, count, dtype=np.float64) * step
 
 
 Watcher = Callable[[float, int], None]

@@ -11,8 +11,7 @@ import pytest
 
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.scenario import Scenario, scenario_of
-from vibro_cli.stress.oracles.scene import Scene, scene_of_system
-from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.stress.oracles.scene import Real, Scene, mp, scene_of_system
 from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"

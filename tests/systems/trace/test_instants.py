@@ -7,7 +7,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import mpmath
 import numpy as np
 import pytest
 
@@ -21,7 +20,8 @@ from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE
 from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import load_scenario, scenario_of
-from vibro_cli.stress.impact_laws import _Pendulum, _to_contact
+from vibro_cli.stress.oracles.oracle import Oracle
+from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.physics import distance_from_image
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
@@ -125,50 +125,16 @@ def test_light_balls_between_a_wall_and_a_heavy_one_bounce_as_often_as_they_have
 @pytest.mark.usefixtures("no_hang")
 def test_translational_closes_where_its_impacts_end() -> None:
     path = CASES / "translational_closes_by_its_momentum.toml"
-    document = tomllib.loads(path.read_text())
     run = simulate(load_scenario(path), "python")
     row = list(run.events["event"]).index("contact_closed")
-    with mpmath.workdps(50):
-        end, rate, angle = continued(document)
+    oracle = Oracle(scene_of_system(run.system), run.system.law, False)
+    end = oracle.run(mp.mpf(10), last="contact_closed").events[-1].t
+    exact = oracle.now.states[0]
     closed = float(run.events["t"][row])
     assert abs(closed - float(end)) <= 1e-10 * closed
     motion = run.sample([float(end)])
-    rho = document["trace"]["arcs"][0]["radius"] - document["balls"][0]["radius"]
-    assert abs(float(motion["speed"][0]) - float(rate) * rho) <= 1e-10
-    assert abs(float(motion["angle"][0]) - float(angle)) <= 1e-10
-
-
-def continued(document: dict[str, Any]) -> tuple[Any, Any, Any]:
-    """When the impacts of two balls of one radius in a valley end, and their motion then.
-
-    The law keeps ``sum m v``; between impacts each ball is a pendulum of its own frequency.
-    """
-    mp = mpmath.mp
-    kappas = {"ball": mp.mpf(7) / 5, "particle": mp.mpf(1)}
-    one, two = document["balls"]
-    k = mp.mpf(document["collision"]["k"])
-    rho = mp.mpf(document["trace"]["arcs"][0]["radius"]) - mp.mpf(one["radius"])
-    beta = 2 * mp.asin(mp.mpf(one["radius"]) / rho)
-    bodies = [
-        _Pendulum(
-            mp,
-            mp.mpf(ball["angle"]),
-            mp.mpf(ball["speed"]) / rho,
-            mp.mpf(document["gravity"]) / (kappas[ball["body"]] * rho),
-        )
-        for ball in (one, two)
-    ]
-    share = mp.mpf(two["mass"]) / (mp.mpf(one["mass"]) + mp.mpf(two["mass"]))
-    t, flight = mp.mpf(0), mp.mpf(0.1)
-    while flight > mp.mpf(10) ** -14:
-        flight = _to_contact(mp, bodies, beta, flight)
-        t += flight
-        relative = bodies[0].rate - bodies[1].rate
-        bodies[0].rate -= (1 + k) * share * relative
-        bodies[1].rate += (1 + k) * (1 - share) * relative
-        bodies[1].angle = bodies[0].angle + beta
-    rate = (1 - share) * bodies[0].rate + share * bodies[1].rate
-    return t + flight * k / (1 - k), rate, bodies[0].angle
+    assert abs(float(motion["speed"][0]) - float(exact.speed)) <= 1e-10
+    assert abs(float(motion["angle"][0]) - float(exact.place)) <= 1e-10
 
 
 @pytest.mark.usefixtures("no_hang")

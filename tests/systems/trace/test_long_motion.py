@@ -11,8 +11,8 @@ from vibro_cli.assemble import build_any
 from vibro_cli.scenario import load_any
 from vibro_cli.systems import system_named
 from vibro_cli.systems.run import Run, simulate
-from vibro_cli.systems.trace import long_motion
-from vibro_cli.systems.trace.long_motion import LongMotion
+from vibro_cli.systems.trace import motion
+from vibro_cli.systems.trace.motion import LongMotion
 
 ROOT = Path(__file__).parents[3]
 SCENES = (
@@ -68,7 +68,7 @@ def test_samples(both: tuple[Run, LongMotion], side: str) -> None:
 
 
 def test_a_run_that_was_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(long_motion, "MOST_FLIGHTS", 1000)
+    monkeypatch.setattr(motion, "MOST_FLIGHTS", 1000)
     scenario = load_any(SCENES[0][0], [SCENES[0][1]])
     asked = iter([False, True])
     part = simulate_streamed(scenario, lambda *_: None, interrupted=lambda: next(asked))

@@ -13,8 +13,7 @@ import pytest
 from tests import references
 from vibro_cli.api import load_scenario, simulate
 from vibro_cli.stress.oracles.reference_solver import Twin, happenings_of
-from vibro_cli.stress.oracles.scene import scene_of_system
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.systems.run import Run
 
 FOLDER = Path(__file__).parents[3] / "scenarios"

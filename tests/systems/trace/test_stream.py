@@ -11,7 +11,7 @@ import pytest
 
 from vibro_cli.api import load_scenario, recalled, simulate, simulate_streamed
 from vibro_cli.scenario import load_any
-from vibro_cli.systems import driver, stream, system_named
+from vibro_cli.systems import driver, system_named
 
 GALLERY = Path(__file__).parents[3] / "scenarios"
 HARD = Path(__file__).parents[2] / "hard_cases"
@@ -36,7 +36,7 @@ HARD_SCENES = ("five_balls_half", "contact_opens_in_valley", "released_at_a_junc
 
 def in_stretches(scenario: Any, rows: int, monkeypatch: pytest.MonkeyPatch, **more: Any) -> Any:
     """A run in stretches of so many rows: its tables by name, and what is left of it."""
-    monkeypatch.setattr(stream, "LEAST_ROWS", rows)
+    monkeypatch.setattr("vibro_cli.systems.run.LEAST_ROWS", rows)
     monkeypatch.setattr(driver, "INTERPRETED_ROWS", rows)
     parts: dict[str, list[Any]] = {}
     run = simulate_streamed(

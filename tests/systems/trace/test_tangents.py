@@ -23,10 +23,9 @@ from vibro_cli.kernels.world import Flight
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.folders import write_run
-from vibro_cli.stress.oracles.reference_solver import Happening, Twin, happenings_of
-from vibro_cli.stress.oracles.scene import scene_of_system
+from vibro_cli.stress.oracles.reference_solver import ArcMotion, Happening, Twin, happenings_of
+from vibro_cli.stress.oracles.scene import mp, scene_of_system
 from vibro_cli.stress.oracles.sensitivity import differences
-from vibro_cli.stress.oracles.taylor import ArcMotion, mp
 from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems import driver
 from vibro_cli.systems.trace import simulate_system
@@ -271,7 +270,7 @@ def test_a_run_in_several_stretches_is_one_run(monkeypatch: pytest.MonkeyPatch) 
     system = system_of(SCENES["arcs"])
     whole = follow_system(system, None, 60)
     monkeypatch.setattr(driver, "COMPILED_ROWS", 32)
-    monkeypatch.setattr("vibro_cli.systems.stream.LEAST_ROWS", 16)
+    monkeypatch.setattr("vibro_cli.systems.run.LEAST_ROWS", 16)
     parts = follow_system(system, None, 60)
     for field in ("matrix", "amplification", "smooth", "times", "sums"):
         np.testing.assert_array_equal(getattr(whole, field), getattr(parts, field))

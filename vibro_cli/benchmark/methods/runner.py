@@ -1,19 +1,176 @@
-"""What every method offers to be measured: a run that can be repeated, and what came of it."""
+"""What every method offers to be measured: a run that can be repeated, and what came of it.
+
+The equations of the model are in plain numbers, as a user of an ODE solver would write them.
+"""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from vibro_cli.benchmark.methods.motion import Motion, State
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.systems.driver import Driver
-from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.world import make_world
+
+INSIDE = 4e-16
+"""A body that has just crossed is put so far (rad) inside its new arc: an event function that is
+zero at the start of a step hides a return through the junction within that step."""
+
+State = list[float]
+"""Angle and rate of each body in turn."""
+
+
+@dataclass(frozen=True)
+class Arc:
+    """One arc: φ'' = −sign w² sin φ (ψ on a hump), its centre and its ends as angles."""
+
+    sign: float
+    x: float
+    y: float
+    low: float
+    high: float
+
+
+class Motion:
+    """Bodies on a chain of arcs in angles and rates; laws `hedrih` and `normal-impulse` only."""
+
+    def __init__(self, system: TraceSystem) -> None:
+        self.gravity = system.gravity
+        self.arcs = [
+            Arc(p.sign, *p.center, p.angle_start, p.angle_end) for p in system.trace.pieces
+        ]
+        self.bodies = system.bodies
+        self.law = system.law
+        self.radius = [
+            [piece.path_radius(body.radius) for piece in system.trace.pieces]
+            for body in system.bodies
+        ]
+        self.w2 = [
+            [arc.sign * system.gravity / (body.kappa * rho) for arc, rho in zip(
+                self.arcs, radii, strict=True)]
+            for body, radii in zip(system.bodies, self.radius, strict=True)
+        ]  # fmt: skip
+        self.restitution = system.restitution
+        self.pieces = tuple(start.piece for start in system.initial)
+        self.start = [
+            value
+            for ball, start in enumerate(system.initial)
+            for value in (start.position, start.speed / self.radius[ball][start.piece])
+        ]
+        self.ring = system.trace.closed and len(self.arcs) == 1
+        count = len(system.bodies)
+        self.pairs = list(pairwise(range(count)))
+        if self.ring:
+            self.pairs.append((count - 1, 0))  # across the top: angles go on beyond half a turn
+
+    def contact_angle(self, a: int, b: int, piece: int) -> float:
+        """β (rad): sin(β/2) = √(r_a r_b/(ρ_a ρ_b)), B (48)."""
+        product = self.bodies[a].radius * self.bodies[b].radius
+        return 2.0 * math.asin(math.sqrt(product / (self.radius[a][piece] * self.radius[b][piece])))
+
+    def gap(self, pair: int, pieces: Sequence[int], y: Sequence[float]) -> float:
+        """What is positive while a pair is apart: an angle on one arc, else d² − (r_a + r_b)²."""
+        a, b = self.pairs[pair]
+        if pieces[a] == pieces[b]:
+            turn = math.tau if b < a else 0.0
+            return y[2 * b] + turn - y[2 * a] - self.contact_angle(a, b, pieces[a])
+        (xa, ya), (xb, yb) = self.centre(a, pieces[a], y), self.centre(b, pieces[b], y)
+        touch = self.bodies[a].radius + self.bodies[b].radius
+        return (xb - xa) ** 2 + (yb - ya) ** 2 - touch**2
+
+    def centre(self, ball: int, piece: int, y: Sequence[float]) -> tuple[float, float]:
+        """Centre of a body (m)."""
+        arc, rho = self.arcs[piece], self.radius[ball][piece]
+        return (
+            arc.x + rho * math.sin(y[2 * ball]),
+            arc.y - arc.sign * rho * math.cos(y[2 * ball]),
+        )
+
+    def junctions(self, pieces: Sequence[int]) -> list[tuple[int, int]]:
+        """Ends of arcs that bodies may cross: (body, −1 or +1)."""
+        last = len(self.arcs) - 1
+        return [
+            (ball, side)
+            for ball, piece in enumerate(pieces)
+            for side in (-1, 1)
+            if 0 <= piece + side <= last
+        ]
+
+    def room(self, ball: int, side: int, piece: int, y: Sequence[float]) -> float:
+        """Angle left before a junction."""
+        arc = self.arcs[piece]
+        return arc.high - y[2 * ball] if side > 0 else y[2 * ball] - arc.low
+
+    def cross(self, ball: int, side: int, pieces: Sequence[int], y: State) -> tuple[int, ...]:
+        """Carry a body over a junction; return the pieces all bodies are on now."""
+        old, new = pieces[ball], pieces[ball] + side
+        arc = self.arcs[new]
+        y[2 * ball] = arc.low + INSIDE if side > 0 else arc.high - INSIDE
+        y[2 * ball + 1] *= self.radius[ball][old] / self.radius[ball][new]
+        return tuple(new if other == ball else piece for other, piece in enumerate(pieces))
+
+    def jump(
+        self, pair: int, pieces: Sequence[int], y: Sequence[float]
+    ) -> tuple[float, float, float, float]:
+        """Return (p, q, α, β) of an impact: c = p ω_a − q ω_b, ω_a⁺ = ω_a − α c, ω_b⁺ = ω_b + β c.
+
+        ω are the rates of the angles, c the speed of closing; the four are constant on one arc.
+        """
+        a, b = self.pairs[pair]
+        k = self.restitution[min(pair, len(self.restitution) - 1)]
+        rho_a, rho_b = self.radius[a][pieces[a]], self.radius[b][pieces[b]]
+        one, two = self.bodies[a], self.bodies[b]
+        if self.law == "hedrih":
+            ja, jb = one.rolling_inertia, two.rolling_inertia
+            alpha = one.radius * (1.0 + k) / (1.0 + ja / jb)
+            beta = two.radius * (1.0 + k) / (1.0 + jb / ja)
+            return rho_a / one.radius, rho_b / two.radius, alpha / rho_a, beta / rho_b
+        ca, cb = self._along(a, b, pieces, y)
+        ma, mb = one.kappa * one.mass, two.kappa * two.mass
+        share = (1.0 + k) / (ca * ca / ma + cb * cb / mb)
+        return rho_a * ca, rho_b * cb, share * ca / ma / rho_a, share * cb / mb / rho_b
+
+    def hit(self, pair: int, pieces: Sequence[int], y: State) -> bool:
+        """Carry out an impact; return whether the bodies were closing in at all."""
+        a, b = self.pairs[pair]
+        p, q, alpha, beta = self.jump(pair, pieces, y)
+        closing = p * y[2 * a + 1] - q * y[2 * b + 1]
+        if closing <= 0.0:
+            return False
+        y[2 * a + 1] -= alpha * closing
+        y[2 * b + 1] += beta * closing
+        return True
+
+    def _along(
+        self, a: int, b: int, pieces: Sequence[int], y: Sequence[float]
+    ) -> tuple[float, float]:
+        """Components of the line of centres along the tangents of both paths."""
+        (xa, ya), (xb, yb) = self.centre(a, pieces[a], y), self.centre(b, pieces[b], y)
+        distance = math.hypot(xb - xa, yb - ya)
+        nx, ny = (xb - xa) / distance, (yb - ya) / distance
+        ca, cb = (
+            nx * math.cos(y[2 * ball]) + ny * self.arcs[pieces[ball]].sign * math.sin(y[2 * ball])
+            for ball in (a, b)
+        )
+        return ca, cb
+
+    def energy(self, pieces: Sequence[int], y: Sequence[float]) -> float:
+        """Kinetic and potential energy of all bodies (J), from the lowest centre on the trace."""
+        total = 0.0
+        for ball, body in enumerate(self.bodies):
+            rho = self.radius[ball][pieces[ball]]
+            lowest = min(
+                arc.y - radius
+                for arc, radius in zip(self.arcs, self.radius[ball], strict=True)
+                if arc.sign > 0.0
+            )
+            height = self.centre(ball, pieces[ball], y)[1] - lowest
+            speed = rho * y[2 * ball + 1]
+            total += body.mass * (0.5 * body.kappa * speed**2 + self.gravity * height)
+        return total
+
 
 _STUCK = 4
 
@@ -55,7 +212,12 @@ class Setting:
     """How a method is set: its tolerance, or the order of a series."""
 
     name: str
-    value: float | None = None
+    value: float = 0.0
+
+
+def tolerances(*values: float) -> tuple[Setting, ...]:
+    """Settings of an integrator."""
+    return tuple(Setting(f"{value:g}", value) for value in values)
 
 
 class Method(NamedTuple):
@@ -63,11 +225,11 @@ class Method(NamedTuple):
 
     name: str
     settings: tuple[Setting, ...]
-    suits: Callable[[Any], bool]
-    """Whether the method can be used on a scene at all."""
     prepare: Callable[[Any, Setting], Runner]
     impacts: int
     """Most impacts of a timed run."""
+    suits: Callable[[Any], bool] = lambda scene: True
+    """Whether the method can be used on a scene at all."""
     repeats: bool = False
     """Whether a run begins a motion that ends anew, until it has its impacts."""
 
@@ -85,15 +247,7 @@ Leg = Callable[[tuple[int, ...], float, State], tuple[float, Sequence[float], Ev
 
 
 class LegRunner(Runner):
-    """Runs a library that stops at each event: the library goes from event to event.
-
-    Parameters
-    ----------
-    motion
-        What moves.
-    leg
-        Goes to the next event.
-    """
+    """Runs a library that stops at each event: `leg` goes to the next one."""
 
     def __init__(self, motion: Motion, leg: Leg) -> None:
         self._motion = motion
@@ -143,78 +297,3 @@ def course_of(
         first = motion.energy(motion.pieces, motion.start)
         drift = (motion.energy(pieces, y) - first) / first
     return Course(list(times), len(times), crossings, drift)
-
-
-_FIRST = 64
-"""Impacts whose times are told."""
-
-
-class DriverRunner(Runner):
-    """Single runs through the driver; short motions several times over.
-
-    Parameters
-    ----------
-    system
-        What moves.
-    engine
-        ``"compiled"`` or ``"python"``.
-    keep
-        Whether the rows of impacts and flights are kept.
-    most
-        Impacts after which the motion is begun again, if it ends.
-    """
-
-    def __init__(
-        self, system: TraceSystem, engine: str, keep: bool = False, most: int | None = None
-    ) -> None:
-        self._system, self._engine, self._keep, self._most = system, engine, keep, most
-        self._motion = Motion(system)
-
-    def ready(self, impacts: int) -> None:
-        """Make the records of the runs."""
-        each = impacts if self._most is None else min(impacts, self._most)
-        self._each = each
-        self.drivers = []
-        for _ in range(impacts // each):
-            world = make_world(self._system, None, each)
-            world.settings[0].keep = int(self._keep)
-            self.drivers.append(Driver(SYSTEM.loop, world, self._engine))
-
-    def go(self) -> None:
-        """Run."""
-        for driver in self.drivers:
-            driver.run()
-
-    def course(self) -> Course:
-        """Return what the last of the runs left."""
-        driver = self.drivers[-1]
-        pieces, y = self._state(driver)
-        times = self._times() if len(self.drivers) == 1 else []
-        crossings = int(driver.clock_value("crossings"))
-        course = course_of(self._motion, times, crossings, pieces, y)
-        course.impacts = int(driver.clock_value("collisions"))
-        if course.impacts < self._each:
-            raise Lost(f"the run ended after {course.impacts} impacts")
-        return course
-
-    def _times(self) -> list[float]:
-        """Times of the first impacts, from a run that keeps them."""
-        driver = Driver(SYSTEM.loop, make_world(self._system, None, _FIRST), self._engine)
-        driver.run()
-        rows: Any = driver.logs["impacts"].table()
-        return [float(t) for t in rows["t"]]
-
-    def _state(self, driver: Driver) -> tuple[list[int], list[float]]:
-        """Pieces, angles and rates of the bodies where their last flights began."""
-        pieces, y = [], []
-        for ball in range(len(self._system.bodies)):
-            flight: Any = driver.world.flights[ball]
-            read = flight.__getitem__ if driver.engine == "compiled" else flight.__getattribute__
-            piece = int(read("piece"))
-            s, c, p = (float(read(name)) for name in "scp")
-            on_valley = self._motion.arcs[piece].sign > 0.0
-            angle = 2.0 * (np.arctan2(s, c) if on_valley else np.arctan2(-c, s))
-            w2 = abs(self._motion.w2[ball][piece])
-            pieces.append(piece)
-            y += [float(angle), 2.0 * float(np.sqrt(w2)) * p]
-        return pieces, y

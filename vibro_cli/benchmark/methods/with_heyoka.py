@@ -4,18 +4,31 @@ One integrator for each set of arcs the bodies are on, built once. Impacts are c
 event's callback, so that heyoka goes on by itself until a body changes its arc; `fast_math` lets it
 reorder sums. Both make it faster than its defaults and a loop over steps do, and cost no accuracy
 here; the plain form is measured too.
+
+Its batches have the same two bodies from several starts, in the lanes of SIMD registers; impacts
+that lanes have while they wait for others count as its own.
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
-from vibro_cli.benchmark.methods.motion import Motion
-from vibro_cli.benchmark.methods.runner import Course, Lost, Method, Runner, Setting, course_of
+import numpy as np
+
+from vibro_cli.benchmark.methods.runner import (
+    Course,
+    Lost,
+    Method,
+    Motion,
+    Runner,
+    Setting,
+    course_of,
+    tolerances,
+)
 from vibro_cli.benchmark.scenes import Scene
 
-_TOLERANCES = (1e-16, 1e-12, 1e-9, 1e-6)
 _FAR = 1.0e9
 
 
@@ -36,18 +49,20 @@ def gap(hy: Any, motion: Motion, pair: int, pieces: tuple[int, ...], angles: lis
     return (xb - xa) ** 2 + (yb - ya) ** 2 - touch**2
 
 
-class HeyokaRunner(Runner):
-    """A scene for heyoka.
+def _equations(hy: Any, motion: Motion, pieces: tuple[int, ...]) -> tuple[list[Any], list[Any]]:
+    """Equations of motion of bodies on their pieces, and the variables that are angles."""
+    names = [name for ball in range(len(pieces)) for name in (f"a{ball}", f"v{ball}")]
+    variables = hy.make_vars(*names)
+    angles, rates = list(variables[::2]), list(variables[1::2])
+    equations = []
+    for ball, piece in enumerate(pieces):
+        equations.append((angles[ball], rates[ball]))
+        equations.append((rates[ball], -motion.w2[ball][piece] * hy.sin(angles[ball])))
+    return equations, angles
 
-    Parameters
-    ----------
-    motion
-        What moves.
-    tolerance
-        Of the integrator.
-    fast
-        Whether impacts are carried out in callbacks and `fast_math` is on.
-    """
+
+class HeyokaRunner(Runner):
+    """A scene for heyoka; fast: impacts are carried out in callbacks, and `fast_math` is on."""
 
     def __init__(self, motion: Motion, tolerance: float, fast: bool) -> None:
         self._motion, self._tolerance, self._fast = motion, tolerance, fast
@@ -95,13 +110,7 @@ class HeyokaRunner(Runner):
         import heyoka as hy
 
         motion = self._motion
-        names = [name for ball in range(len(pieces)) for name in (f"a{ball}", f"v{ball}")]
-        variables = hy.make_vars(*names)
-        angles, rates = list(variables[::2]), list(variables[1::2])
-        equations = []
-        for ball, piece in enumerate(pieces):
-            equations.append((angles[ball], rates[ball]))
-            equations.append((rates[ball], -motion.w2[ball][piece] * hy.sin(angles[ball])))
+        equations, angles = _equations(hy, motion, pieces)
         down = hy.event_direction.negative
         events = [
             hy.t_event(
@@ -116,7 +125,7 @@ class HeyokaRunner(Runner):
             room = arc.high - angles[ball] if side > 0 else angles[ball] - arc.low
             events.append(hy.t_event(room, callback=self._crossing(ball, side), direction=down))
         integrator = hy.taylor_adaptive(
-            equations, [0.0] * len(names), tol=self._tolerance, t_events=events,
+            equations, [0.0] * len(equations), tol=self._tolerance, t_events=events,
             fast_math=self._fast,
         )  # fmt: skip
         return integrator, integrator.state
@@ -154,13 +163,112 @@ class HeyokaRunner(Runner):
 
 def methods() -> list[Method]:
     """Return heyoka with fast options and as it is by default."""
-    settings = tuple(Setting(f"{tolerance:g}", tolerance) for tolerance in _TOLERANCES)
 
-    def one(name: str, fast: bool) -> Method:
-        def prepare(scene: Scene, setting: Setting) -> Runner:
-            assert setting.value is not None
-            return HeyokaRunner(Motion(scene.system), setting.value, fast)
+    def prepare(fast: bool, scene: Scene, setting: Setting) -> Runner:
+        return HeyokaRunner(Motion(scene.system), setting.value, fast)
 
-        return Method(name, settings, lambda scene: True, prepare, 1000)
+    settings = tolerances(1e-16, 1e-12, 1e-9, 1e-6)
+    return [
+        Method("heyoka", settings, partial(prepare, True), 1000),
+        Method("heyoka, defaults", settings, partial(prepare, False), 1000),
+    ]
 
-    return [one("heyoka", True), one("heyoka, defaults", False)]
+
+NAME = "heyoka, batch"
+TOLERANCES = (1e-16, 1e-9)
+_EACH = 60
+"""Impacts of each lane, as of each run of our own batches."""
+_FEWEST = 10
+"""Impacts of each lane at least, for comparison with the reference."""
+
+
+class Lanes:
+    """Two bodies on one arc that they never leave, as often as there are lanes."""
+
+    def __init__(self, motion: Motion, tolerance: float) -> None:
+        import heyoka as hy
+
+        self.count: int = hy.recommended_simd_size()
+        self._motion = motion
+        self._law = motion.jump(0, (0, 0), [0.0, 0.0, motion.contact_angle(0, 1, 0), 0.0])
+        equations, angles = _equations(hy, motion, (0, 0))
+        event = hy.t_event_batch(
+            gap(hy, motion, 0, (0, 0), angles),
+            callback=self._impact(),
+            direction=hy.event_direction.negative,
+        )
+        self._integrator = hy.taylor_adaptive_batch(
+            equations, [[0.0] * self.count] * 4, tol=tolerance, t_events=[event], fast_math=True
+        )
+        self._state: Any = self._integrator.state
+        self.first_times: list[float] = []
+
+    def go(self, starts: Any, impacts: int) -> int:
+        """Run from states (four rows, a column for each lane); return all impacts there were."""
+        self._wanted = impacts
+        self._impacts = [0] * self.count
+        self._done = 0
+        self.first_times = []
+        self._integrator.reset_cooldowns()
+        self._integrator.set_time(0.0)
+        self._state[:] = starts
+        self._integrator.propagate_until(np.full(self.count, _FAR))
+        if self._done < self.count:
+            raise Lost(f"heyoka ended after {min(self._impacts)} impacts")
+        return sum(self._impacts)
+
+    def _impact(self) -> Any:
+        """What is done at an impact; a function, since heyoka would copy an object with its own."""
+
+        def impact(integrator: Any, direction: int, lane: int) -> bool:
+            state = self._state
+            p, q, alpha, beta = self._law
+            closing: float = p * state.item(1, lane) - q * state.item(3, lane)
+            if closing > 0.0:
+                state[1, lane] -= alpha * closing
+                state[3, lane] += beta * closing
+                self._impacts[lane] += 1
+                if self._impacts[lane] == self._wanted:
+                    self._done += 1
+                if lane == 0:
+                    self.first_times.append(integrator.time.item(0))
+            return self._done < self.count
+
+        return impact
+
+
+class HeyokaBatchRunner(Runner):
+    """A scene in all lanes, again and again from the same start."""
+
+    def __init__(self, motion: Motion, tolerance: float) -> None:
+        self._motion = motion
+        self._lanes = Lanes(motion, tolerance)
+
+    def ready(self, impacts: int) -> None:
+        """Lay out the starts, each lane with its part of the impacts."""
+        # All lanes together have the impacts, but for a few at the start, where one must have all.
+        self._runs = max(1, impacts // (_EACH * self._lanes.count))
+        self._each = max(round(impacts / (self._runs * self._lanes.count)), min(impacts, _FEWEST))
+        self._starts = np.tile(np.array(self._motion.start)[:, None], self._lanes.count)
+
+    def go(self) -> None:
+        """Run."""
+        self._impacts = sum(self._lanes.go(self._starts, self._each) for _ in range(self._runs))
+
+    def course(self) -> Course:
+        """Return the times of the first lane."""
+        return Course(list(self._lanes.first_times), self._impacts, 0)
+
+
+def batches() -> list[Method]:
+    """Return heyoka's batches, for two bodies on one arc that they do not leave."""
+
+    def possible(scene: Scene) -> bool:
+        trace = scene.system.trace
+        alone = len(scene.system.bodies) == 2 and len(trace.pieces) == 1 and not trace.closed
+        return alone and scene.most is None
+
+    def prepare(scene: Scene, setting: Setting) -> Runner:
+        return HeyokaBatchRunner(Motion(scene.system), setting.value)
+
+    return [Method(NAME, tolerances(*TOLERANCES), prepare, 8000, possible)]

@@ -15,8 +15,16 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from vibro_cli.benchmark.methods.motion import Motion
-from vibro_cli.benchmark.methods.runner import Course, Lost, Method, Runner, Setting, course_of
+from vibro_cli.benchmark.measurement import SERIES
+from vibro_cli.benchmark.methods.runner import (
+    Course,
+    Lost,
+    Method,
+    Motion,
+    Runner,
+    Setting,
+    course_of,
+)
 from vibro_cli.benchmark.scenes import Scene
 
 PAPERS_ORDER = 2
@@ -88,15 +96,7 @@ def terms(q2: float, order: int) -> list[float]:
 
 
 class SeriesRunner(Runner):
-    """Two bodies swinging in one valley, leg by leg.
-
-    Parameters
-    ----------
-    motion
-        What moves.
-    order
-        Of the series.
-    """
+    """Two bodies swinging in one valley, leg by leg, by series of an order."""
 
     def __init__(self, motion: Motion, order: int) -> None:
         self._motion, self._order = motion, order
@@ -182,7 +182,6 @@ def methods() -> list[Method]:
         return len(trace.pieces) == 1 and not trace.closed and len(scene.system.bodies) == 2
 
     def prepare(scene: Scene, setting: Setting) -> Runner:
-        assert setting.value is not None
         return SeriesRunner(Motion(scene.system), int(setting.value))
 
-    return [Method("series of the papers", settings, suits, prepare, 60)]
+    return [Method(SERIES, settings, prepare, 60, suits)]

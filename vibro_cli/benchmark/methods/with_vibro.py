@@ -2,21 +2,107 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from vibro_cli.assemble import build_any
 from vibro_cli.benchmark.measurement import BATCH, COMPILED, INTERPRETED, KEPT
 from vibro_cli.benchmark.methods.runner import (
     Course,
-    DriverRunner,
+    Lost,
     Method,
+    Motion,
     Runner,
     Setting,
+    course_of,
 )
 from vibro_cli.benchmark.scenes import Scene
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.systems import system_named
+from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
+from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.wanted import Limits
+
+
+def driver_of(scenario: Any, limits: Limits | None = None) -> Driver:
+    """A compiled run of a scenario of any system to its limits; the rows of a trace are dropped."""
+    kind, system = system_named(scenario.system), build_any(scenario)
+    world = kind.world(system, limits or kind.limits(scenario))
+    if hasattr(world.settings[0], "keep"):
+        world.settings[0].keep = 0
+    return Driver(kind.loop, world, "compiled", overrides=kind.overrides(system))
+
+
+_FIRST = 64
+"""Impacts whose times are told."""
+
+
+class DriverRunner(Runner):
+    """Single runs through the driver; short motions several times over.
+
+    Rows of impacts and flights are kept if told to; a motion that ends is begun again after its
+    most impacts.
+    """
+
+    def __init__(
+        self, system: TraceSystem, engine: str, keep: bool = False, most: int | None = None
+    ) -> None:
+        self._system, self._engine, self._keep, self._most = system, engine, keep, most
+        self._motion = Motion(system)
+
+    def ready(self, impacts: int) -> None:
+        """Make the records of the runs."""
+        each = impacts if self._most is None else min(impacts, self._most)
+        self._each = each
+        self.drivers = []
+        for _ in range(impacts // each):
+            world = make_world(self._system, None, each)
+            world.settings[0].keep = int(self._keep)
+            self.drivers.append(Driver(SYSTEM.loop, world, self._engine))
+
+    def go(self) -> None:
+        """Run."""
+        for driver in self.drivers:
+            driver.run()
+
+    def course(self) -> Course:
+        """Return what the last of the runs left."""
+        driver = self.drivers[-1]
+        pieces, y = self._state(driver)
+        times = self._times() if len(self.drivers) == 1 else []
+        crossings = int(driver.clock_value("crossings"))
+        course = course_of(self._motion, times, crossings, pieces, y)
+        course.impacts = int(driver.clock_value("collisions"))
+        if course.impacts < self._each:
+            raise Lost(f"the run ended after {course.impacts} impacts")
+        return course
+
+    def _times(self) -> list[float]:
+        """Times of the first impacts, from a run that keeps them."""
+        driver = Driver(SYSTEM.loop, make_world(self._system, None, _FIRST), self._engine)
+        driver.run()
+        rows: Any = driver.logs["impacts"].table()
+        return [float(t) for t in rows["t"]]
+
+    def _state(self, driver: Driver) -> tuple[list[int], list[float]]:
+        """Pieces, angles and rates of the bodies where their last flights began."""
+        pieces, y = [], []
+        for ball in range(len(self._system.bodies)):
+            flight: Any = driver.world.flights[ball]
+            read = flight.__getitem__ if driver.engine == "compiled" else flight.__getattribute__
+            piece = int(read("piece"))
+            s, c, p = (float(read(name)) for name in "scp")
+            on_valley = self._motion.arcs[piece].sign > 0.0
+            angle = 2.0 * (np.arctan2(s, c) if on_valley else np.arctan2(-c, s))
+            w2 = abs(self._motion.w2[ball][piece])
+            pieces.append(piece)
+            y += [float(angle), 2.0 * float(np.sqrt(w2)) * p]
+        return pieces, y
+
 
 EXACT = (Setting("exact"),)
 _EACH = 60
@@ -26,12 +112,7 @@ _EACH = 60
 class BatchRunner(Runner):
     """Many runs of one scene by the kernel of grids, in one thread.
 
-    Parameters
-    ----------
-    system
-        What moves.
-    most
-        Impacts after which the motion is begun again, if it ends.
+    A motion that ends is begun again after its most impacts.
     """
 
     def __init__(self, system: TraceSystem, most: int | None) -> None:
@@ -60,19 +141,15 @@ class BatchRunner(Runner):
         return Course(times, int(every["collisions"].sum()), int(every["crossings"].sum()))
 
 
-def _driver(engine: str, keep: bool, scene: Scene) -> Runner:
+def _driver(engine: str, keep: bool, scene: Scene, setting: Setting) -> Runner:
     return DriverRunner(scene.system, engine, keep, scene.most)
 
 
 def methods() -> list[Method]:
     """Return the ways to run this solver."""
-
-    def anywhere(scene: Scene) -> bool:
-        return True
-
     return [
-        Method(COMPILED, EXACT, anywhere, lambda s, _: _driver("compiled", False, s), 20_000, True),
-        Method(KEPT, EXACT, anywhere, lambda s, _: _driver("compiled", True, s), 20_000),
-        Method(BATCH, EXACT, anywhere, lambda s, _: BatchRunner(s.system, s.most), 20_000, True),
-        Method(INTERPRETED, EXACT, anywhere, lambda s, _: _driver("python", False, s), 300, True),
+        Method(COMPILED, EXACT, partial(_driver, "compiled", False), 20_000, repeats=True),
+        Method(KEPT, EXACT, partial(_driver, "compiled", True), 20_000),
+        Method(BATCH, EXACT, lambda s, _: BatchRunner(s.system, s.most), 20_000, repeats=True),
+        Method(INTERPRETED, EXACT, partial(_driver, "python", False), 300, repeats=True),
     ]

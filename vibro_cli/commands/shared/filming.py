@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from vibro_cli import __version__
-from vibro_cli.commands.shared.error_handling import CommandError, say
+from vibro_cli.commands.shared.error_handling import CommandError
+from vibro_cli.commands.shared.terminal import say
 
 if TYPE_CHECKING:
     from vibro_cli.figures.film import Frames

@@ -19,19 +19,17 @@ from vibro_cli.commands.shared.error_handling import (
     CommandError,
     Terminated,
     leaving,
-    say,
     suggestion,
 )
 from vibro_cli.commands.shared.options import TableFormat
-from vibro_cli.commands.shared.terminal import RunProgress, json_text
+from vibro_cli.commands.shared.terminal import RunProgress, json_text, say
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.folders import EarlierRun, StreamedFolder
     from vibro_cli.storage.stored import StoredRun
     from vibro_cli.systems.contract import Sink
-    from vibro_cli.systems.run import Run
-    from vibro_cli.systems.stream import Streamed
+    from vibro_cli.systems.run import Run, Streamed
 
 _FORMS = ("png", "pdf")
 _NONE = ("0", "false", "none")
@@ -109,7 +107,7 @@ class Wishes:
 
 def _kinds_drawn(earlier: Path | None) -> str:
     """The kinds of figures that an earlier run has, as `--figures` takes them."""
-    from vibro_cli.storage.provenance import read_manifest
+    from vibro_cli.storage.files import read_manifest
 
     manifest = None if earlier is None else read_manifest(earlier)
     if manifest is None:
@@ -163,7 +161,7 @@ def _told(
 @contextlib.contextmanager
 def followed(wishes: Wishes, scenario: "AnyScenario") -> Iterator[None]:
     """Tell how far a run in the block is, and say why it cannot go on."""
-    from vibro_cli.api import CannotContinue, TooQuiet
+    from vibro_cli.systems.driver import CannotContinue, TooQuiet
     from vibro_cli.systems.wanted import watched_by
 
     progress = RunProgress(scenario.name, scenario.stop.time, scenario.stop.collisions)
@@ -242,8 +240,8 @@ def stream_run(
 
     A run that is interrupted is written as far as it came; then the signal is passed on.
     """
+    from vibro_cli.storage.files import FolderRefused
     from vibro_cli.storage.folders import streamed_folder
-    from vibro_cli.storage.provenance import FolderRefused
 
     interruption = Interruption()
     try:
@@ -298,8 +296,7 @@ def _streamed(
 def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
     """Standard output as a sink of the collision table."""
     from vibro_cli.storage.folders import origin_of
-    from vibro_cli.storage.parquet_files import StreamedTable
-    from vibro_cli.storage.tables import table_named
+    from vibro_cli.storage.tables import StreamedTable, table_named
 
     streams: list[StreamedTable] = []
 

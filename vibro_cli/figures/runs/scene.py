@@ -17,7 +17,7 @@ from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, plane_axes
-from vibro_cli.figures.film import Frames, Ground, Panel, States, times_between, trail
+from vibro_cli.figures.film import Frames, Ground, Panel, States, struck, times_between, trail
 from vibro_cli.figures.labels import Named, write_names
 from vibro_cli.figures.runs.plan import draw_ends, trace_points, visited
 from vibro_cli.figures.source import Array, Recorded
@@ -322,7 +322,7 @@ def film_on_trace(run: Moving, times: Array) -> Frames:
             [
                 (times, s[:, n], speed[:, n], 2),
                 (more, between[0][:, n], between[1][:, n], 2),
-                *_struck(run, n),
+                *struck(run, n, "s"),
                 *_at_walls(run, n),
             ],
             0.5 * run.system.trace.length,
@@ -388,20 +388,6 @@ def _turned(trace: Trace, body: Body, arc: Any, s: Array) -> Array:
         way = np.unwrap(way, period=before[-1])
     turned: Array = (way - way[0]) / body.radius
     return turned
-
-
-def _struck(run: Recorded, body: int) -> Iterator[States]:
-    """Yield the states of a body before and after its impacts on others."""
-    table = run.collisions
-    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
-        table["substituted"], dtype=np.bool_
-    )
-    for side in "ab":
-        rows = np.flatnonzero((np.asarray(table[f"ball_{side}"]) == body + 1) & made)
-        for order, when in enumerate(("pre", "post")):
-            names = ("t", f"s_{side}", f"speed_{side}_{when}")
-            time, s, speed = (np.asarray(table[name], dtype=np.float64)[rows] for name in names)
-            yield time, s, speed, order
 
 
 def _at_walls(run: Recorded, body: int) -> Iterator[States]:

@@ -354,12 +354,18 @@ def _draw_trace(axes: Axes, surface: Array) -> None:
 
 
 def _draw_body(axes: Axes, one: Striking, colour: str) -> None:
-    look: dict[str, Any] = {"facecolor": colour, "alpha": 0.18, "edgecolor": "none"}
-    axes.add_patch(Circle(tuple(one.centre), one.body.radius, zorder=1.8, **look))
-    edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}
-    axes.add_patch(Circle(tuple(one.centre), one.body.radius, zorder=2.1, **edge))
-    axes.plot(*one.centre, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+    draw_disc(axes, one.centre, one.body.radius, colour, 0.18)
     axes.plot(*one.resting, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+
+
+def draw_disc(axes: Axes, centre: Array, radius: float, colour: str, opacity: float) -> None:
+    """Draw a body around its centre, shape (2,), with its edge and its centre (all in m)."""
+    place = float(centre[0]), float(centre[1])
+    look: dict[str, Any] = {"facecolor": colour, "alpha": opacity, "edgecolor": "none"}
+    axes.add_patch(Circle(place, radius, zorder=1.8, **look))
+    edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}
+    axes.add_patch(Circle(place, radius, zorder=2.1, **edge))
+    axes.plot(*place, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
 
 
 def arrow(axes: Axes, tail: Array, reach: Array, colour: str, look: dict[str, Any]) -> None:

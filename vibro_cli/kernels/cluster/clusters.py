@@ -30,13 +30,11 @@ from vibro_cli.kernels.flow.flight import (
     start_from_state,
 )
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_to
-from vibro_cli.kernels.impact.impulse_chain import contact_forces
-from vibro_cli.kernels.numerics.double_double import add_to_time
+from vibro_cli.kernels.impact.impulse_chain import contact_forces, keep_release
 from vibro_cli.kernels.numerics.elliptic import angle_sum, set_theta_constants, twice_angle
 from vibro_cli.kernels.world import (
     NEVER,
     Flight,
-    PairData,
     TrackData,
     World,
     flight_along,
@@ -131,15 +129,6 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
         after = min(after, _release_at(flight, s, c, sign * size))
         after = min(after, _release_at(flight, -s, -c, sign * size))
     keep_release(flight, pair, after)
-
-
-@kernel
-def keep_release(flight: Flight, pair: PairData, after: float) -> None:
-    """Keep when a contact force falls through zero (s after the flight's start), or NEVER."""
-    pair.release_t = NEVER
-    pair.release_t_low = 0.0
-    if after < NEVER:
-        pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
 
 
 @kernel

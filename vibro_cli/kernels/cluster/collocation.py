@@ -12,12 +12,11 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import SERIES_LENGTH, Series, kernel
-from vibro_cli.kernels.cluster.clusters import keep_release
 from vibro_cli.kernels.cluster.trace_forces import normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import free_acceleration, set_normals
 from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_to, set_exit_time
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, path_on_segment, polynomial_flow
-from vibro_cli.kernels.impact.impulse_chain import contact_forces
+from vibro_cli.kernels.impact.impulse_chain import contact_forces, keep_release
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
 from vibro_cli.kernels.numerics.elliptic import angle_difference
 from vibro_cli.kernels.world import (

@@ -18,7 +18,6 @@ from vibro_cli.compile.kernel import Series, kernel
 from vibro_cli.kernels.cluster.clusters import (
     FORCE_ROUNDING,
     begin_on_line,
-    keep_release,
     lever_of,
     moments_of_body,
 )
@@ -50,6 +49,7 @@ from vibro_cli.kernels.flow.rotating_flight import (
     square_harmonics,
 )
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, half_way, pull_of, time_to
+from vibro_cli.kernels.impact.impulse_chain import keep_release
 from vibro_cli.kernels.numerics.conservative_advancement import (
     Harmonics,
     combined,

@@ -21,10 +21,13 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 )
 from vibro_cli.kernels.flow.flight import AT_END, is_at, state_at
 from vibro_cli.kernels.impact.laws import law_approach, weight_and_response
+from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.world import (
     NEVER,
+    Flight,
     FlightRow,
+    PairData,
     World,
     flight_along,
     number_along,
@@ -314,3 +317,12 @@ def contact_forces(world: World, first: int, count: int) -> None:
             after = pair_along(world, first, step + 1)
             pair.upper = -pair.normal_b * after.normal_a * ease_b
     solve_from_both_ends(world.pairs, pairs, first, count)
+
+
+@kernel
+def keep_release(flight: Flight, pair: PairData, after: float) -> None:
+    """Keep when a contact force falls through zero (s after the flight's start), or NEVER."""
+    pair.release_t = NEVER
+    pair.release_t_low = 0.0
+    if after < NEVER:
+        pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)

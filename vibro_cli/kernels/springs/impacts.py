@@ -1,9 +1,13 @@
-"""Impacts of neighbours on the line.
+"""Impacts of neighbours on the line, and which of them stay in contact.
 
 On the line both centres move along it: the laws are those of `kernels.impact.laws` with the cosine
 ``c = 2 sqrt(r_a r_b)/(r_a + r_b)`` between it and the line of centres. Neighbouring pairs that
 approach at one instant are solved jointly; pairs that approach because of it follow at the same
 instant, and so on.
+
+Where no pair of a chain of touching bodies approaches, those stay in contact which the springs
+press together: the forces F of the contacts satisfy ``F >= 0``, the pairs that part ``gap'' >= 0``,
+never both.
 """
 
 from __future__ import annotations
@@ -14,25 +18,40 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import (
     HEDRIH,
     NORMAL_IMPULSE,
+    TRANSLATIONAL,
     impact_of_pair,
     law_approach,
     loss_of_impulse,
     weight_and_response,
 )
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
-from vibro_cli.kernels.springs.search import gap_of, is_in_contact
-from vibro_cli.kernels.springs.series import acceleration_of, log_states, renew_energies
+from vibro_cli.kernels.springs.series import (
+    acceleration_of,
+    gap_of,
+    is_in_contact,
+    log_states,
+    mass_of_group,
+    renew_energies,
+)
 from vibro_cli.kernels.springs.world import (
+    CHANGES,
     COLLIDED,
     COLLISION,
     CONTACT_CLOSED,
-    END_INADMISSIBLE,
+    CONTACT_OPENED,
+    DECISION,
+    FREE,
+    IMPACTS,
+    MAY,
     PARTING,
+    RELEASED,
     RESTING,
-    RUNNING,
+    SETTLED,
+    STAYS,
     ImpactRow,
     World,
 )
+from vibro_cli.kernels.world import END_INADMISSIBLE, RUNNING
 
 # Speeds within so much of each other, as a share of their sum, are equal but for rounding.
 ROUNDING = 8.0 * 2.0**-52
@@ -56,7 +75,7 @@ def collide_approaching(world: World) -> int:
 
     Returns COLLIDED, RUNNING if no pair approaches, or the end that an impact brings.
     """
-    last = world.settings[0].bodies - 1
+    last = len(world.bodies) - 1
     for pair in range(last):
         closing = is_in_contact(world, pair) and approach_of(world, pair) > 0.0
         world.pairs[pair].closing = 1 if closing else 0
@@ -83,7 +102,7 @@ def touches_no_other(world: World, pair: int) -> bool:
     """Whether the bodies of a pair touch no other ones."""
     if pair > 0 and is_in_contact(world, pair - 1):
         return False
-    return pair + 2 >= world.settings[0].bodies or not is_in_contact(world, pair + 1)
+    return pair + 2 >= len(world.bodies) or not is_in_contact(world, pair + 1)
 
 
 @kernel
@@ -161,7 +180,7 @@ def _impulses(world: World, start: int, count: int, law: int) -> bool:
         state = world.pairs[row.pair]
         set_chain_row(world, row.pair, law, first, count)
         state.right = (1.0 + state.restitution) * approach_before(world, row, law)
-    solve_from_both_ends(world.pairs, world.settings[0].bodies - 1, first, count)
+    solve_from_both_ends(world.pairs, len(world.bodies) - 1, first, count)
     for number in range(start, start + count):
         row = world.impacts[number]
         row.law = law
@@ -309,3 +328,197 @@ def _apply_plastic(world: World, row: ImpactRow) -> None:
         law = NORMAL_IMPULSE  # equal omega would not be one speed
     apply_law(world, row, law, 0.0)
     row.v_b_post = row.v_a_post
+
+
+@kernel
+def settle_contacts(world: World) -> None:
+    """Decide which pairs stay in contact, then carry it out, with each call for one pair."""
+    clock = world.clock[0]
+    last = len(world.bodies) - 1
+    if clock.unsettled == DECISION:
+        for pair in range(last):
+            _propose(world, pair)
+        while _press(world):
+            pass
+        for pair in range(last):
+            if world.pairs[pair].stays == MAY:
+                world.pairs[pair].stays = 0
+        clock.unsettled = CHANGES
+        if _equalise_all(world):
+            renew_energies(world)
+            log_states(world, COLLISION, 0, 0.0)
+            for pair in range(last):
+                if is_in_contact(world, pair) and approach_of(world, pair) > 0.0:
+                    clock.unsettled = IMPACTS  # one speed of some made others approach
+            return
+    for pair in range(last):
+        state = world.pairs[pair]
+        if is_in_contact(world, pair) and state.stays != state.held:
+            if state.stays == STAYS:
+                _close(world, pair)
+            else:
+                _open(world, pair)
+            return
+    clock.unsettled = SETTLED
+
+
+@kernel
+def _propose(world: World, pair: int) -> None:
+    """Propose a pair to stay: one without relative speed, or whose bounces would soon be over."""
+    state = world.pairs[pair]
+    state.stays = 0
+    state.needed = 0.0
+    if not is_in_contact(world, pair):
+        return
+    approach = approach_of(world, pair)
+    if approach == 0.0:
+        state.stays = MAY
+        if state.known < RESTING:
+            state.known = RESTING
+    elif approach < 0.0:
+        state.known = PARTING
+        if state.restitution < 1.0:
+            state.stays = MAY
+            over = NEARLY_OVER / frequency(world, pair)
+            state.needed = -2.0 * approach / ((1.0 - state.restitution) * over)
+
+
+@kernel
+def _press(world: World) -> bool:
+    """Let those that may stay do so which are pressed together; False if there are none.
+
+    Bodies that stay together push their other neighbours more: what is pressed once stays so
+    (Chandrasekaran's method for a matrix with no positive element beside its diagonal).
+    """
+    found = False
+    bodies = len(world.bodies)
+    first = 0
+    count = _staying(world, 0)
+    left = common_acceleration(world, first, count)
+    while first + count < bodies:
+        pair = world.pairs[first + count - 1]
+        first += count
+        count = _staying(world, first)
+        right = common_acceleration(world, first, count)
+        if pair.stays == MAY and left - right > pair.needed:
+            pair.stays = STAYS
+            found = True
+        left = right
+    return found
+
+
+@kernel
+def _staying(world: World, first: int) -> int:
+    """How many bodies from one on stay together."""
+    count = 1
+    while first + count < len(world.bodies) and world.pairs[first + count - 1].stays == STAYS:
+        count += 1
+    return count
+
+
+@kernel
+def common_acceleration(world: World, first: int, count: int) -> float:
+    """Return the acceleration (m/s^2) of bodies that move as one."""
+    force = 0.0
+    for body in range(first, first + count):
+        force += world.bodies[body].rolling_mass * acceleration_of(world.springs[body])
+    return force / mass_of_group(world, first, count)
+
+
+@kernel
+def _close(world: World, pair: int) -> None:
+    """Begin lasting contact of a pair, whose bodies have been given one speed."""
+    state = world.pairs[pair]
+    lasting = 0.0
+    if state.needed > 0.0:
+        lasting = NEARLY_OVER / frequency(world, pair)
+    number = _last_impact(world, pair, pair + 1)
+    if number >= 0:
+        world.impacts[number].contact = 1
+    hold(world, pair, lasting)
+
+
+@kernel
+def _equalise_all(world: World) -> bool:
+    """Give all bodies that stay together one speed; whether that changed any."""
+    changed = False
+    first = 0
+    bodies = len(world.bodies)
+    while first < bodies:
+        end = first
+        same = True
+        while end < bodies - 1 and world.pairs[end].stays == STAYS:
+            end += 1
+            same = same and world.springs[end].v == world.springs[first].v
+        if not same:
+            loss = _equalise(world, first, end)
+            number = _last_impact(world, first, end)
+            if number >= 0:
+                world.impacts[number].loss += loss
+                world.clock[0].lost += loss
+            else:
+                world.clock[0].energy_correction += abs(loss)
+            changed = True
+        first = end + 1
+    return changed
+
+
+@kernel
+def _equalise(world: World, first: int, end: int) -> float:
+    """Give bodies ``first`` to ``end`` one speed, at the law's momentum; the energy lost (J)."""
+    moving = 0.0
+    total = 0.0
+    for body in range(first, end + 1):
+        mass = world.bodies[body].rolling_mass
+        if world.settings[0].law == TRANSLATIONAL:
+            mass = world.bodies[body].mass
+        moving += mass * world.springs[body].v
+        total += mass
+    common = moving / total
+    loss = 0.0
+    for body in range(first, end + 1):
+        v = world.springs[body].v
+        loss += 0.5 * world.bodies[body].rolling_mass * (v - common) * (v + common)
+        world.springs[body].v = common
+    return loss
+
+
+@kernel
+def _last_impact(world: World, first: int, end: int) -> int:
+    """Row of the last impact of this instant of bodies ``first`` to ``end``, or -1."""
+    clock = world.clock[0]
+    for number in range(clock.impact_rows - 1, -1, -1):
+        row = world.impacts[number]
+        if row.t != clock.t or row.t_low != clock.t_low:
+            break
+        if first <= row.pair < end:
+            return number
+    return -1
+
+
+@kernel
+def _open(world: World, pair: int) -> None:
+    """End a lasting contact that an impact has broken."""
+    world.pairs[pair].held = 0
+    renew_energies(world)
+    log_states(world, CONTACT_OPENED, pair, 0.0)
+
+
+@kernel
+def open_contact(world: World, pair: int) -> None:
+    """End a lasting contact whose force has fallen to zero."""
+    _open(world, pair)
+    world.pairs[pair].known = RELEASED
+
+
+@kernel
+def touches_at_start(world: World) -> None:
+    """Note the pairs that start in contact, as far as rounding can tell."""
+    for pair in range(len(world.bodies) - 1):
+        one = world.springs[pair]
+        other = world.springs[pair + 1]
+        size = abs(one.foot + one.x) + abs(other.foot + other.x) + world.pairs[pair].touch
+        state = world.pairs[pair]
+        state.known = FREE
+        if abs(gap_of(world, pair)) <= 2.0 * ROUNDING * size:
+            state.known = RESTING if approach_of(world, pair) == 0.0 else PARTING

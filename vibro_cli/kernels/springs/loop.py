@@ -5,28 +5,105 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.numerics.conservative_advancement import NO_ROOT, first_fall
 from vibro_cli.kernels.numerics.double_double import add_to_time
-from vibro_cli.kernels.springs.contact import open_contact, settle_contacts, touches_at_start
-from vibro_cli.kernels.springs.impacts import collide_approaching
-from vibro_cli.kernels.springs.search import first_event, forget
-from vibro_cli.kernels.springs.series import expand, go_on, log_states, renew_energies
+from vibro_cli.kernels.springs.impacts import (
+    collide_approaching,
+    open_contact,
+    settle_contacts,
+    touches_at_start,
+)
+from vibro_cli.kernels.springs.series import expand, gap_of, go_on, log_states, renew_energies
 from vibro_cli.kernels.springs.world import (
+    BODY_ROWS,
     COLLIDED,
     DECISION,
-    END_COLLISIONS,
-    END_NO_MORE,
-    END_QUIET,
-    END_TIME,
+    FORCE,
+    FREE,
     IMPACTS,
-    LOG_FULL,
     NEVER,
+    ORDER,
     PARTING,
-    RUNNING,
+    PLACE,
+    ROW,
     SETTLED,
     START,
     SpringBody,
     World,
 )
+from vibro_cli.kernels.world import (
+    END_COLLISIONS,
+    END_NO_MORE_COLLISIONS,
+    END_QUIET,
+    END_TIME,
+    LOG_FULL,
+    RUNNING,
+)
+
+
+@kernel
+def first_event(world: World, step: float) -> tuple[float, int]:
+    """Return when (s from now) within a step the first pair meets or parts, and which; else -1."""
+    best = NEVER
+    found = -1
+    for pair in range(len(world.bodies) - 1):
+        if world.pairs[pair].held == 1:
+            time = _opening(world, pair, step)
+        else:
+            time = _meeting(world, pair, step)
+        if time != NO_ROOT and time < best:
+            best = time
+            found = pair
+    return best, found
+
+
+@kernel
+def _meeting(world: World, pair: int, step: float) -> float:
+    """When the gap of a free pair falls to zero, without the root that is known at the start."""
+    rows = world.gaps
+    known = world.pairs[pair].known
+    base = pair * ROW
+    left = pair * BODY_ROWS + PLACE
+    right = left + BODY_ROWS
+    for k in range(ROW):
+        rows[base + k] = world.series[right + k] - world.series[left + k]
+    if known == FREE:
+        rows[base] = gap_of(world, pair)
+    elif known == PARTING:
+        rows[base + 1] = max(rows[base + 1], 0.0)
+    elif rows[base + known] <= 0.0:
+        # Decided to part or to stay, it is zero up to rounding; the next step will tell.
+        return NO_ROOT
+    return first_fall(rows, base + known, base + ORDER, step)
+
+
+@kernel
+def _opening(world: World, pair: int, step: float) -> float:
+    """When the force in a lasting contact falls to zero."""
+    rows = world.gaps
+    base = pair * ROW
+    first = pair
+    while first > 0 and world.pairs[first - 1].held == 1:
+        first -= 1
+    for k in range(ORDER - 1):
+        common = world.series[first * BODY_ROWS + PLACE + k + 2] * (k + 1) * (k + 2)
+        force = 0.0
+        for body in range(first, pair + 1):
+            own = world.series[body * BODY_ROWS + FORCE + k]
+            force += world.bodies[body].rolling_mass * (own - common)
+        rows[base + k] = force
+    if rows[base] <= 0.0:
+        return 0.0
+    return first_fall(rows, base, base + ORDER - 2, step)
+
+
+@kernel
+def forget(world: World) -> None:
+    """Time has passed: what was known of gaps at its start no longer holds."""
+    for pair in range(len(world.bodies) - 1):
+        if world.pairs[pair].held == 0:
+            world.pairs[pair].known = FREE
+
 
 # So many steps without an event are more than a run is worth: it is refused.
 MOST_STEPS = 20_000_000
@@ -63,7 +140,7 @@ def _run(world: World) -> int:
         # The rows of one instant are wanted together, as long as there is room for them at all.
         room = settings.room
         if clock.unsettled != SETTLED:
-            room = 2 * (settings.room - settings.bodies)
+            room = 2 * (settings.room - len(world.bodies))
         if clock.impact_rows >= room or clock.state_rows >= room:
             return LOG_FULL
         if clock.work >= 2 * settings.room:  # to be compiled if it comes back often
@@ -102,7 +179,7 @@ def _step(world: World) -> int:
         return END_TIME
     clock.steps += 1
     if clock.steps % 1024 == 1 and settings.stop_time >= NEVER and never_meet(world):
-        return END_NO_MORE
+        return END_NO_MORE_COLLISIONS
     if clock.steps > MOST_STEPS:
         return END_QUIET
     step = expand(world)
@@ -150,7 +227,7 @@ def _finish(world: World) -> int:
 @kernel
 def never_meet(world: World) -> bool:
     """Whether the energies keep all neighbours apart for ever; groups in contact may still part."""
-    for pair in range(world.settings[0].bodies - 1):
+    for pair in range(len(world.bodies) - 1):
         if world.pairs[pair].held == 1:
             return False
         one = world.springs[pair]

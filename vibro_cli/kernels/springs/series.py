@@ -5,7 +5,7 @@ from those of x^2, of y = x/s from x = s y. Bodies in lasting contact move as on
 share ``M_i/M`` of the acceleration.
 
 How far: for complex places within R of the present one, R < s, the length stays above s - R, the
-acceleration below ``w^2 (|x| + R)(1 + l/(s - R))``, its derivative to the place (see `variation`)
+acceleration below ``w^2 (|x| + R)(1 + l/(s - R))``, its derivative to the place (see `tangent`)
 below ``w^2 (1 + l b^2/(s - R)^3)``, and so the acceleration also below what it is now and R times
 that. With A, the lower of the two bounds: for complex times up to T, ``|v| T + A T^2/2 = R``, the
 place stays within R, and by Cauchy the coefficients of its series are at most ``R/T^k``: what a
@@ -26,6 +26,7 @@ from vibro_cli.kernels.springs.world import (
     LENGTH,
     NEVER,
     ORDER,
+    PARTING,
     PLACE,
     RATIO,
     SpringBody,
@@ -42,7 +43,7 @@ REACH = 0.5
 def group_size(world: World, first: int) -> int:
     """Return how many bodies move as one with the body ``first``, their leftmost."""
     count = 1
-    while first + count < world.settings[0].bodies and world.pairs[first + count - 1].held == 1:
+    while first + count < len(world.bodies) and world.pairs[first + count - 1].held == 1:
         count += 1
     return count
 
@@ -61,7 +62,7 @@ def expand(world: World) -> float:
     """Set the series of all bodies at the present instant; return the step (s) they hold for."""
     step = NEVER
     first = 0
-    while first < world.settings[0].bodies:
+    while first < len(world.bodies):
         count = group_size(world, first)
         step = min(step, begin_group(world, first, count))
         for k in range(ORDER - 1):
@@ -223,7 +224,7 @@ def keep_energy(world: World, first: int, count: int) -> None:
 def go_on(world: World, time: float) -> None:
     """Move all bodies on by a time (s) within the step of their series, energies kept."""
     first = 0
-    while first < world.settings[0].bodies:
+    while first < len(world.bodies):
         count = group_size(world, first)
         for body in range(first, first + count):
             move_body(world, body, ORDER, time)
@@ -235,7 +236,7 @@ def go_on(world: World, time: float) -> None:
 def renew_energies(world: World) -> None:
     """Set the energy that each group keeps from now on."""
     first = 0
-    while first < world.settings[0].bodies:
+    while first < len(world.bodies):
         count = group_size(world, first)
         world.springs[first].energy = energy_of_group(world, first, count)
         first += count
@@ -245,7 +246,7 @@ def renew_energies(world: World) -> None:
 def log_states(world: World, cause: int, pair: int, value: float) -> None:
     """Log the state of every body after an event."""
     clock = world.clock[0]
-    for body in range(world.settings[0].bodies):
+    for body in range(len(world.bodies)):
         row = world.states[clock.state_rows]
         clock.state_rows += 1
         spring = world.springs[body]
@@ -259,7 +260,7 @@ def log_states(world: World, cause: int, pair: int, value: float) -> None:
         row.v = spring.v
         row.energy = energy_of(spring)
         row.held = 0
-        if body < world.settings[0].bodies - 1:
+        if body < len(world.bodies) - 1:
             # Between impacts of one instant bodies that were in contact may have other speeds.
             same = world.springs[body + 1].v == spring.v
             row.held = 1 if world.pairs[body].held == 1 and same else 0
@@ -297,7 +298,7 @@ def sample_states(
     Those after one event stand together, and do not fall. ``world`` has the log and is changed,
     ``scratch`` has a body for each.
     """
-    bodies = world.settings[0].bodies
+    bodies = len(world.bodies)
     clock = world.clock[0]
     row = -1
     way = 0.0
@@ -333,7 +334,7 @@ def sample_states(
 @kernel
 def restore(world: World, row: int, way: float) -> None:
     """Put the bodies into the state after an event, with speeds times ``way``."""
-    bodies = world.settings[0].bodies
+    bodies = len(world.bodies)
     for body in range(bodies):
         state = world.states[row + body]
         world.springs[body].x = state.x
@@ -343,3 +344,18 @@ def restore(world: World, row: int, way: float) -> None:
     world.clock[0].t = world.states[row].t
     world.clock[0].t_low = world.states[row].t_low
     renew_energies(world)
+
+
+@kernel
+def gap_of(world: World, pair: int) -> float:
+    """Return the distance (m) between a body and its right neighbour along the line."""
+    one = world.springs[pair]
+    other = world.springs[pair + 1]
+    return (other.foot - one.foot) + (other.x - one.x) - world.pairs[pair].touch
+
+
+@kernel
+def is_in_contact(world: World, pair: int) -> bool:
+    """Whether a pair is known to be in contact at the present instant."""
+    state = world.pairs[pair]
+    return state.held == 1 or state.known >= PARTING

@@ -7,7 +7,7 @@ stays within R < s of that at the start of the step, the length stays above s - 
 ``w^2 (1 + l b^2/(s - R)^3)``: the series of d hold for the step that those of the places do.
 
 Of each body the place and the speed of its centre. Between events the motion is gone through again
-with tangent vectors, along as much of its series as they need (see `variation`). Where a gap
+with tangent vectors, along as much of its series as they need (see `_expand`). Where a gap
 closes, ``dx^+ = dx^- + (v^- - v^+) dt`` and ``dv^+ = dv^- - (a^+ - a^-) dt + (change of v^+ -
 v^-)``, ``dt = -dg/g'``; the accelerations a jump where bodies come into lasting contact, or out of
 it by an impact. Impulses are those of `impacts`, their changes one linear system with the same
@@ -20,8 +20,12 @@ from vibro_cli.compile.kernel import FloatMatrix, kernel
 from vibro_cli.kernels.impact.laws import TRANSLATIONAL, weight_and_response
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
-from vibro_cli.kernels.springs.contact import common_acceleration
-from vibro_cli.kernels.springs.impacts import approach_before, inclination, set_chain_row
+from vibro_cli.kernels.springs.impacts import (
+    approach_before,
+    common_acceleration,
+    inclination,
+    set_chain_row,
+)
 from vibro_cli.kernels.springs.series import (
     begin_group,
     extend_group,
@@ -38,19 +42,21 @@ from vibro_cli.kernels.springs.world import (
     ORDER,
     PLACE,
     RATIO,
-    RUNNING,
     ImpactRow,
     World,
 )
 from vibro_cli.kernels.tangent.frame import (
     Tangents,
     begin_frame,
+    carry_vectors,
+    change_force,
     orthogonalise,
     tell_event,
     tell_growth,
     tell_nothing,
     tell_smooth,
 )
+from vibro_cli.kernels.world import RUNNING
 
 # Terms of a step are left out that are below this: those of changes, and of a place over b.
 REST = 1.0e-18
@@ -61,7 +67,7 @@ _SLOPE, _WAY, _SPEED, _STEEPNESS = 0, 1, 2, 3
 @kernel
 def carry_on(world: World, tangents: Tangents, left: float) -> float:
     """Carry bodies and tangent vectors on by one step, at most ``left`` (s), and return it."""
-    bodies = world.settings[0].bodies
+    bodies = len(world.bodies)
     step = left
     first = 0
     while first < bodies:
@@ -75,7 +81,7 @@ def carry_on(world: World, tangents: Tangents, left: float) -> float:
         one, three = _at(tangents.series, _WAY, last, step)
         two, four = _at(tangents.series, _SPEED, last, step)
         for body in range(first, first + count):
-            _carry_vectors(tangents, body, one, two, three, four)
+            carry_vectors(tangents, body, one, two, three, four)
             move_body(world, body, last, step)
         keep_energy(world, first, count)
         first += count
@@ -164,20 +170,6 @@ def _at(series: FloatMatrix, row: int, last: int, time: float) -> tuple[float, f
     return value, slope
 
 
-@kernel
-def _carry_vectors(
-    tangents: Tangents, body: int, one: float, two: float, three: float, four: float
-) -> None:
-    """Carry the tangent vectors of a body by the derivative ``[[one, two], [three, four]]``."""
-    tau = tangents.state[0].time_scale
-    frame = tangents.frame
-    for column in range(len(frame)):
-        way = frame[2 * body, column]
-        rate = frame[2 * body + 1, column]
-        frame[2 * body, column] = one * way + two / tau * rate
-        frame[2 * body + 1, column] = three * tau * way + four * rate
-
-
 NUMBERS = 2  # of the state of a body: its place, tau times its speed
 
 # Columns of the scratch row of a pair: its impulse, and how much later it comes.
@@ -196,25 +188,15 @@ def follow_bodies(
 ) -> None:
     """Carry tangent vectors through a part of a run.
 
-    Parameters
-    ----------
-    world
-        With the rows of the part in its logs, and the bodies as they were at the last event before
-        it; changed.
-    known
-        0 for the first part of a run.
-    cause, end_t, end_t_low
-        ``RUNNING``, or why and when (two doubles, s) the run ended: then all bodies are carried to
-        that instant.
-    tangents
-        Changed; its columns are filled in for the impacts of the log.
+    Arguments as of `kernels.tangent.follow.follow_tangents`, but 0 or 1 for ``known``; the
+    bodies are as they were at the last event before it.
     """
     clock = world.clock[0]
     if known == 0:
         begin_frame(tangents)
     impact = 0
     told = 0
-    for row in range(0, clock.state_rows, world.settings[0].bodies):
+    for row in range(0, clock.state_rows, len(world.bodies)):
         if _is_later(world, row):
             told = _tell(tangents, told, impact)
         count = world.states[row].event - clock.collisions
@@ -296,7 +278,7 @@ def _carry(world: World, tangents: Tangents, t: float, t_low: float) -> None:
     if left > 0.0:
         for column in range(len(tangents.frame)):
             tangents.delay[0, column] = 0.0
-        for body in range(world.settings[0].bodies):
+        for body in range(len(world.bodies)):
             tangents.current[0, body] = 0
     steps = 0
     while left > 0.0:
@@ -314,7 +296,7 @@ def _carry(world: World, tangents: Tangents, t: float, t_low: float) -> None:
 def _note_accelerations(world: World, tangents: Tangents, when: int) -> None:
     """Note the accelerations of all bodies before or after an event."""
     first = 0
-    while first < world.settings[0].bodies:
+    while first < len(world.bodies):
         count = group_size(world, first)
         common = common_acceleration(world, first, count)
         for body in range(first, first + count):
@@ -325,18 +307,15 @@ def _note_accelerations(world: World, tangents: Tangents, when: int) -> None:
 @kernel
 def _change_forces(world: World, tangents: Tangents) -> None:
     """Let bodies whose acceleration changes later go on with what it has changed by then."""
-    for body in range(world.settings[0].bodies):
+    for body in range(len(world.bodies)):
         jump = tangents.arriving[body, _AFTER] - tangents.arriving[body, _BEFORE]
-        if jump != 0.0:
-            jump *= tangents.state[0].time_scale
-            for column in range(len(tangents.frame)):
-                tangents.frame[2 * body + 1, column] -= jump * tangents.delay[0, column]
+        change_force(tangents, body, jump)
 
 
 @kernel
 def _closes(world: World, row: int) -> bool:
     """Tell whether lasting contact of a pair begins with an event, or begins again."""
-    for body in range(world.settings[0].bodies - 1):
+    for body in range(len(world.bodies) - 1):
         if world.states[row + body].held == 1 and world.pairs[body].held == 0:
             return True
     return False
@@ -370,7 +349,7 @@ def _strike(world: World, tangents: Tangents, begin: int, count: int, plastic: b
     ``plastic`` where lasting contact begins: all further bounces are one impact with k = 0.
     """
     first = world.impacts[begin].pair
-    pairs = world.settings[0].bodies - 1
+    pairs = len(world.bodies) - 1
     for number in range(count):
         row = world.impacts[begin + number]
         more = 1.0 if plastic else 1.0 + world.pairs[row.pair].restitution
@@ -450,7 +429,7 @@ def _apply(world: World, tangents: Tangents, row: ImpactRow, number: int, column
 def _unite_groups(world: World, tangents: Tangents) -> None:
     """Project tangent vectors onto the common motion of groups, which keeps the law's momentum."""
     first = 0
-    while first < world.settings[0].bodies:
+    while first < len(world.bodies):
         count = group_size(world, first)
         if count > 1:
             for column in range(len(tangents.frame)):

@@ -32,23 +32,8 @@ CHANGES = 3  # to carry out what is decided, one pair after another
 STAYS = 1
 MAY = 2
 
-# Why the loop came back; END_… are causes of the end of a run.
-RUNNING = 0
-END_TIME = 1
-END_COLLISIONS = 2
-END_NO_MORE = 3
-END_INADMISSIBLE = 4
-END_QUIET = 5
-LOG_FULL = 6
-END_INTERRUPTED = 8  # from outside
-COLLIDED = 7  # not a cause: there was an impact
-END_NAMES = {
-    END_TIME: "time",
-    END_COLLISIONS: "collisions",
-    END_NO_MORE: "no_more_collisions",
-    END_INADMISSIBLE: "inadmissible",
-    END_INTERRUPTED: "interrupted",
-}
+# Not a cause of the end: there was an impact.
+COLLIDED = -1
 
 # What a state in the log begins with.
 START = 0
@@ -56,7 +41,7 @@ COLLISION = 1
 CONTACT_CLOSED = 2
 CONTACT_OPENED = 3
 
-NEVER = 1.0e300
+NEVER = 1.0e300  # an instant, s, after the end of every run
 
 
 @struct
@@ -113,7 +98,6 @@ class Settings:
     stop_time: float
     stop_collisions: int
     room: int
-    bodies: int
     finishing: int  # 1: only go on from the last step to the stop
 
 
@@ -169,18 +153,3 @@ class World(NamedTuple):
     gaps: list[float]  # a row of each pair: its gap, or the force in its contact
     impacts: Sequence[ImpactRow]
     states: Sequence[StateRow]
-
-
-RECORDS: dict[str, type] = {
-    "clock": Clock,
-    "settings": Settings,
-    "bodies": BodyData,
-    "springs": SpringBody,
-    "pairs": SpringPair,
-    "impacts": ImpactRow,
-    "states": StateRow,
-}
-STATE = ("clock", "springs", "pairs")
-"""The records that change in a run, which are its state."""
-LOGS = {"impacts": "impact_rows", "states": "state_rows"}
-"""The logs, and the field of the clock that counts their rows."""

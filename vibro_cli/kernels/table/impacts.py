@@ -1,8 +1,21 @@
-"""Impacts of two balls, and of a ball on the wall.
+"""Impacts of balls, of one pair or of several at one instant, and of a ball on the wall.
 
 A law acts on the components along the horizontal line of centres; the tangential ones stay (C,
 parts 1 and 2). Along that line each ball rolls as on a straight trace: the laws are those of
 `kernels.impact.laws`, with ``c = 2 sqrt(r_a r_b)/(r_a + r_b)`` between it and the line of centres.
+
+Of several pairs that touch at one instant the impulse ``I_p`` along each line of centres turns the
+law's relative speed ``u_p`` into ``-k u_p``:
+
+    sum_q A_pq I_q = (1 + k) u_p,
+
+where A says what each impulse changes in each relative speed: symmetric, and singular where more
+pairs touch than there are motions to stop, though the velocities are unique. It is solved by
+conjugate gradients on residuals of 31 digits, so that the doubles that come out do not depend on
+the order of the pairs: symmetric scenes stay so. All pairs of a group that close at an instant are
+solved together; pairs that close because of it follow at the same instant, as a group of their own.
+Where that goes on and on, the relative speeds shrinking (k < 1), the limit is taken: impacts with
+k = 0, after which the balls roll on side by side.
 """
 
 from __future__ import annotations
@@ -10,19 +23,17 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, impact_of_pair
-from vibro_cli.kernels.numerics.double_double import time_between
-from vibro_cli.kernels.table.queue import touching_distance
-from vibro_cli.kernels.table.walls import RESOLVED
-from vibro_cli.kernels.table.world import (
-    CONIC,
-    END_INADMISSIBLE,
-    END_WALL_CONTACT,
-    RUNNING,
-    PairRow,
-    World,
+from vibro_cli.kernels.impact.laws import (
+    NORMAL_IMPULSE,
+    impact_of_pair,
+    law_approach,
+    loss_of_impulse,
+    weight_and_response,
 )
-from vibro_cli.kernels.world import BodyData
+from vibro_cli.kernels.numerics.double_double import pair_plus, pair_times
+from vibro_cli.kernels.table.walls import EPSILON, RESOLVED, present_place, touching_distance
+from vibro_cli.kernels.table.world import CONIC, PairRow, World
+from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING, BodyData
 
 # Below this share of the speed a bounce cannot be told from rolling along: the rounding of the
 # place turns the normal by about the root of it.
@@ -36,9 +47,7 @@ def bring(world: World, ball: int) -> None:
     """Move a ball to the present instant."""
     clock = world.clock[0]
     state = world.balls[ball]
-    past = time_between(clock.t, clock.t_low, state.t, state.t_low)
-    state.x += state.vx * past
-    state.y += state.vy * past
+    state.x, state.y = present_place(world, ball)
     state.t = clock.t
     state.t_low = clock.t_low
 
@@ -221,3 +230,371 @@ def _kept(world: World, ball: int, vx: float, vy: float) -> tuple[float, float]:
     half_mass = 0.5 * world.bodies[ball].rolling_mass
     world.clock[0].energy_correction += half_mass * abs(found - state.square)
     return vx - 0.5 * surplus * vx, vy - 0.5 * surplus * vy
+
+
+# Centres whose distance is within so much of that of touching, as a share of their places, touch.
+TOUCHING = 16.0 * EPSILON
+
+
+@kernel
+def find_group(world: World, a: int, b: int) -> int:
+    """Note the pairs that touch at this instant and hang together with two balls; their number.
+
+    The balls of the group stand in ``world.group``, first of them a and b.
+    """
+    clock = world.clock[0]
+    for ball in range(len(world.balls)):
+        world.shares[ball].place = 0
+    world.group[0], world.group[1] = a, b
+    world.shares[a].place, world.shares[b].place = 1, 2
+    clock.group = 2
+    count = 1
+    world.touches[0].a, world.touches[0].b = a, b
+    done = 0
+    while done < clock.group:
+        ball = world.group[done]
+        for other in range(len(world.balls)):
+            place = world.shares[other].place
+            # Each pair once, by whichever of the two comes first; the pair of the event is there.
+            if other == ball or 0 < place <= done or (done == 0 and place == 2):
+                continue
+            if count < len(world.touches) and are_touching(world, ball, other):
+                world.touches[count].a = min(ball, other)
+                world.touches[count].b = max(ball, other)
+                count += 1
+                if place == 0:
+                    world.group[clock.group] = other
+                    clock.group += 1
+                    world.shares[other].place = clock.group
+        done += 1
+    return count
+
+
+@kernel
+def are_touching(world: World, a: int, b: int) -> bool:
+    """Whether two balls touch at this instant, but for the rounding of their places."""
+    x, y = present_place(world, a)
+    other_x, other_y = present_place(world, b)
+    dx = other_x - x
+    dy = other_y - y
+    distance = touching_distance(world, a, b)
+    size = abs(x) + abs(y) + abs(dx) + abs(dy) + distance
+    return dx * dx + dy * dy <= distance * (distance + 2.0 * TOUCHING * size)
+
+
+# The square of the share of the impulses at which the residuals are nothing but rounding.
+SOLVED = 1.0e-50
+# Impulses that change relative speeds by a smaller share than this balance one another but for the
+# rounding of the normals: there is nothing to be solved for.
+BALANCED = 1.0e-12
+
+
+@kernel
+def solve_impulses(world: World, closing: int, law: int, restitution: float) -> None:
+    """Set the impulses of the closing pairs, and the velocities after them in the shares."""
+    _set_up(world, closing, law, restitution)
+    _descend(world, closing)
+    for number in range(closing):
+        touch = world.touches[number]
+        touch.direction = touch.impulse
+    _apply(world, closing)
+
+
+@kernel
+def impulses_for(world: World, pairs: int) -> None:
+    """Set the impulses of pairs for right-hand sides given in ``left``, each a double."""
+    if pairs == 1:
+        world.touches[0].impulse = world.touches[0].left / world.touches[0].diagonal
+        return
+    for number in range(pairs):
+        touch = world.touches[number]
+        touch.left_low = 0.0
+        touch.impulse, touch.impulse_low = 0.0, 0.0
+        touch.direction = touch.left / touch.diagonal
+    _descend(world, pairs)
+
+
+@kernel
+def _descend(world: World, closing: int) -> None:
+    """Set the impulses by conjugate gradients, from the right-hand sides and first directions."""
+    target = 0.0
+    for number in range(closing):
+        touch = world.touches[number]
+        target += touch.left * touch.left / touch.diagonal
+    rho = target
+    for _ in range(20 + 10 * closing):
+        if rho <= SOLVED * target:
+            break
+        along = _apply(world, closing)
+        size = 0.0
+        for number in range(closing):
+            touch = world.touches[number]
+            size += touch.diagonal * touch.direction * touch.direction
+        if along <= BALANCED * size:
+            break
+        rho = _step(world, closing, rho, rho / along)
+    for number in range(closing):
+        touch = world.touches[number]
+        touch.impulse += touch.impulse_low
+
+
+@kernel
+def set_weights(world: World, number: int, law: int) -> None:
+    """Set weights and responses of a pair of touching balls."""
+    touch = world.touches[number]
+    one = world.bodies[touch.a]
+    other = world.bodies[touch.b]
+    inclined = inclination(one, other)
+    touch.weight_a, touch.response_a = weight_and_response(law, one, inclined)
+    touch.weight_b, touch.response_b = weight_and_response(law, other, inclined)
+    touch.diagonal = touch.weight_a * touch.response_a + touch.weight_b * touch.response_b
+
+
+@kernel
+def _set_up(world: World, closing: int, law: int, restitution: float) -> None:
+    """Set weights, responses and right-hand sides of the closing pairs."""
+    first = world.clock[0].pair_rows - closing
+    for number in range(closing):
+        touch = world.touches[number]
+        row = world.pair_log[first + number]
+        one = world.bodies[touch.a]
+        other = world.bodies[touch.b]
+        inclined = inclination(one, other)
+        set_weights(world, number, law)
+        touch.approach = law_approach(
+            law, one, other, inclined, inclined, row.normal_a_pre, row.normal_b_pre
+        )
+        touch.impulse, touch.impulse_low = 0.0, 0.0
+    # By the very weights that the impulses are measured with: where these are redundant, another
+    # rounding of the speeds would ask for what no impulses can do.
+    for place in range(world.clock[0].group):
+        ball = world.group[place]
+        share = world.shares[ball]
+        share.x, share.x_low = world.balls[ball].vx, 0.0
+        share.y, share.y_low = world.balls[ball].vy, 0.0
+    _measure(world, closing)
+    for number in range(closing):
+        touch = world.touches[number]
+        factor = -(1.0 + restitution)
+        touch.left, touch.left_low = pair_times(touch.change, touch.change_low, factor)
+        touch.direction = touch.left / touch.diagonal
+
+
+@kernel
+def _apply(world: World, closing: int) -> float:
+    """Set what impulses ``direction`` change: in the balls' velocities, in the relative speeds.
+
+    Returns the product of the impulses with the changes of the relative speeds.
+    """
+    for place in range(world.clock[0].group):
+        share = world.shares[world.group[place]]
+        share.x, share.x_low, share.y, share.y_low = 0.0, 0.0, 0.0, 0.0
+    for number in range(closing):
+        touch = world.touches[number]
+        x, y = touch.normal_x, touch.normal_y
+        _give(world, touch.a, -touch.response_a * x, -touch.response_a * y, touch.direction)
+        _give(world, touch.b, touch.response_b * x, touch.response_b * y, touch.direction)
+    return _measure(world, closing)
+
+
+@kernel
+def _measure(world: World, closing: int) -> float:
+    """Set the relative speeds of the velocities in the shares, positive where pairs part.
+
+    Returns the product of the impulses with them.
+    """
+    product = 0.0
+    for number in range(closing):
+        touch = world.touches[number]
+        x, y = touch.normal_x, touch.normal_y
+        high, low = _along(world, touch.b, touch.weight_b * x, touch.weight_b * y)
+        more, more_low = _along(world, touch.a, -touch.weight_a * x, -touch.weight_a * y)
+        touch.change, touch.change_low = pair_plus(high, low, more, more_low)
+        product += touch.direction * touch.change
+    return product
+
+
+@kernel
+def _give(world: World, ball: int, x: float, y: float, impulse: float) -> None:
+    share = world.shares[ball]
+    high, low = pair_times(x, 0.0, impulse)
+    share.x, share.x_low = pair_plus(share.x, share.x_low, high, low)
+    high, low = pair_times(y, 0.0, impulse)
+    share.y, share.y_low = pair_plus(share.y, share.y_low, high, low)
+
+
+@kernel
+def _along(world: World, ball: int, x: float, y: float) -> tuple[float, float]:
+    share = world.shares[ball]
+    high, low = pair_times(share.x, share.x_low, x)
+    more, more_low = pair_times(share.y, share.y_low, y)
+    return pair_plus(high, low, more, more_low)
+
+
+@kernel
+def _step(world: World, closing: int, rho: float, length: float) -> float:
+    """Go a step along the direction; set the next one and return the new measure of what is left.
+
+    The residuals follow the steps in two doubles, whatever rounding there is in their lengths.
+    """
+    measure = 0.0
+    for number in range(closing):
+        touch = world.touches[number]
+        high, low = pair_times(touch.direction, 0.0, length)
+        touch.impulse, touch.impulse_low = pair_plus(touch.impulse, touch.impulse_low, high, low)
+        high, low = pair_times(touch.change, touch.change_low, -length)
+        touch.left, touch.left_low = pair_plus(touch.left, touch.left_low, high, low)
+        measure += touch.left * touch.left / touch.diagonal
+    for number in range(closing):
+        touch = world.touches[number]
+        touch.direction = touch.left / touch.diagonal + measure / rho * touch.direction
+    return measure
+
+
+# After so many events in a row without time between them what is left of them is taken as k = 0.
+SETTLING = 60
+
+
+@kernel
+def collide_jointly(world: World, count: int, instant: int) -> int:
+    """Carry out the impacts of those touching pairs that close; RUNNING or the run's end."""
+    clock = world.clock[0]
+    settings = world.settings[0]
+    for place in range(clock.group):
+        bring(world, world.group[place])
+    first = clock.pair_rows
+    closing = _closing(world, count)
+    if closing == 1:
+        clock.pair_rows -= 1
+        clock.collisions -= 1
+        return collide(world, world.touches[0].a, world.touches[0].b, instant)
+    restitution = settings.restitution
+    if clock.stalled > SETTLING and restitution < 1.0:
+        restitution = 0.0
+    law = settings.law
+    solve_impulses(world, closing, law, restitution)
+    admissible = _separate(world, first, closing)
+    if not admissible:
+        if settings.substitute == 0:
+            _complete(world, first, closing, law, restitution, 0)
+            return END_INADMISSIBLE
+        law = NORMAL_IMPULSE
+        solve_impulses(world, closing, law, restitution)
+        for row in range(first, clock.pair_rows):
+            world.pair_log[row].substituted = 1
+    _complete(world, first, closing, law, restitution, 1 if admissible else 0)
+    _part_jointly(world, first, closing)
+    return RUNNING
+
+
+@kernel
+def _closing(world: World, count: int) -> int:
+    """Note the pairs that close, first in ``world.touches`` and as rows; return their number."""
+    clock = world.clock[0]
+    closing = 0
+    for number in range(count):
+        touch = world.touches[number]
+        row = world.pair_log[clock.pair_rows]
+        a, b = touch.a, touch.b
+        note_before(world, row, a, b)
+        one = world.balls[a]
+        other = world.balls[b]
+        speeds = abs(one.vx) + abs(one.vy) + abs(other.vx) + abs(other.vy)
+        # The pair of the event closes by its time, whatever its speeds are rounded to.
+        if number > 0 and row.normal_a_pre - row.normal_b_pre <= RESOLVED * speeds:
+            continue
+        kept = world.touches[closing]
+        kept.a, kept.b = a, b
+        kept.normal_x, kept.normal_y = row.normal_x, row.normal_y
+        row.simultaneous = 1
+        row.substituted = 0
+        clock.pair_rows += 1
+        clock.collisions += 1
+        closing += 1
+    for number in range(closing):
+        event = clock.collisions + clock.bounces
+        world.pair_log[clock.pair_rows - closing + number].event = event
+    return closing
+
+
+@kernel
+def _separate(world: World, first: int, closing: int) -> bool:
+    """Set the components after the impacts in the rows; whether all the pairs separate then."""
+    admissible = True
+    for number in range(closing):
+        row = world.pair_log[first + number]
+        _set_after(world, row.a, row.b, first + number)
+        speeds = abs(row.vx_a_pre) + abs(row.vy_a_pre) + abs(row.vx_b_pre) + abs(row.vy_b_pre)
+        speeds += abs(row.vx_a_post) + abs(row.vy_a_post) + abs(row.vx_b_post) + abs(row.vy_b_post)
+        if row.normal_b_post < row.normal_a_post - RESOLVED * speeds:
+            admissible = False
+    return admissible
+
+
+@kernel
+def _set_after(world: World, a: int, b: int, number: int) -> None:
+    """Set velocities and components of both balls of a row after all impulses."""
+    row = world.pair_log[number]
+    one = world.shares[a]
+    other = world.shares[b]
+    row.vx_a_post = row.vx_a_pre + one.x
+    row.vy_a_post = row.vy_a_pre + one.y
+    row.vx_b_post = row.vx_b_pre + other.x
+    row.vy_b_post = row.vy_b_pre + other.y
+    row.normal_a_post = row.normal_a_pre + (one.x * row.normal_x + one.y * row.normal_y)
+    row.normal_b_post = row.normal_b_pre + (other.x * row.normal_x + other.y * row.normal_y)
+
+
+@kernel
+def _complete(
+    world: World, first: int, closing: int, law: int, restitution: float, admissible: int
+) -> None:
+    """Set law, loss and velocities of the rows."""
+    for number in range(closing):
+        touch = world.touches[number]
+        row = world.pair_log[first + number]
+        _set_after(world, row.a, row.b, first + number)
+        row.law = law
+        row.admissible = admissible
+        row.loss = loss_of_impulse(
+            law,
+            restitution,
+            world.bodies[row.a],
+            world.bodies[row.b],
+            touch.impulse,
+            touch.approach,
+            row.normal_a_pre + row.normal_a_post,
+            row.normal_b_pre + row.normal_b_post,
+        )
+
+
+@kernel
+def _part_jointly(world: World, first: int, closing: int) -> None:
+    """Give the balls their velocities; where nothing is lost, the energy that all had stays."""
+    loss = 0.0
+    for number in range(closing):
+        loss += abs(world.pair_log[first + number].loss)
+    before, before_low = 0.0, 0.0
+    after, after_low = 0.0, 0.0
+    for place in range(world.clock[0].group):
+        ball = world.group[place]
+        state = world.balls[ball]
+        mass = world.bodies[ball].rolling_mass
+        before, before_low = pair_plus(before, before_low, mass * state.square, 0.0)
+        state.vx += world.shares[ball].x
+        state.vy += world.shares[ball].y
+        state.square = state.vx * state.vx + state.vy * state.vy
+        after, after_low = pair_plus(after, after_low, mass * state.square, 0.0)
+    gained = (after - before) + (after_low - before_low)
+    surplus = gained / after if after > 0.0 else 0.0
+    if loss == 0.0 and abs(surplus) <= SMALL_SURPLUS:
+        world.clock[0].energy_correction += 0.5 * abs(gained)
+        for place in range(world.clock[0].group):
+            state = world.balls[world.group[place]]
+            state.square -= surplus * state.square
+            state.vx -= 0.5 * surplus * state.vx
+            state.vy -= 0.5 * surplus * state.vy
+    for number in range(closing):
+        row = world.pair_log[first + number]
+        row.vx_a_post, row.vy_a_post = world.balls[row.a].vx, world.balls[row.a].vy
+        row.vx_b_post, row.vy_b_post = world.balls[row.b].vx, world.balls[row.b].vy

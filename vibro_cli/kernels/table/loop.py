@@ -1,25 +1,140 @@
-"""The event loop of the table: the first meeting of all, its impact, the search anew."""
+"""The event loop of the table: the first meeting of all, its impact, the search anew.
+
+The row of a ball holds the first of its meetings with the wall and with the balls after it in the
+list. After an event only the rows that it concerns are searched anew, and the matches of the
+tournament above them are played again: log2 n each.
+"""
 
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.double_double import time_between
-from vibro_cli.kernels.table.impacts import bounce, collide
-from vibro_cli.kernels.table.queue import play_all, renew, search_all
-from vibro_cli.kernels.table.simultaneous_impacts import collide_jointly, find_group
-from vibro_cli.kernels.table.world import (
+from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
+from vibro_cli.kernels.table.impacts import bounce, collide, collide_jointly, find_group
+from vibro_cli.kernels.table.walls import (
+    RESOLVED,
+    meet_wall,
+    present_place,
+    time_to_distance,
+    touching_distance,
+)
+from vibro_cli.kernels.table.world import MEETS_BALL, MEETS_WALL, NEVER, NO_WALL, NOTHING, World
+from vibro_cli.kernels.world import (
     END_ACCUMULATION,
     END_BOUNCES,
     END_COLLISIONS,
-    END_NO_MORE,
+    END_NO_MORE_COLLISIONS,
     END_TIME,
     LOG_FULL,
-    MEETS_BALL,
-    NEVER,
-    NOTHING,
     RUNNING,
-    World,
 )
+
+
+@kernel
+def time_to_pair(world: World, a: int, b: int) -> float:
+    """Return the time (s) from now until two balls touch, or NEVER.
+
+    They touch at the horizontal distance ``2 sqrt(r_a r_b)`` of their centres (C, part 1).
+    """
+    one = world.balls[a]
+    other = world.balls[b]
+    x, y = present_place(world, a)
+    other_x, other_y = present_place(world, b)
+    distance = touching_distance(world, a, b)
+    rounding = RESOLVED * (abs(one.vx) + abs(one.vy) + abs(other.vx) + abs(other.vy))
+    dx = other_x - x
+    dy = other_y - y
+    return time_to_distance(dx, dy, other.vx - one.vx, other.vy - one.vy, distance, rounding)
+
+
+@kernel
+def search_row(world: World, ball: int) -> None:
+    """Find what a ball meets next of the wall and of the balls after it."""
+    row = world.meetings[ball]
+    best = NEVER
+    if world.wall[0].kind != NO_WALL:
+        x, y = present_place(world, ball)
+        row.kind = MEETS_WALL
+        best = meet_wall(world, world.bodies[ball], world.balls[ball], x, y, row)
+    for other in range(ball + 1, len(world.balls)):
+        time = time_to_pair(world, ball, other)
+        if time < best:
+            best = time
+            row.kind = MEETS_BALL
+            row.other = other
+    _set_time(world, ball, best)
+
+
+@kernel
+def _set_time(world: World, ball: int, time: float) -> None:
+    row = world.meetings[ball]
+    if time >= NEVER:
+        row.kind = NOTHING
+        row.t = NEVER
+        row.t_low = 0.0
+    else:
+        clock = world.clock[0]
+        row.t, row.t_low = add_to_time(clock.t, clock.t_low, time)
+    _play(world, ball)
+
+
+@kernel
+def renew(world: World, ball: int) -> None:
+    """Search anew all that the motion of one ball decides."""
+    search_row(world, ball)
+    for earlier in range(ball):
+        row = world.meetings[earlier]
+        if row.kind == MEETS_BALL and row.other == ball:
+            search_row(world, earlier)
+            continue
+        time = time_to_pair(world, earlier, ball)
+        if time >= NEVER:
+            continue
+        clock = world.clock[0]
+        if time < time_between(row.t, row.t_low, clock.t, clock.t_low):
+            row.kind = MEETS_BALL
+            row.other = ball
+            _set_time(world, earlier, time)
+
+
+@kernel
+def sooner(world: World, one: int, other: int) -> int:
+    """Return which of two balls has its meeting first; the one before in the list if at once."""
+    if other >= len(world.balls):
+        return one
+    a = world.meetings[one]
+    b = world.meetings[other]
+    if b.t < a.t or (b.t == a.t and b.t_low < a.t_low):
+        return other
+    return one
+
+
+@kernel
+def _play(world: World, ball: int) -> None:
+    """Play the matches of one ball again, up to the root."""
+    leaves = len(world.tree)
+    node = (leaves + ball) // 2
+    while node >= 1:
+        left = 2 * node
+        if left >= leaves:
+            world.tree[node] = sooner(world, left - leaves, left + 1 - leaves)
+        else:
+            world.tree[node] = sooner(world, world.tree[left], world.tree[left + 1])
+        node //= 2
+
+
+@kernel
+def search_all(world: World) -> None:
+    """Find what every ball meets next."""
+    for ball in range(len(world.balls)):
+        search_row(world, ball)
+
+
+@kernel
+def play_all(world: World) -> None:
+    """Play all matches: what the tournament shows follows from the meetings alone."""
+    for ball in range(len(world.balls)):
+        _play(world, ball)
+
 
 # So many events in a row, of each ball, at what the clock shows as one instant are an accumulation.
 MOST_AT_ONCE = 200
@@ -54,7 +169,7 @@ def _event(world: World) -> int:
     ball = world.tree[1]
     meeting = world.meetings[ball]
     if meeting.kind == NOTHING or meeting.t > settings.stop_time:
-        return END_TIME if settings.stop_time < NEVER else END_NO_MORE
+        return END_TIME if settings.stop_time < NEVER else END_NO_MORE_COLLISIONS
     step = time_between(meeting.t, meeting.t_low, clock.t, clock.t_low)
     clock.t = meeting.t
     clock.t_low = meeting.t_low

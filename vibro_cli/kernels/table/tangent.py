@@ -9,7 +9,7 @@ impacts are one linear system for the changes dI of all impulses:
     M(sum R n dI) = -(1 + k) M(dv) - k dM(v^-) - dM(v^+) - M(sum R dn I),
 
 with M the law's relative speeds (positive where pairs part), dM what dn changes of them, and R the
-responses (see `impulses`).
+responses (see `impacts`).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.double_double import time_between
-from vibro_cli.kernels.table.simultaneous_impacts import impulses_for, set_weights
-from vibro_cli.kernels.table.world import CONIC, RUNNING, BounceRow, World
+from vibro_cli.kernels.table.impacts import impulses_for, set_weights
+from vibro_cli.kernels.table.world import CONIC, BounceRow, World
 from vibro_cli.kernels.tangent.frame import (
     Tangents,
     begin_frame,
@@ -29,6 +29,7 @@ from vibro_cli.kernels.tangent.frame import (
     tell_nothing,
     tell_smooth,
 )
+from vibro_cli.kernels.world import RUNNING
 
 NUMBERS = 4  # of the state of a ball: x, y, tau vx, tau vy
 
@@ -44,18 +45,9 @@ def follow_balls(
 ) -> None:
     """Carry tangent vectors through a part of a run.
 
-    Parameters
-    ----------
-    world
-        With the rows of the part in its logs, and in ``balls`` the times of their last events
-        before it; changed.
-    known
-        0 for the first part of a run.
-    cause, end_t, end_t_low
-        ``RUNNING``, or why and when (two doubles, s) the run ended: then all balls are carried to
-        that instant.
-    tangents
-        Changed; its columns are filled in for the impacts of both logs in order of their events.
+    Arguments as of `kernels.tangent.follow.follow_tangents`, but 0 or 1 for ``known``. In
+    ``world.balls`` are the times of their last events before it; the columns of
+    impacts are those of both logs in order of their events.
     """
     if known == 0:
         begin_frame(tangents)

@@ -15,17 +15,8 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.double_double import difference_of_products
-from vibro_cli.kernels.table.world import (
-    CONIC,
-    MEETS_WALL,
-    NEVER,
-    Ball,
-    Edge,
-    Meeting,
-    WallData,
-    World,
-)
+from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
+from vibro_cli.kernels.table.world import CONIC, NEVER, Ball, Edge, Meeting, WallData, World
 from vibro_cli.kernels.world import BodyData
 
 EPSILON = 2.0**-52
@@ -44,6 +35,7 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
 
     ``to`` gets the place of the centre, the normal and the edge; the ball moves as ``ball`` says.
     """
+    to.other = 0
     wall = world.wall[0]
     speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
     if speed < SLOWEST:
@@ -53,9 +45,12 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
     best = NEVER
     for index in range(len(world.edges)):
         edge = world.edges[index]
-        best = _meet_edge(edge, index, body.radius, x, y, ball.vx, ball.vy, speed, best, to)
+        time = _meet_edge(edge, body.radius, ball, x, y, RESOLVED * speed, best, to)
         if edge.corner == 1:
-            best = _meet_corner(edge, index, body.radius, x, y, ball.vx, ball.vy, best, to)
+            time = _meet_corner(edge, body.radius, ball, x, y, time, to)
+        if time < best:
+            best = time
+            to.other = index
     return best
 
 
@@ -84,7 +79,7 @@ def _meet_conic(
         # which along the wall may be far behind.
         t = _root(wall, offset, px, py, nx, ny)
         cx, cy, nx, ny, _ = _touch(wall, offset, nx, ny, t)
-    _note(wall, wall.x + cx, wall.y + cy, nx, ny, to)
+    _note(to, wall.x + cx, wall.y + cy, wall.side * nx, wall.side * ny)
     return max(ahead, 0.0)
 
 
@@ -133,14 +128,12 @@ def _touch(
 
 
 @kernel
-def _note(wall: WallData, x: float, y: float, nx: float, ny: float, to: Meeting) -> None:
-    """Note a contact on a conic, n its outer normal."""
-    to.kind = MEETS_WALL
-    to.other = 0
+def _note(to: Meeting, x: float, y: float, nx: float, ny: float) -> None:
+    """Note where the centre is at a contact, and the normal to the wall."""
     to.x = x
     to.y = y
-    to.normal_x = wall.side * nx
-    to.normal_y = wall.side * ny
+    to.normal_x = nx
+    to.normal_y = ny
 
 
 @kernel
@@ -202,58 +195,43 @@ def _meet_circle(
     length = math.sqrt(nx * nx + ny * ny)
     nx /= length
     ny /= length
-    _note(wall, wall.x + rho * nx, wall.y + rho * ny, nx, ny, to)
+    _note(to, wall.x + rho * nx, wall.y + rho * ny, wall.side * nx, wall.side * ny)
     return ahead
 
 
 @kernel
 def _meet_edge(
-    edge: Edge,
-    index: int,
-    radius: float,
-    x: float,
-    y: float,
-    vx: float,
-    vy: float,
-    speed: float,
-    best: float,
-    to: Meeting,
+    edge: Edge, r: float, ball: Ball, x: float, y: float, least: float, best: float, to: Meeting
 ) -> float:
-    """The sooner of a time and that until a straight side is met, which is then noted."""
+    """The sooner of a time and that until a straight side is met, which is then noted.
+
+    Not at a speed across it up to ``least`` (m/s).
+    """
+    vx, vy = ball.vx, ball.vy
     closing = vx * edge.normal_x + vy * edge.normal_y
-    if closing <= RESOLVED * speed:
+    if closing <= least:
         return best
-    distance = (edge.x - x) * edge.normal_x + (edge.y - y) * edge.normal_y - radius
+    distance = (edge.x - x) * edge.normal_x + (edge.y - y) * edge.normal_y - r
     time = max(distance / closing, 0.0)
     if time >= best:
         return best
     place = (x - edge.x + time * vx) * edge.along_x + (y - edge.y + time * vy) * edge.along_y
     if place < -edge.open_start or place > edge.length + edge.open_end:
         return best
-    if distance < 0.0 and -distance > 1.0e-9 * (edge.length + radius):
+    if distance < 0.0 and -distance > 1.0e-9 * (edge.length + r):
         return best  # it is behind this side, and sees it from there
-    to.kind = MEETS_WALL
-    to.other = index
-    to.normal_x = edge.normal_x
-    to.normal_y = edge.normal_y
-    to.x = edge.x + place * edge.along_x - radius * edge.normal_x
-    to.y = edge.y + place * edge.along_y - radius * edge.normal_y
+    centre_x = edge.x + place * edge.along_x - r * edge.normal_x
+    centre_y = edge.y + place * edge.along_y - r * edge.normal_y
+    _note(to, centre_x, centre_y, edge.normal_x, edge.normal_y)
     return time
 
 
 @kernel
 def _meet_corner(
-    edge: Edge,
-    index: int,
-    radius: float,
-    x: float,
-    y: float,
-    vx: float,
-    vy: float,
-    best: float,
-    to: Meeting,
+    edge: Edge, radius: float, ball: Ball, x: float, y: float, best: float, to: Meeting
 ) -> float:
     """The same for the first corner of a side: the centre comes to the distance r from it."""
+    vx, vy = ball.vx, ball.vy
     rounding = RESOLVED * (abs(vx) + abs(vy))
     time = time_to_distance(edge.x - x, edge.y - y, -vx, -vy, radius, rounding)
     if time >= best:
@@ -263,12 +241,9 @@ def _meet_corner(
     length = math.sqrt(nx * nx + ny * ny)
     if length == 0.0:
         return best
-    to.kind = MEETS_WALL
-    to.other = index
-    to.normal_x = nx / length
-    to.normal_y = ny / length
-    to.x = edge.x - radius * to.normal_x
-    to.y = edge.y - radius * to.normal_y
+    nx /= length
+    ny /= length
+    _note(to, edge.x - radius * nx, edge.y - radius * ny, nx, ny)
     return time
 
 
@@ -294,3 +269,22 @@ def time_to_distance(
         return NEVER
     beyond = (apart - distance) * (apart + distance)
     return max(beyond / (math.sqrt(inside) - closing), 0.0)
+
+
+@kernel
+def touching_distance(world: World, a: int, b: int) -> float:
+    """Return the horizontal distance of two touching balls' centres, m."""
+    radius_a = world.bodies[a].radius
+    radius_b = world.bodies[b].radius
+    if radius_a == radius_b:
+        return 2.0 * radius_a
+    return 2.0 * math.sqrt(radius_a * radius_b)
+
+
+@kernel
+def present_place(world: World, ball: int) -> tuple[float, float]:
+    """Return where the centre of a ball is at the present instant, m."""
+    clock = world.clock[0]
+    state = world.balls[ball]
+    past = time_between(clock.t, clock.t_low, state.t, state.t_low)
+    return state.x + state.vx * past, state.y + state.vy * past

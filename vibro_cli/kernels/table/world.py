@@ -13,28 +13,6 @@ NOTHING = 0
 MEETS_WALL = 1
 MEETS_BALL = 2
 
-# Why the loop came back; all but LOG_FULL are causes of the end of a run.
-RUNNING = 0
-END_TIME = 1
-END_COLLISIONS = 2
-END_BOUNCES = 3
-END_NO_MORE = 4
-END_INADMISSIBLE = 5
-END_WALL_CONTACT = 6
-END_ACCUMULATION = 7
-LOG_FULL = 8
-END_INTERRUPTED = 9  # from outside
-END_NAMES = {
-    END_TIME: "time",
-    END_COLLISIONS: "collisions",
-    END_BOUNCES: "bounces",
-    END_NO_MORE: "no_more_collisions",
-    END_INADMISSIBLE: "inadmissible",
-    END_WALL_CONTACT: "wall_contact",
-    END_ACCUMULATION: "accumulation",
-    END_INTERRUPTED: "interrupted",
-}
-
 NO_WALL = 0
 CONIC = 1  # an ellipse, or a circle
 POLYGON = 2
@@ -159,7 +137,6 @@ class Settings:
     stop_collisions: int
     stop_bounces: int
     room: int
-    leaves: int  # of the tournament
 
 
 @struct
@@ -229,28 +206,9 @@ class World(NamedTuple):
     bodies: Sequence[BodyData]
     balls: Sequence[Ball]
     meetings: Sequence[Meeting]
-    tree: list[int]  # tournament of the balls' meetings: the winner of each match, root at 1
+    tree: list[int]  # tournament of the meetings: winners of matches, root at 1; one for each leaf
     touches: Sequence[Touch]
     shares: Sequence[Share]
     group: list[int]  # balls that touch one another now
     pair_log: Sequence[PairRow]
     bounce_log: Sequence[BounceRow]
-
-
-RECORDS: dict[str, type] = {
-    "clock": Clock,
-    "settings": Settings,
-    "wall": WallData,
-    "edges": Edge,
-    "bodies": BodyData,
-    "balls": Ball,
-    "meetings": Meeting,
-    "touches": Touch,
-    "shares": Share,
-    "pair_log": PairRow,
-    "bounce_log": BounceRow,
-}
-STATE = ("clock", "balls", "meetings")
-"""The records that change in a run, which are its state; the tournament follows from them."""
-LOGS = {"pair_log": "pair_rows", "bounce_log": "bounce_rows"}
-"""The logs, and the field of the clock that counts their rows."""

@@ -18,6 +18,8 @@ SCALE = 2.0**400
 # Rows of the series of a flight that are not of one body, and the greatest power of time in them.
 SERIES_ROWS = 4
 TERMS = 41
+# Columns of the scratch rows of a joint impact.
+WIDTH = 4
 
 
 @struct
@@ -58,10 +60,10 @@ class Tangents(NamedTuple):
     delay: FloatMatrix
     """[0, direction] scratch: derivative of the time of the instant's first impact (s)"""
     turning: FloatMatrix
-    """[pair, ...] scratch: what the rows of a joint impact need, see kernels.tangent.impacts"""
+    """[pair, ...] scratch: what the rows of a joint impact need, see kernels.tangent.follow"""
     series: FloatMatrix
     """scratch of flights on a trace that turns, see kernels.tangent.rotating_jacobian, and on
-    springs, see kernels.springs.variation: SERIES_ROWS, and one for each body"""
+    springs, see kernels.springs.tangent: SERIES_ROWS, and one for each body"""
     amplification: FloatMatrix
     """[0, impact] filled in: growth of one rounding of the start"""
     smooth: IntMatrix
@@ -198,8 +200,13 @@ def tell_event(tangents: Tangents, impact: int, count: int) -> None:
     """Make the frame orthonormal after an event, and fill in what its impacts have grown it by."""
     orthogonalise(tangents)
     for number in range(impact, impact + count):
-        for column in range(len(tangents.frame)):
-            tangents.growth[number, column] = tangents.sums[0, column]
+        _tell_sums(tangents, number)
+
+
+@kernel
+def _tell_sums(tangents: Tangents, impact: int) -> None:
+    for column in range(len(tangents.frame)):
+        tangents.growth[impact, column] = tangents.sums[0, column]
 
 
 @kernel
@@ -221,3 +228,32 @@ def tell_nothing(tangents: Tangents, impact: int) -> None:
     """Nothing goes on from an impact that is not carried out."""
     tangents.amplification[0, impact] = math.nan
     tangents.smooth[0, impact] = 0
+    _tell_sums(tangents, impact)
+
+
+@kernel
+def carry_vectors(
+    tangents: Tangents, body: int, one: float, two: float, three: float, four: float
+) -> None:
+    """Carry the tangent vectors of a body by the derivative ``[[one, two], [three, four]]``.
+
+    That is of way and speed (m, m/s).
+    """
+    tau = tangents.state[0].time_scale
+    frame = tangents.frame
+    two /= tau
+    three *= tau
+    for column in range(len(frame)):
+        way = frame[2 * body, column]
+        rate = frame[2 * body + 1, column]
+        frame[2 * body, column] = one * way + two * rate
+        frame[2 * body + 1, column] = three * way + four * rate
+
+
+@kernel
+def change_force(tangents: Tangents, body: int, jump: float) -> None:
+    """Let a body whose acceleration jumps (m/s^2) later go on with what it has changed by then."""
+    jump *= tangents.state[0].time_scale
+    if jump != 0.0:
+        for column in range(len(tangents.frame)):
+            tangents.frame[2 * body + 1, column] -= jump * tangents.delay[0, column]

@@ -12,9 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vibro_cli.stress.oracles.motion import Path, State
-from vibro_cli.stress.oracles.scene import Body, Scene
-from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.stress.oracles.motion import State
+from vibro_cli.stress.oracles.scene import Body, Path, Real, Scene, mp
 
 # Speeds below this share of the fastest are zero.
 ZERO = mp.mpf(10) ** -30
@@ -233,13 +232,7 @@ LEFT_WALL, RIGHT_WALL = -1, -2  # beside the numbers of pairs
 
 
 class Arrangement:
-    """Bodies of a scene, their places and speeds.
-
-    Parameters
-    ----------
-    scene
-        What is run; ``states`` are at first those of its start.
-    """
+    """Bodies of a scene, their places and speeds: ``states``, at first those of its start."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -304,10 +297,7 @@ class Arrangement:
         if restitution is None or self.states[ball].piece != piece or self.scene.closed:
             return None
         path = self.path(ball)
-        offset = path.body.radius
-        if path.shape.sign:
-            offset = mp.asin(offset / path.rho)
-        place = path.shape.high - offset if right else path.shape.low + offset
+        place = path.at_wall(right)
         return place if path.shape.low < place < path.shape.high else None
 
     def touches(self, held: set[int]) -> list[Touch]:

@@ -24,8 +24,7 @@ from dataclasses import dataclass
 from operator import mul
 from typing import Any, NamedTuple
 
-from vibro_cli.stress.oracles.scene import Scene
-from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp
 
 BITS = 168
 ORDER = 44
@@ -70,32 +69,6 @@ class State(NamedTuple):
     speed: Real
 
 
-class Path:
-    """The path of a body's centre on a piece."""
-
-    def __init__(self, scene: Scene, ball: int, piece: int) -> None:
-        self.shape = scene.pieces[piece]
-        self.body = scene.bodies[ball]
-        self.rho = self.shape.size - self.shape.sign * self.body.radius
-        on_arc = self.shape.sign != 0
-        self.curvature = self.shape.sign / self.rho if on_arc else mp.zero
-        self.per_length = 1 / self.rho if on_arc else mp.one  # change of the coordinate
-
-    def centre(self, place: Real) -> tuple[Real, Real]:
-        """Centre of the body."""
-        x, y = self.shape.origin
-        cosine, sine = self.tangent(place)
-        if self.shape.sign == 0:
-            radius = self.body.radius
-            return x + place * cosine - radius * sine, y + place * sine + radius * cosine
-        return x + self.shape.sign * self.rho * sine, y - self.shape.sign * self.rho * cosine
-
-    def tangent(self, place: Real) -> tuple[Real, Real]:
-        """Direction in which the centre moves to the right."""
-        slope = self.shape.sign * place if self.shape.sign else self.shape.slopes[0]
-        return mp.cos(slope), mp.sin(slope)
-
-
 @dataclass
 class Course:
     """Series of one body over a step, in shares of it."""
@@ -128,18 +101,8 @@ class Constraint(NamedTuple):
 class Group:
     """Bodies that move together: one free one, or several in contact.
 
-    Parameters
-    ----------
-    scene
-        What is run.
-    balls
-        Numbers of the bodies.
-    states
-        Where they are.
-    constraints
-        The pairs that keep their distance, bodies counted within the group.
-    still
-        Whether a wall holds them all.
+    ``constraints`` are the pairs that keep their distance, bodies counted within the group; where
+    it is ``still`` a wall holds them all.
     """
 
     def __init__(

@@ -32,7 +32,6 @@ from vibro_cli.stress.oracles.motion import (
     Constraint,
     Course,
     Group,
-    Path,
     Series,
     State,
     Undecided,
@@ -45,8 +44,7 @@ from vibro_cli.stress.oracles.motion import (
     whole,
     without_leading_zeros,
 )
-from vibro_cli.stress.oracles.scene import Scene
-from vibro_cli.stress.oracles.taylor import Real, mp
+from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp
 
 REST = mp.mpf(10) ** -17  # s
 SAME = mp.mpf(10) ** -30  # s: closer than this is one instant
@@ -131,8 +129,10 @@ class Oracle:
         self._guess = mp.mpf(FIRST_STEP)
         self._longest = 0.0  # s, of the last step of the full order
 
-    def run(self, until: Real, times: Sequence[Real] = ()) -> Told:
+    def run(self, until: Real, times: Sequence[Real] = (), last: str = "") -> Told:
         """Go on to an instant (s) and tell what happened, with samples at some instants.
+
+        The first event of the kind ``last`` ends it.
 
         Raises
         ------
@@ -142,8 +142,10 @@ class Oracle:
         waiting = list(times)
         try:
             self._happen([])
-            while self.t < until:
-                if len(self.told.events) > self.most_events:
+            events, seen = self.told.events, 0
+            while self.t < until and all(event.kind != last for event in events[seen:]):
+                seen = len(events)
+                if seen > self.most_events:
                     raise Undecided("too many events")
                 self._step(until, waiting)
         except Inadmissible as impact:
@@ -376,3 +378,24 @@ def _distance(one: Course, other: Course, reach: Real) -> Series:
     total = [sum(product(side, side, k) for side in sides) for k in range(len(one.x))]
     total[0] -= whole(reach * reach)
     return total
+
+
+def first_contact(scene: Scene, until: Real) -> Real | None:
+    """Instant (s) up to a given one at which two bodies, each on its piece, first touch, or None.
+
+    Pieces go on beyond their ends.
+    """
+    now = Arrangement(scene)
+    t, guess = mp.zero, mp.mpf(FIRST_STEP)
+    while t < until:
+        groups = [Group(scene, [n], [state], []) for n, state in enumerate(now.states)]
+        step = expand_all(groups, guess)
+        (one,), (other,) = (group.courses for group in groups)
+        rest = whole((until - t) / step)
+        u = first_zero(_distance(one, other, now.reach(0)), min(1 << BITS, rest))
+        if u is not None:
+            return t + real(u) * step
+        now.states = _states(groups, 1 << BITS)
+        t += step
+        guess = step * GROWTH
+    return None

@@ -1,5 +1,11 @@
 """A slow twin of the solver: the same events, every one of them recomputed to 40 digits.
 
+On an arc the angle f from the lowest point of the full circle obeys ``f'' = -w^2 sin f``. In
+``S = sin(f/2)``, ``C = cos(f/2)``, ``P = f'/(2w)`` that is ``S' = wPC, C' = -wPS, P' = -wSC``;
+their Taylor coefficients follow from one another by products of series. On a trace that turns
+``P' = w(-SC + tilt (C^2 - S^2)/2 + spread SC(C^2 - S^2))``. Nothing is known here of elliptic
+functions, of periods or of the energy.
+
 The twin is told which events happen and, to a few digits, when; it never looks for them. From that
 it finds each instant by Newton's iteration on the Taylor series of the motion, and carries out
 crossings, walls and impacts by the formulas of the model, written down once more and otherwise.
@@ -13,8 +19,82 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from vibro_cli.stress.oracles.scene import Scene
-from vibro_cli.stress.oracles.taylor import ArcMotion, Real, mp
+from vibro_cli.stress.oracles.scene import Path, Real, Scene, mp, speed_changes
+
+State = tuple[Real, Real, Real]
+
+# The nearest singularity of S, C, P in complex time is at least about pi/(2w sqrt(max(m, 1))) away,
+# m = S^2 + P^2; the terms left out of a step of 0.25/w are about (0.25/1.57)^60 = 1e-48.
+TERMS = 60
+STEP = mp.mpf("0.25")
+
+
+def series(
+    state: State, pull: tuple[Real, Real] | None = None
+) -> tuple[list[Real], list[Real], list[Real]]:
+    """Taylor coefficients of S, C, P in ``w t`` from the state at 0; ``pull`` as in `ArcMotion`."""
+    s, c, p = ([value] for value in state)
+    sines: list[Real] = []  # of S C and of C^2 - S^2
+    cosines: list[Real] = []
+    for k in range(1, TERMS + 1):
+        sines.append(mp.fdot(zip(s, reversed(c), strict=True)))
+        force = -sines[-1]
+        if pull is not None:
+            tilt, spread = pull
+            cosines.append(
+                mp.fdot(zip(c, reversed(c), strict=True))
+                - mp.fdot(zip(s, reversed(s), strict=True))
+            )
+            both = mp.fdot(zip(sines, reversed(cosines), strict=True))
+            force = force + tilt * cosines[-1] / 2 + spread * both
+        turned = mp.fdot(zip(p, reversed(c), strict=True))
+        back = mp.fdot(zip(p, reversed(s), strict=True))
+        s.append(turned / k)
+        c.append(-back / k)
+        p.append(force / k)
+    return s, c, p
+
+
+class ArcMotion:
+    """The half-angle variables of a body on an arc as functions of time; the series are kept.
+
+    Parameters
+    ----------
+    frequency
+        ``w = sqrt(g/(kappa rho))``, 1/s.
+    state
+        ``(S, C, P)`` at time 0.
+    pull
+        ``(tilt, spread)`` of a trace that turns.
+    """
+
+    def __init__(
+        self, frequency: Real, state: State, pull: tuple[Real, Real] | None = None
+    ) -> None:
+        self.frequency = frequency
+        size = state[0] ** 2 + state[2] ** 2
+        if pull is not None:
+            # The singularities come nearer with the square root of the strongest pull.
+            size += 2 * (abs(pull[0]) + abs(pull[1]))
+        self._step = STEP / mp.sqrt(max(size, 1))
+        self._pull = pull
+        self._series = [series(state, pull)]
+
+    def at(self, t: Real) -> State:
+        """``(S, C, P)`` a time t (s) after the start; slightly negative times are allowed."""
+        u = self.frequency * t
+        number = max(int(mp.floor(u / self._step)), 0)
+        while len(self._series) <= number:
+            self._series.append(series(self._sum(-1, self._step), self._pull))
+        return self._sum(number, u - number * self._step)
+
+    def _sum(self, number: int, u: Real) -> State:
+        powers = [mp.one]
+        for _ in range(TERMS):
+            powers.append(powers[-1] * u)
+        s, c, p = (mp.fdot(zip(column, powers, strict=True)) for column in self._series[number])
+        return s, c, p
+
 
 ENOUGH = mp.mpf(10) ** -44
 # A body farther beyond its piece, or two deeper in one another, have missed an event.
@@ -59,54 +139,40 @@ class Impact:
 
 
 class Twin:
-    """Bodies of a scene on their way.
-
-    Parameters
-    ----------
-    scene
-        What is run.
-    """
+    """Bodies of a scene on their way."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.crossings = 0
         self.t = mp.zero
-        self._motions: list[tuple[int, Real, Any]] = []
+        self._motions: list[tuple[int, Path, Real, Any]] = []
         for ball, (piece, place, speed) in enumerate(scene.starts):
-            self._motions.append((piece, mp.zero, self._motion(ball, piece, place, speed)))
+            path = Path(scene, ball, piece)
+            self._motions.append((piece, path, mp.zero, self._motion(path, place, speed)))
 
-    def path_radius(self, ball: int, piece: int) -> Real:
-        """Radius of the path of the centre on an arc."""
-        shape = self.scene.pieces[piece]
-        return shape.size - shape.sign * self.scene.bodies[ball].radius
+    def _frequency(self, path: Path) -> Real:
+        return mp.sqrt(self.scene.gravity / (path.body.kappa * path.rho))
 
-    def _frequency(self, ball: int, piece: int) -> Real:
-        kappa = self.scene.bodies[ball].kappa
-        return mp.sqrt(self.scene.gravity / (kappa * self.path_radius(ball, piece)))
-
-    def _motion(self, ball: int, piece: int, place: Real, speed: Real) -> Any:
-        shape = self.scene.pieces[piece]
+    def _motion(self, path: Path, place: Real, speed: Real) -> Any:
+        shape, rho = path.shape, path.rho
         if shape.sign == 0:
-            return self._line_motion(ball, piece, place, speed)
-        w = self._frequency(ball, piece)
+            return self._line_motion(path, place, speed)
+        w = self._frequency(path)
         sine, cosine = mp.sin(place / 2), mp.cos(place / 2)
         # f = phi in a valley; f = psi + pi on a hump, where C = -sin(psi/2) is small at the crest.
         s, c = (sine, cosine) if shape.sign > 0 else (cosine, -sine)
-        rho = self.path_radius(ball, piece)
         strength = self.scene.turning_square / self.scene.gravity
         pull = (shape.sign * strength * (shape.origin[0] - self.scene.axis), strength * rho)
         return ArcMotion(w, (s, c, speed / (2 * w * rho)), pull if strength else None)
 
-    def _line_motion(self, ball: int, piece: int, place: Real, speed: Real) -> Any:
+    def _line_motion(self, path: Path, place: Real, speed: Real) -> Any:
         """A parabola; on a trace that turns ``s'' = pull + growth^2 (s - place)``."""
-        body, shape = self.scene.bodies[ball], self.scene.pieces[piece]
-        slope = shape.slopes[0]
+        body, slope = path.body, path.shape.slopes[0]
         pull = -self.scene.gravity / body.kappa * mp.sin(slope)
         square = self.scene.turning_square / body.kappa * mp.cos(slope)
         if square == 0:
             return lambda h: (place + h * (speed + h * pull / 2), speed + h * pull)
-        x = shape.origin[0] + place * mp.cos(slope) - body.radius * mp.sin(slope)
-        pull += square * (x - self.scene.axis)
+        pull += square * (path.centre(place)[0] - self.scene.axis)
         growth = mp.sqrt(square * mp.cos(slope))
 
         def motion(h: Real) -> tuple[Real, Real]:
@@ -119,44 +185,31 @@ class Twin:
 
     def at(self, ball: int, t: Real) -> Place:
         """State of a body at an instant of its present flight."""
-        piece, start, motion = self._motions[ball]
-        shape = self.scene.pieces[piece]
-        radius = self.scene.bodies[ball].radius
-        x, y = shape.origin
-        if shape.sign == 0:
+        piece, path, start, motion = self._motions[ball]
+        if path.shape.sign == 0:
             place, speed = motion(t - start)
-            cosine, sine = mp.cos(shape.slopes[0]), mp.sin(shape.slopes[0])
-            centre = (x + place * cosine - radius * sine, y + place * sine + radius * cosine)
-            return Place(piece, place, speed, centre, (cosine, sine))
-        s, c, p = motion.at(t - start)
-        half = mp.atan2(s, c) if shape.sign > 0 else mp.atan2(-c, s)
-        middle = (shape.low + shape.high) / 4
-        place = 2 * (half + 2 * mp.pi * mp.nint((middle - half) / (2 * mp.pi)))
-        rho = self.path_radius(ball, piece)
-        sine, cosine = mp.sin(place), mp.cos(place)
-        return Place(
-            piece, place, 2 * self._frequency(ball, piece) * rho * p,
-            (x + rho * sine, y - shape.sign * rho * cosine), (cosine, shape.sign * sine),
-        )  # fmt: skip
-
-    def _rate(self, ball: int, place: Place) -> Real:
-        """Rate of a place: of the angle on an arc, of the distance on a line."""
-        on_arc = self.scene.pieces[place.piece].sign
-        return place.speed / self.path_radius(ball, place.piece) if on_arc else place.speed
+        else:
+            s, c, p = motion.at(t - start)
+            half = mp.atan2(s, c) if path.shape.sign > 0 else mp.atan2(-c, s)
+            middle = (path.shape.low + path.shape.high) / 4
+            place = 2 * (half + 2 * mp.pi * mp.nint((middle - half) / (2 * mp.pi)))
+            speed = 2 * self._frequency(path) * path.rho * p
+        return Place(piece, place, speed, path.centre(place), path.tangent(place))
 
     def _reach(self, ball: int, goal: Real, guess: float) -> Real:
         """Instant at which a body is at a place of its piece."""
-        t = mp.mpf(guess)
+        t, path = mp.mpf(guess), self._motions[ball][1]
         for _ in range(12):
             now = self.at(ball, t)
-            change = (goal - now.place) / self._rate(ball, now)
+            change = (goal - now.place) / (now.speed * path.per_length)
             t += change
             if abs(change) < ENOUGH * (1 + abs(t)):
                 return t
         raise ArithmeticError(f"body {ball + 1} does not come to {goal} near t = {guess}")
 
     def _begin(self, ball: int, piece: int, place: Real, speed: Real) -> None:
-        self._motions[ball] = (piece, self.t, self._motion(ball, piece, place, speed))
+        path = Path(self.scene, ball, piece)
+        self._motions[ball] = (piece, path, self.t, self._motion(path, place, speed))
 
     def cross(self, ball: int, to_right: bool, guess: float) -> Real:
         """Carry a body over the end of its piece onto the next one; return the instant."""
@@ -172,13 +225,9 @@ class Twin:
 
     def rebound(self, ball: int, guess: float) -> Real:
         """Let a body rebound from the wall it moves to; return the instant."""
-        piece = self._motions[ball][0]
-        shape = self.scene.pieces[piece]
+        piece, path, *_ = self._motions[ball]
         right = self.at(ball, mp.mpf(guess)).speed > 0
-        offset = self.scene.bodies[ball].radius
-        if shape.sign:
-            offset = mp.asin(offset / self.path_radius(ball, piece))
-        goal = shape.high - offset if right else shape.low + offset
+        goal = path.at_wall(right)
         self.t = self._reach(ball, goal, guess)
         restitution: Real = self.scene.walls[1 if right else 0]
         self._begin(ball, piece, goal, -restitution * self.at(ball, self.t).speed)
@@ -238,16 +287,10 @@ class Twin:
             ma, mb = one.kappa * one.mass, two.kappa * two.mass
             impulse = (1 + k) * (va * ca - vb * cb) / (ca**2 / ma + cb**2 / mb)
             return va - impulse * ca / ma, vb + impulse * cb / mb
-        if law == "translational":
-            ratio = one.mass / two.mass
-            change = (1 + k) * (va - vb)
-            return va - change / (1 + ratio), vb + change / (1 + 1 / ratio)
-        ja, jb = (body.kappa * body.mass * body.radius**2 for body in (one, two))
-        change = (1 + k) * (va / one.radius - vb / two.radius)
-        return (
-            va - one.radius * change / (1 + ja / jb),
-            vb + two.radius * change / (1 + jb / ja),
-        )
+        radii, masses = (one.radius, two.radius), (one.mass, two.mass)
+        rolling = (one.kappa * one.mass, two.kappa * two.mass)
+        changes = speed_changes(law, k, speeds, radii, masses, rolling)
+        return va + changes[0], vb + changes[1]
 
     def check(self) -> None:
         """Raise if some body has left its piece without an event, or is inside a neighbour."""
@@ -290,9 +333,8 @@ def in_contact(scene: Scene, a: int, b: int) -> Scene:
         one, other = twin.at(a, mp.zero), twin.at(b, mp.zero)
         dx, dy = other.centre[0] - one.centre[0], other.centre[1] - one.centre[1]
         along = dx * other.tangent[0] + dy * other.tangent[1]
-        if twin.scene.pieces[other.piece].sign:
-            along *= twin.path_radius(b, other.piece)
         piece, place, speed = starts[b]
+        along /= Path(scene, b, piece).per_length
         starts[b] = (piece, place - (dx * dx + dy * dy - touch * touch) / (2 * along), speed)
     return twin.scene
 

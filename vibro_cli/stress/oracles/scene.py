@@ -7,8 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mpmath import MPContext
+
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.stress.oracles.taylor import Real, mp
+
+mp: Any = MPContext()
+mp.dps = 50
+Real = Any  # a number of this context
 
 Pair = Sequence[Any]
 
@@ -90,6 +95,37 @@ class Scene:
     walls: tuple[Real | None, Real | None]
     axis: Real = mp.zero  # about which the trace turns
     turning_square: Real = mp.zero  # of its rate, 1/s^2
+
+
+class Path:
+    """The path of a body's centre on a piece."""
+
+    def __init__(self, scene: Scene, ball: int, piece: int) -> None:
+        self.shape = scene.pieces[piece]
+        self.body = scene.bodies[ball]
+        self.rho = self.shape.size - self.shape.sign * self.body.radius
+        on_arc = self.shape.sign != 0
+        self.curvature = self.shape.sign / self.rho if on_arc else mp.zero
+        self.per_length = 1 / self.rho if on_arc else mp.one  # change of the coordinate
+
+    def centre(self, place: Real) -> tuple[Real, Real]:
+        """Centre of the body."""
+        x, y = self.shape.origin
+        cosine, sine = self.tangent(place)
+        if self.shape.sign == 0:
+            radius = self.body.radius
+            return x + place * cosine - radius * sine, y + place * sine + radius * cosine
+        return x + self.shape.sign * self.rho * sine, y - self.shape.sign * self.rho * cosine
+
+    def tangent(self, place: Real) -> tuple[Real, Real]:
+        """Direction in which the centre moves to the right."""
+        slope = self.shape.sign * place if self.shape.sign else self.shape.slopes[0]
+        return mp.cos(slope), mp.sin(slope)
+
+    def at_wall(self, right: bool) -> Real:
+        """Place at which the body touches a wall at the right or left end of the piece."""
+        offset = mp.asin(self.body.radius / self.rho) if self.shape.sign else self.body.radius
+        return self.shape.high - offset if right else self.shape.low + offset
 
 
 def chain(start_slope: Real, shapes: Sequence[tuple[str, Real, Real | None]]) -> tuple[Piece, ...]:

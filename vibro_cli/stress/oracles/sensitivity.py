@@ -1,7 +1,7 @@
 """How much a change of the inputs grows: at each collision, and as the tangent map in 50 digits.
 
-Both by differences of neighbouring motions: the solver's for the growth, those of the reference
-solver for the map.
+Both by differences of neighbouring motions: the solver's for the growth, those of twins, the
+reference solver's for a trace, for the map.
 """
 
 from __future__ import annotations
@@ -15,9 +15,13 @@ from numpy.typing import NDArray
 
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import ArcShape, Trace
-from vibro_cli.stress.oracles.reference_solver import Happening, Impact, Twin
-from vibro_cli.stress.oracles.scene import Scene
-from vibro_cli.stress.oracles.taylor import mp
+from vibro_cli.scenario.loading import any_scenario_of
+from vibro_cli.stress.oracles.reference_solver import Happening, Twin
+from vibro_cli.stress.oracles.scene import Path, Scene, mp
+from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
+from vibro_cli.systems import system_named
+from vibro_cli.systems.run import Stretch
+from vibro_cli.systems.tangents import followed
 
 # Large against the solver's rounding errors, small enough for the response to stay linear.
 CHANGE = 2.0**-30
@@ -90,22 +94,27 @@ def amplification(system: TraceSystem, solve: Solve) -> Columns:
 STEP = mp.mpf(10) ** -18
 
 
-def ways_per_place(twin: Twin, ball: int, piece: int) -> mp.mpf:
-    """Way (m) of the centre of a body for a unit of its place on a piece."""
-    return twin.path_radius(ball, piece) if twin.scene.pieces[piece].sign else mp.one
+def derivative(
+    follow: Callable[[Sequence[Any]], Sequence[Any]], start: Sequence[Any]
+) -> NDArray[np.float64]:
+    """Return the derivative of the end of a motion to its start.
 
-
-def neighbour(scene: Scene, component: int, change: mp.mpf) -> Scene:
-    """A scene with the way (m) or the speed (m/s) of one body changed at its start."""
-    ball, part = divmod(component, 2)
-    starts = list(scene.starts)
-    piece, place, speed = starts[ball]
-    if part == 0:
-        place += change / ways_per_place(Twin(scene), ball, piece)
-    else:
-        speed += change
-    starts[ball] = (piece, place, speed)
-    return replace(scene, starts=tuple(starts))
+    Parameters
+    ----------
+    follow
+        From the numbers of a start to those of the end.
+    start
+        Where the derivative is taken.
+    """
+    columns = []
+    for number in range(len(start)):
+        ends = []
+        for sign in (1, -1):
+            moved = [mp.mpf(value) for value in start]
+            moved[number] += sign * STEP
+            ends.append(follow(moved))
+        columns.append([float((p - q) / (2 * STEP)) for p, q in zip(*ends, strict=True)])
+    return np.array(columns).T
 
 
 def differences(
@@ -127,25 +136,82 @@ def differences(
     Derivatives to ways and speeds of all bodies at the start, ``[2 body + 0 or 1, component]`` of
     ways and speeds (m, m/s) and ``[impact, component]`` of times (s).
     """
-    columns, times = [], []
-    for component in range(2 * len(scene.bodies)):
-        ahead = _motion(neighbour(scene, component, STEP), happenings, end)
-        back = _motion(neighbour(scene, component, -STEP), happenings, end)
-        columns.append([(b - a) / (2 * STEP) for a, b in zip(back[0], ahead[0], strict=True)])
-        times.append([
-            (b.t - a.t) / (2 * STEP) for a, b in zip(back[1], ahead[1], strict=True)
-        ])  # fmt: skip
-    return np.array(columns, dtype=float).T, np.array(times, dtype=float).T
+    count = len(scene.bodies)
+
+    def per_length(ball: int, piece: int) -> Any:
+        return Path(scene, ball, piece).per_length
+
+    def follow(numbers: Sequence[Any]) -> list[Any]:
+        starts = tuple(
+            (piece, numbers[2 * ball] * per_length(ball, piece), numbers[2 * ball + 1])
+            for ball, (piece, _, _) in enumerate(scene.starts)
+        )
+        twin = Twin(replace(scene, starts=starts))
+        impacts = twin.follow(happenings)
+        now = [twin.at(ball, mp.mpf(end)) for ball in range(count)]
+        ends = [
+            number
+            for ball, one in enumerate(now)
+            for number in (one.place / per_length(ball, one.piece), one.speed)
+        ]
+        return [*ends, *(impact.t for impact in impacts)]
+
+    start = [
+        number
+        for ball, (piece, place, speed) in enumerate(scene.starts)
+        for number in (place / per_length(ball, piece), speed)
+    ]
+    found = derivative(follow, start)
+    return found[: 2 * count], found[2 * count :]
 
 
-def _motion(
-    scene: Scene, happenings: Sequence[Happening], end: float
-) -> tuple[list[mp.mpf], list[Impact]]:
-    """Way and speed of every body at an instant, and the impacts before it."""
-    twin = Twin(scene)
-    impacts = twin.follow(happenings)
-    found = []
-    for ball in range(len(scene.bodies)):
-        now = twin.at(ball, mp.mpf(end))
-        found += [now.place * ways_per_place(twin, ball, now.piece), now.speed]
-    return found, impacts
+# Beyond it the rounding of the motion itself shows in its derivatives.
+MOST_GROWTH = 1.0e4
+
+Neighbours = Callable[
+    [Any, Stretch], tuple[Sequence[float], Callable[[Sequence[Any]], Sequence[Any]]]
+]
+"""From a system and its run: the numbers of its start, and what leads from others, with the same
+events, to the numbers of the end."""
+
+
+def error_of(found: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
+    """Greatest error of derivatives, as a share of the largest of them."""
+    return float(np.max(np.abs(found - exact)) / np.max(np.abs(exact)))
+
+
+def check_maps(
+    plan: Plan,
+    drawn: Callable[[np.random.Generator], Document],
+    neighbours: Neighbours,
+    tried: str,
+) -> Finding:
+    """Return the greatest error of the maps of scenes that are drawn."""
+    worst, number = Worst(), 0
+    while worst.cases < plan.scenes(6, 200):
+        document = drawn(np.random.default_rng([plan.seed, 6, number]))
+        number += 1
+        error = map_error(document, neighbours)
+        if error is not None:
+            worst.take(error, document)
+    return worst.finding("tangent", "error of the map, of its largest element", tried, 1e-10)
+
+
+def map_error(document: Document, neighbours: Neighbours) -> float | None:
+    """Error of the tangent map of a scene, None where it has none or rounding grows too far.
+
+    None also without an impact.
+    """
+    scenario = any_scenario_of(document)
+    kind = system_named(scenario.system)
+    system = kind.build(scenario)
+    found, columns, whole = followed(kind, system, kind.limits(scenario))
+    smooth = all(bool(np.all(rows["smooth"])) for rows in columns.values())
+    impacts = sum(len(rows["smooth"]) for rows in columns.values())
+    matrix = found.matrix()
+    if not smooth or not impacts or np.max(np.abs(matrix)) > MOST_GROWTH:
+        return None
+    start, follow = neighbours(system, whole)
+    units = found.units
+    maps = (one / units[:, None] * units[None, :] for one in (matrix, derivative(follow, start)))
+    return error_of(*maps)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import EventLoop
-    from vibro_cli.systems.springs.motion import Motion
-    from vibro_cli.systems.stream import Stretch
+    from vibro_cli.systems.run import Stretch
+    from vibro_cli.systems.springs.tables import Motion
     from vibro_cli.systems.tables import SystemTables
     from vibro_cli.systems.tangents import LoggedMap
     from vibro_cli.systems.wanted import Limits, Wanted
@@ -65,7 +65,7 @@ class BodiesOnSprings(System):
     def world(self, system: Any, limits: Limits) -> Any:
         from vibro_cli.systems.springs.system import make_world
 
-        return make_world(system, limits.time, limits.collisions)
+        return make_world(system, limits)
 
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.systems.columns import converging, with_growth
@@ -87,8 +87,7 @@ class BodiesOnSprings(System):
     def teller(
         self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink
     ) -> SystemTables:
-        from vibro_cli.systems.springs.motion import states_at
-        from vibro_cli.systems.springs.tables import EVENTS, Contacts
+        from vibro_cli.systems.springs.tables import EVENTS, Contacts, states_at
         from vibro_cli.systems.tables import SystemTables
 
         def states(records: Any, time: float) -> dict[str, Any]:
@@ -107,7 +106,7 @@ class BodiesOnSprings(System):
         return LoggedMap(self, system, follow_bodies, time_scale(system))
 
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Motion:
-        from vibro_cli.systems.springs.motion import Motion
+        from vibro_cli.systems.springs.tables import Motion
 
         return Motion(system, stretch.engine, stretch.logs["states"], before)
 
@@ -130,7 +129,7 @@ class BodiesOnSprings(System):
         )
 
     def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
-        from vibro_cli.systems.springs.describe import swings
+        from vibro_cli.systems.springs.portrait import swings
 
         found = super().understood(scenario, system)
         bodies = zip(found["bodies"], swings(system), strict=True)
@@ -149,12 +148,12 @@ class BodiesOnSprings(System):
     def portrait(
         self, system: Any, width: str, drawn: bool
     ) -> tuple[dict[str, Any], dict[str, Figure]]:
-        from vibro_cli.systems.springs.describe import portrait
+        from vibro_cli.systems.springs.portrait import portrait
 
         return portrait(system, width, drawn)
 
     def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        from vibro_cli.systems.springs.describe import portrait_lines
+        from vibro_cli.systems.springs.portrait import portrait_lines
 
         return portrait_lines(found)
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from vibro_cli.assemble import Findings, Given, bodies_of
-from vibro_cli.mechanics.system import Body
-from vibro_cli.systems.rows import touching_distance
+from vibro_cli.mechanics.system import Body, touching_distance
 from vibro_cli.systems.springs.scenario import SpringsScenario
 from vibro_cli.systems.springs.system import InitialState, Spring, SpringsSystem
 

@@ -7,14 +7,12 @@ their jumps, places.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import (
@@ -32,7 +30,7 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.dots import MANY
-from vibro_cli.figures.film import Frames, Ground, Link, Panel, States, times_between, trail
+from vibro_cli.figures.film import Frames, Ground, Link, Panel, struck, times_between, trail
 from vibro_cli.figures.labels import Named, write_names
 from vibro_cli.figures.runs.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.runs.over_impacts import speed_map
@@ -45,6 +43,7 @@ from vibro_cli.figures.runs.over_time import (
     energy_chart,
     energy_lines,
 )
+from vibro_cli.figures.runs.velocities import draw_disc
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import MM, WIDTHS
 from vibro_cli.figures.ticks import number_ticks, with_power
@@ -75,7 +74,7 @@ def film_on_springs(run: Any, times: Array) -> Frames:
             [
                 (times, x[:, n], speed[:, n], 2),
                 (more, between[0][:, n], between[1][:, n], 2),
-                *_struck(run, n),
+                *struck(run, n, "x"),
             ],
         )
         for n in range(len(bodies))
@@ -92,20 +91,6 @@ def _states(run: Any, times: Array) -> tuple[Array, Array]:
         return np.empty(shape), np.empty(shape)
     sampled = run.sample(times)
     return np.reshape(sampled["x"], shape), np.reshape(sampled["speed"], shape)
-
-
-def _struck(run: Any, body: int) -> Iterator[States]:
-    """Yield the states of a body (from 0) before and after its impacts on others."""
-    table = run.collisions
-    made = np.asarray(table["admissible"], dtype=np.bool_) | np.asarray(
-        table["substituted"], dtype=np.bool_
-    )
-    for side in "ab":
-        rows = np.flatnonzero((np.asarray(table[f"ball_{side}"]) == body + 1) & made)
-        for order, when in enumerate(("pre", "post")):
-            names = ("t", f"x_{side}", f"speed_{side}_{when}")
-            time, x, speed = (np.asarray(table[name], dtype=np.float64)[rows] for name in names)
-            yield time, x, speed, order
 
 
 def _ground(run: Any, x: Array) -> Ground:
@@ -399,11 +384,7 @@ def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: 
         upright = np.array([[foot[0] + _aside(run, number - 1) / scale, y] for y in (0.0, foot[1])])
         axes.plot(*upright.T, zorder=1.4, **_HEIGHT)
         shown = max(body.radius, _LEAST / scale)
-        look: dict[str, Any] = {"facecolor": colour, "alpha": 0.35, "edgecolor": "none"}
-        axes.add_patch(Circle((place, 0.0), shown, zorder=1.8, **look))
-        edge: dict[str, Any] = {"facecolor": "none", "edgecolor": style.BLACK, "linewidth": 0.5}
-        axes.add_patch(Circle((place, 0.0), shown, zorder=2.1, **edge))
-        axes.plot(place, 0.0, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+        draw_disc(axes, centre, shown, colour, 0.35)
         axes.plot([place - reach, place + reach], [-body.radius] * 2, zorder=2.0, **_LINE)
         if speed:
             level = 0.5 * shown * (-1.0) ** number  # beside the arrows of its neighbours

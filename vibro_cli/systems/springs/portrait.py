@@ -8,7 +8,7 @@ total energy, which stays between impacts and jumps with the speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -50,7 +50,13 @@ from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
 from vibro_cli.mechanics.trace import LINE as STRAIGHT
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.systems.run import Run
-from vibro_cli.systems.springs.phase_plane import TYPES, SpringsLandscape, point_names
+from vibro_cli.systems.springs.phase_plane import (
+    TYPES,
+    SpringsLandscape,
+    point_names,
+    spring_periods,
+    springs_record,
+)
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
 
 
@@ -75,16 +81,11 @@ class Motions:
         together: Flags = self.last > self.first
         return together
 
-    def some(self, every: int) -> Motions:
-        """Return one in n."""
-        x, v, x_end, v_end = (column[::every] for column in self.states)
-        return Motions(
-            self.first[::every],
-            self.last[::every],
-            self.start[::every],
-            self.end[::every],
-            (x, v, x_end, v_end),
-        )
+    def some(self, rows: Any) -> Motions:
+        """Return those in some rows: a slice or an array of truth values."""
+        x, v, x_end, v_end = (column[rows] for column in self.states)
+        start, end = self.start[rows], self.end[rows]
+        return Motions(self.first[rows], self.last[rows], start, end, (x, v, x_end, v_end))
 
 
 def motions(run: Run, body: int) -> Motions:
@@ -148,13 +149,7 @@ def _finished(run: Run, body: int, found: Motions) -> Motions:
         x_end[-1], v_end[-1] = final["displacement"][body], final["speed"][body]
     kept = found.end > found.start
     kept[0] = True
-    return Motions(
-        found.first[kept],
-        found.last[kept],
-        found.start[kept],
-        found.end[kept],
-        (x[kept], v[kept], x_end[kept], v_end[kept]),
-    )
+    return found.some(kept)
 
 
 def springs_trajectory(run: Run, ball: int) -> Trajectory:
@@ -166,7 +161,7 @@ def springs_trajectory(run: Run, ball: int) -> Trajectory:
     body = ball - 1
     all_of = motions(run, body)
     every = max(1, math.ceil(len(all_of.start) / MOST_BRANCHES))
-    shown = all_of.some(every)
+    shown = all_of.some(slice(None, None, every))
     count = points_each(len(shown.start))
     place, speed = (np.empty((len(shown.start), count)) for _ in range(2))
     for group in set(zip(shown.first.tolist(), shown.last.tolist(), strict=True)):
@@ -416,3 +411,42 @@ def _draw_spring_energy(lower: Panel, system: SpringsSystem, body: int, window: 
     x = np.linspace(window.low, window.high, 600)
     stored = 0.5 * spring.stiffness * (np.hypot(spring.height, x) - spring.length) ** 2
     lower.axes.plot(x, stored, zorder=1.5, **SPRING)
+
+
+def swings(system: SpringsSystem) -> Iterator[dict[str, float | None]]:
+    """Return ω₀ (1/s) of each body and its periods (s), None where there is none."""
+    for ball in range(1, len(system.bodies) + 1):
+        small, own = (
+            period if math.isfinite(period) else None for period in spring_periods(system, ball)
+        )
+        yield {"omega_0": system.frequency(ball - 1), "small_period": small, "period": own}
+
+
+def portrait(
+    system: SpringsSystem, width: str, drawn: bool
+) -> tuple[dict[str, Any], dict[str, Figure]]:
+    """Return the singular points of each body, and a figure of each."""
+    balls = range(1, len(system.bodies) + 1)
+    bodies = [springs_record(system, ball - 1) for ball in balls]
+    figures = {f"portrait_{n}": springs_structure(system, n, width) for n in balls if drawn}
+    return {"system": "springs", "bodies": bodies}, figures
+
+
+def portrait_lines(found: dict[str, Any]) -> Iterator[str]:
+    """Return the table as text."""
+    for body in found["bodies"]:
+        yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
+        yield from _lines(body)
+
+
+def _lines(body: dict[str, Any]) -> Iterator[str]:
+    yield "  point  kind    from foot [m]       x [m]      E [J]  spring"
+    for point in body["points"]:
+        state = "stressed" if point["stressed"] else "unstressed"
+        yield (
+            f"  {point['name']:5}  {point['kind']:6}  {point['displacement']:13.9f}  "
+            f"{point['x']:10.6f}  {point['energy']:9.6g}  {state}"
+        )
+    yield f"  ω₀ = {body['frequency']:.9g} 1/s"
+    if body["separatrix_speed"] is not None:
+        yield f"  on the separatrix at most {body['separatrix_speed']:.9g} m/s, over the centres"

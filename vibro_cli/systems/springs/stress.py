@@ -18,7 +18,6 @@ from vibro_cli.api import simulate
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED
 from vibro_cli.scenario.loading import any_scenario_of
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
 from vibro_cli.stress.oracles.motion import (
     Series,
     Whole,
@@ -28,12 +27,11 @@ from vibro_cli.stress.oracles.motion import (
     value_of,
     whole,
 )
-from vibro_cli.stress.oracles.neighbours import check_maps
-from vibro_cli.stress.oracles.scene import speed_changes
-from vibro_cli.stress.oracles.taylor import mp
-from vibro_cli.systems.run import Run
+from vibro_cli.stress.oracles.scene import mp, speed_changes
+from vibro_cli.stress.oracles.sensitivity import check_maps
+from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
+from vibro_cli.systems.run import Run, Stretch
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
-from vibro_cli.systems.stream import Stretch
 
 ORDER = 44
 # A step as a share of the time in which a spring can change much; it is cut where the last term

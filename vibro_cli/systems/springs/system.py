@@ -11,25 +11,18 @@ from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.springs.loop import MOST_STEPS, advance
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
-    END_INTERRUPTED,
-    END_NAMES,
-    END_QUIET,
-    END_TIME,
-    LOG_FULL,
-    LOGS,
     NEVER,
-    RECORDS,
     ROW,
-    STATE,
     Clock,
     Settings,
     SpringBody,
     SpringPair,
     World,
 )
-from vibro_cli.systems.driver import EventLoop
-from vibro_cli.systems.rows import ImpactSystem, body_record, touching_distance
-from vibro_cli.systems.wanted import UNLIMITED
+from vibro_cli.kernels.world import END_QUIET
+from vibro_cli.mechanics.system import ImpactSystem, touching_distance
+from vibro_cli.systems.driver import EventLoop, body_record, records_of
+from vibro_cli.systems.wanted import UNLIMITED, Limits
 
 
 @dataclass(frozen=True)
@@ -109,30 +102,23 @@ def separatrix_speed(spring: Spring, frequency: float, displacement: float) -> f
 
 LOOP = EventLoop(
     advance=advance,
-    records=RECORDS,
-    logs=LOGS,
-    state=STATE,
-    end_names=END_NAMES,
-    end_time=END_TIME,
-    end_interrupted=END_INTERRUPTED,
-    log_full=LOG_FULL,
+    records=records_of(World),
+    logs={"impacts": "impact_rows", "states": "state_rows"},
+    state=("clock", "springs", "pairs"),
     rows_of_event=8,
     quiet_cause=(END_QUIET, f"{MOST_STEPS:,} steps"),
     finishes=True,
 )
 
 
-def make_world(
-    system: SpringsSystem, stop_time: float | None = None, stop_collisions: int | None = None
-) -> World:
+def make_world(system: SpringsSystem, limits: Limits) -> World:
     """Return the records of a system at the start, with empty logs."""
     count = len(system.bodies)
     settings = Settings()
     settings.law = LAW_NAMES.index(system.law)
     settings.substitute = 1 if system.inadmissible == "normal-impulse" else 0
-    settings.stop_time = NEVER if stop_time is None else stop_time
-    settings.stop_collisions = UNLIMITED if stop_collisions is None else stop_collisions
-    settings.bodies = count
+    settings.stop_time = NEVER if limits.time is None else limits.time
+    settings.stop_collisions = UNLIMITED if limits.collisions is None else limits.collisions
     return World(
         clock=[Clock()],
         settings=[settings],

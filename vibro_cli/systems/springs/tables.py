@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from functools import cached_property
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED
+from vibro_cli.compile.kernel import dtype, interpreted_copies, interpreted_rows
+from vibro_cli.compile.native import compiled
+from vibro_cli.kernels.springs.series import Found, Sample, sample_states
+from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED, SpringBody, StateRow
 from vibro_cli.kernels.statistics.impact_columns import EIGHTS, REGIMES
 from vibro_cli.systems.columns import (
+    ENDS,
     KINETIC,
     Column,
     Table,
@@ -24,20 +30,23 @@ from vibro_cli.systems.columns import (
     is_one,
     number,
     of_clock,
+    of_last,
     of_log,
     phases,
     summary_balance,
     summary_head,
     word,
 )
-from vibro_cli.systems.rows import Bodies, ImpactRows
+from vibro_cli.systems.driver import compiled_world, record_array
+from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
+from vibro_cli.systems.tables import Bodies, PairRows, bodies_at, events_until
+from vibro_cli.systems.wanted import Limits
 
 _ENERGY = "kinetic energy and energy of the spring"
 _OMEGA = "angular velocity of rolling (null for a particle, which slides)"
 _DISPLACEMENT = "place of the centre from that of its spring's foot"
 _REGIME = "always oscillating, as the energy of a spring has no bound"
 _EIGHT = "side of the figure eight: left loop, right loop, on it, or outside (none: there is none)"
-_WHEN = (("pre", "before"), ("post", "after"))
 
 
 class SpringBodies(Bodies):
@@ -56,7 +65,7 @@ class SpringBodies(Bodies):
         )
 
 
-class Collisions(ImpactRows):
+class Collisions(PairRows):
     """Impacts of two neighbours."""
 
     bodies: SpringBodies
@@ -65,6 +74,10 @@ class Collisions(ImpactRows):
         """Body `a` or `b` of each row, from 0."""
         return self["pair"] if end == "a" else self["pair"] + 1
 
+    def along(self, end: str, when: str) -> Any:
+        """Its speed (m/s), `pre` or `post`."""
+        return self[f"v_{end}_{when}"]
+
     def displacement(self, end: str) -> Any:
         """From the foot's place (m)."""
         return self[f"x_{end}"] - self.of_body(self.bodies.feet, self.body(end))
@@ -72,7 +85,7 @@ class Collisions(ImpactRows):
     def omega(self, end: str, when: str) -> Any:
         """Angular velocity (rad/s), nan of a particle."""
         body = self.body(end)
-        turned = self[f"v_{end}_{when}"] / self.of_body(self.bodies.radii, body)
+        turned = self.along(end, when) / self.of_body(self.bodies.radii, body)
         return np.where(self.of_body(self.bodies.slide, body), np.nan, turned)
 
     @cached_property
@@ -87,8 +100,7 @@ class Collisions(ImpactRows):
 
     def energy(self, end: str, when: str) -> Any:
         """Kinetic energy and that of the spring (J)."""
-        masses = self.of_body(self.bodies.rolling_masses, self.body(end))
-        return 0.5 * masses * self[f"v_{end}_{when}"] ** 2 + self._stored[end]
+        return self.kinetic(end, when) + self._stored[end]
 
     def kinetic(self, end: str, when: str) -> Any:
         """Kinetic energy (J)."""
@@ -105,47 +117,11 @@ class Collisions(ImpactRows):
         return np.where(length > height, side, 0)
 
     @property
-    def impulse(self) -> Any:
-        """On the right body (N s), under the law of translation."""
-        return self.impulse_of(self.body("b"), self["v_b_post"] - self["v_b_pre"])
-
-    @property
     def impulse_moment(self) -> Any:
         """J_Pb (ω_b⁺ - ω_b⁻), N m s."""
         radii = self.of_body(self.bodies.radii, self.body("b"))
         change = self["v_b_post"] / radii - self["v_b_pre"] / radii
         return self.of_body(self.bodies.rolling_inertias, self.body("b")) * change
-
-    @cached_property
-    def inclined(self) -> Any:
-        """Cosine between the line of centres and the plane."""
-        return self.inclination(self.body("a"), self.body("b"))
-
-    @property
-    def approach_speed(self) -> Any:
-        """Along the line of centres, before (m/s)."""
-        return self.inclined * (self["v_a_pre"] - self["v_b_pre"])
-
-    @property
-    def separation_speed(self) -> Any:
-        """Along the line of centres, after (m/s)."""
-        return self.inclined * (self["v_b_post"] - self["v_a_post"])
-
-
-def _displacement(end: str) -> Value:
-    return lambda rows: rows.displacement(end)
-
-
-def _omega(end: str, when: str) -> Value:
-    return lambda rows: rows.omega(end, when)
-
-
-def _speed(end: str, when: str) -> Value:
-    return of_log(f"v_{end}_{when}")
-
-
-def _kinetic(end: str, when: str) -> Value:
-    return lambda rows: rows.kinetic(end, when)
 
 
 def _never_progressive(rows: Any) -> Any:
@@ -153,11 +129,7 @@ def _never_progressive(rows: Any) -> Any:
 
 
 def _eight(end: str, when: str) -> Value:
-    return lambda rows: rows.eight(end, when)
-
-
-def _energy(end: str, when: str) -> Value:
-    return lambda rows: rows.energy(end, when)
+    return methodcaller("eight", end, when)
 
 
 def _impact_columns() -> Iterator[Column]:
@@ -168,24 +140,27 @@ def _impact_columns() -> Iterator[Column]:
         text = f"place of the centre along the line, of body {end}"
         yield number(f"x_{end}", "m", text, value=of_log(f"x_{end}"))
     for end in "ab":
-        text = f"{_DISPLACEMENT}, of body {end}"
-        yield number(f"displacement_{end}", "m", text, value=_displacement(end))
-    for text, name, unit, value in (
-        (_OMEGA, "omega", "rad/s", _omega),
-        ("signed speed of the centre", "speed", "m/s", _speed),
-        (_ENERGY, "energy", "J", _energy),
+        text, value = f"{_DISPLACEMENT}, of body {end}", methodcaller("displacement", end)
+        yield number(f"displacement_{end}", "m", text, value=value)
+    for text, name, unit, method in (
+        (_OMEGA, "omega", "rad/s", "omega"),
+        ("signed speed of the centre", "speed", "m/s", "along"),
+        (_ENERGY, "energy", "J", "energy"),
     ):
-        for when, words in _WHEN:
-            for end in "ab":
-                what = f"{text}, {words} the impact, of body {end}"
-                null = name == "omega"
-                yield number(f"{name}_{end}_{when}", unit, what, null, value(end, when))
+        for end, when, words in ENDS:
+            what, value = (
+                f"{text}, {words} the impact, of body {end}",
+                methodcaller(method, end, when),
+            )
+            yield number(f"{name}_{end}_{when}", unit, what, name == "omega", value)
     yield from impact_tail()
     yield flag("contact", "whether lasting contact of the pair begins here", is_one("contact"))
-    for when, words in _WHEN:
-        for end in "ab":
-            text = f"{KINETIC}, {words} the impact, of body {end}"
-            yield number(f"kinetic_energy_{end}_{when}", "J", text, value=_kinetic(end, when))
+    for end, when, words in ENDS:
+        text, value = (
+            f"{KINETIC}, {words} the impact, of body {end}",
+            methodcaller("kinetic", end, when),
+        )
+        yield number(f"kinetic_energy_{end}_{when}", "J", text, value=value)
     yield impulse()
     yield from phases("regime", _REGIME, REGIMES, lambda *_: _never_progressive)
     yield from phases("eight", _EIGHT, EIGHTS, _eight)
@@ -244,27 +219,103 @@ MOTION = Table(
 )
 
 
-def _summary_columns(bodies: Iterable[int | str]) -> Iterator[Column]:
-    yield from summary_head("time, collisions, no_more_collisions or inadmissible")
-    yield count("collisions", "number of impacts", True, of_clock("collisions"))
-    yield count("contacts", "number of lasting contacts begun", True, of_clock("contacts"))
-    yield from summary_balance()
-    for body in bodies:
-        yield number(f"x_{body}", "m", f"final place of body {body}", True, _last("x", body))
-        text = f"the same of body {body} from its spring's foot"
-        yield number(f"displacement_{body}", "m", text, True, _last("displacement", body))
-        text = f"final speed of body {body}"
-        yield number(f"speed_{body}", "m/s", text, True, _last("speed", body))
-
-
-def _last(name: str, body: int | str) -> Value:
-    return lambda totals: totals.last[name][int(body) - 1]
-
-
 def summary(bodies: Iterable[int | str], grown: int | str = 0) -> Table:
     """The table of summaries of runs with these bodies: numbers from 1, or a letter for any.
 
     `grown` with so many exponents.
     """
-    columns = (*_summary_columns(bodies), *exponents(grown))
-    return Table("springs.summary", "one run", columns)
+    columns = [
+        *summary_head("time, collisions, no_more_collisions or inadmissible"),
+        count("collisions", "number of impacts", True, of_clock("collisions")),
+        count("contacts", "number of lasting contacts begun", True, of_clock("contacts")),
+        *summary_balance(),
+    ]
+    for body in bodies:
+        for name, unit, text in (
+            ("x", "m", f"final place of body {body}"),
+            ("displacement", "m", f"the same of body {body} from its spring's foot"),
+            ("speed", "m/s", f"final speed of body {body}"),
+        ):
+            columns.append(number(f"{name}_{body}", unit, text, True, of_last(name, body)))
+    return Table("springs.summary", "one run", (*columns, *exponents(grown)))
+
+
+Floats = NDArray[np.float64]
+
+
+class Motion:
+    """States after the start and after every event, an event a row, a body a column.
+
+    Parameters
+    ----------
+    system, engine
+        What is solved, and ``"compiled"`` or ``"python"``; both give the same bits.
+    states
+        The log of a stretch of the run.
+    before
+        The last states before it, from :attr:`last`; without them the stretch is the first.
+    """
+
+    def __init__(self, system: SpringsSystem, engine: str, states: Any, before: Any = None) -> None:
+        self._system, self._engine = system, engine
+        self._log = states if before is None else np.concatenate([before, states])
+        self.last = self._log[-len(system.bodies) :]
+        """The states after the last event."""
+        self.states = self._log.reshape(-1, len(system.bodies))
+        self.times = self.states["t"][:, 0]
+
+    def sample(
+        self, times: Any, side: str = "after", extrapolate: bool = False
+    ) -> dict[str, NDArray[Any]]:
+        """Return the columns of the motion table: for each time a row for each body.
+
+        `side` is "after" or "before" an event that happens at just such an instant.
+        Raises ValueError for another side.
+        """
+        instants = np.asarray(times, dtype=np.float64)
+        events, bodies = events_until(self.times, instants, side), len(self._system.bodies)
+        samples = np.zeros(len(instants), dtype=dtype(Sample))
+        samples["row"] = np.maximum(events - 1, 0) * bodies
+        # Before the start the motion is that from it with all speeds reversed, back in time.
+        samples["way"] = np.where(instants < 0.0, -1.0, 1.0)
+        samples["t"] = np.abs(instants)
+        order = np.lexsort((samples["t"], samples["row"], samples["way"]))
+        found = np.empty((len(instants), bodies), dtype=dtype(Found))
+        found[order] = self._sampled(samples[order]).reshape(-1, bodies)
+        return _motion_columns(self._system, instants, found)
+
+    def _sampled(self, samples: Any) -> Any:
+        """The states at some instants, those of one instant together."""
+        world, bodies = make_world(self._system, Limits()), len(self._system.bodies)
+        if self._engine == "compiled":
+            found = np.zeros(len(samples) * bodies, dtype=dtype(Found))
+            arrays = compiled_world(LOOP, world)._replace(states=self._log)
+            scratch = np.zeros(bodies, dtype=dtype(SpringBody))
+            compiled(sample_states)(arrays, samples, len(samples), found, scratch)
+            return found
+        world = world._replace(states=interpreted_copies(self._log, StateRow))
+        rows = interpreted_rows(Found, len(samples) * bodies)
+        sample_states(
+            world, interpreted_copies(samples, Sample), len(samples), rows,
+            interpreted_rows(SpringBody, bodies),
+        )  # fmt: skip
+        return record_array(rows, Found)
+
+
+def states_at(system: SpringsSystem, springs: Any, time: float) -> dict[str, NDArray[Any]]:
+    """Return the columns of the motion table at one time (s), at which the bodies are."""
+    found = np.empty((1, len(springs)), dtype=dtype(Found))
+    found["x"], found["v"] = springs["x"], springs["v"]
+    # As `kernels.springs.series.energy_of` has it, to the bit.
+    length = np.sqrt(springs["height"] * springs["height"] + springs["x"] * springs["x"])
+    stretch = length - springs["length"]
+    square = springs["v"] * springs["v"] + springs["square"] * stretch * stretch
+    found["energy"] = 0.5 * square
+    return _motion_columns(system, np.array([time]), found)
+
+
+def _motion_columns(system: SpringsSystem, instants: Floats, found: Any) -> dict[str, NDArray[Any]]:
+    """Columns from states [time, body]."""
+    feet = np.tile([spring.foot for spring in system.springs], len(instants))
+    values = {name: found[name].ravel() for name in ("x", "v", "energy")}
+    return MOTION.filled(bodies_at(system, instants) | values | {"foot": feet})

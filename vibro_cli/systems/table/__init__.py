@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from vibro_cli.scenario.base import ScenarioTable
     from vibro_cli.systems.columns import Table
     from vibro_cli.systems.driver import EventLoop
-    from vibro_cli.systems.stream import Stretch
-    from vibro_cli.systems.table.motion import Motion
+    from vibro_cli.systems.run import Stretch
+    from vibro_cli.systems.table.tables import Motion
     from vibro_cli.systems.tables import SystemTables
     from vibro_cli.systems.tangents import LoggedMap
     from vibro_cli.systems.wanted import Limits, Wanted
@@ -70,7 +70,7 @@ class BallsOnTable(System):
     def world(self, system: Any, limits: Limits) -> Any:
         from vibro_cli.systems.table.system import make_world
 
-        return make_world(system, limits.time, limits.collisions, limits.bounces)
+        return make_world(system, limits)
 
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.systems.columns import converging, with_growth
@@ -86,8 +86,8 @@ class BallsOnTable(System):
 
     @property
     def impact_logs(self) -> dict[str, ImpactLog]:
-        from vibro_cli.systems.rows import Bodies
         from vibro_cli.systems.table.tables import BOUNCES, COLLISIONS, Bounces, Collisions
+        from vibro_cli.systems.tables import Bodies
 
         return {
             "collisions": ImpactLog("pair_log", COLLISIONS, Collisions, Bodies),
@@ -97,7 +97,7 @@ class BallsOnTable(System):
     def teller(
         self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink
     ) -> SystemTables:
-        from vibro_cli.systems.table.motion import states_at
+        from vibro_cli.systems.table.tables import states_at
         from vibro_cli.systems.tables import SystemTables
 
         def states(records: Any, time: float) -> dict[str, Any]:
@@ -114,7 +114,7 @@ class BallsOnTable(System):
         return LoggedMap(self, system, follow_balls, time_scale(system), pairs)
 
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Motion:
-        from vibro_cli.systems.table.motion import Motion
+        from vibro_cli.systems.table.tables import Motion
 
         return Motion(system, stretch.logs["pair_log"], stretch.logs["bounce_log"], before)
 
@@ -140,12 +140,12 @@ class BallsOnTable(System):
     def portrait(
         self, system: Any, width: str, drawn: bool
     ) -> tuple[dict[str, Any], dict[str, Figure]]:
-        from vibro_cli.systems.table.describe import portrait
+        from vibro_cli.systems.table.wall_portrait import portrait
 
         return portrait(system, width, drawn)
 
     def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        from vibro_cli.systems.table.describe import portrait_lines
+        from vibro_cli.systems.table.wall_portrait import portrait_lines
 
         return portrait_lines(found)
 

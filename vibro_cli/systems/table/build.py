@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.assemble import Findings, Given, bodies_of
-from vibro_cli.mechanics.system import Body
-from vibro_cli.systems.rows import touching_distance
+from vibro_cli.mechanics.system import Body, touching_distance
 from vibro_cli.systems.table import system
 from vibro_cli.systems.table.scenario import TableBall, TableScenario
 from vibro_cli.systems.table.scenario import Wall as WallTable
@@ -107,9 +106,8 @@ def _check_wall(
 
 
 def _check_overlaps(scenario: TableScenario, bodies: tuple[Body, ...], findings: Findings) -> None:
-    balls = scenario.balls
-    for b, other in enumerate(balls):
-        for a, one in enumerate(balls[:b]):
+    for b, other in enumerate(scenario.balls):
+        for a, one in enumerate(scenario.balls[:b]):
             touch = touching_distance(bodies[a], bodies[b])
             apart = math.hypot(other.x - one.x, other.y - one.y)
             if apart < touch * (1.0 - 1e-14) - 1e-15 * (abs(one.x) + abs(one.y)):

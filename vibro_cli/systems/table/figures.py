@@ -4,20 +4,328 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vibro_cli.figures import style
+from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.film import Frames, Ground, States, trail
-from vibro_cli.figures.runs.contact_points import POINTS_CAPTION, POINTS_TITLE
+from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
+from vibro_cli.figures.runs.contact_points import (
+    ASIDE,
+    POINTS_CAPTION,
+    POINTS_TITLE,
+    Rolling,
+    figure_of,
+)
 from vibro_cli.figures.runs.kinds import EXPONENTS, INTERVALS, Kind, KindOfBody
 from vibro_cli.figures.runs.over_time import EnergyLines, energy_chart, energy_lines
+from vibro_cli.figures.runs.velocities import (
+    CENTRE,
+    NORMAL,
+    ROLLING,
+    arrow,
+    draw_disc,
+    draw_scale,
+    panel_size,
+    sheet,
+)
 from vibro_cli.figures.source import Array, kept
+from vibro_cli.figures.style import WIDTHS
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall, table_plan, wall_corners
-from vibro_cli.systems.table.velocities import table_contact_points, table_velocities
+
+_IMPACTS = {"single": 2, "double": 4}
+_HIGH, _TOP, _WORDS = 36.0, 5.0, 14.5
+_COLUMNS = (0.0, 17.0)
+_SYMBOL = 3.7
+_AROUND = 2.9
+"""Half the height of a panel, in radii of the larger ball."""
+_LONGEST, _TURNING = 1.7, 1.0
+"""Lengths of the longest arrows of velocity and of angular velocity, in the same radii."""
+_APART = 0.1
+_LEAST = math.radians(1.0)
+_LEAST_ASIDE = math.radians(3.0)
+_PATH: dict[str, Any] = {"linewidth": 0.5, "linestyle": (0, (1, 1.2)), "zorder": 1.9}
+_AXIS: dict[str, Any] = {
+    "color": style.FRAME_GREY, "linewidth": 0.4, "linestyle": (0, (6, 1.5, 1, 1.5)), "zorder": 1.5,
+}  # fmt: skip
+_TANGENT: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.5}
+_SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
+_LEGEND: list[Entry] = [
+    (words, {"color": style.BLACK} | look)
+    for words, look in (
+        ("velocity", CENTRE),
+        ("along the normal", NORMAL),
+        (r"$\omega$", ROLLING),
+        ("path", {key: _PATH[key] for key in ("linewidth", "linestyle")}),
+        ("tangent", _TANGENT),
+        ("normal", {key: _AXIS[key] for key in ("linewidth", "linestyle")}),
+    )
+]
+_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 90)) for f in (np.cos, np.sin)])
+
+
+@dataclass(frozen=True)
+class Arriving:
+    """A ball at an impact; pairs are before and after, places and velocities of shape (2,)."""
+
+    number: int
+    radius: float
+    """m"""
+    centre: Array
+    velocity: tuple[Array, Array]
+    """m/s"""
+    omega: tuple[float, float]
+    """Angular speed of rolling (rad/s), nan where it slides."""
+    angle: tuple[float, float]
+    """Arrival and outgoing angle (rad), nan at rest."""
+
+
+@dataclass(frozen=True)
+class Met:
+    """An impact of two balls, or of one on the wall."""
+
+    title: str
+    time: float
+    touch: Array
+    """Place of the contact (m), from above."""
+    normal: Array
+    balls: tuple[Arriving, ...]
+
+    @property
+    def largest(self) -> float:
+        """The radius of the greatest ball (m), or what stands for it where all are points."""
+        radius = max(ball.radius for ball in self.balls)
+        return radius or 0.02 * float(np.max(np.abs(self.touch)))
+
+    @property
+    def fastest(self) -> float:
+        """The greatest speed (m/s), 1 where all are at rest."""
+        speeds = [float(np.hypot(*velocity)) for ball in self.balls for velocity in ball.velocity]
+        return max(speeds) or 1.0
+
+
+def table_velocities(run: Run, width: str = "single") -> Figure | None:
+    """Return velocities, paths and angles before and after the first impacts; None without any.
+
+    Raises ValueError for a width that is neither `single` nor `double`.
+    """
+    if width not in WIDTHS:
+        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    impacts = impacts_of(run, _IMPACTS[width])
+    if not impacts:
+        return None
+    with style.journal():
+        lines = rows_of(_LEGEND, WIDTHS[width])
+        figure, panels = sheet(width, len(impacts), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
+        for number, one in enumerate(impacts):
+            for when in (0, 1):
+                axes = panels[2 * number + when]
+                _draw(axes, run, one, when)
+                _say(axes, one, when)
+            draw_scale(panels[2 * number + 1], _LONGEST * one.largest / one.fastest, 3)
+        draw_legend(figure, lines)
+    return figure
+
+
+def impacts_of(run: Run, most: int) -> list[Met]:
+    """Return the first impacts of two balls and on the wall, in the order of time."""
+    pairs = [_of_pair(run, row) for row in range(min(most, len(run.collisions["n"])))]
+    walls = [_on_wall(run, row) for row in range(min(most, len(run.bounces["n"])))]
+    return sorted([*pairs, *walls], key=lambda one: one.time)[:most]
+
+
+def _of_pair(run: Run, row: int) -> Met:
+    table = run.collisions
+    balls = tuple(_ball(run, table, row, int(table[f"ball_{end}"][row]), f"_{end}") for end in "ab")
+    angle = float(table["normal_angle"][row])
+    normal = np.array([math.cos(angle), math.sin(angle)])
+    one, other = (ball.radius for ball in balls)
+    reach = 2.0 * one * math.sqrt(one * other) / (one + other) if one + other > 0.0 else 0.0
+    title = f"impact {int(table['n'][row])}"
+    return Met(title, float(table["t"][row]), balls[0].centre + reach * normal, normal, balls)
+
+
+def _on_wall(run: Run, row: int) -> Met:
+    table = run.bounces
+    ball = _ball(run, table, row, int(table["ball"][row]), "")
+    angle = float(table["normal_angle"][row])
+    normal = np.array([math.cos(angle), math.sin(angle)])
+    touch = ball.centre + ball.radius * normal
+    title = f"wall {int(table['n'][row])}"
+    return Met(title, float(table["t"][row]), touch, normal, (ball,))
+
+
+def _ball(run: Run, table: Any, row: int, number: int, end: str) -> Arriving:
+    def value(name: str) -> float:
+        return float(table[name][row])
+
+    before, after = (
+        np.array([value(f"velocity_{axis}{end}_{when}") for axis in "xy"])
+        for when in ("pre", "post")
+    )
+    return Arriving(
+        number=number,
+        radius=run.system.bodies[number - 1].radius,
+        centre=np.array([value(f"x{end}"), value(f"y{end}")]),
+        velocity=(before, after),
+        omega=(value(f"omega{end}_pre"), value(f"omega{end}_post")),
+        angle=(value(f"arrival_angle{end}"), value(f"outgoing_angle{end}")),
+    )
+
+
+def _draw(axes: Axes, run: Run, one: Met, when: int) -> None:
+    """Draw one panel: balls, wall, normal and tangent, paths and arrows."""
+    largest = one.largest
+    wide, high = panel_size(axes)
+    reach = _AROUND * largest
+    centre = one.touch if len(one.balls) > 1 else one.touch - 1.2 * largest * one.normal
+    axes.set_xlim(centre[0] - reach * wide / high, centre[0] + reach * wide / high)
+    axes.set_ylim(centre[1] - reach, centre[1] + reach)
+    if run.system.wall is not None:
+        draw_wall(axes, run.system.wall)
+    across = np.array([-one.normal[1], one.normal[0]])
+    far = 2.0 * reach
+    axes.plot(*_line(one.touch, one.normal, far), **_AXIS)
+    axes.plot(*_line(one.touch, across, 1.35 * largest), zorder=2.0, **_TANGENT)
+    fastest = one.fastest
+    drawn = [np.linspace(one.touch - far * one.normal, one.touch + far * one.normal, 80)]
+    names = [Named("$T$", (float(one.touch[0]), float(one.touch[1])))]
+    spinning = np.nanmax([*(omega for ball in one.balls for omega in ball.omega), 1e-300])
+    for ball, side in zip(one.balls, (1.0, -1.0), strict=False):
+        colour = str(body_look(ball.number)["color"])
+        velocity = ball.velocity[when]
+        draw_disc(axes, ball.centre, ball.radius, colour, 0.16)
+        drawn += _draw_motion(axes, one, ball, when, largest, fastest, float(spinning))
+        component = float(velocity @ one.normal) * one.normal * (_LONGEST * largest / fastest)
+        offset = side * _APART * largest * across
+        arrow(axes, one.touch + offset, component, colour, NORMAL)
+        names.append(Named(rf"$C_{{{ball.number}}}$", _pair(ball.centre)))
+        names += _draw_angle(axes, one, ball, when, 1.25 * ball.radius, colour)
+    axes.plot(*one.touch, marker="o", markersize=1.6, color=style.BLACK, zorder=4.0)
+    write_names(axes, names, np.concatenate(drawn), (wide, high))
+
+
+def _line(middle: Array, along: Array, reach: float) -> Array:
+    ends: Array = np.transpose([middle - reach * along, middle + reach * along])
+    return ends
+
+
+def _draw_motion(
+    axes: Axes, one: Met, ball: Arriving, when: int, largest: float, fastest: float, spinning: float
+) -> list[Array]:
+    """Draw the path and the arrows of one ball; return points of what is covered.
+
+    The angular velocity lies along the horizontal axis of rolling, to the left of the velocity.
+    """
+    velocity, colour = ball.velocity[when], str(body_look(ball.number)["color"])
+    speed = float(np.hypot(*velocity))
+    if not speed:
+        return [ball.centre + ball.radius * _RING]
+    along = velocity / speed
+    path = np.array([ball.centre, ball.centre + (8.0 if when else -8.0) * largest * along])
+    axes.plot(*path.T, color=colour, **_PATH)
+    reach = _LONGEST * largest / fastest * velocity
+    arrow(axes, ball.centre, reach, colour, CENTRE)
+    drawn = [np.linspace(ball.centre, ball.centre + reach, 20), np.linspace(path[0], path[1], 40)]
+    if not math.isnan(ball.omega[when]):
+        turned = np.array([-along[1], along[0]])
+        turned = _TURNING * largest * ball.omega[when] / spinning * turned
+        arrow(axes, ball.centre, turned, colour, ROLLING)
+        drawn.append(np.linspace(ball.centre, ball.centre + turned, 20))
+    return [*drawn, ball.centre + ball.radius * _RING]
+
+
+def _draw_angle(
+    axes: Axes, one: Met, ball: Arriving, when: int, radius: float, colour: str
+) -> list[Named]:
+    """Draw the angle between the path and the normal as an arc; return its name."""
+    angle = ball.angle[when]
+    if math.isnan(angle) or angle < _LEAST:
+        return []
+    velocity = ball.velocity[when] if when else -ball.velocity[when]
+    nearest = one.normal if float(velocity @ one.normal) >= 0.0 else -one.normal
+    start = math.atan2(nearest[1], nearest[0])
+    turn = float(nearest[0] * velocity[1] - nearest[1] * velocity[0])
+    angles = start + math.copysign(1.0, turn) * np.linspace(0.0, angle, 40)
+    points = ball.centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    axes.plot(*points.T, color=colour, linewidth=0.5, zorder=2.4)
+    middle = points[len(points) // 2]
+    mark = "'" if when else ""
+    return [Named(rf"$\alpha_{{{ball.number}}}{mark}$", _pair(middle), colour)]
+
+
+def _pair(point: Array) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
+
+
+def _say(axes: Axes, one: Met, when: int) -> None:
+    """Write the values above a panel."""
+    wide, high = panel_size(axes)
+
+    def write(left: float, line: int, text: str) -> None:
+        place = left / wide, 1.0 + (1.4 + 3.3 * line) / high
+        axes.text(*place, text, transform=axes.transAxes, va="baseline", **_SAY)
+
+    write(0.0, 3, f"{one.title}, {one.time:.4g} s: before" if when == 0 else "after")
+    rows = (
+        (2, "v", "", "m/s", [float(np.hypot(*ball.velocity[when])) for ball in one.balls]),
+        (1, r"\omega", "", "rad/s", [ball.omega[when] for ball in one.balls]),
+        (0, r"\alpha", "'" * when, "°", [math.degrees(ball.angle[when]) for ball in one.balls]),
+    )
+    for line, symbol, mark, unit, values in rows:
+        for ball, value, left in zip(one.balls, values, _COLUMNS, strict=False):
+            if math.isnan(value):
+                continue
+            write(left, line, rf"${symbol}_{{{ball.number}}}{mark}$")
+            last = f" {unit}" if ball is one.balls[-1] else ""
+            write(left + _SYMBOL, line, f"= {_number(value)}{'°' if unit == '°' else last}")
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}".replace("-", "−")
+
+
+def table_contact_points(run: Run, width: str = "single") -> Figure | None:
+    """Return the same of the first impact of two balls, or of a ball on the wall (C figs 2a, 3).
+
+    α is then the angle at which each ball arrives, if it does not do so along the normal.
+    """
+    if len(run.collisions["n"]):
+        return figure_of(_arriving(run), width)
+    if not len(run.bounces["n"]):
+        return None
+    number = int(run.bounces["ball"][0])
+    speed = math.hypot(*(float(run.bounces[f"velocity_{axis}_pre"][0]) for axis in "xy"))
+    aside = _shown(float(run.bounces["arrival_angle"][0]))
+    return figure_of(
+        [Rolling(run.system.bodies[number - 1], number, speed, 1.0, 0.0, aside)], width
+    )
+
+
+def _arriving(run: Run) -> list[Rolling]:
+    table = run.collisions
+    numbers = [int(table[f"ball_{end}"][0]) for end in "ab"]
+    radii = [run.system.bodies[number - 1].radius for number in numbers]
+    bodies = []
+    for end, number, own, other in zip("ab", numbers, radii, radii[::-1], strict=True):
+        above = (other - own) / (own + other) if own + other > 0.0 else 0.0
+        speed = math.hypot(*(float(table[f"velocity_{axis}_{end}_pre"][0]) for axis in "xy"))
+        aside = _shown(float(table[f"arrival_angle_{end}"][0]))
+        ahead = math.sqrt(max(1.0 - above * above, 0.0))
+        body = run.system.bodies[number - 1]
+        bodies.append(Rolling(body, number, speed, ahead, above, aside))
+    return bodies
+
+
+def _shown(angle: float) -> float:
+    return angle if angle >= _LEAST_ASIDE else ASIDE
+
 
 _ROOM = 0.03
 """Around what is shown, as a share of its size."""

@@ -15,12 +15,10 @@ import numpy as np
 from vibro_cli.api import simulate
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario.loading import any_scenario_of
-from vibro_cli.stress.finding import Document, Finding, Plan, Worst
-from vibro_cli.stress.oracles.fifty_digits import multiprecision
-from vibro_cli.stress.oracles.neighbours import check_maps
-from vibro_cli.stress.oracles.scene import speed_changes
-from vibro_cli.systems.run import Run
-from vibro_cli.systems.stream import Stretch
+from vibro_cli.stress.oracles.scene import mp, speed_changes
+from vibro_cli.stress.oracles.sensitivity import check_maps
+from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
+from vibro_cli.systems.run import Run, Stretch
 from vibro_cli.systems.table.system import POLYGON, TableSystem
 
 
@@ -71,7 +69,7 @@ class Twin:
         state = [list(start[4 * n : 4 * n + 4]) for n in range(len(self.radii))]
         now = self.mp.zero
         for one in told:
-            step, normal = self._contact(state, now, one)
+            step, normal = self.contact(state, now, one)
             for ball in state:
                 ball[0] += step * ball[2]
                 ball[1] += step * ball[3]
@@ -87,8 +85,8 @@ class Twin:
             for number in (x + step * vx, y + step * vy, vx, vy)
         ]  # fmt: skip
 
-    def _contact(self, state: list[list[Any]], now: Any, one: Told) -> tuple[Any, Any]:
-        """How long until an impact (s), and the normal of the wall there."""
+    def contact(self, state: list[list[Any]], now: Any, one: Told) -> tuple[Any, Any]:
+        """Return how long until an impact (s), and the normal of the wall there."""
         if len(one.balls) == 2:
             a, b = one.balls
             touch = 2 * self.mp.sqrt(self.radii[a] * self.radii[b])
@@ -250,7 +248,6 @@ def _beyond(run: Run, wall: Document, radius: float) -> float:
 
 def _contact(plan: Plan) -> Finding:
     """Time of the first contact with the offset curve, against 50 digits, also when it grazes."""
-    mp = multiprecision()
     worst = Worst()
     rng = np.random.default_rng([plan.seed, 2])
     for _ in range(plan.amount(40, 400)):
@@ -260,35 +257,17 @@ def _contact(plan: Plan) -> Finding:
         if side == "outside":
             ball["x"], ball["y"] = -3.0 * ball["velocity_x"], -3.0 * ball["velocity_y"]
         document = {"system": "table", "wall": wall, "balls": [ball], "stop": {"bounces": 1}}
-        rows = solve(document, "python").bounces
-        worst.take(_time_error(mp, rows, wall, ball, side), document)
+        run = solve(document, "python")
+        start = [[mp.mpf(ball[name]) for name in ("x", "y", "velocity_x", "velocity_y")]]
+        t, t_low, normal = (float(run.bounces[name][0]) for name in ("t", "t_low", "normal_angle"))
+        exact, _ = Twin(mp, run.system).contact(start, mp.zero, Told(t, (0,), normal))
+        worst.take(float(abs(exact - mp.mpf(t) - mp.mpf(t_low))) / 3.0, document)
     return worst.finding(
         CHECK,
         "time of contact with an elliptic wall, error over 3 m",
         "inside and outside, r up to 0.25, against 50 digits",
         1e-14,
     )
-
-
-def _time_error(mp: Any, rows: Any, wall: Document, ball: Document, side: str) -> float:
-    """Newton's method for time and eccentric angle together, from the place that was found."""
-    a, b, r = (mp.mpf(v) for v in (wall["semi_axis_x"], wall["semi_axis_y"], ball["radius"]))
-    x, y, vx, vy = (mp.mpf(ball[name]) for name in ("x", "y", "velocity_x", "velocity_y"))
-    sign = 1 if side == "inside" else -1
-
-    def equations(t: Any, f: Any) -> list[Any]:
-        c, s = mp.cos(f), mp.sin(f)
-        size = mp.sqrt((b * c) ** 2 + (a * s) ** 2)
-        return [
-            x + vx * t - (a * c - sign * r * b * c / size),
-            y + vy * t - (b * s - sign * r * a * s / size),
-        ]
-
-    t = float(rows["t"][0])
-    normal = float(rows["normal_angle"][0]) + (0.0 if side == "inside" else math.pi)
-    f = math.atan2(float(b) * math.sin(normal), float(a) * math.cos(normal))
-    exact = mp.findroot(equations, (mp.mpf(t), mp.mpf(f)), tol=mp.mpf(10) ** -70)[0]
-    return float(abs(exact - mp.mpf(t) - mp.mpf(float(rows["t_low"][0])))) / 3.0
 
 
 def _skew(plan: Plan) -> list[Finding]:
@@ -424,6 +403,6 @@ def check_tangent(plan: Plan) -> list[Finding]:
 def neighbours(system: Any, whole: Stretch) -> Any:
     """Return the start of a run, and what leads from others through the same events."""
     told = told_of(whole.logs["pair_log"], whole.logs["bounce_log"])
-    twin = Twin(multiprecision(), system)
+    twin = Twin(mp, system)
     start = [number for one in system.initial for number in (*one.place, *one.velocity)]
     return start, lambda moved: twin.end_of(moved, told, whole.end[0])

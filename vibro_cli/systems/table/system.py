@@ -5,20 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.table.loop import advance
 from vibro_cli.kernels.table.world import (
     CONIC,
-    END_INTERRUPTED,
-    END_NAMES,
-    END_TIME,
-    LOG_FULL,
-    LOGS,
     NEVER,
-    RECORDS,
-    STATE,
     Ball,
     Clock,
     Edge,
@@ -32,10 +26,9 @@ from vibro_cli.kernels.table.world import (
 from vibro_cli.kernels.table.world import (
     POLYGON as POLYGON_KIND,
 )
-from vibro_cli.kernels.world import BodyData
-from vibro_cli.systems.driver import EventLoop
-from vibro_cli.systems.rows import ImpactSystem, body_record
-from vibro_cli.systems.wanted import UNLIMITED
+from vibro_cli.mechanics.system import ImpactSystem
+from vibro_cli.systems.driver import EventLoop, body_record, records_of
+from vibro_cli.systems.wanted import UNLIMITED, Limits
 
 ELLIPSE = "ellipse"
 CIRCLE = "circle"
@@ -94,47 +87,33 @@ BEYOND = 1.0e-9
 
 LOOP = EventLoop(
     advance=advance,
-    records=RECORDS,
-    logs=LOGS,
-    state=STATE,
-    end_names=END_NAMES,
-    end_time=END_TIME,
-    end_interrupted=END_INTERRUPTED,
-    log_full=LOG_FULL,
+    records=records_of(World),
+    logs={"pair_log": "pair_rows", "bounce_log": "bounce_rows"},
+    state=("clock", "balls", "meetings"),  # the tournament follows from them
     rows_of_event=8,
 )
 
 
-def make_world(
-    system: TableSystem,
-    stop_time: float | None,
-    stop_collisions: int | None,
-    stop_bounces: int | None,
-) -> World:
+def make_world(system: TableSystem, limits: Limits) -> World:
     """Return the records of a system at the start, with empty logs."""
     settings = Settings()
     settings.law = LAW_NAMES.index(system.law)
     settings.substitute = 1 if system.inadmissible == "normal-impulse" else 0
     settings.restitution = system.restitution
-    settings.stop_time = NEVER if stop_time is None else stop_time
-    settings.stop_collisions = UNLIMITED if stop_collisions is None else stop_collisions
-    settings.stop_bounces = UNLIMITED if stop_bounces is None else stop_bounces
+    settings.stop_time = NEVER if limits.time is None else limits.time
+    settings.stop_collisions = UNLIMITED if limits.collisions is None else limits.collisions
+    settings.stop_bounces = UNLIMITED if limits.bounces is None else limits.bounces
     leaves = 2
     while leaves < len(system.bodies):
         leaves *= 2
-    settings.leaves = leaves
-    wall = WallData()
-    edges: list[Edge] = []
-    if system.wall is not None:
-        wall, edges = wall_records(system.wall)
-    bodies: list[BodyData] = [body_record(body) for body in system.bodies]
+    wall, edges = (WallData(), []) if system.wall is None else wall_records(system.wall)
     return World(
         clock=[Clock()],
         settings=[settings],
         wall=[wall],
         edges=edges,
-        bodies=bodies,
-        balls=[_ball(state.place, state.velocity) for state in system.initial],
+        bodies=[body_record(body) for body in system.bodies],
+        balls=[_ball(state) for state in system.initial],
         meetings=[Meeting() for _ in system.bodies],
         tree=[leaves] * leaves,  # no ball where none has played
         touches=[Touch() for _ in range(most_touches(len(system.bodies)))],
@@ -170,10 +149,10 @@ def most_touches(balls: int) -> int:
     return max(1, min(balls * (balls - 1) // 2, 8 * balls))
 
 
-def _ball(place: tuple[float, float], velocity: tuple[float, float]) -> Ball:
+def _ball(start: InitialState) -> Ball:
     ball = Ball()
-    ball.x, ball.y = place
-    ball.vx, ball.vy = velocity
+    ball.x, ball.y = start.place
+    ball.vx, ball.vy = start.velocity
     ball.square = ball.vx * ball.vx + ball.vy * ball.vy
     return ball
 
@@ -188,9 +167,7 @@ def wall_records(wall: Wall) -> tuple[WallData, list[Edge]]:
     data.a, data.b = wall.semi_axes
     if wall.shape != POLYGON:
         return data, []
-    corners = wall.corners
-    count = len(corners)
-    edges = [_edge(corners[n], corners[(n + 1) % count], data.side) for n in range(count)]
+    edges = [_edge(*ends, data.side) for ends in _sides(wall.corners)]
     for before, edge in zip(edges[-1:] + edges[:-1], edges, strict=True):
         # The corners that a ball can touch are those that point at it.
         turn = before.along_x * edge.along_y - before.along_y * edge.along_x
@@ -233,15 +210,15 @@ def rounding(wall: Wall, place: Point) -> float:
 def distance_to_wall(wall: Wall, place: Point) -> float:
     """Return the distance (m) of a place from the wall, negative on the side without balls."""
     if wall.shape == POLYGON:
-        distance = min(_to_side(place, *side) for side in _sides(wall))
+        distance = min(_to_side(place, *side) for side in _sides(wall.corners))
         return distance if _is_within(wall, place) == wall.inside else -distance
     x, y = place[0] - wall.center[0], place[1] - wall.center[1]
     distance = _into_ellipse(*wall.semi_axes, abs(x), abs(y))
     return distance if wall.inside else -distance
 
 
-def _sides(wall: Wall) -> list[tuple[Point, Point]]:
-    return list(zip(wall.corners, wall.corners[1:] + wall.corners[:1], strict=True))
+def _sides(corners: tuple[Point, ...]) -> list[tuple[Point, Point]]:
+    return list(zip(corners, corners[1:] + corners[:1], strict=True))
 
 
 def _to_side(place: Point, start: Point, end: Point) -> float:
@@ -254,7 +231,7 @@ def _to_side(place: Point, start: Point, end: Point) -> float:
 def _is_within(wall: Wall, place: Point) -> bool:
     """Whether a place is within a polygon: a ray from it crosses an odd number of sides."""
     within = False
-    for (x, y), (ex, ey) in _sides(wall):
+    for (x, y), (ex, ey) in _sides(wall.corners):
         if (y > place[1]) != (ey > place[1]):
             crossing = x + (place[1] - y) / (ey - y) * (ex - x)
             within ^= place[0] < crossing
@@ -299,28 +276,21 @@ def _beside_axis(a: float, b: float, x: float, y: float) -> Point:
 
 def anticlockwise(corners: tuple[Point, ...]) -> tuple[Point, ...]:
     """Return the corners of a polygon in anticlockwise order, beginning with the same one."""
-    if _area(corners) > 0.0:
-        return corners
-    return corners[:1] + corners[:0:-1]
-
-
-def _area(corners: tuple[Point, ...]) -> float:
-    following = corners[1:] + corners[:1]
-    return 0.5 * sum(x * ey - ex * y for (x, y), (ex, ey) in zip(corners, following, strict=True))
+    area = 0.5 * sum(x * ey - ex * y for (x, y), (ex, ey) in _sides(corners))
+    return corners if area > 0.0 else corners[:1] + corners[:0:-1]
 
 
 def wrong_with_polygon(corners: tuple[Point, ...]) -> str:
     """Return why corners make no polygon, empty if they do."""
     count = len(corners)
-    sides = [(corners[n], corners[(n + 1) % count]) for n in range(count)]
+    sides = _sides(corners)
     for number, (start, end) in enumerate(sides, 1):
         if start == end:
             return f"corners {number} and {number % count + 1} at one place"
-    for first in range(count):
-        for second in range(first + 1, count):
-            neighbours = second == first + 1 or (first == 0 and second == count - 1)
-            if _meet(sides[first], sides[second], neighbours):
-                return f"sides {first + 1} and {second + 1} that meet"
+    for first, second in combinations(range(count), 2):
+        neighbours = second == first + 1 or (first == 0 and second == count - 1)
+        if _meet(sides[first], sides[second], neighbours):
+            return f"sides {first + 1} and {second + 1} that meet"
     return ""
 
 

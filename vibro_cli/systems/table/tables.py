@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import cached_property
+from itertools import pairwise
+from operator import attrgetter, methodcaller
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibro_cli.systems.columns import (
+    ENDS,
+    WHEN,
     Column,
     Table,
     Value,
@@ -21,28 +25,25 @@ from vibro_cli.systems.columns import (
     impulse,
     number,
     of_clock,
+    of_last,
     of_log,
     summary_balance,
     summary_head,
 )
-from vibro_cli.systems.rows import ImpactRows
-from vibro_cli.systems.table.system import POLYGON
+from vibro_cli.systems.table.system import POLYGON, TableSystem
+from vibro_cli.systems.tables import ImpactRows, PairRows, bodies_at, events_until
 
 _AXES = ("x", "y")
-_WHEN = (("pre", "before"), ("post", "after"))
-_ANGLES = ("arrival", "outgoing")
+_ANGLES = {"pre": "arrival", "post": "outgoing"}
 _SKEW = 1e-12
 """Least share of the component across the line of centres that makes an impact skew."""
 
 
-class RollingRows(ImpactRows):
-    """Impacts of balls that roll."""
-
-    def rolling(self, ball: Any, vx: Any, vy: Any) -> Any:
-        """Return |v|/r (rad/s) of the ball of each row, nan where it slides."""
-        radii, speed = self.of_body(self.bodies.radii, ball), np.hypot(vx, vy)
-        omega = np.divide(speed, radii, out=np.zeros_like(speed), where=radii > 0.0)
-        return np.where(self.of_body(self.bodies.slide, ball), np.nan, omega)
+def _rolling(rows: ImpactRows, ball: Any, vx: Any, vy: Any) -> Any:
+    """Return |v|/r (rad/s) of the ball of each row, nan where it slides."""
+    radii, speed = rows.of_body(rows.bodies.radii, ball), np.hypot(vx, vy)
+    omega = np.divide(speed, radii, out=np.zeros_like(speed), where=radii > 0.0)
+    return np.where(rows.of_body(rows.bodies.slide, ball), np.nan, omega)
 
 
 def inclination_of(along: Any, across: Any) -> Any:
@@ -51,23 +52,16 @@ def inclination_of(along: Any, across: Any) -> Any:
     return np.where(moves, np.arctan2(np.abs(across), np.abs(along)), np.nan)
 
 
-class Collisions(RollingRows):
+class Collisions(PairRows):
     """Impacts of two balls."""
 
-    @cached_property
-    def inclined(self) -> Any:
-        """Cosine between the line of centres and the plane."""
-        return self.inclination(self["a"], self["b"])
+    def body(self, end: str) -> Any:
+        """Ball `a` or `b` of each row, from 0."""
+        return self[end]
 
-    @property
-    def approach_speed(self) -> Any:
-        """Along the line of centres, before (m/s)."""
-        return self.inclined * (self["normal_a_pre"] - self["normal_b_pre"])
-
-    @property
-    def separation_speed(self) -> Any:
-        """Along the line of centres, after (m/s)."""
-        return self.inclined * (self["normal_b_post"] - self["normal_a_post"])
+    def along(self, end: str, when: str) -> Any:
+        """Its component along the line of centres (m/s), `pre` or `post`."""
+        return self[f"normal_{end}_{when}"]
 
     @property
     def impulse_moment(self) -> Any:
@@ -85,11 +79,11 @@ class Collisions(RollingRows):
 
     def omega(self, ball: str, when: str) -> Any:
         """Angular speed of rolling (rad/s) of ball `a` or `b`, nan of a particle."""
-        return self.rolling(self[ball], self[f"vx_{ball}_{when}"], self[f"vy_{ball}_{when}"])
+        return _rolling(self, self[ball], self[f"vx_{ball}_{when}"], self[f"vy_{ball}_{when}"])
 
     def angle(self, ball: str, when: str) -> Any:
         """Between the path and the line of centres (rad, 0 to π/2), nan at rest."""
-        return inclination_of(self[f"normal_{ball}_{when}"], self.tangential_speed(ball))
+        return inclination_of(self.along(ball, when), self.tangential_speed(ball))
 
     @property
     def central(self) -> Any:
@@ -97,13 +91,8 @@ class Collisions(RollingRows):
         return ~(self._skew("a") | self._skew("b"))
 
     def _skew(self, ball: str) -> Any:
-        along, across = self[f"normal_{ball}_pre"], self.tangential_speed(ball)
+        along, across = self.along(ball, "pre"), self.tangential_speed(ball)
         return np.abs(across) > _SKEW * np.hypot(along, across)
-
-    @property
-    def impulse(self) -> Any:
-        """On ball b along the line of centres (N s), under the law of translation."""
-        return self.impulse_of(self["b"], self["normal_b_post"] - self["normal_b_pre"])
 
     def energy(self, ball: str, when: str) -> Any:
         """Kinetic energy (J) of ball `a` or `b`, `pre` or `post`."""
@@ -111,7 +100,7 @@ class Collisions(RollingRows):
         return 0.5 * self.of_body(self.bodies.rolling_masses, self[ball]) * square
 
 
-class Bounces(RollingRows):
+class Bounces(ImpactRows):
     """Impacts of a ball on the wall."""
 
     @property
@@ -121,17 +110,17 @@ class Bounces(RollingRows):
         curved = np.array([wall is None or wall.shape != POLYGON for wall in walls])
         return np.ma.MaskedArray(self["edge"] + 1, mask=curved[self.run])
 
-    def normal_speed(self, when: str) -> Any:
+    def along(self, when: str) -> Any:
         """Towards the wall (m/s), `pre` or `post`."""
         return self[f"vx_{when}"] * self["normal_x"] + self[f"vy_{when}"] * self["normal_y"]
 
     def omega(self, when: str) -> Any:
         """Angular speed of rolling (rad/s), nan of a particle."""
-        return self.rolling(self["ball"], self[f"vx_{when}"], self[f"vy_{when}"])
+        return _rolling(self, self["ball"], self[f"vx_{when}"], self[f"vy_{when}"])
 
     def angle(self, when: str) -> Any:
         """Between the path and the normal of the wall (rad, 0 to π/2)."""
-        return inclination_of(self.normal_speed(when), self.tangential_speed)
+        return inclination_of(self.along(when), self.tangential_speed)
 
     @property
     def tangential_speed(self) -> Any:
@@ -147,34 +136,6 @@ def _normal_angle(rows: Any) -> Any:
     return np.arctan2(rows["normal_y"], rows["normal_x"])
 
 
-def _tangential(ball: str) -> Value:
-    return lambda rows: rows.tangential_speed(ball)
-
-
-def _energy(ball: str, when: str) -> Value:
-    return lambda rows: rows.energy(ball, when)
-
-
-def _omega(ball: str, when: str) -> Value:
-    return lambda rows: rows.omega(ball, when)
-
-
-def _angle(ball: str, when: str) -> Value:
-    return lambda rows: rows.angle(ball, when)
-
-
-def _wall_omega(when: str) -> Value:
-    return lambda rows: rows.omega(when)
-
-
-def _wall_angle(when: str) -> Value:
-    return lambda rows: rows.angle(when)
-
-
-def _towards_wall(when: str) -> Value:
-    return lambda rows: rows.normal_speed(when)
-
-
 def _impact_columns() -> Iterator[Column]:
     yield from impact_head()
     yield count("ball_a", "one ball, from 1", value=_from_1("a"))
@@ -185,36 +146,34 @@ def _impact_columns() -> Iterator[Column]:
             yield number(name, "m", f"place of the centre of ball {ball}", value=of_log(name))
     text = "direction from the centre of ball a to that of ball b, from the x axis"
     yield number("normal_angle", "rad", text, value=_normal_angle)
-    for when, words in _WHEN:
-        for ball in "ab":
-            for axis in _AXES:
-                text = f"component of the velocity of ball {ball} {words} the impact"
-                value = of_log(f"v{axis}_{ball}_{when}")
-                yield number(f"velocity_{axis}_{ball}_{when}", "m/s", text, value=value)
-    for when, words in _WHEN:
-        for ball in "ab":
-            text = f"component along the line of centres of ball {ball}, {words} the impact"
-            value = of_log(f"normal_{ball}_{when}")
-            yield number(f"normal_speed_{ball}_{when}", "m/s", text, value=value)
+    for ball, when, words in ENDS:
+        for axis in _AXES:
+            text = f"component of the velocity of ball {ball} {words} the impact"
+            value = of_log(f"v{axis}_{ball}_{when}")
+            yield number(f"velocity_{axis}_{ball}_{when}", "m/s", text, value=value)
+    for ball, when, words in ENDS:
+        text = f"component along the line of centres of ball {ball}, {words} the impact"
+        value = methodcaller("along", ball, when)
+        yield number(f"normal_speed_{ball}_{when}", "m/s", text, value=value)
     for ball in "ab":
         text = f"component of ball {ball} across the line of centres, which stays"
-        yield number(f"tangential_speed_{ball}", "m/s", text, value=_tangential(ball))
-    for when, words in _WHEN:
-        for ball in "ab":
-            text = f"kinetic energy of ball {ball} {words} the impact"
-            yield number(f"energy_{ball}_{when}", "J", text, value=_energy(ball, when))
+        value = methodcaller("tangential_speed", ball)
+        yield number(f"tangential_speed_{ball}", "m/s", text, value=value)
+    for ball, when, words in ENDS:
+        text = f"kinetic energy of ball {ball} {words} the impact"
+        value = methodcaller("energy", ball, when)
+        yield number(f"energy_{ball}_{when}", "J", text, value=value)
     yield from impact_tail()
-    for when, words in _WHEN:
-        for ball in "ab":
-            text = f"angular speed of ball {ball}, speed / radius, {words} (null: it slides)"
-            yield number(f"omega_{ball}_{when}", "rad/s", text, True, _omega(ball, when))
-    for (when, words), name in zip(_WHEN, _ANGLES, strict=True):
-        for ball in "ab":
-            text = f"angle of the path of ball {ball} with the line of centres, 0 to π/2, {words}"
-            null = f"{text} (null at rest)"
-            yield number(f"{name}_angle_{ball}", "rad", null, True, _angle(ball, when))
+    for ball, when, words in ENDS:
+        text = f"angular speed of ball {ball}, speed / radius, {words} (null: it slides)"
+        value = methodcaller("omega", ball, when)
+        yield number(f"omega_{ball}_{when}", "rad/s", text, True, value)
+    for ball, when, words in ENDS:
+        text = f"angle of the path of ball {ball} with the line of centres, 0 to π/2, {words}"
+        null, value = f"{text} (null at rest)", methodcaller("angle", ball, when)
+        yield number(f"{_ANGLES[when]}_angle_{ball}", "rad", null, True, value)
     text = "whether it is direct central, velocities along the line of centres: else it is skew (C)"
-    yield flag("central", text, lambda rows: rows.central)
+    yield flag("central", text, attrgetter("central"))
     yield impulse()
 
 
@@ -222,29 +181,30 @@ def _bounce_columns() -> Iterator[Column]:
     yield from impact_head()
     yield count("ball", "the ball, from 1", value=_from_1("ball"))
     text = "side of the polygon or rectangle, from 1 (null on a curve)"
-    yield count("edge", text, True, lambda rows: rows.edge)
+    yield count("edge", text, True, attrgetter("edge"))
     for axis in _AXES:
         yield number(axis, "m", "place of the centre", value=of_log(axis))
     text = "direction from the centre to the wall, from the x axis"
     yield number("normal_angle", "rad", text, value=_normal_angle)
-    for when, words in _WHEN:
+    for when, words in WHEN:
         for axis in _AXES:
             text = f"component of the velocity {words} the impact"
             value = of_log(f"v{axis}_{when}")
             yield number(f"velocity_{axis}_{when}", "m/s", text, value=value)
-    for when, words in _WHEN:
-        text = f"component towards the wall {words} the impact"
-        yield number(f"normal_speed_{when}", "m/s", text, value=_towards_wall(when))
+    for when, words in WHEN:
+        text, value = f"component towards the wall {words} the impact", methodcaller("along", when)
+        yield number(f"normal_speed_{when}", "m/s", text, value=value)
     text = "component along the wall, which stays"
-    yield number("tangential_speed", "m/s", text, value=lambda rows: rows.tangential_speed)
+    yield number("tangential_speed", "m/s", text, value=attrgetter("tangential_speed"))
     yield number("energy_loss", "J", "energy lost in the impact", value=of_log("loss"))
     yield grazing()
-    for when, words in _WHEN:
+    for when, words in WHEN:
         text = f"angular speed of rolling, speed / radius, {words} the impact (null: it slides)"
-        yield number(f"omega_{when}", "rad/s", text, True, _wall_omega(when))
-    for (when, words), name in zip(_WHEN, _ANGLES, strict=True):
+        yield number(f"omega_{when}", "rad/s", text, True, methodcaller("omega", when))
+    for when, words in WHEN:
         text = f"angle of the path with the normal of the wall, 0 to π/2, {words} (null at rest)"
-        yield number(f"{name}_angle", "rad", text, True, _wall_angle(when))
+        value = methodcaller("angle", when)
+        yield number(f"{_ANGLES[when]}_angle", "rad", text, True, value)
 
 
 COLLISIONS = Table("table.collisions", "one impact of two balls", tuple(_impact_columns()))
@@ -270,28 +230,118 @@ _CAUSES = (
 )
 
 
-def _summary_columns(balls: Iterable[int | str]) -> Iterator[Column]:
-    yield from summary_head(_CAUSES)
-    yield count("collisions", "number of impacts of two balls", True, of_clock("collisions"))
-    yield count("bounces", "number of impacts on the wall", True, of_clock("bounces"))
-    yield from summary_balance()
-    for ball in balls:
-        for axis in _AXES:
-            text = f"final place of ball {ball}"
-            yield number(f"{axis}_{ball}", "m", text, True, _last(axis, ball))
-        for axis in _AXES:
-            name, text = f"velocity_{axis}", f"final component of the velocity of ball {ball}"
-            yield number(f"{name}_{ball}", "m/s", text, True, _last(name, ball))
-
-
-def _last(name: str, ball: int | str) -> Value:
-    return lambda totals: totals.last[name][int(ball) - 1]
-
-
 def summary(balls: Iterable[int | str], grown: int | str = 0) -> Table:
     """The table of summaries of runs with these balls: numbers from 1, or a letter for any.
 
     `grown` with so many exponents.
     """
-    columns = (*_summary_columns(balls), *exponents(grown))
-    return Table("table.summary", "one run", columns)
+    columns = [
+        *summary_head(_CAUSES),
+        count("collisions", "number of impacts of two balls", True, of_clock("collisions")),
+        count("bounces", "number of impacts on the wall", True, of_clock("bounces")),
+        *summary_balance(),
+    ]
+    for ball in balls:
+        for axis in _AXES:
+            text = f"final place of ball {ball}"
+            columns.append(number(f"{axis}_{ball}", "m", text, True, of_last(axis, ball)))
+        for axis in _AXES:
+            name, text = f"velocity_{axis}", f"final component of the velocity of ball {ball}"
+            columns.append(number(f"{name}_{ball}", "m/s", text, True, of_last(name, ball)))
+    return Table("table.summary", "one run", (*columns, *exponents(grown)))
+
+
+Floats = NDArray[np.float64]
+_NAMES = ("event", "t", "t_low", "x", "y", "vx", "vy")
+
+
+class Motion:
+    """Every ball's places and velocities at its events, in order of time.
+
+    Parameters
+    ----------
+    system
+        What is solved.
+    pairs, bounces
+        The logs of a stretch of the run.
+    before
+        The last event of each ball before it, from :attr:`last`; without it the stretch is the
+        first.
+    """
+
+    def __init__(
+        self, system: TableSystem, pairs: Any, bounces: Any, before: Floats | None = None
+    ) -> None:
+        self._system = system
+        number = len(system.bodies)
+        if before is None:
+            starts = [(0.0, 0.0, 0.0, *one.place, *one.velocity) for one in system.initial]
+            before = np.array(starts)
+        balls, rows = _events(pairs, bounces)
+        balls = np.concatenate([np.arange(number), balls])
+        rows = np.concatenate([before, rows])
+        order = np.lexsort((rows[:, 0], balls))
+        rows = rows[order]
+        firsts = np.searchsorted(balls[order], np.arange(number + 1))
+        self.last: Floats = rows[firsts[1:] - 1]
+        """The last event of each ball: a row for each."""
+        columns = rows.T
+        self.balls: list[dict[str, Floats]] = [
+            dict(zip(_NAMES, columns[:, low:high], strict=True))
+            for low, high in pairwise(firsts.tolist())
+        ]
+        """Events of each ball, from its start: `t`, `t_low` (s), `x`, `y` (m), `vx`, `vy` (m/s)."""
+
+    def at(self, ball: int, times: Floats, side: str = "after") -> dict[str, Floats]:
+        """Return columns x, y (m), vx, vy (m/s) of a ball at some times.
+
+        `side` is "after" or "before" an event that happens at just such an instant.
+        Raises ValueError for another side.
+        """
+        events = self.balls[ball]
+        row = np.maximum(events_until(events["t"], times, side) - 1, 0)
+        past = times - events["t"][row] - events["t_low"][row]
+        return {
+            "x": events["x"][row] + past * events["vx"][row],
+            "y": events["y"][row] + past * events["vy"][row],
+            "vx": events["vx"][row],
+            "vy": events["vy"][row],
+        }
+
+    def sample(
+        self, times: Any, side: str = "after", extrapolate: bool = False
+    ) -> dict[str, NDArray[Any]]:
+        """Return the columns of the motion table: for each time a row for each ball."""
+        instants = np.asarray(times, dtype=np.float64)
+        each = [self.at(ball, instants, side) for ball in range(len(self.balls))]
+        column = {key: np.stack([one[key] for one in each], axis=1).ravel() for key in each[0]}
+        return _motion_columns(self._system, instants, column)
+
+
+def states_at(system: TableSystem, balls: Any, time: float) -> dict[str, NDArray[Any]]:
+    """Return the columns of the motion table at one time (s), from the balls' last events."""
+    past = time - balls["t"] - balls["t_low"]
+    x, y = (balls[axis] + past * balls[f"v{axis}"] for axis in "xy")
+    column = {"x": x, "y": y, "vx": balls["vx"], "vy": balls["vy"]}
+    return _motion_columns(system, np.array([time]), column)
+
+
+def _motion_columns(
+    system: TableSystem, instants: Floats, column: dict[str, Floats]
+) -> dict[str, NDArray[Any]]:
+    square = column["vx"] ** 2 + column["vy"] ** 2
+    return MOTION.filled(bodies_at(system, instants) | column | {"square": square})
+
+
+def _events(pairs: Any, bounces: Any) -> tuple[Any, Floats]:
+    """The balls to which something happens, and their states after it, a row for each."""
+    # An inadmissible impact under `stop` changes nothing.
+    made = pairs[(pairs["admissible"] == 1) | (pairs["substituted"] == 1)]
+    balls, parts = [made["a"], made["b"], bounces["ball"]], []
+    for end in "ab":
+        own = [f"{name}_{end}" for name in ("x", "y", "vx", "vy")]
+        names = ["event", "t", "t_low", *own[:2], *(f"{name}_post" for name in own[2:])]
+        parts.append(np.column_stack([made[name] for name in names]))
+    names = ["event", "t", "t_low", "x", "y", "vx_post", "vy_post"]
+    parts.append(np.column_stack([bounces[name] for name in names]))
+    return np.concatenate(balls), np.concatenate(parts)

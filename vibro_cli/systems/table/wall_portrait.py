@@ -1,5 +1,11 @@
 """Phase portrait of a ball's bounces on a curved wall around it: place and direction of each.
 
+A ball of radius r inside an ellipse with semi-axes a, b moves to and fro along either axis. Its
+centre meets a curve with the radius of curvature R there (``b^2/a - r`` at the ends of the x axis)
+after chords of the length L (``2 (a - r)``): by the symmetry of both ends one bounce turns small
+deviations with the trace ``2 (L/R - 1)``, so the orbit is a centre for L < 2 R and a saddle for
+L > 2 R. At r = 0 and k = 1 the product of the angular momenta about the foci is kept.
+
 Every dot is a bounce of one of a number of motions at k = 1: the direction of the wall's normal
 there, and the component of the unit velocity along the wall. At r = 0 the dots lie on the level
 curves of the product of the angular momenta about the foci, which are drawn behind them.
@@ -8,8 +14,9 @@ curves of the product of the angular momenta about the foci, which are drawn beh
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,11 +26,86 @@ from numpy.typing import NDArray
 from vibro_cli.figures import style
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.ticks import angle_ticks, vertical_ticks
+from vibro_cli.systems.contract import NoPortrait
 from vibro_cli.systems.run import simulate
 from vibro_cli.systems.table import SYSTEM
-from vibro_cli.systems.table.system import InitialState, TableSystem, Wall
-from vibro_cli.systems.table.wall_orbits import focal_product, two_bounce_orbits
+from vibro_cli.systems.table.system import CIRCLE, ELLIPSE, InitialState, TableSystem, Wall
 from vibro_cli.systems.wanted import Limits
+
+Floats = NDArray[np.float64]
+
+
+class TwoBounce(NamedTuple):
+    """A motion to and fro along an axis of the wall."""
+
+    axis: str
+    kind: str
+    """centre, saddle or degenerate."""
+    length: float
+    """L of the chord of the ball's centre, m."""
+    curvature_radius: float
+    """R of the curve of the centres at its ends, m."""
+    trace: float
+    """Of one bounce, 2 (L/R - 1)."""
+    normal: float
+    """Direction of the wall's normal at one end, rad from the x axis."""
+
+
+def has_wall_portrait(wall: Wall | None) -> bool:
+    """Return whether bounces on a wall have a portrait: on an ellipse or circle around the ball."""
+    return wall is not None and wall.inside and wall.shape in (CIRCLE, ELLIPSE)
+
+
+def two_bounce_orbits(wall: Wall, radius: float) -> tuple[TwoBounce, ...]:
+    """Return the motions along both axes of a ball (radius in m); on a circle all are alike."""
+    (a, b), found = wall.semi_axes, []
+    for axis, along, across, normal in (("x", a, b, 0.0), ("y", b, a, 0.5 * math.pi)):
+        length = 2.0 * (along - radius)
+        curvature = across * across / along - radius
+        kind = "degenerate" if a == b else "centre" if length < 2.0 * curvature else "saddle"
+        trace = 2.0 * (length / curvature - 1.0)
+        found.append(TwoBounce(axis, kind, length, curvature, trace, normal))
+    return tuple(found)
+
+
+def multiplier(orbit: TwoBounce) -> float | None:
+    """Return by what a small deviation grows at each bounce of a saddle; None for others."""
+    if orbit.kind != "saddle":
+        return None
+    half = 0.5 * abs(orbit.trace)
+    return half + math.sqrt(half * half - 1.0)
+
+
+def focal_product(wall: Wall, normal: Any, share: Any) -> Floats:
+    """Return the product of the angular momenta about the foci over v^2 (m^2), at r = 0.
+
+    `normal` is the direction of the wall's outer normal (rad), `share` the component of the unit
+    velocity along the wall, anticlockwise.
+    """
+    a, b = wall.semi_axes
+    nx, ny = np.cos(normal), np.sin(normal)
+    height = np.sqrt((a * nx) ** 2 + (b * ny) ** 2)
+    x, y = a * a * nx / height, b * b * ny / height
+    inward = np.sqrt(1.0 - np.square(share))
+    vx, vy = -share * ny - inward * nx, share * nx - inward * ny
+    focus = math.sqrt(abs(a * a - b * b))
+    fx, fy = (focus, 0.0) if a >= b else (0.0, focus)
+    one = (x - fx) * vy - (y - fy) * vx
+    other = (x + fx) * vy - (y + fy) * vx
+    product: Floats = one * other
+    return product
+
+
+def wall_record(wall: Wall, radius: float) -> dict[str, Any]:
+    """Return the singular points of the map of bounces as plain values."""
+    orbits = two_bounce_orbits(wall, radius)
+    kinds = sorted({orbit.kind for orbit in orbits})
+    names = {"degenerate": "diameters, all alike"}
+    return {
+        "type": " and ".join(names.get(kind, kind) for kind in kinds),
+        "points": [{**orbit._asdict(), "multiplier": multiplier(orbit)} for orbit in orbits],
+    }
+
 
 MOTIONS = 26
 BOUNCES = 240
@@ -31,8 +113,6 @@ BOUNCES = 240
 _LEVELS = 13
 _LEFT, _RIGHT, _TOP, _BOTTOM = 12.0, 3.0, 5.0, 9.0
 """Room around the panel (mm)."""
-
-Floats = NDArray[np.float64]
 
 
 def wall_portrait(system: TableSystem, ball: int, width: str = "single") -> Figure:
@@ -131,3 +211,52 @@ def _draw_singular(axes: Axes, wall: Wall, radius: float) -> str:
             )  # fmt: skip
     marks = {"centre": "+ centre", "saddle": "× saddle"}
     return "".join(f"; {words}" for kind, words in marks.items() if kind in kinds)
+
+
+def portrait(
+    system: TableSystem, width: str, drawn: bool
+) -> tuple[dict[str, Any], dict[str, Figure]]:
+    """Return the orbits to and fro of each ball, and a figure for each radius.
+
+    Raises `NoPortrait` for a table without one.
+    """
+    wall = system.wall
+    if wall is None or not has_wall_portrait(wall):
+        raise NoPortrait(
+            f"found {_described(system)}, expected an ellipse or a circle around "
+            "the balls: only the bounces on these have singular points and a portrait"
+        )
+    bodies: list[dict[str, Any]] = []
+    figures: dict[str, Figure] = {}
+    radii: dict[float, int] = {}
+    for ball, body in enumerate(system.bodies, 1):
+        record = {"ball": ball, "body": body.kind, "radius": body.radius}
+        bodies.append(record | wall_record(wall, body.radius))
+        if drawn and body.radius not in radii:
+            figures[f"portrait_{ball}"] = wall_portrait(system, ball, width)
+        radii.setdefault(body.radius, ball)
+    return {"system": "table", "bodies": bodies}, figures
+
+
+def _described(system: TableSystem) -> str:
+    if system.wall is None:
+        return "no wall"
+    side = "around" if system.wall.inside else "among"
+    return f"a wall of the shape {system.wall.shape} {side} the balls"
+
+
+def portrait_lines(found: dict[str, Any]) -> Iterator[str]:
+    """Return the table as text."""
+    for body in found["bodies"]:
+        yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
+        yield from _lines(body)
+
+
+def _lines(body: dict[str, Any]) -> Iterator[str]:
+    yield "  to and fro along  kind        chord [m]  radius of curvature [m]  grows by"
+    for point in body["points"]:
+        grows = "-" if point["multiplier"] is None else f"{point['multiplier']:.6g}"
+        yield (
+            f"  {point['axis']:16}  {point['kind']:10}  {point['length']:9.6f}  "
+            f"{point['curvature_radius']:23.6f}  {grows}"
+        )

@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import Sink, System
+from vibro_cli.systems.contract import Imported, System
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from matplotlib.figure import Figure
-
     from vibro_cli.compile.kernel import Overrides
-    from vibro_cli.figures.film import Frames
-    from vibro_cli.figures.runs.kinds import Kind, KindOfBody
-    from vibro_cli.grids.document import Grid
     from vibro_cli.mechanics.system import TraceSystem
-    from vibro_cli.scenario.base import ScenarioTable
-    from vibro_cli.storage.stored import StoredRun
-    from vibro_cli.systems.columns import Table
-    from vibro_cli.systems.driver import Driver, EventLoop
     from vibro_cli.systems.run import Run
-    from vibro_cli.systems.stream import Stretch
-    from vibro_cli.systems.trace.event_loop import TraceStretches
-    from vibro_cli.systems.trace.flights import Paths
-    from vibro_cli.systems.trace.grid_solver import TraceSolver
-    from vibro_cli.systems.trace.long_motion import LongMotion
-    from vibro_cli.systems.trace.tables import Tables
+    from vibro_cli.systems.trace.motion import LongMotion
     from vibro_cli.systems.wanted import Limits, Wanted
 
 
@@ -40,28 +24,28 @@ class Trace(System):
     has_families = True
     has_orbits = True
     exponents = 2
-
-    @property
-    def model(self) -> type[ScenarioTable]:
-        from vibro_cli.scenario.models import Scenario
-
-        return Scenario
-
-    def build(self, scenario: Any) -> Any:
-        from vibro_cli.assemble import build_system
-
-        return build_system(scenario)
+    model: Any = Imported("scenario.models.Scenario")
+    build: Any = Imported("assemble.build_system")
+    loop: Any = Imported("systems.trace.event_loop.LOOP")
+    stretches: Any = Imported("systems.trace.event_loop.TraceStretches")
+    solver: Any = Imported("systems.trace.grid_solver.TraceSolver")
+    tables: Any = Imported("systems.trace.tables.tables")
+    summary: Any = Imported("systems.trace.tables.summary")
+    table: Any = Imported("systems.trace.tables.table_named")
+    teller: Any = Imported("systems.trace.tables.Tables")
+    trajectory: Any = Imported("systems.trace.tables.trajectory_of")
+    skipped: Any = Imported("systems.trace.tables.skipped")
+    figures: Any = Imported("figures.runs.kinds.KINDS")
+    film: Any = Imported("figures.runs.scene.film_on_trace")
+    report: Any = Imported("report.content.section")
+    understood_lines: Any = Imported("systems.trace.describe.understood_lines")
+    portrait: Any = Imported("systems.trace.describe.portrait")
+    portrait_lines: Any = Imported("systems.trace.describe.portrait_lines")
 
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import mechanics_warnings
 
         return mechanics_warnings(system, scenario.stop.time)
-
-    @property
-    def loop(self) -> EventLoop:
-        from vibro_cli.systems.trace.event_loop import LOOP
-
-        return LOOP
 
     def one_sided(self, scenario: Any) -> bool:
         return bool(scenario.trace.surface == "one-sided")
@@ -78,67 +62,15 @@ class Trace(System):
 
         return TURNING
 
-    def stretches(self, driver: Driver, stop_time: float | None) -> TraceStretches:
-        from vibro_cli.systems.trace.event_loop import TraceStretches
-
-        return TraceStretches(self.loop, driver, stop_time)
-
-    def skipped(self, clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
-        from vibro_cli.systems.trace.summary import skipped
-
-        return skipped(clock, wanted, end)
-
-    def solver(self, grid: Grid, engine: str) -> TraceSolver:
-        from vibro_cli.systems.trace.grid_solver import TraceSolver
-
-        return TraceSolver(grid, engine)
-
-    def tables(self) -> tuple[Table, ...]:
-        from vibro_cli.systems.trace.tables import tables
-
-        return tables()
-
-    def summary(self, bodies: int, grown: bool = False) -> Table:
-        from vibro_cli.systems.trace.tables import summary
-
-        return summary(bodies, grown)
-
-    def table(self, name: str, column_names: Sequence[str]) -> Table | None:
-        from vibro_cli.systems.trace.tables import table_named
-
-        return table_named(name, column_names)
-
-    def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
-        from vibro_cli.systems.trace.tables import Tables
-
-        return Tables(system, wanted, names, sink)
-
-    def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Paths:
-        from vibro_cli.systems.trace.tables import trajectory_of
-
-        return trajectory_of(system, stretch)
-
     def long_motion(
         self, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool
     ) -> LongMotion | None:
-        from vibro_cli.systems.trace import long_motion
+        from vibro_cli.systems.trace import motion
 
         flights = rows["log"]
-        if flights <= long_motion.MOST_FLIGHTS:
+        if flights <= motion.MOST_FLIGHTS:
             return None
-        return long_motion.LongMotion(self, system, limits, flights, interrupted)
-
-    @property
-    def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
-        from vibro_cli.figures.runs.kinds import KINDS
-
-        return KINDS
-
-    def film(self, run: Any, times: Any) -> Frames:
-        """Return what a film shows of a run."""
-        from vibro_cli.figures.runs.scene import film_on_trace
-
-        return film_on_trace(run, times)
+        return motion.LongMotion(self, system, limits, flights, interrupted)
 
     def figure_width(self, system: Any) -> str:
         return "double" if len(system.trace.pieces) > 1 else "single"
@@ -156,32 +88,10 @@ class Trace(System):
             "no time step."
         )
 
-    def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
-        from vibro_cli.report.content import section
-
-        return section(run, name, beside)
-
     def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
         from vibro_cli.systems.trace.describe import understood
 
         return understood(scenario, system, self.warnings(scenario, system))
-
-    def understood_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        from vibro_cli.systems.trace.describe import understood_lines
-
-        return understood_lines(found)
-
-    def portrait(
-        self, system: Any, width: str, drawn: bool
-    ) -> tuple[dict[str, Any], dict[str, Figure]]:
-        from vibro_cli.systems.trace.describe import portrait
-
-        return portrait(system, width, drawn)
-
-    def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        from vibro_cli.systems.trace.describe import portrait_lines
-
-        return portrait_lines(found)
 
 
 SYSTEM = Trace()

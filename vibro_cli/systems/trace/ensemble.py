@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.kernel import Overrides, dtype
+from vibro_cli.compile.kernel import dtype
 from vibro_cli.compile.lanes import LANES
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import BodyLanes, SwingLanes
@@ -26,7 +26,7 @@ from vibro_cli.kernels.ensemble.records import (
     SystemNumber,
 )
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome
-from vibro_cli.kernels.tangent.frame import Tangents, TangentState
+from vibro_cli.kernels.tangent.frame import TangentState
 from vibro_cli.kernels.world import (
     NEVER,
     BodyData,
@@ -38,9 +38,10 @@ from vibro_cli.kernels.world import (
     World,
 )
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.tangents import room_for
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world, zeros
+from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world
 
 
 class Progress(NamedTuple):
@@ -53,17 +54,9 @@ class Progress(NamedTuple):
 class Batch:
     """Runs of one system in one thread.
 
-    Parameters
-    ----------
-    system
-        Trace, bodies (but for their masses), laws and ends of every run; its initial states are
-        not used.
-    beside
-        Another batch of as many bodies, in the same thread, to share its logs.
-    in_lanes
-        Whether runs whose impacts are not kept may go in lanes (see ``kernels.ensemble.lanes``),
-        where
-        they can: that takes less time and gives the same bits.
+    They may differ in masses and initial states. A batch of as many bodies `beside` it, in the same
+    thread, shares its logs. Runs whose impacts are not kept may go `in_lanes` (see
+    ``kernels.ensemble.lanes``) where they can: that takes less time and gives the same bits.
     """
 
     def __init__(
@@ -121,32 +114,22 @@ class Batch:
     ) -> Progress:
         """Go on to before point ``last``, or until there is no room for the impacts of a point."""
         suits = stack is None and len(results.impacts) == 0 and done.point < last
+        given = self.world, self._fresh, self._scratch, points, results
         if self._group is not None and suits and self._suits_lanes(self._group, points, done):
-            self.impacts_in_lanes += enter_lanes(
-                self.world, self._fresh, self._scratch, points, results,
-                done.point, last, self._group,
-            )  # fmt: skip
+            in_lanes = compiled(run_points_in_lanes)
+            self.impacts_in_lanes += int(in_lanes(*given, done.point, last, self._group))
             return Progress(last, done.rows)
-        return Progress(
-            *enter_points(
-                self.world, self._fresh, self._scratch, points, results,
-                done.point, last, done.rows, self._overrides, stack,
-            )
-        )  # fmt: skip
+        run: Any = compiled(run_points if stack is None else run_stacked, self._overrides)
+        stacks = () if stack is None else (stack,)
+        return Progress(*map(int, run(*given, *stacks, done.point, last, done.rows)))
 
     def follow(
         self, points: Points, results: Results, scales: Any, stack: Stack | None = None
     ) -> Any:
         """Run all points and follow their tangent maps; impacts are not kept.
 
-        Parameters
-        ----------
-        scales
-            [point] their scales of time (s), see ``systems.trace.tangents.time_scale``.
-
-        Returns
-        -------
-        [point, direction] logarithms of the growth of a frame's vectors.
+        `scales` [point] are of time (s), see ``systems.trace.tangents.time_scale``. Returns [point,
+        direction] logarithms of the growth of a frame's vectors.
         """
         size = 2 * len(self.world.bodies)
         states = zeros(len(points.own) + 1, TangentState)
@@ -161,10 +144,8 @@ class Batch:
             )  # fmt: skip
         else:
             self.world.far[:] = 0  # type: ignore[index]
-        enter_followed(
-            self.world, self._fresh, self._scratch, points, results, stack, tangents, sums,
-            self._overrides,
-        )  # fmt: skip
+        given = self.world, self._fresh, self._scratch, points, results, stack, tangents, sums
+        compiled(follow_points, self._overrides)(*given)
         return sums
 
 
@@ -198,59 +179,6 @@ def make_points(
     restitutions = zeros(k.size, RestitutionData)
     restitutions["k"] = k.reshape(-1)
     return Points(own, starts, restitutions)
-
-
-def enter_points(
-    world: World,
-    fresh: World,
-    scratch: Any,
-    points: Points,
-    results: Results,
-    first: int,
-    last: int,
-    filled: int,
-    overrides: Overrides | None,
-    stack: Stack | None = None,
-) -> tuple[int, int]:
-    """Run some points (see ``kernels.ensemble.points``), perhaps of a stack of systems."""
-    if stack is not None:
-        several = compiled(run_stacked, overrides)
-        point, rows = several(world, fresh, scratch, points, results, stack, first, last, filled)
-        return int(point), int(rows)
-    run = compiled(run_points, overrides)
-    point, rows = run(world, fresh, scratch, points, results, first, last, filled)
-    return int(point), int(rows)
-
-
-def enter_lanes(
-    world: World,
-    fresh: World,
-    scratch: Any,
-    points: Points,
-    results: Results,
-    first: int,
-    last: int,
-    group: LaneGroup,
-) -> int:
-    """Run some points in lanes (see ``kernels.ensemble.lanes``)."""
-    run = compiled(run_points_in_lanes)
-    return int(run(world, fresh, scratch, points, results, first, last, group))
-
-
-def enter_followed(
-    world: World,
-    fresh: World,
-    scratch: Any,
-    points: Points,
-    results: Results,
-    stack: Stack,
-    tangents: Tangents,
-    sums: Any,
-    overrides: Overrides | None,
-) -> None:
-    """Run some points with their tangent maps (see ``kernels.ensemble.points``)."""
-    run = compiled(follow_points, overrides)
-    run(world, fresh, scratch, points, results, stack, tangents, sums)
 
 
 def empty_results(points: int, bodies: int, impact_rows: int) -> Results:

@@ -12,25 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.compile.kernel import Overrides, dtype
+from vibro_cli.compile.kernel import Overrides
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.contact.libration_contact_lanes import TwoBodies, TwoSwings, TwoTracks
 from vibro_cli.kernels.ensemble.libration_fast_path import proceed_swinging
 from vibro_cli.kernels.events.event_loop import advance, proceed, start
 from vibro_cli.kernels.world import (
-    END_INTERRUPTED,
-    END_NAMES,
-    END_TIME,
-    LOG_FULL,
     LOGS,
     RECORDS,
     World,
 )
 from vibro_cli.systems import driver
-from vibro_cli.systems.driver import Driver, EventLoop
-from vibro_cli.systems.rows import joined
-from vibro_cli.systems.stream import Stretch, Stretches
-from vibro_cli.systems.trace.world import zeros
+from vibro_cli.systems.driver import Driver, joined, zeros
+from vibro_cli.systems.run import Stretch, Stretches
+from vibro_cli.systems.trace.motion import last_of_each
 
 
 def enter_advance(world: World, overrides: Overrides | None) -> int:
@@ -53,10 +48,6 @@ LOOP = driver.EventLoop(
         "segments": "segment_rows",
     },
     state=("clock", "flights", "pairs"),
-    end_names=END_NAMES,
-    end_time=END_TIME,
-    end_interrupted=END_INTERRUPTED,
-    log_full=LOG_FULL,
     rows_of_event=4,
     start=start,
     enter=enter_advance,
@@ -69,10 +60,10 @@ LOOP = driver.EventLoop(
 class TraceStretches(Stretches):
     """The stretches of a run in progress (see ``systems.stream.Stretches``)."""
 
-    def __init__(self, loop: EventLoop, driver: Driver, stop_time: float | None) -> None:
-        super().__init__(loop, driver, stop_time)
+    def __init__(self, driver: Driver, stop_time: float | None) -> None:
+        super().__init__(LOOP, driver, stop_time)
         self._told = 0
-        self._nothing = {name: np.zeros(0, dtype=dtype(RECORDS[name])) for name in LOGS}
+        self._nothing = {name: zeros(0, RECORDS[name]) for name in LOGS}
         self._carried: dict[str, Any] = self._nothing
 
     @property
@@ -111,13 +102,6 @@ def under_way(logs: Mapping[str, Any]) -> dict[str, Any]:
     carried = segments[[segment for _, segment in kept]]
     carried["flight"] = [body for body, _ in kept]
     return {"log": log[rows], "segments": carried}
-
-
-def last_of_each(log: Any) -> Any:
-    """Return the last row of each body in the log of flights."""
-    last = np.empty(int(log["body"].max()) + 1, dtype=np.int64)
-    last[log["body"]] = np.arange(len(log))  # of equal ones the last
-    return last
 
 
 def earliest_unlogged(pairs: Any) -> float:

@@ -6,14 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.compile.kernel import (
-    Overrides,
-    dtype,
-    interpreted,
-    interpreted_copies,
-    interpreted_rows,
-)
-from vibro_cli.compile.native import compiled
+from vibro_cli.compile.kernel import Overrides
 from vibro_cli.kernels.events.liftoff_slip import (
     LIFT_OFF,
     MOST_PLACES,
@@ -35,8 +28,8 @@ from vibro_cli.kernels.world import (
     Flight,
     World,
 )
-from vibro_cli.systems.rows import chosen, joined, record_array
-from vibro_cli.systems.trace.flights import Paths
+from vibro_cli.systems.driver import called, chosen, joined, zeros
+from vibro_cli.systems.trace.motion import Paths
 
 NAMES = (
     "crossing", "wall", "contact_closed", "contact_opened", "lift_off", "turning", "slip", "end",
@@ -65,17 +58,7 @@ Rows = Any
 
 
 class Events:
-    """The events of a run, stretch by stretch.
-
-    Parameters
-    ----------
-    bodies
-        How many there are.
-    turning_points, friction
-        What is wanted, see ``systems.wanted.Wanted``.
-    overrides
-        Of the run's kernels.
-    """
+    """The events of a run, stretch by stretch; what is wanted: see ``systems.wanted.Wanted``."""
 
     def __init__(
         self,
@@ -94,16 +77,9 @@ class Events:
     def take(self, paths: Paths, world: World, touches: Any, known: int, settled: float) -> Rows:
         """Return the rows of a stretch that no later one can come before, in order of time.
 
-        Parameters
-        ----------
-        paths, world
-            The flights of the stretch, and the records of the run with its logs.
-        touches
-            Its log of lasting contacts.
-        known
-            Rows of the log of flights that begin before the stretch: 0, or one for each body.
-        settled
-            No contact from before this time (s) is still to be logged.
+        The stretch has flights as paths, lasting contacts and records with its logs. So many rows
+        of the log of flights are `known`, 0 or one for each body: they begin before it. No contact
+        from before the time `settled` (s) is still to be logged.
         """
         rows = joined([self._waiting, self._rows(paths, world, touches, known, 0)])
         # A flight that goes on is asked until now, a segment across pieces once it has ended.
@@ -154,36 +130,23 @@ class Events:
         # In order of the log: bodies in contact stand together there.
         order = np.empty_like(paths.number)
         order[paths.number] = np.arange(len(order))
-        progress: Any = np.zeros(1, dtype=dtype(Progress))
+        progress: Any = zeros(1, Progress)
         progress["turning_points"] = self._turning_points
         progress["friction"] = -1.0 if self._friction is None else self._friction
-        kinds = ((Passage, _ROOM), (Course, MOST_PLACES), (Flight, 2))
-        find: Any
-        rooms: Any
-        log: Any = world.log
-        if isinstance(log, np.ndarray):
-            find = compiled(find_passages, self._overrides)
-            rooms = [np.zeros(count, dtype=dtype(cls)) for cls, count in kinds]
-            search = Search(spans.take(order), progress, *rooms)
-        else:
-            find = interpreted(find_passages, self._overrides)
-            rooms = [interpreted_rows(cls, count) for cls, count in kinds]
-            copies = interpreted_copies(spans[order], Span), interpreted_copies(progress, Progress)
-            search = Search(*copies, *rooms)
+        rooms = zeros(_ROOM, Passage), zeros(MOST_PLACES, Course), zeros(2, Flight)
+        search = Search(spans.take(order), progress, *rooms)
         found = []
         filled = _ROOM
         while filled == _ROOM:
-            filled = find(world, search)
-            found.append(record_array(search.passages[:filled], Passage))
+            filled = called(find_passages, self._overrides, world, search)
+            found.append(rooms[0][:filled].copy())
         passages = joined(found)
         passages["span"] = order[passages["span"]]
-        rows: Any = search.spans
-        spans = rows if isinstance(rows, np.ndarray) else record_array(rows, Span)
-        return spans.take(paths.number), passages
+        return np.asarray(search.spans).take(paths.number), passages
 
     def _spans(self, paths: Paths, known: int, ended: int) -> Any:
         """The flights of a stretch, with what was found on those under way before."""
-        spans = np.zeros(len(paths.log), dtype=dtype(Span))
+        spans = zeros(len(paths.log), Span)
         spans["row"], spans["duration"] = paths.number, paths.duration
         spans["ended"] = np.where(paths.last, ended, 1)
         before = np.flatnonzero(paths.number < known)
@@ -326,7 +289,7 @@ def _is_segment(log: Any) -> Any:
 
 def _at(paths: Paths, rows: Any, after: Any) -> Any:
     """Records of ``Passage`` at times (s) of flights."""
-    found = np.zeros(len(rows), dtype=dtype(Passage))
+    found = zeros(len(rows), Passage)
     found["span"], found["after"] = rows, after
     if len(rows):
         states = paths.states(rows, after)

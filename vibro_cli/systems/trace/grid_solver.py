@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.grids.axes import Array
-from vibro_cli.grids.buffers import Lease, Pieces
+from vibro_cli.grids.chunk_writer import Lease, Pieces
 from vibro_cli.grids.document import Grid
-from vibro_cli.grids.points import Point, Reader, is_quick
 from vibro_cli.grids.solving import (
     Columns,
     Solved,
+    ball_count,
+    columns_of_records,
+    end_to_end,
     impact_table_of,
     is_followed,
-    not_solved,
 )
 from vibro_cli.kernels.ensemble.records import Points, Results, Stack
 from vibro_cli.kernels.statistics.impact_columns import WORDS
@@ -30,6 +31,7 @@ from vibro_cli.storage.tables import (
     Words,
     record_batch,
 )
+from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.tangents import exponent_columns
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import (
@@ -39,12 +41,19 @@ from vibro_cli.systems.trace.ensemble import (
     own_records,
     stack_of,
 )
-from vibro_cli.systems.trace.flights import Places
-from vibro_cli.systems.trace.summary import summary_columns
-from vibro_cli.systems.trace.system_template import Setting, Starts, Systems, is_of_system
-from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness
+from vibro_cli.systems.trace.motion import Places
+from vibro_cli.systems.trace.system_template import (
+    Point,
+    Reader,
+    Setting,
+    Starts,
+    Systems,
+    is_of_system,
+    is_quick,
+)
+from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary, summary_columns
 from vibro_cli.systems.trace.tangents import time_scale
-from vibro_cli.systems.trace.world import zeros
+from vibro_cli.systems.trace.world import compiled_world
 from vibro_cli.systems.wanted import UNLIMITED, Wanted
 
 _ROWS_AT_LEAST = 1 << 14
@@ -57,8 +66,6 @@ class Logged:
     system: TraceSystem
     world: World
     """The records of the system, of either engine."""
-    engine: str
-    """Of interpreted records."""
     points: Array
     """Numbers of the points, from 0 in the grid, ascending."""
     counts: Array
@@ -104,18 +111,9 @@ class LogSpace:
 def impact_columns(
     table: Table, logged: Sequence[Logged], points: Array, room: Lease
 ) -> dict[str, Any]:
-    """Return the columns of a table of impacts, in order of the points.
+    """Return the columns of a table of impacts, all `logged` of some points, in order of these.
 
-    Parameters
-    ----------
-    table
-        Which columns there are.
-    logged
-        All impacts of these points.
-    points
-        Numbers of points, from 0, one after another.
-    room
-        Where the columns are.
+    `points` are their numbers, from 0, one after another; `room` is where the columns are.
     """
     counts = np.zeros(len(points), dtype=np.int64)
     for one in logged:
@@ -125,7 +123,7 @@ def impact_columns(
     for one in logged:
         firsts = rows[np.searchsorted(points, one.points)]
         runs = runs_of(one.system, one.points + 1, one.counts, firsts, one.masses)
-        filled.fill(one.world, one.engine, one.log, runs, sidedness(one.system), one.stack)
+        filled.fill(one.world, one.log, runs, sidedness(one.system), one.stack)
     columns = filled.columns()
     for name in columns.keys() & WORDS.keys():
         columns[name] = Words(columns[name], WORDS[name])
@@ -194,12 +192,7 @@ class _Parts:
 class TraceSolver:
     """Solves stretches of a grid's points, in one thread.
 
-    Parameters
-    ----------
-    grid
-        The grid.
-    engine
-        ``"compiled"``, or ``"python"``: every point by itself, interpreted, to the same bits.
+    With the engine ``"python"`` every point by itself, interpreted, to the same bits.
     """
 
     def __init__(self, grid: Grid, engine: str = "compiled") -> None:
@@ -253,12 +246,12 @@ class TraceSolver:
         """Solve points of one setting."""
         if self._engine == "python":
             for at, row in enumerate(rows):
-                self._solve_alone(row, self._reader.read(_row(values, at)), parts)
+                self._solve_alone(row, self._reader.read(_taken(values, at)), parts)
             return
         at = 0
         while key not in self._settings and at < len(rows):
             # The first point that is valid shows the setting.
-            point = self._reader.read(_row(values, int(at)))
+            point = self._reader.read(_taken(values, int(at)))
             if point.scenario is not None and point.system is not None:
                 self._remember(key, Setting(point.scenario, point.system))
             else:
@@ -290,7 +283,7 @@ class TraceSolver:
                 self._solve_batch(key, starts, systems, rows[systems.points], parts)
         found: dict[tuple[Any, ...], list[tuple[int, Point]]] = {}
         for at in np.flatnonzero(~sure):
-            one = _row(values, int(at))
+            one = _taken(values, int(at))
             point = self._reader.read(one)
             if point.system is None:
                 self._solve_alone(rows[at], point, parts)
@@ -341,7 +334,7 @@ class TraceSolver:
             self._take(task, rows, whole, results, self._batches[key].world, parts)
         for row in rows[~whole]:
             values = self._grid.design.columns(self._indices[[row]])
-            self._solve_alone(row, self._reader.read(_row(values, 0)), parts)
+            self._solve_alone(row, self._reader.read(_taken(values, 0)), parts)
 
     def _run(self, batch: Batch, task: Task) -> Results:
         count, bodies = task.starts.piece.shape
@@ -379,7 +372,6 @@ class TraceSolver:
             Logged(
                 system=task.system,
                 world=world if task.stack is None else own_records(world),
-                engine=self._engine,
                 points=task.points,
                 counts=counts,
                 log=log,
@@ -391,34 +383,29 @@ class TraceSolver:
     def _solve_alone(self, number: int, point: Point, parts: _Parts) -> None:
         """Solve one point by itself, or take down why it cannot be solved."""
         row = np.array([number])
-        bodies = len(self._grid.base.data.get("balls", ()))
+        table = summary(ball_count(self._grid), grown=self._wanted.lyapunov)
         if point.system is None or point.scenario is None:
-            invalid = not_solved("invalid", point.reason, bodies, self._wanted.lyapunov)
-            parts.summaries.append((row, invalid))
+            record = {"status": "invalid", "reason": point.reason}
+            parts.summaries.append((row, columns_of_records([record], table)))
             return
         stop = point.scenario.stop
         try:
             run = simulate_system(
                 point.system, stop.time, stop.collisions, self._engine, self._wanted
             )
-            summary = run.summary
+            parts.summaries.append((row, run.summary))
         except (ArithmeticError, ValueError, IndexError, RuntimeError) as error:
-            text = f"{type(error).__name__}: {error}"
-            failed = not_solved("failed", text, bodies, self._wanted.lyapunov)
-            parts.summaries.append((row, failed))
+            record = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
+            parts.summaries.append((row, columns_of_records([record], table)))
             return
-        parts.summaries.append((row, summary))
         if self._grid.keep.collisions:
             log = run.history()["impacts"]
             counts, points = np.array([len(log)]), self._indices[row]
-            parts.logged.append(Logged(run.system, run.world, run.engine, points, counts, log))
+            world = run.world if run.engine == "python" else compiled_world(run.world)
+            parts.logged.append(Logged(run.system, world, points, counts, log))
 
 
 def _taken(values: dict[KeyPath, Array], at: Any) -> dict[KeyPath, Array]:
-    return {path: column[at] for path, column in values.items()}
-
-
-def _row(values: dict[KeyPath, Array], at: int) -> dict[KeyPath, Any]:
     return {path: column[at] for path, column in values.items()}
 
 
@@ -430,10 +417,4 @@ def _in_order(parts: list[tuple[Array, Columns]], count: int) -> Columns:
     order = np.empty(count, dtype=np.int64)
     order[rows] = np.arange(count)
     names = parts[0][1]
-    return {name: _concatenated([table[name] for _, table in parts])[order] for name in names}
-
-
-def _concatenated(columns: list[Any]) -> Any:
-    if any(np.ma.isMaskedArray(column) for column in columns):
-        return np.ma.concatenate(columns)  # type: ignore[no-untyped-call]
-    return np.concatenate(columns)
+    return {name: end_to_end([table[name] for _, table in parts])[order] for name in names}

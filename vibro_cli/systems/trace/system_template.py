@@ -4,7 +4,8 @@ Points that share trace, radii, laws and ends make one setting: it is built once
 reader, and what its points differ in (starts, masses, k, stops) is worked out for all of them at
 once, as are systems that differ in numbers only. Only what is sure to be a valid scenario is taken
 so, checked here with room to spare: every other point goes through the ordinary reader alone, which
-also says what is wrong with it.
+also says what is wrong with it. Where these differ in numbers only, a good part of its work is the
+same for all of them.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.assemble import SIZES, body_of, speed_of, system_of, trace_of
+from vibro_cli.assemble import SIZES, body_of, build_system, speed_of, system_of, trace_of
 from vibro_cli.grids.axes import Array, kind_of
-from vibro_cli.grids.points import Point, changed
+from vibro_cli.grids.document import document_at, plain_value, reason_of
 from vibro_cli.mechanics.initial_conditions import clear_of_wall, wall_position
 from vibro_cli.mechanics.reachability import (
     Path,
@@ -31,14 +32,15 @@ from vibro_cli.mechanics.reachability import (
     over_others,
     surely_clear,
 )
-from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
+from vibro_cli.mechanics.system import Body, InitialState, TraceSystem, neighbours
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics.elementwise import taken
 from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.loading import Document, scenario_of
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.problems import KeyPath
-from vibro_cli.systems.trace.flights import centres
-from vibro_cli.systems.trace.world import initial_flight, neighbours
+from vibro_cli.scenario.problems import KeyPath, ScenarioError
+from vibro_cli.systems.trace.motion import centres
+from vibro_cli.systems.trace.world import initial_flight, pairs_of
 
 SURE = 1.0e-9
 """Closer than this share to the edge of what is possible, the ordinary reader decides."""
@@ -62,12 +64,8 @@ def sound_systems(
 ) -> tuple[Array, TraceSystem]:
     """Return which systems are surely sound, and these as one system of arrays.
 
-    Parameters
-    ----------
-    known, like
-        A valid scenario and its system.
-    values
-        Numbers of the systems, ``count`` for each path; the others are those of ``known``.
+    `values` are their numbers, ``count`` for each path; the others are those of a known valid
+    scenario and its system.
     """
     sound = _allowed(values, count)
     if like.turning is not None:
@@ -199,7 +197,8 @@ def _walls_fit(system: TraceSystem) -> Any:
     return fit
 
 
-Values = Mapping[KeyPath, Array]
+Values = Mapping[KeyPath, Any]
+"""A number, or an array of numbers, for each path."""
 
 _LEAST_MASS, _MOST_MASS, _MOST_SPEED = 1.0e-99, 1.0e99, 1.0e29
 
@@ -255,7 +254,7 @@ class Setting:
     @cached_property
     def pairs(self) -> int:
         """Number of pairs of neighbours that the solver looks at."""
-        return len(neighbours(self.system))
+        return len(pairs_of(self.system))
 
     def systems(self, values: Values, count: int) -> Systems:
         """Return the systems of points with these values (a column for each path of an axis)."""
@@ -285,13 +284,26 @@ class Setting:
             _check_walls(system, states, sure)
         for body in system.bodies:
             sure &= (body.mass > _LEAST_MASS) & (body.mass < _MOST_MASS)
-        flights = [
-            initial_flight(replace(system, initial=tuple(states)), n) for n in range(len(states))
-        ]
-        k = scenario.collision.k
-        for one in k:
+        for one in scenario.collision.k:
             sure &= (one >= 0.0) & (one <= 1.0)
-        pairs = [k[min(pair, len(k) - 1)] for pair in range(self.pairs)]
+        system = replace(system, initial=tuple(states), restitution=scenario.collision.k)
+        return self._starts(scenario, system, sure)
+
+    def starts_of(self, points: Sequence[Point]) -> Starts:
+        """Return the starts of valid points of this setting that were read alone."""
+        each = []
+        for point in points:
+            assert point.scenario is not None
+            assert point.system is not None
+            sure = np.ones(1, dtype=bool)
+            each.append(self._starts(point.scenario, point.system, sure))
+        names = [one.name for one in fields(Starts)]
+        return Starts(*(np.concatenate([getattr(one, name) for one in each]) for name in names))
+
+    def _starts(self, scenario: Scenario, system: TraceSystem, sure: Array) -> Starts:
+        """The starts of as many points as there are flags, from a system with initial states."""
+        count, k = len(sure), system.restitution
+        flights = [initial_flight(system, n) for n in range(len(system.bodies))]
         stop_t, stop_collisions = _stops(scenario, sure)
         state = {
             name: _table([getattr(flight, name) for flight in flights], count)
@@ -301,32 +313,9 @@ class Setting:
             sure=sure,
             **state,
             mass=_table([body.mass for body in system.bodies], count),
-            restitution=_table(pairs, count),
+            restitution=_table([k[min(n, len(k) - 1)] for n in range(self.pairs)], count),
             stop_t=stop_t,
             stop_collisions=stop_collisions,
-        )
-
-    def starts_of(self, points: Sequence[Point]) -> Starts:
-        """Return the starts of valid points of this setting that were read alone."""
-        systems = [point.system for point in points if point.system is not None]
-        stops = [point.scenario.stop for point in points if point.scenario is not None]
-        bodies = range(len(self.system.bodies))
-        flights = [[initial_flight(system, ball) for ball in bodies] for system in systems]
-        state = {
-            name: np.array([[getattr(one, name) for one in row] for row in flights])
-            for name in ("piece", "s", "c", "p")
-        }
-        k = [
-            [one.restitution[min(pair, len(one.restitution) - 1)] for pair in range(self.pairs)]
-            for one in systems
-        ]
-        return Starts(
-            sure=np.ones(len(points), dtype=bool),
-            **state,
-            mass=np.array([[body.mass for body in system.bodies] for system in systems]),
-            restitution=np.array(k).reshape(len(points), self.pairs),
-            stop_t=np.array([np.nan if stop.time is None else stop.time for stop in stops]),
-            stop_collisions=np.array([stop.collisions or 0 for stop in stops], dtype=np.int64),
         )
 
 
@@ -371,11 +360,7 @@ def _stops(scenario: Scenario, sure: Array) -> tuple[Array, Array]:
 
 def _check_order(system: TraceSystem, states: list[InitialState], sure: Array) -> None:
     """Leave sure only points whose neighbours are in order and clear of one another."""
-    count = len(states)
-    pairs = [(n, n + 1) for n in range(count - 1)]
-    if system.trace.closed and count > 2:
-        pairs.append((count - 1, 0))
-    for a, b in pairs:
+    for a, b in neighbours(len(states), system.trace.closed):
         one, other = states[a], states[b]
         radius_a, radius_b = (system.bodies[n].radius for n in (a, b))
         piece = system.trace.pieces[one.piece]
@@ -423,3 +408,141 @@ def _clear(
     size = np.abs(ax) + np.abs(ay) + np.abs(bx) + np.abs(by) + contact
     clear: Array = np.hypot(bx - ax, by - ay) > contact + SURE * size
     return clear
+
+
+def changed(known: Scenario, values: Values) -> Scenario:
+    """Return a scenario with other numbers, each of which its key allows, or arrays of numbers."""
+    values = dict(values)
+    for_all = values.pop(("collision", "k"), None)
+    if for_all is not None:
+        values |= {("collision", "k", n): for_all for n in range(len(known.collision.k))}
+    new: Scenario = _changed(known, values)
+    return new
+
+
+def _changed(known: Any, values: Values) -> Any:
+    """A table, list or value with others in some places."""
+    if () in values:
+        return values[()]
+    within: dict[Any, dict[KeyPath, Any]] = {}
+    for path, value in values.items():
+        within.setdefault(path[0], {})[path[1:]] = value
+    if isinstance(known, tuple):
+        return tuple(
+            _changed(one, within[n]) if n in within else one for n, one in enumerate(known)
+        )
+    updates = {str(key): _changed(getattr(known, key), given) for key, given in within.items()}
+    return known.model_copy(update=updates)
+
+
+# What points of one setting may differ in.
+_OF_A_START = ("angle", "position", "rate", "omega", "speed", "density", "mass")
+# Reasons that are kept ready.
+_MOST_REASONS = 10_000
+
+
+def is_quick(path: KeyPath) -> bool:
+    """Tell whether points may differ in the value at a path and still share a setting."""
+    if path[0] == "balls":
+        return len(path) == 3 and path[2] in _OF_A_START
+    return path[:2] == ("collision", "k") or path in (("stop", "time"), ("stop", "collisions"))
+
+
+def is_number(path: KeyPath) -> bool:
+    """Tell whether another value at a path leaves all else of a scenario as it is."""
+    of_ball = path[0] == "balls" and len(path) == 3 and path[2] in _OF_A_BALL
+    return is_quick(path) or of_ball or path == ("gravity",)
+
+
+def scenario_at(base: Document, values: Values) -> Scenario:
+    """Return the scenario of one point of a trace, by the ordinary reader.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that is wrong with it.
+    """
+    return scenario_of(document_at(base, values))
+
+
+@dataclass(frozen=True)
+class Point:
+    """One point that went through the ordinary reader: a scenario, or the reason why not."""
+
+    scenario: Scenario | None
+    system: TraceSystem | None
+    reason: str | None
+
+
+class Reader:
+    """Reads points of one grid, scenarios that differ from its base in numbers only."""
+
+    def __init__(self, base: Document) -> None:
+        self._base = base
+        self._known: Scenario | None = None
+        self._reasons: dict[tuple[tuple[KeyPath, Any], ...], str] = {}
+
+    def read(self, values: Values) -> Point:
+        """Return one point, as the ordinary reader finds it.
+
+        A number that its key does not allow is told before anything else is looked at, so that
+        the reason is the same for every point that has it.
+        """
+        plain = {path: plain_value(value) for path, value in values.items()}
+        refused: tuple[tuple[KeyPath, Any], ...] = ()
+        if self._known is not None:
+            refused = tuple(item for item in plain.items() if not _is_allowed(self._known, *item))
+            if refused in self._reasons:
+                return Point(None, None, self._reasons[refused])
+        try:
+            scenario = self._scenario(plain, refused)
+            point = Point(scenario, build_system(scenario), None)
+        except ScenarioError as error:
+            return Point(None, None, reason_of(error))
+        if self._known is None and all(map(is_number, plain)):
+            self._known = point.scenario
+        return point
+
+    def _scenario(self, values: Values, refused: tuple[tuple[KeyPath, Any], ...]) -> Scenario:
+        if self._known is not None and not refused:
+            return changed(self._known, {path: _number(path, values[path]) for path in values})
+        try:
+            return scenario_at(self._base, values)
+        except ScenarioError as error:
+            if refused and len(self._reasons) < _MOST_REASONS:
+                self._reasons[refused] = reason_of(error)
+            raise
+
+
+def _number(path: KeyPath, value: Any) -> Any:
+    kind = kind_of(path)
+    assert isinstance(kind, kinds.Quantity | kinds.Count)
+    return kind.read(value)
+
+
+def _is_allowed(known: Scenario, path: KeyPath, value: Any) -> bool:
+    """Whether a number is one that the key of a known scenario allows, whatever the others are."""
+    kind = kind_of(path)
+    assert isinstance(kind, kinds.Quantity | kinds.Count)
+    number = kind.read_or_none(value)
+    if number is None:
+        return False
+    if path[-1] == "radius":
+        return number > 0.0
+    if path[-1] not in ("angle", "position"):
+        return True
+    assert isinstance(path[1], int)
+    arc = known.trace.arcs[known.balls[path[1]].arc - 1]
+    if path[-1] == "position":
+        return arc.length is not None and 0.0 < number < arc.length
+    return _inside(known, known.balls[path[1]].arc - 1, number)
+
+
+def _inside(known: Scenario, piece: int, angle: float) -> bool:
+    """Whether an angle is within an arc, and not at one of its ends."""
+    arcs = known.trace.arcs
+    slopes = [known.trace.start_slope]
+    for arc in arcs[: piece + 1]:
+        slopes.append(slopes[-1] if arc.end_slope is None else arc.end_slope)
+    sign = -1.0 if arcs[piece].shape == "hump" else 1.0
+    return sign * slopes[piece] < angle < sign * slopes[piece + 1]

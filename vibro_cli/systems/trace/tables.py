@@ -1,13 +1,13 @@
-"""The tables of a run on a trace, stretch by stretch: their columns, and impacts from the log."""
+"""The tables of a run on a trace: their columns, impacts from the log, and the summary."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.ensemble.records import Stack, fill_stacked
 from vibro_cli.kernels.statistics.impact_columns import (
@@ -21,11 +21,11 @@ from vibro_cli.kernels.statistics.impact_columns import (
     Runs,
     fill_columns,
 )
-from vibro_cli.kernels.world import RUNNING, ImpactRow, World
+from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
+from vibro_cli.kernels.world import END_NAMES, NEVER, RUNNING, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
     GROWTH,
-    IMPULSE,
     KINETIC,
     LAW,
     Column,
@@ -35,19 +35,23 @@ from vibro_cli.systems.columns import (
     count,
     exponents,
     flag,
+    grazing,
+    impact_head,
+    impulse,
     number,
     phases,
+    summary_head,
     word,
 )
 from vibro_cli.systems.contract import Sink
-from vibro_cli.systems.stream import Stretch
+from vibro_cli.systems.driver import called, with_logs, zeros
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.events import NAMES, Events, event_columns
-from vibro_cli.systems.trace.flights import Paths, Places
-from vibro_cli.systems.trace.summary import Tally, summary_columns, with_logs
+from vibro_cli.systems.trace.motion import Floats, Paths, Places
 from vibro_cli.systems.trace.tangents import TangentMap
-from vibro_cli.systems.trace.world import compiled_world, make_world
+from vibro_cli.systems.trace.world import make_world
 from vibro_cli.systems.wanted import Sampling, Wanted
 
 
@@ -101,10 +105,7 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
     `grown` with the growth of small changes.
     """
     columns = [
-        count("n", "number of the impact, from 1"),
-        number("t", "s", "time of the impact, the nearest double"),
-        number("t_low", "s", "what t lacks: t + t_low is the time in two doubles"),
-        number("dt", "s", "time since the previous row (null in the first)", nullable=True),
+        *impact_head(),
         count("ball_a", "left body of the pair, from 1"),
         count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)"),
         *([_SIDE] if sided else []),
@@ -136,10 +137,10 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
             "simultaneous",
             "whether other pairs collide at the same instant, or the row stands for all that would",
         ),
-        flag("grazing", "whether the contact cannot be told from a touch in double precision"),
+        grazing(),
         flag("contact", "whether lasting contact of the pair begins here"),
         *_before_and_after("kinetic_energy", "J", KINETIC),
-        number("impulse", "N s", IMPULSE, nullable=True),
+        impulse(),
         *(phase for prefix, text, words in _PHASES for phase in phases(prefix, text, words)),
         *(GROWTH if grown else ()),
     ]
@@ -183,16 +184,9 @@ def motion() -> Table:
 
 
 _SUMMARY_HEAD = (
-    Column("status", "string", "", "ok, invalid (the scenario is not possible) or failed"),
-    Column("reason", "string", "", "why the status is not ok", nullable=True),
-    Column(
-        "end_cause",
-        "string",
-        "",
-        "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off or rest",
-        nullable=True,
+    *summary_head(
+        "time, collisions, no_more_collisions, inadmissible, end_of_trace, lift_off or rest"
     ),
-    number("end_time", "s", "time at which the run ended", True),
     number("quiet_from", "s", "time since when no further impact was possible", True),
     count("collisions", "number of impacts", True),
     count("crossings", "number of junctions crossed (a seam counts as one)", True),
@@ -265,16 +259,9 @@ Room = Callable[[tuple[int, int], type], Any]
 
 
 class ImpactTable:
-    """Room for the impacts of some runs, which are filled in in any order.
+    """Room for so many impacts of some runs, which are filled in in any order.
 
-    Parameters
-    ----------
-    rows
-        Number of impacts.
-    wanted
-        Names of the columns that are kept.
-    room
-        Gives an array of a shape and a type.
+    Columns that are `wanted` are kept; `room` gives an array of a shape and a type.
     """
 
     def __init__(self, rows: int, wanted: Collection[str], room: Room = np.empty) -> None:
@@ -299,37 +286,20 @@ class ImpactTable:
     def fill(
         self,
         world: World,
-        engine_name: str,
         log: Any,
         runs: Runs,
         around: float,
         stack: Stack | None = None,
     ) -> None:
-        """Fill in some runs of one system, or of a stack of them.
+        """Fill in some runs of one system, whose records are those of `world`, of either engine.
 
-        Parameters
-        ----------
-        world
-            Its records, interpreted or compiled.
-        engine_name
-            ``"python"`` or ``"compiled"``, of interpreted records; both give the same bits.
-        log, runs, around
-            See ``kernels.statistics.impact_columns``.
-        stack
-            The systems of the runs, if there are several; the records are then of arrays, and
-            change.
+        Of a stack of systems they are of arrays, and change. For the others see
+        ``kernels.statistics.impact_columns``.
         """
         if stack is not None:
             compiled(fill_stacked)(world, log, runs, self._columns, around, stack)
-            return
-        arrays = isinstance(world.bodies, np.ndarray)
-        if not arrays and engine_name == "compiled":
-            world, arrays = compiled_world(world), True
-        if arrays:
-            compiled(fill_columns)(world, log, runs, self._columns, around)
         else:
-            rows = engine.interpreted_copies(log, ImpactRow)
-            fill_columns(world, rows, runs, self._columns, around)
+            called(fill_columns, None, world, log, runs, self._columns, around)
 
     def columns(self) -> dict[str, Any]:
         """Return the columns that are wanted, in order; laws are numbers, a side of 0 is none."""
@@ -364,13 +334,7 @@ def runs_of(
 
 
 class Impacts:
-    """The columns of ``collisions.parquet`` of one run, stretch by stretch; laws are numbers.
-
-    Parameters
-    ----------
-    system
-        What is solved.
-    """
+    """The columns of ``collisions.parquet`` of one run, stretch by stretch; laws are numbers."""
 
     def __init__(self, system: TraceSystem) -> None:
         self._system = system
@@ -379,11 +343,11 @@ class Impacts:
         self._told = 0
         self._before: tuple[float, float] | None = None
 
-    def take(self, world: World, engine_name: str, log: Any) -> dict[str, Any]:
+    def take(self, world: World, log: Any) -> dict[str, Any]:
         """Return the columns of some more impacts (see :meth:`ImpactTable.fill`)."""
         table = ImpactTable(len(log), self._names)
         runs = runs_of(self._system, [0], [len(log)], [0])
-        table.fill(world, engine_name, log, runs, self._around)
+        table.fill(world, log, runs, self._around)
         columns = table.columns()
         if len(log) and self._before is not None:
             t, t_low = self._before
@@ -396,17 +360,7 @@ class Impacts:
 
 
 class Tables:
-    """What the tables of a run say, stretch by stretch.
-
-    Parameters
-    ----------
-    system, wanted
-        What is solved, and what is to be computed beside the collisions.
-    names
-        Tables that are wanted, of ``collisions``, ``events``, ``motion`` and ``exponents``.
-    sink
-        Takes their rows.
-    """
+    """What the tables of a run say, stretch by stretch: see ``systems.contract.System.teller``."""
 
     def __init__(
         self, system: TraceSystem, wanted: Wanted, names: Collection[str], sink: Sink
@@ -424,26 +378,30 @@ class Tables:
         if "motion" in names and wanted.motion:
             self._motion = Sampling(wanted)
         self._overrides = overrides
-        self._tally = Tally(bodies, overrides)
+        self._outcomes, self._finals = zeros(1, Outcome), zeros(bodies, FinalState)
         self._tangents = TangentMap(system) if wanted.lyapunov else None
         self._wants_exponents = "exponents" in names
 
     def take(self, stretch: Stretch) -> None:
         """Tell of a stretch."""
         logs, known = stretch.logs, stretch.known
-        self._world = world = with_logs(self._world, stretch.engine, logs, stretch.clock)
+        loop = SYSTEM.loop
+        self._world = world = with_logs(loop, self._world, stretch.engine, logs, stretch.clock)
         ended = stretch.cause != RUNNING
         grown = None
         if self._tangents is not None:
-            grown = self._tangents.take(world, known, stretch.cause, stretch.end)
+            grown = self._tangents.take(world, stretch)
             if self._wants_exponents and ended:
                 self._sink("exponents", exponent_table(self._tangents))
         if self._impacts is not None and not (ended and known):
-            columns = self._impacts.take(world, stretch.engine, logs["impacts"])
+            columns = self._impacts.take(world, logs["impacts"])
             if grown is not None:
                 columns |= grown_columns(grown, columns["grazing"])
             self._sink("collisions", columns)
-        self._tally.take(world, known, stretch.cause, stretch.end)
+        called(
+            tally, self._overrides, world, known, stretch.cause, *stretch.end, self._outcomes, 0,
+            self._finals, zeros(1, Flight),
+        )  # fmt: skip
         if self._events is None and self._motion is None:
             return
         paths = Paths(self._places, world, logs["log"], *stretch.end, self._overrides)
@@ -462,12 +420,116 @@ class Tables:
     def summary(self) -> dict[str, Any]:
         """Return the columns of ``summary.parquet``, once the run has ended."""
         restitution = np.array([self._system.restitution])
-        tally = self._tally
-        columns = summary_columns(self._places, restitution, tally.outcomes, tally.finals)
+        columns = summary_columns(self._places, restitution, self._outcomes, self._finals)
         return columns if self._tangents is None else columns | self._tangents.summary()
 
 
-def trajectory_of(system: TraceSystem, run: Stretch) -> Paths:
-    """Return the motion in a whole run, given as one stretch."""
-    world = with_logs(make_world(system, None, None), run.engine, run.logs, run.clock)
+def trajectory_of(system: TraceSystem, run: Stretch, before: Any = None) -> Paths:
+    """Return the motion in a stretch of a run, which knows what is under way at its start."""
+    own = make_world(system, None, None)
+    world = with_logs(SYSTEM.loop, own, run.engine, run.logs, run.clock)
     return Paths(Places(system), world, run.logs["log"], *run.end, SYSTEM.overrides(system))
+
+
+def conserves_energy(
+    places: Places, restitution: Floats, outcomes: Any
+) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Tell whether the law of each run keeps the energy of rolling.
+
+    ``restitution`` has a row for each run, with the k of each pair.
+    """
+    system = places.system
+    ends = (system.left_end, system.right_end)
+    walls = [places.of_rows(end.restitution) for end in ends if end is not None]
+    lossy = sum((wall < 1.0 for wall in walls), start=np.False_)
+    equal = np.all(places.kappa == places.kappa[0], axis=0)
+    law_keeps = equal | (system.law != "translational")
+    keeps = law_keeps & np.all(restitution == 1.0, axis=1)
+    kept: np.ndarray[Any, np.dtype[np.bool_]] = np.where(outcomes["impacts"] > 0, keeps, True)
+    kept &= ~(lossy & (outcomes["walls"] > 0))
+    return kept
+
+
+def summary_columns(
+    places: Places, restitution: Floats, outcomes: Any, finals: Any
+) -> dict[str, Any]:
+    """Return the columns of ``summary.parquet`` for runs of one system.
+
+    Initial states and masses may differ from run to run. `restitution` has the k of each pair,
+    `outcomes` and `finals` are those of ``kernels.statistics.run_statistics``: a row for each run,
+    and in `finals` one for each of its bodies.
+    """
+    count = len(outcomes)
+    finals = finals.reshape(count, -1)
+    start, end = _total(finals["start_energy"]), _total(finals["end_energy"])
+    kept = conserves_energy(places, restitution, outcomes) & (start > 0.0)
+    demand = outcomes["most_demand"]
+    # A particle slides: it neither needs friction nor tells of any.
+    rolls = np.any(places.kappa > 1.0, axis=0)
+    some = outcomes["collisions"] > 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        drift = np.where(kept, (end - start) / start, np.nan)
+    names = np.empty(max(END_NAMES) + 1, dtype=object)
+    names[list(END_NAMES)] = list(END_NAMES.values())
+    columns: dict[str, Any] = {
+        "status": np.full(count, "ok", dtype=object),
+        "reason": np.full(count, None, dtype=object),
+        "end_cause": names[outcomes["end_cause"]],
+        "end_time": outcomes["end_t"].copy(),
+        "quiet_from": np.where(outcomes["quiet_t"] < NEVER, outcomes["quiet_t"], np.nan),
+        "collisions": outcomes["collisions"].copy(),
+        "crossings": outcomes["crossings"].copy(),
+        "contacts": outcomes["contacts"].copy(),
+        "first_collision_time": np.where(some, outcomes["first_t"], np.nan),
+        "last_collision_time": np.where(some, outcomes["last_t"], np.nan),
+        "energy_start": start,
+        "energy_end": end,
+        "energy_drift": drift,
+        "energy_correction": outcomes["correction"].copy(),
+        "max_gap": np.where(some, outcomes["max_gap"], np.nan),
+        "min_normal_force": np.where(
+            outcomes["least_force"] < NEVER, outcomes["least_force"], np.nan
+        ),
+        "max_friction_demand": np.where(np.isfinite(demand) & rolls, demand, np.nan),
+    }
+    columns.update(_final_states(places, finals))
+    return columns
+
+
+def skipped(clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
+    """Say what was not computed of a run with this clock and end (s), and why."""
+    notes = []
+    apart, searches = int(clock["skipped_apart"]), int(clock["searches"])
+    if apart:
+        notes.append(f"{apart} of {searches} searches for a contact: the bodies are proved apart")
+    if not searches:
+        notes.append("every search for a contact: none was needed")
+    if clock["quiet_t"] < NEVER:
+        notes.append(f"no search after t = {clock['quiet_t']:.6g} s: no impact is possible")
+    if not wanted.turning_points:
+        notes.append("turning points: not asked for (output.turning_points)")
+    if wanted.friction is None:
+        notes.append("slip events: no coefficient of friction given (output.friction)")
+    return (*notes, *wanted.left_out(end))
+
+
+def _total(energies: Floats) -> Floats:
+    """Sum over the bodies of each run, rounded once."""
+    if energies.shape[1] <= 2:
+        total: Floats = np.sum(energies, axis=1)
+        return total
+    return np.array([math.fsum(row) for row in energies.tolist()])
+
+
+def _final_states(places: Places, finals: Any) -> dict[str, Any]:
+    """``arc_i, angle_i, s_i, speed_i`` of every body at the end."""
+    columns: dict[str, Any] = {}
+    for body in range(finals.shape[1]):
+        state = finals[:, body]
+        piece, s, c, p = (state[name].copy() for name in ("piece", "s", "c", "p"))
+        number = body + 1
+        columns[f"arc_{number}"] = piece + 1
+        columns[f"angle_{number}"] = places.angle(piece, s, c)
+        columns[f"s_{number}"] = places.arc_length(piece, places.position(piece, s, c))
+        columns[f"speed_{number}"] = places.speed_factor(body, piece) * p
+    return columns

@@ -12,17 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibro_cli.compile import kernel as engine
-from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.tangent.follow import follow_tangents
-from vibro_cli.kernels.world import END_NAMES, Flight, ImpactRow, World
+from vibro_cli.kernels.world import END_NAMES, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems import tangents
 from vibro_cli.systems.contract import Rows
-from vibro_cli.systems.driver import Driver
+from vibro_cli.systems.driver import Driver, with_logs, zeros
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import Growth
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.summary import with_logs
 from vibro_cli.systems.trace.world import make_world
 
 Floats = NDArray[np.float64]
@@ -44,38 +42,17 @@ def time_scale(system: TraceSystem) -> Any:
 class TangentMap(tangents.TangentMap):
     """The tangent map of a run on a trace in progress.
 
-    Parameters
-    ----------
-    system
-        What is solved.
-    times
-        Whether derivatives of the impacts' times are wanted.
+    Derivatives of the impacts' `times` are told where they are wanted.
     """
 
     def __init__(self, system: TraceSystem, times: bool = False) -> None:
-        self._overrides = SYSTEM.overrides(system)
-        super().__init__(float(time_scale(system)), len(system.bodies), 2, times)
+        overrides, bodies = SYSTEM.overrides(system), len(system.bodies)
+        super().__init__(follow_tangents, float(time_scale(system)), bodies, 2, overrides, times)
 
-    def take(self, world: World, known: int, cause: int, end: tuple[float, float]) -> Rows:
-        """Go on through the logs of a world; arguments as of ``summary.Tally.take``.
-
-        Returns
-        -------
-        ``amplification``, ``smooth`` and, if wanted, ``times`` (impact, 2 body + 0 or 1): the
-        derivatives of the times of its impacts (s) to ways (m) and speeds (m/s) at the start.
-        """
-        compiles = isinstance(world.log, np.ndarray)
-        room = self._room(compiles, len(world.impacts))
-        enter = compiled if compiles else engine.interpreted
-        follow: Any = enter(follow_tangents, self._overrides)
-        scratch: Any = np.zeros(1, dtype=engine.dtype(Flight)) if compiles else [Flight()]
-        follow(world, known, cause, *end, room, scratch)
-        told: Any = world.impacts
-        if not compiles:
-            told = engine.compiled_rows(world.impacts, ImpactRow)
-        columns = self._told(room, told["t"], cause, end)
-        times: Any = room.times
-        return columns | {"times": times / self.units} if self._times else columns
+    def take(self, world: World, stretch: Stretch) -> Rows:
+        """Go on through a stretch whose logs a world has, see `systems.tangents.TangentMap`."""
+        instants = stretch.logs["impacts"]["t"]
+        return self.go_on(world, stretch.known, stretch, instants, zeros(1, Flight))
 
 
 @dataclass(frozen=True)
@@ -115,8 +92,8 @@ def follow_system(
     own = make_world(system, None, None)
     found: list[dict[str, Any]] = []
     for stretch in stretches:
-        world = with_logs(own, stretch.engine, stretch.logs, stretch.clock)
-        last = followed.take(world, stretch.known, stretch.cause, stretch.end)
+        own = with_logs(SYSTEM.loop, own, stretch.engine, stretch.logs, stretch.clock)
+        last = followed.take(own, stretch)
         if len(last["smooth"]):
             found.append(last | {"impacts": stretch.logs["impacts"]})
         end = stretch.end[0]

@@ -7,11 +7,8 @@ in numbers only are made into a stack (``kernels.ensemble.points``).
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numpy as np
-
-from vibro_cli.compile.kernel import dtype, interpreted_rows
+from vibro_cli.compile.kernel import interpreted_rows
 from vibro_cli.kernels.flow.flight import NOWHERE
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.world import (
@@ -45,7 +42,7 @@ from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.systems import driver
-from vibro_cli.systems.rows import body_record
+from vibro_cli.systems.driver import body_record
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.wanted import UNLIMITED
 
@@ -175,13 +172,11 @@ def half_angle(piece: Piece, position: float) -> tuple[float, float]:
     return flip * cosine, -flip * sine
 
 
-def neighbours(system: TraceSystem) -> list[tuple[int, int, int]]:
+def pairs_of(system: TraceSystem) -> list[tuple[int, int, int]]:
     """Return the pairs of neighbours as (a, b, 1 across the seam)."""
     count = len(system.bodies)
     pairs = [(j, j + 1, 0) for j in range(count - 1)]
-    if system.trace.closed and count >= 2:
-        pairs.append((count - 1, 0, 1))
-    return pairs
+    return [*pairs, (count - 1, 0, 1)] if system.trace.closed and count >= 2 else pairs
 
 
 def make_world(
@@ -198,7 +193,7 @@ def make_world(
     """
     nowhere = [[False] * len(system.trace.pieces) for _ in system.trace.pieces]
     levels = [heights(system.trace, body.radius) for body in system.bodies]
-    pairs = neighbours(system)
+    pairs = pairs_of(system)
     contacts: list[PairTrack] = []
     far: list[list[int]] = []
     for a, b, _ in pairs:
@@ -394,12 +389,6 @@ def initial_flight(system: TraceSystem, number: int) -> Flight:
         frequency = body.natural_rate(system.gravity, rho)
         flight.p = state.speed / (2.0 * frequency * rho)
     return flight
-
-
-def zeros(count: int, cls: type) -> Any:
-    """Return an array of structs that are zero."""
-
-    return np.zeros(count, dtype=dtype(cls))
 
 
 def compiled_world(world: World, logs_of: World | None = None) -> World:

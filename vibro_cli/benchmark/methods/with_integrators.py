@@ -1,0 +1,290 @@
+"""Integrators with terminal events: SciPy's solve_ivp, CyRK's pysolve_ivp, and diffrax."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+from vibro_cli.benchmark.methods.runner import (
+    Course,
+    Event,
+    LegRunner,
+    Lost,
+    Method,
+    Motion,
+    Runner,
+    Setting,
+    State,
+    course_of,
+    tolerances,
+)
+from vibro_cli.benchmark.scenes import Scene
+
+_FAR = 1.0e3
+"""End of the span of time that is asked for (s); an event comes long before."""
+_COMPILED_TOLERANCES = tolerances(1e-7, 1e-10, 1e-13)
+_TOLERANCES = {
+    "RK45": (1e-4, 1e-7, 1e-10),
+    "DOP853": (1e-4, 1e-7, 1e-10, 1e-13),
+    "LSODA": (1e-4, 1e-7, 1e-10),
+    "Radau": (1e-4, 1e-7),
+}
+"""As far as each gets in reasonable time: Radau at 1e-13 takes a second for an impact."""
+
+
+def events_of(motion: Motion, pieces: tuple[int, ...]) -> list[tuple[Event, Callable[..., float]]]:
+    """Return event functions, positive before their event, for bodies on these pieces."""
+    found: list[tuple[Event, Callable[..., float]]] = []
+    for pair in range(len(motion.pairs)):
+        found.append((Event(pair), lambda t, y, pair=pair: motion.gap(pair, pieces, y)))
+    for ball, side in motion.junctions(pieces):
+        found.append(
+            (Event(-1, ball, side),
+             lambda t, y, ball=ball, side=side: motion.room(ball, side, pieces[ball], y))
+        )  # fmt: skip
+    return found
+
+
+def _prepare_scipy(kind: str, scene: Scene, setting: Setting) -> Runner:
+    from scipy.integrate import solve_ivp
+
+    motion = Motion(scene.system)
+    tolerance = setting.value
+
+    @cache
+    def ready(pieces: tuple[int, ...]) -> tuple[Any, list[Event], list[Any]]:
+        w2 = np.array([motion.w2[ball][piece] for ball, piece in enumerate(pieces)])
+        rates: Any = np.empty(2 * len(pieces))
+
+        def change(t: float, y: Any) -> Any:
+            rates[::2] = y[1::2]
+            rates[1::2] = -w2 * np.sin(y[::2])
+            return rates.copy()
+
+        events, functions = zip(*events_of(motion, pieces), strict=True)
+        for function in functions:
+            function.terminal, function.direction = True, -1.0
+        return change, list(events), list(functions)
+
+    def leg(pieces: tuple[int, ...], t: float, y: State) -> tuple[float, Any, Event]:
+        change, events, functions = ready(pieces)
+        found = solve_ivp(
+            change, (t, t + 10.0 * _FAR), y, method=kind, rtol=tolerance, atol=tolerance,
+            events=functions,
+        )  # fmt: skip
+        if found.status != 1:
+            raise Lost(f"no event until t = {found.t[-1]:.6g} s")
+        which = next(number for number, times in enumerate(found.t_events) if len(times))
+        return float(found.t[-1]), found.y[:, -1].tolist(), events[which]
+
+    return LegRunner(motion, leg)
+
+
+def scipy() -> list[Method]:
+    """Return SciPy's methods: what most users would reach for."""
+    return [
+        Method(f"SciPy {kind}", tolerances(*values), partial(_prepare_scipy, kind), 12)
+        for kind, values in _TOLERANCES.items()
+    ]
+
+
+def _compiled(motion: Motion, pieces: tuple[int, ...]) -> tuple[Any, list[Any], list[Event]]:
+    from numba import njit
+
+    bodies = len(pieces)
+    w2: Any = np.array([motion.w2[ball][piece] for ball, piece in enumerate(pieces)])
+
+    @njit
+    def change(dy: Any, t: float, y: Any) -> None:
+        for ball in range(bodies):
+            dy[2 * ball] = y[2 * ball + 1]
+            dy[2 * ball + 1] = -w2[ball] * np.sin(y[2 * ball])
+
+    functions, events = [], []
+    for pair in range(len(motion.pairs)):
+        functions.append(_gap(motion, pair, pieces))
+        events.append(Event(pair))
+    for ball, side in motion.junctions(pieces):
+        arc = motion.arcs[pieces[ball]]
+        functions.append(_room(2 * ball, float(side), arc.high if side > 0 else arc.low))
+        events.append(Event(-1, ball, side))
+    # A plain function around each: it carries the attributes CyRK looks for.
+    wrapped = [_terminal(function) for function in functions]
+    return change, wrapped, events
+
+
+def _gap(motion: Motion, pair: int, pieces: tuple[int, ...]) -> Any:
+    from numba import njit
+
+    a, b = motion.pairs[pair]
+    i, j = 2 * a, 2 * b
+    if pieces[a] == pieces[b]:
+        least = motion.contact_angle(a, b, pieces[a]) - (2.0 * np.pi if b < a else 0.0)
+        return njit(lambda t, y: y[j] - y[i] - least)
+    one, two = motion.arcs[pieces[a]], motion.arcs[pieces[b]]
+    rho_a, rho_b = motion.radius[a][pieces[a]], motion.radius[b][pieces[b]]
+    x, up_a, up_b = two.x - one.x, one.sign * rho_a, two.sign * rho_b
+    height = two.y - one.y
+    touch = (motion.bodies[a].radius + motion.bodies[b].radius) ** 2
+    return njit(
+        lambda t, y: (
+            (x + rho_b * np.sin(y[j]) - rho_a * np.sin(y[i])) ** 2
+            + (height - up_b * np.cos(y[j]) + up_a * np.cos(y[i])) ** 2
+            - touch
+        )
+    )
+
+
+def _room(place: int, side: float, end: float) -> Any:
+    from numba import njit
+
+    return njit(lambda t, y: side * (end - y[place]))
+
+
+def _terminal(function: Callable[..., float]) -> Any:
+    def event(t: float, y: Any) -> float:
+        return function(t, y)
+
+    marked: Any = event
+    marked.terminal, marked.direction = True, -1
+    return marked
+
+
+def _prepare_cyrk(scene: Scene, setting: Setting) -> Runner:
+    from CyRK import pysolve_ivp
+
+    motion = Motion(scene.system)
+    tolerance = setting.value
+    ready = cache(lambda pieces: _compiled(motion, pieces))
+
+    def leg(pieces: tuple[int, ...], t: float, y: State) -> tuple[float, Any, Event]:
+        change, functions, events = ready(pieces)
+        found = pysolve_ivp(
+            change, (t, t + _FAR), np.array(y), method="DOP853", events=tuple(functions),
+            rtol=tolerance, atol=tolerance, pass_dy_as_arg=True,
+        )  # fmt: skip
+        if not found.event_terminated:
+            raise Lost(f"no event until t = {found.t[-1]:.6g} s")
+        which = found.event_terminate_index
+        times, states = found.t_events[which], found.y_events[which]
+        return float(times[-1]), states[:, -1].tolist(), events[which]
+
+    return LegRunner(motion, leg)
+
+
+def cyrk() -> list[Method]:
+    """Return CyRK's DOP853, equations and events compiled by numba."""
+    return [Method("CyRK DOP853", _COMPILED_TOLERANCES, _prepare_cyrk, 40)]
+
+
+_MOST_STEPS = 100_000
+
+
+def _flight(motion: Motion, tolerance: float) -> Any:
+    """Return the function from the start of a flight to the start of the next one."""
+    import diffrax
+    import jax.numpy as jnp
+    import optimistix
+
+    count = len(motion.bodies)
+    w2 = jnp.array([motion.w2[ball][0] for ball in range(count)])
+    left = np.array([a for a, _ in motion.pairs])
+    right = np.array([b for _, b in motion.pairs])
+    least = jnp.array(
+        [motion.contact_angle(a, b, 0) - (2.0 * np.pi if b < a else 0.0) for a, b in motion.pairs]
+    )
+    touching = [0.0] * (2 * count)
+    jumps = []
+    for pair, (a, b) in enumerate(motion.pairs):
+        touching[2 * a], touching[2 * b] = 0.0, float(least[pair])
+        jumps.append(motion.jump(pair, (0,) * count, touching))
+    p, q, alpha, beta = (jnp.array(column) for column in zip(*jumps, strict=True))
+
+    def gap(pair: int) -> Any:
+        # One event for each pair. Of several in one step diffrax need not take the first; the least
+        # gap as the only event would hide all others behind the pair that has just met.
+        return lambda t, y, args, **_: y[0][right[pair]] - y[0][left[pair]] - least[pair]
+
+    term = diffrax.ODETerm(lambda t, y, args: (y[1], -w2 * jnp.sin(y[0])))
+    event = diffrax.Event(
+        [gap(pair) for pair in range(len(motion.pairs))],
+        optimistix.Newton(tolerance, tolerance, optimistix.rms_norm),
+        False,
+    )
+    control = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+
+    def flight(t: Any, y: Any) -> tuple[Any, Any]:
+        found = diffrax.diffeqsolve(
+            term, diffrax.Tsit5(), t, t + _FAR, None, y, stepsize_controller=control, event=event,
+            max_steps=_MOST_STEPS, throw=False,
+        )  # fmt: skip
+        angles, rates = found.ys[0][-1], found.ys[1][-1]
+        hit = jnp.argmax(jnp.stack(found.event_mask))
+        a, b = jnp.array(left)[hit], jnp.array(right)[hit]
+        closing = jnp.maximum(p[hit] * rates[a] - q[hit] * rates[b], 0.0)
+        rates = rates.at[a].add(-alpha[hit] * closing).at[b].add(beta[hit] * closing)
+        return found.ts[-1], (angles, rates)
+
+    return flight
+
+
+class DiffraxRunner(Runner):
+    """A scene on one arc for diffrax; the tolerance is that of steps and of the event."""
+
+    def __init__(self, motion: Motion, tolerance: float) -> None:
+        import jax
+
+        jax.config.update("jax_enable_x64", True)
+        self._motion = motion
+        flight = _flight(motion, tolerance)
+
+        def run(count: Any, angles: Any, rates: Any) -> Any:
+            def step(number: Any, carried: Any) -> Any:
+                t, y, times = carried
+                t, y = flight(t, y)
+                return t, y, times.at[number].set(t)
+
+            times = jax.numpy.zeros(1024)
+            start = (jax.numpy.array(0.0), (angles, rates), times)
+            return jax.lax.fori_loop(0, count, step, start)
+
+        self._run = jax.jit(run)
+        self._start = [jax.numpy.array(motion.start[first::2]) for first in (0, 1)]
+        self._result: Any = None
+
+    def ready(self, impacts: int) -> None:
+        """Choose the number of impacts."""
+        self._wanted = impacts
+
+    def go(self) -> None:
+        """Run, to the end of the computation."""
+        import jax
+
+        self._result = jax.block_until_ready(self._run(self._wanted, *self._start))
+
+    def course(self) -> Course:
+        """Return times, counts and drift of energy; raises Lost if an impact was missed."""
+        _, (angles, rates), times = self._result
+        if not np.all(np.isfinite(angles)):
+            raise Lost("diffrax ended without an event")
+        y = [float(value) for pair in zip(angles, rates, strict=True) for value in pair]
+        chosen = [float(value) for value in times[: self._wanted]]
+        return course_of(self._motion, chosen, 0, self._motion.pieces, y)
+
+
+def diffrax() -> list[Method]:
+    """Return diffrax with Tsit5, the whole run one compiled loop over impacts.
+
+    Bodies on one arc only: with the arc of a body its equation and the events would change.
+    """
+
+    def prepare(scene: Scene, setting: Setting) -> Runner:
+        return DiffraxRunner(Motion(scene.system), setting.value)
+
+    def suits(scene: Scene) -> bool:
+        return len(scene.system.trace.pieces) == 1
+
+    return [Method("diffrax Tsit5", _COMPILED_TOLERANCES, prepare, 60, suits)]
