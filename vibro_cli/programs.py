@@ -16,7 +16,7 @@ from vibro_cli.kernels.ensemble.points import follow_points, run_points, run_sta
 from vibro_cli.kernels.ensemble.records import fill_stacked
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.events.liftoff_slip import find_passages
-from vibro_cli.kernels.flow.replay import sample_flights
+from vibro_cli.kernels.flow.flow import sample_flights
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.statistics.impact_columns import fill_columns
 from vibro_cli.kernels.statistics.run_statistics import tally

@@ -11,8 +11,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mpmath import MPContext
 
-from vibro_cli.kernels.numerics.constants import ThetaConstants
-from vibro_cli.kernels.numerics.elliptic import carlson_rf, set_theta_constants, theta_functions
+from vibro_cli.kernels.numerics.elliptic import (
+    ThetaConstants,
+    carlson_rf,
+    set_theta_constants,
+    theta_functions,
+)
 
 pytestmark = pytest.mark.long
 

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tests.kernels.kernel_records import flight_on_arc
-from vibro_cli.kernels.contact.bounce import displacement
+from vibro_cli.kernels.contact.first_contact import displacement
 from vibro_cli.kernels.flow.flow import LINE, advance_slightly, flow, time_to
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants
 from vibro_cli.kernels.world import Flight

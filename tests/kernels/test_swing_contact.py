@@ -13,8 +13,11 @@ from tests.bare_system import bare_system
 from tests.kernels.kernel_records import ball, flight_on_arc
 from vibro_cli.kernels.contact import arc_contact
 from vibro_cli.kernels.flow.flow import flow, flow_of_two
-from vibro_cli.kernels.numerics.constants import ThetaConstants
-from vibro_cli.kernels.numerics.elliptic import set_theta_constants, set_two_theta_constants
+from vibro_cli.kernels.numerics.elliptic import (
+    ThetaConstants,
+    set_theta_constants,
+    set_two_theta_constants,
+)
 from vibro_cli.kernels.world import Flight
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
 from vibro_cli.mechanics.trace import ArcShape, Trace

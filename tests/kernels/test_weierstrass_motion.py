@@ -8,7 +8,7 @@ import random
 import numpy as np
 import pytest
 
-from vibro_cli.kernels.numerics.constants import QuarticConstants
+from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
     quartic_motion,

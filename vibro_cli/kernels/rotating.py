@@ -10,24 +10,28 @@ import math
 from vibro_cli.compile.kernel import Overrides, kernel
 from vibro_cli.kernels.cluster import clusters, rotating_clusters, trace_forces
 from vibro_cli.kernels.cluster.rotating_clusters import recall_group_motion
-from vibro_cli.kernels.contact import (
-    arc_contact,
-    bounce,
-    contact_kinematics,
-    first_contact,
-    rotating_contact,
-)
+from vibro_cli.kernels.contact import arc_contact, contact_kinematics, first_contact
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, supported
-from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip, rotating_passages
+from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip
 from vibro_cli.kernels.events.event_detection import CAUTION
-from vibro_cli.kernels.flow import flight, flow, replay, rotating_flight, rotating_flow
+from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
 from vibro_cli.kernels.flow.flight import launch_and_log, take_energy
+from vibro_cli.kernels.flow.flow import angle_from_start
 from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_head
 from vibro_cli.kernels.flow.rotating_flow import half_way, pull
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
-from vibro_cli.kernels.statistics import rotating_statistics, run_statistics
+from vibro_cli.kernels.statistics import rotating_forces, run_statistics
 from vibro_cli.kernels.tangent import flight_jacobian, follow, rotating_jacobian
-from vibro_cli.kernels.world import NEVER, Flight, FlightRow, PairTrack, PieceData, TrackData, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    Flight,
+    FlightRow,
+    PairTrack,
+    PieceData,
+    TrackData,
+    World,
+    track_of,
+)
 
 
 @kernel
@@ -40,8 +44,7 @@ def project(flight: Flight, s: float, c: float, p: float) -> tuple[float, float,
     size = p * p + along * along
     if size < 1.0e-8:
         return s, c, p
-    sine = s * flight.flow_c - c * flight.flow_s
-    cosine = c * flight.flow_c + s * flight.flow_s
+    sine, cosine = angle_from_start(flight, s, c)
     defect = 0.5 * (squared_rate(flight, sine, cosine) - p * p) / size
     turn = along * defect
     return s + c * turn, c - s * turn, p + p * defect
@@ -81,7 +84,7 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
 def free_acceleration(world: World, ball: int) -> float:
     """Tangential acceleration (m/s^2) of a body under gravity and the turning of the trace."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     if supported(flight):
         return 0.0
     if track.path_radius == 0.0:
@@ -107,8 +110,7 @@ def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
         return False
     if a.crests == 0:
         return False
-    sine = b.flow_s * a.flow_c - b.flow_c * a.flow_s
-    cosine = b.flow_c * a.flow_c + b.flow_s * a.flow_s
+    sine, cosine = angle_from_start(a, b.flow_s, b.flow_c)
     between = math.atan2(sine, cosine) - half_way(a, 1.0) - half_way(b, -1.0)
     return between > 0.5 * (math.pi - contact.far_gap) + CAUTION
 
@@ -156,16 +158,15 @@ TURNING = Overrides(
         flow.nudge: rotating_flow.nudge,
         flow.swings: never_swings,
         flow.time_to: rotating_flow.time_to,
-        bounce.displacement: rotating_flow.displacement,
+        first_contact.displacement: rotating_flow.displacement,
         flight.launch_on_piece: rotating_flight.launch_on_piece,
         flight.head_from_state: rotating_flight.head_from_state,
         flight.anchor_at_crest: rotating_flight.anchor_at_crest,
-        flight.set_arc_energy: rotating_flight.set_arc_energy,
         first_contact.speed_and_jerk: rotating_flight.speed_and_jerk,
-        arc_contact.both_swing: rotating_contact.are_alone,
-        arc_contact.fastest_return: rotating_contact.fastest_return,
-        arc_contact.guessed_frequency: rotating_contact.guessed_frequency,
-        arc_contact.uneven_pull: rotating_contact.uneven_pull,
+        arc_contact.both_swing: arc_contact.are_alone,
+        arc_contact.fastest_return: arc_contact.rotating_fastest_return,
+        arc_contact.guessed_frequency: arc_contact.rotating_guessed_frequency,
+        arc_contact.uneven_pull: arc_contact.rotating_uneven_pull,
         arc_contact.released_step: rotating_flight.released_step,
         flight.begin_flight: begin_rotating_flight,
         flight.begin_two_flights: begin_two_flights,
@@ -179,20 +180,20 @@ TURNING = Overrides(
         clusters.limit_by_lift_off: rotating_clusters.limit_by_lift_off,
         event_detection.kept_apart: kept_apart,
         event_detection.horizontal_extent: horizontal_extent,
-        replay.recall_flow: recall_flow,
-        replay.energy_of_row: rotating_flight.energy_of_row,
+        flow.recall_flow: recall_flow,
+        flow.energy_of_row: rotating_flight.energy_of_row,
         trace_forces.pendulum_at: rotating_clusters.pendulum_at,
         trace_forces.fit_forces: rotating_clusters.fit_forces,
-        liftoff_slip.rotates: rotating_passages.rotates,
-        liftoff_slip.orbit_period: rotating_passages.orbit_period,
-        liftoff_slip.turning_courses: rotating_passages.turning_courses,
-        liftoff_slip.look_at_one: rotating_passages.look_at_one,
-        liftoff_slip.normal_of_one: rotating_passages.normal_of_one,
-        liftoff_slip.limit_courses: rotating_passages.limit_courses,
-        run_statistics.tally_alone: rotating_statistics.tally_alone,
-        run_statistics.turning_time: rotating_statistics.turning_time_on_line,
-        run_statistics.pendulum_range: rotating_statistics.pendulum_range,
-        run_statistics.extremes_on_arc: rotating_statistics.extremes_on_arc,
+        liftoff_slip.rotates: rotating_forces.rotates,
+        liftoff_slip.orbit_period: rotating_forces.orbit_period,
+        liftoff_slip.turning_courses: rotating_forces.turning_courses,
+        liftoff_slip.look_at_one: rotating_forces.look_at_one,
+        liftoff_slip.normal_of_one: rotating_forces.normal_of_one,
+        liftoff_slip.limit_courses: rotating_forces.limit_courses,
+        run_statistics.tally_alone: rotating_forces.tally_alone,
+        run_statistics.turning_time: rotating_forces.turning_time_on_line,
+        run_statistics.pendulum_range: rotating_forces.pendulum_range,
+        run_statistics.extremes_on_arc: rotating_forces.extremes_on_arc,
         flight_jacobian.flight_jacobian: rotating_jacobian.flight_jacobian,
         follow.leans: rotating_jacobian.leans,
     },

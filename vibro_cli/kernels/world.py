@@ -13,13 +13,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from vibro_cli.compile.kernel import Series, struct
-from vibro_cli.kernels.numerics.constants import QuarticConstants
+from vibro_cli.compile.kernel import Series, kernel, struct
+from vibro_cli.kernels.numerics.elliptic import QuarticConstants
 from vibro_cli.kernels.numerics.tridiagonal import ChainRow
 
 PARTING = 1  # after an impact, with a speed
 RELEASED = 2  # after lasting contact, with neither speed nor acceleration
 CLOSING = 3  # in contact and approaching: an impact now, whatever the rounding of the gap
+
+State = tuple[float, float, float]  # (S, C, P) of a body
+States = tuple[float, float, float, float, float, float]  # those of both bodies of a pair
 
 NEVER = 1.0e303  # a time, s, after the end of every run (a stop.time is at most 1e300)
 
@@ -122,7 +125,7 @@ class Flight(QuarticConstants):
     own_frequency: float  # w of the body alone on this piece
     at_rest: int  # 1: in equilibrium
     wall_side: int  # +1, -1: pressed at rest to the wall on the right or left, else 0
-    pressing: int  # scratch of an instant: at a wall, see kernels.cluster.active_contacts
+    pressing: int  # scratch of an instant: at a wall, see kernels.cluster.contact_changes
     impacts: int  # of the body, or a body in its chain, at the instant when its flight began
     fastest: float  # size (m/s) of the greatest speeds in its chain at that instant
     brief: float  # time (s) in which a body at rest falls no farther than rounding
@@ -193,7 +196,7 @@ class PairData(ChainRow):
     normal_a: float  # scratch of an instant: n t of both bodies
     normal_b: float
     closing: int  # scratch of an instant: ``touching`` to be; 1: takes part in a joint impact
-    pressing: int  # scratch of an instant: see kernels.cluster.active_contacts
+    pressing: int  # scratch of an instant: see kernels.cluster.contact_changes
     series: Series  # contact force on a segment across pieces, in powers of t/segment (N)
     nodal: Series  # scratch: force at the nodes; its first also energy (J) that closing takes
 
@@ -456,3 +459,52 @@ RECORDS: dict[str, Any] = {
     "touches": ContactRow,
     "segments": SegmentRow,
 }
+
+
+@kernel
+def track_on(world: World, ball: int, piece: int) -> TrackData:
+    """Return the path of a body's centre on a piece."""
+    return world.tracks[ball * world.settings[0].pieces + piece]
+
+
+@kernel
+def track_of(world: World, ball: int) -> TrackData:
+    """Return the path of a body's centre on the piece of its flight."""
+    return track_on(world, ball, world.flights[ball].piece)
+
+
+@kernel
+def flights_of(world: World, pair: PairData) -> tuple[Flight, Flight]:
+    """Return the flights of both bodies of a pair."""
+    return world.flights[pair.a], world.flights[pair.b]
+
+
+@kernel
+def tracks_of(world: World, pair: PairData) -> tuple[TrackData, TrackData]:
+    """Return the paths of both bodies of a pair on the pieces of their flights."""
+    return track_of(world, pair.a), track_of(world, pair.b)
+
+
+@kernel
+def contact_of(world: World, j: int) -> PairTrack:
+    """Return the constants of contact of a pair on the piece of its left body."""
+    pieces = world.settings[0].pieces
+    return world.contacts[j * pieces + world.flights[world.pairs[j].a].piece]
+
+
+@kernel
+def number_along(world: World, first: int, step: int) -> int:
+    """Number of the body at a place of a chain, and of the pair of it and its right neighbour."""
+    return (first + step) % world.settings[0].bodies
+
+
+@kernel
+def flight_along(world: World, first: int, step: int) -> Flight:
+    """Return the flight of the body at a place of a chain."""
+    return world.flights[number_along(world, first, step)]
+
+
+@kernel
+def pair_along(world: World, first: int, step: int) -> PairData:
+    """Return the pair at a place of a chain."""
+    return world.pairs[number_along(world, first, step)]

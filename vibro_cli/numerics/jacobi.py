@@ -13,8 +13,7 @@ from __future__ import annotations
 import math
 from decimal import Context, Decimal
 
-from vibro_cli.kernels.numerics.constants import ThetaConstants
-from vibro_cli.kernels.numerics.elliptic import set_theta_constants, theta_functions
+from vibro_cli.kernels.numerics.elliptic import ThetaConstants, set_theta_constants, theta_functions
 
 EXACT = Context(prec=80)
 HALF_PI = Decimal(

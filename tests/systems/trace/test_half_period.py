@@ -7,7 +7,7 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibro_cli.kernels.flow.replay import half_period
+from vibro_cli.kernels.flow.flow import half_period
 from vibro_cli.kernels.numerics.elliptic import quarter_period
 from vibro_cli.kernels.world import FlightRow
 

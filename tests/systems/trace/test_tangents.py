@@ -15,8 +15,7 @@ import pytest
 from tests.systems.tangent_cases import solved_and_streamed
 from vibro_cli.kernels.flow.flight import root_of_state
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, set_motion
-from vibro_cli.kernels.numerics.constants import ThetaConstants
-from vibro_cli.kernels.numerics.elliptic import set_theta_constants
+from vibro_cli.kernels.numerics.elliptic import ThetaConstants, set_theta_constants
 from vibro_cli.kernels.tangent.flight_jacobian import swing_jacobian
 from vibro_cli.kernels.tangent.frame import SERIES_ROWS, TERMS
 from vibro_cli.kernels.tangent.rotating_jacobian import flight_jacobian

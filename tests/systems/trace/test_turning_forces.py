@@ -30,7 +30,7 @@ from vibro_cli.kernels.cluster.rotating_clusters import normal_harmonics
 from vibro_cli.kernels.cluster.trace_forces import normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import set_normals, set_speed
 from vibro_cli.kernels.impact.impulse_chain import contact_forces
-from vibro_cli.kernels.numerics.trigonometric_polynomial import harmonic_value
+from vibro_cli.kernels.numerics.conservative_advancement import harmonic_value
 from vibro_cli.kernels.rotating import TURNING
 from vibro_cli.kernels.world import World
 from vibro_cli.systems.run import Run

@@ -1,11 +1,9 @@
 """Groups of bodies in lasting contact on one piece: their motion, and what force ends it.
 
-The force between two neighbours and the normal force of each body are sums of a constant, a sine
-and a cosine of the angle of the group's pendulum, so that their zeros are known in closed form.
-
-On one arc a group is one pendulum ``(sum kappa_i m_i rho_i^2) f'' = -g A sin(f + delta)``; the
-force between two neighbours is ``U sin f + V cos f`` in its angle, so that the angle at which they
-part is known in closed form. On a line the acceleration and the forces are constant.
+On one arc a group is one pendulum ``(sum kappa_i m_i rho_i^2) f'' = -g A sin(f + delta)``; in its
+angle the force between two neighbours is ``U sin f + V cos f`` and the normal force of each body
+has a constant beside, so that their zeros are known in closed form. On a line the acceleration and
+the forces are constant.
 """
 
 from __future__ import annotations
@@ -21,18 +19,29 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     tangent,
 )
 from vibro_cli.kernels.flow.flight import (
-    BOUNDARY,
     LIFT_OFF,
     choose_exit,
+    clear,
+    energy_of_state,
     is_at,
     launch_on_line,
-    set_flow_energy,
+    set_exit_time,
     squared_rate_at,
+    start_from_state,
 )
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_to
-from vibro_cli.kernels.impact.impulse_chain import contact_forces
-from vibro_cli.kernels.numerics.double_double import add_to_time
-from vibro_cli.kernels.world import NEVER, Flight, PairData, TrackData, World
+from vibro_cli.kernels.impact.impulse_chain import contact_forces, keep_release
+from vibro_cli.kernels.numerics.elliptic import angle_sum, set_theta_constants, twice_angle
+from vibro_cli.kernels.world import (
+    NEVER,
+    Flight,
+    TrackData,
+    World,
+    flight_along,
+    number_along,
+    pair_along,
+    track_of,
+)
 
 # A normal force above -this share of its terms is zero up to rounding.
 FORCE_ROUNDING = 1.0e-14
@@ -57,12 +66,11 @@ def moments_of_body(world: World, ball: int) -> tuple[float, float, float, float
     The angle is that by which the body leads its group (``shift_s, shift_c`` is half of it).
     """
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     rho = track.path_radius
     inertia = world.bodies[ball].rolling_mass * rho * rho
     moment = world.bodies[ball].weight * rho
-    cosine = (flight.shift_c - flight.shift_s) * (flight.shift_c + flight.shift_s)
-    sine = 2.0 * flight.shift_s * flight.shift_c
+    sine, cosine = twice_angle(flight.shift_s, flight.shift_c)
     momentum = inertia * (2.0 * track.frequency * flight.p)
     return inertia, momentum, moment * cosine, moment * sine
 
@@ -87,12 +95,11 @@ def _balance(world: World, first: int, start: int, end: int) -> tuple[float, flo
 
     The sum runs from the end of the group inwards.
     """
-    bodies = world.settings[0].bodies
     u = 0.0
     v = 0.0
     for number in range(end - start):
         step = number if start == 0 else end - 1 - number
-        ball = (first + step) % bodies
+        ball = number_along(world, first, step)
         inertia, _, x, y = moments_of_body(world, ball)
         u += inertia * world.flights[ball].frequency * world.flights[ball].frequency - x
         v -= y
@@ -102,14 +109,12 @@ def _balance(world: World, first: int, start: int, end: int) -> tuple[float, flo
 @kernel
 def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
     """Find when the force between a group's first bodies and the rest turns negative."""
-    bodies = world.settings[0].bodies
     flight = world.flights[first]
-    pair = world.pairs[(first + bodies_left - 1) % bodies]
-    pair.release_t = NEVER
-    pair.release_t_low = 0.0
+    pair = pair_along(world, first, bodies_left - 1)
     u, v = force_coefficients(world, first, count, bodies_left)
     size = math.sqrt(u * u + v * v)
     if size == 0.0 or flight.at_rest == 1:
+        keep_release(flight, pair, NEVER)
         return
     # Zeros of U sin f + V cos f: sin f = -+ V/size, cos f = +- U/size.
     after = NEVER
@@ -124,13 +129,6 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
         after = min(after, _release_at(flight, s, c, sign * size))
         after = min(after, _release_at(flight, -s, -c, sign * size))
     keep_release(flight, pair, after)
-
-
-@kernel
-def keep_release(flight: Flight, pair: PairData, after: float) -> None:
-    """Keep when a contact force falls through zero (s after the flight's start), if it does."""
-    if after < NEVER:
-        pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
 
 
 @kernel
@@ -155,9 +153,8 @@ def _release_at(flight: Flight, s: float, c: float, slope: float) -> float:
 @kernel
 def limit_by_lift_off(world: World, first: int, count: int) -> None:
     """End the flights of a group on an arc where a one-sided trace would have to pull a body."""
-    bodies = world.settings[0].bodies
     for step in range(count):
-        ball = (first + step) % bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
         a, b, c = _normal_force(world, first, count, step)
         after = _first_negative(flight, a, b, c)
@@ -169,11 +166,10 @@ def limit_by_lift_off(world: World, first: int, count: int) -> None:
 @kernel
 def _normal_force(world: World, first: int, count: int, step: int) -> tuple[float, float, float]:
     """``(A, B, C)`` of the normal force ``A + B cos f + C sin f`` (N) of a member of a group."""
-    settings = world.settings[0]
-    ball = (first + step) % settings.bodies
+    ball = number_along(world, first, step)
     flight = world.flights[ball]
     sign = world.pieces[flight.piece].sign
-    rho = world.tracks[ball * settings.pieces + flight.piece].path_radius
+    rho = track_of(world, ball).path_radius
     _, _, x, y = moments_of_body(world, ball)
     # m v^2/rho = m rho w^2 (4 m - 2 + 2 cos f)
     central = world.bodies[ball].mass * rho * flight.frequency * flight.frequency
@@ -181,7 +177,7 @@ def _normal_force(world: World, first: int, count: int, step: int) -> tuple[floa
     b = sign * (2.0 * central + x / rho)
     c = -sign * y / rho
     if step > 0:
-        lever = lever_of(world, (first + step - 1) % settings.pairs, ball)
+        lever = lever_of(world, number_along(world, first, step - 1), ball)
         u, v = force_coefficients(world, first, count, step)
         b -= v * lever
         c -= u * lever
@@ -196,15 +192,14 @@ def _normal_force(world: World, first: int, count: int, step: int) -> tuple[floa
 @kernel
 def limit_on_line(world: World, first: int, count: int) -> None:
     """End the flights of a group on a line at once if a one-sided trace would have to pull."""
-    bodies = world.settings[0].bodies
     for step in range(count - 1):
-        set_normals(world, (first + step) % bodies)
+        set_normals(world, number_along(world, first, step))
     for step in range(count):
-        set_speed(world, (first + step) % bodies)
+        set_speed(world, number_along(world, first, step))
     contact_forces(world, first, count - 1)
     for step in range(count):
-        flight = world.flights[(first + step) % bodies]
-        weight = world.bodies[(first + step) % bodies].weight
+        flight = flight_along(world, first, step)
+        weight = world.bodies[number_along(world, first, step)].weight
         if normal_force_now(world, first, count, step) < -FORCE_ROUNDING * weight:
             flight.exit_kind = LIFT_OFF
             flight.exit_after = 0.0
@@ -214,7 +209,7 @@ def limit_on_line(world: World, first: int, count: int) -> None:
 def lever_of(world: World, j: int, ball: int) -> float:
     """Part of a contact's force across the path of a body, for one newton metre between a pair."""
     pair = world.pairs[j]
-    rho = world.tracks[ball * world.settings[0].pieces + world.flights[ball].piece].path_radius
+    rho = track_of(world, ball).path_radius
     dx, dy = line_of_centres(world, j)
     tx, ty = tangent(world, ball)
     along = dx * tx + dy * ty
@@ -249,36 +244,28 @@ def _first_negative(flight: Flight, a: float, b: float, c: float) -> float:
 @kernel
 def launch_group(world: World, first: int, count: int) -> None:
     """Launch ``count`` bodies in contact on one piece, from ``first`` to the right."""
-    bodies = world.settings[0].bodies
     piece = world.flights[first].piece
     if world.pieces[piece].sign == 0.0:
         launch_group_on_line(world, first, count)
     else:
         _launch_on_arc(world, first, count)
     for step in range(count):
-        flight = world.flights[(first + step) % bodies]
-        if flight.exit_after < NEVER:
-            flight.exit_t, flight.exit_t_low = add_to_time(
-                flight.t, flight.t_low, flight.exit_after
-            )
-        else:
-            flight.exit_t = NEVER
-            flight.exit_t_low = 0.0
+        set_exit_time(flight_along(world, first, step))
 
 
 @kernel
-def clear(flight: Flight, track: TrackData) -> None:
+def begin_member(flight: Flight, track: TrackData) -> None:
     """Forget what a flight had of its motion before it became one of a group."""
-    flight.at_rest = 0
-    flight.wall_side = 0
-    flight.exit_kind = BOUNDARY
-    flight.exit_side = 0
-    flight.exit_after = NEVER
-    flight.exit_p = 0.0
+    clear(flight, track, 1)
     flight.anchor = -1
-    flight.segment = 0.0
-    flight.own_frequency = track.frequency
-    flight.grouped = 1
+
+
+@kernel
+def begin_on_line(flight: Flight, track: TrackData, speed: float) -> None:
+    """Let a flight of a group on a line start at its common speed (m/s)."""
+    begin_member(flight, track)
+    flight.p = speed
+    start_from_state(flight)
 
 
 @kernel
@@ -289,20 +276,16 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
     inertia = 0.0
     momentum = 0.0
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         body = world.bodies[ball]
         weight += body.weight
         inertia += body.rolling_mass
         momentum += body.rolling_mass * world.flights[ball].p
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
-        clear(flight, track)
-        flight.p = momentum / inertia
-        flight.flow_s = flight.s
-        flight.flow_c = flight.c
-        flight.flow_p = flight.p
+        track = track_of(world, ball)
+        begin_on_line(flight, track, momentum / inertia)
         flight.line_acceleration = -track.line_rise * weight / inertia
         launch_on_line(flight, track.left_s, track.right_s)
         if step < count - 1:
@@ -319,31 +302,25 @@ def _launch_on_arc(world: World, first: int, count: int) -> None:
     torque = math.sqrt(x * x + y * y)
     frequency = math.sqrt(torque / inertia)
     lead_s, lead_c = half_of(x / torque, y / torque)
-    flow_s, flow_c = _turned(middle_s, middle_c, lead_s, lead_c)
+    flow_s, flow_c = angle_sum(middle_s, middle_c, lead_s, lead_c)
     flow_p = momentum / inertia / (2.0 * frequency)
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
-        clear(flight, track)
+        track = track_of(world, ball)
+        begin_member(flight, track)
         flight.flow_s = flow_s
         flight.flow_c = flow_c
         flight.flow_p = flow_p
         flight.frequency = frequency
-        flight.shift_s, flight.shift_c = _turned(flight.shift_s, flight.shift_c, -lead_s, lead_c)
+        flight.shift_s, flight.shift_c = angle_sum(flight.shift_s, flight.shift_c, -lead_s, lead_c)
         flight.rate_ratio = frequency / track.frequency
     for step in range(count):
-        set_group_flow(world, first, count, (first + step) % settings.bodies)
+        set_group_flow(world, first, count, number_along(world, first, step))
     for step in range(count - 1):
         set_release(world, first, count, step + 1)
     if settings.one_sided == 1:
         limit_by_lift_off(world, first, count)
-
-
-@kernel
-def _turned(s: float, c: float, by_s: float, by_c: float) -> tuple[float, float]:
-    """Sine and cosine of the sum of two half-angles."""
-    return s * by_c + c * by_s, c * by_c - s * by_s
 
 
 @kernel
@@ -356,29 +333,29 @@ def _set_offsets(world: World, first: int, count: int) -> tuple[float, float]:
     settings = world.settings[0]
     left = (count - 1) // 2
     right = count // 2
-    ball = (first + left) % settings.bodies
+    ball = number_along(world, first, left)
     s = 0.0
     c = 1.0
     if left < right:
         contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
         s, c = half_of(contact.cosine, contact.sine)
     _set_shift(world, ball, -s, c)
-    _set_shift(world, (first + right) % settings.bodies, s, c)
+    _set_shift(world, number_along(world, first, right), s, c)
     left_s, left_c = s, c
     right_s, right_c = s, c
     for step in range(left):
-        ball = (first + right + step) % settings.bodies
+        ball = number_along(world, first, right + step)
         contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
-        right_s, right_c = _turned(right_s, right_c, contact.sine, contact.cosine)
+        right_s, right_c = angle_sum(right_s, right_c, contact.sine, contact.cosine)
         _set_shift(world, (ball + 1) % settings.bodies, right_s, right_c)
-        ball = (first + left - step - 1) % settings.bodies
+        ball = number_along(world, first, left - step - 1)
         contact = world.contacts[ball * settings.pieces + world.flights[ball].piece]
-        left_s, left_c = _turned(left_s, left_c, contact.sine, contact.cosine)
+        left_s, left_c = angle_sum(left_s, left_c, contact.sine, contact.cosine)
         _set_shift(world, ball, -left_s, left_c)
-    one = world.flights[(first + left) % settings.bodies]
-    other = world.flights[(first + right) % settings.bodies]
-    one_s, one_c = _turned(one.s, one.c, -one.shift_s, one.shift_c)
-    other_s, other_c = _turned(other.s, other.c, -other.shift_s, other.shift_c)
+    one = flight_along(world, first, left)
+    other = flight_along(world, first, right)
+    one_s, one_c = angle_sum(one.s, one.c, -one.shift_s, one.shift_c)
+    other_s, other_c = angle_sum(other.s, other.c, -other.shift_s, other.shift_c)
     s = 0.5 * (one_s + other_s)
     c = 0.5 * (one_c + other_c)
     scale = 1.5 - 0.5 * (s * s + c * c)
@@ -397,14 +374,13 @@ def _moments(world: World, first: int, count: int) -> tuple[float, float, float,
 
     The angles are those from the middle of the group; bodies are taken two by two from its ends.
     """
-    bodies = world.settings[0].bodies
     inertia = 0.0
     momentum = 0.0
     x = 0.0
     y = 0.0
     for step in range((count + 1) // 2):
-        left_i, left_l, left_x, left_y = moments_of_body(world, (first + step) % bodies)
-        other = (first + count - 1 - step) % bodies
+        left_i, left_l, left_x, left_y = moments_of_body(world, number_along(world, first, step))
+        other = number_along(world, first, count - 1 - step)
         if 2 * step == count - 1:
             return inertia + left_i, momentum + left_l, x + left_x, y + left_y
         right_i, right_l, right_x, right_y = moments_of_body(world, other)
@@ -419,7 +395,7 @@ def _moments(world: World, first: int, count: int) -> tuple[float, float, float,
 def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     """Constants, exit and bounds of a member of a group on an arc."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     member_s, member_c, member_p = body_of_group(
         flight, flight.flow_s, flight.flow_c, flight.flow_p
     )
@@ -428,7 +404,8 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     flight.s = member_s
     flight.c = member_c
     flight.p = member_p
-    set_flow_energy(flight)
+    m, root = energy_of_state(flight.flow_s, flight.flow_c, flight.flow_p)
+    set_theta_constants(flight, m, root)
     if flight.flow_p == 0.0 and (flight.flow_s == 0.0 or flight.flow_c == 0.0):
         flight.at_rest = 1
     left_s, left_c = group_of_body(flight, track.left_s, track.left_c)

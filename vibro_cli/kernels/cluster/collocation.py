@@ -14,12 +14,22 @@ import math
 from vibro_cli.compile.kernel import SERIES_LENGTH, Series, kernel
 from vibro_cli.kernels.cluster.trace_forces import normal_force_now
 from vibro_cli.kernels.contact.contact_kinematics import free_acceleration, set_normals
-from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_to
+from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_to, set_exit_time
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, path_on_segment, polynomial_flow
-from vibro_cli.kernels.impact.impulse_chain import contact_forces
+from vibro_cli.kernels.impact.impulse_chain import contact_forces, keep_release
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
-from vibro_cli.kernels.numerics.double_double import add_to_time
-from vibro_cli.kernels.world import NEVER, Flight, TrackData, World
+from vibro_cli.kernels.numerics.elliptic import angle_difference
+from vibro_cli.kernels.world import (
+    NEVER,
+    Flight,
+    TrackData,
+    World,
+    flight_along,
+    number_along,
+    pair_along,
+    track_of,
+    track_on,
+)
 
 Row = tuple[float, ...]
 
@@ -62,35 +72,30 @@ ITERATIONS = 30
 @kernel
 def launch_across(world: World, first: int, count: int) -> None:
     """Launch ``count`` bodies in contact on several pieces for one segment of time."""
-    bodies = world.settings[0].bodies
     h = _first_length(world, first, count)
     while not _integrate(world, first, count, h):
         h *= 0.5
     for step in range(count):
-        ball = (first + step) % bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
         _set_end(world, ball, h)
         if world.settings[0].one_sided == 1:
             _limit_by_lift_off(flight, h)
         if step < count - 1:
             pair = world.pairs[ball]
-            pair.release_t = NEVER
-            pair.release_t_low = 0.0
             weights = world.bodies[pair.a].weight + world.bodies[pair.b].weight
             after = first_root_of_series(pair.series, h, FORCE_ROUNDING * weights)
-            if after < h:
-                pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)
+            keep_release(flight, pair, after if after < h else NEVER)
 
 
 @kernel
 def _first_length(world: World, first: int, count: int) -> float:
     """A segment short against the time scales of gravity and of the motion (s)."""
-    settings = world.settings[0]
     fastest = 0.0
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        track = track_of(world, ball)
         size = world.bodies[ball].radius
         if track.path_radius > 0.0:
             size = min(size, track.path_radius)
@@ -101,9 +106,8 @@ def _first_length(world: World, first: int, count: int) -> float:
 
 @kernel
 def _start_member(world: World, ball: int, h: float) -> None:
-    settings = world.settings[0]
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     flight.form = POLYNOMIAL
     flight.grouped = 1
     flight.at_rest = 0
@@ -124,48 +128,41 @@ def _start_member(world: World, ball: int, h: float) -> None:
 @kernel
 def _integrate(world: World, first: int, count: int, h: float) -> bool:
     """Collocation on a segment of length ``h`` (s); False if it does not converge to rounding."""
-    bodies = world.settings[0].bodies
     for step in range(count):
-        ball = (first + step) % bodies
-        _start_member(world, ball, h)
+        _start_member(world, number_along(world, first, step), h)
+    change = NEVER
     for _ in range(ITERATIONS):
         change = _iterate(world, first, count, h)
         if change < CONVERGED:
             if world.settings[0].one_sided == 1:
                 _set_normal_forces(world, first, count, h)
-            _restore_members(world, first, count)
-            return _resolved(world, first, count)
+            break
     _restore_members(world, first, count)
-    return False
-
-
-@kernel
-def _restore(flight: Flight) -> None:
-    flight.s = flight.flow_s
-    flight.c = flight.flow_c
-    flight.p = flight.flow_p * flight.rate_ratio
-    flight.speed = flight.flow_p
+    return change < CONVERGED and _resolved(world, first, count)
 
 
 @kernel
 def _restore_members(world: World, first: int, count: int) -> None:
     for step in range(count):
-        _restore(world.flights[(first + step) % world.settings[0].bodies])
+        flight = flight_along(world, first, step)
+        flight.s = flight.flow_s
+        flight.c = flight.flow_c
+        flight.p = flight.flow_p * flight.rate_ratio
+        flight.speed = flight.flow_p
 
 
 @kernel
 def _set_normal_forces(world: World, first: int, count: int, h: float) -> None:
     """Polynomials of the normal forces (N) of all members over a segment that is solved."""
-    bodies = world.settings[0].bodies
     for step in range(count):
         for i in range(SERIES_LENGTH):
-            world.flights[(first + step) % bodies].normal[i] = 0.0
+            flight_along(world, first, step).normal[i] = 0.0
     for k in range(SERIES_LENGTH):
         _force_members(world, first, count, NODES[k] * h)
         for step in range(count):
             force = normal_force_now(world, first, count, step)
             for i in range(SERIES_LENGTH):
-                world.flights[(first + step) % bodies].normal[i] += TO_POWERS[i][k] * force
+                flight_along(world, first, step).normal[i] += TO_POWERS[i][k] * force
 
 
 @kernel
@@ -176,35 +173,35 @@ def _limit_by_lift_off(flight: Flight, h: float) -> None:
         flight.exit_kind = LIFT_OFF
         flight.exit_after = after
         _, _, flight.exit_p = polynomial_flow(flight, after)
-        flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, after)
+        set_exit_time(flight)
 
 
 @kernel
 def _force_members(world: World, first: int, count: int, t: float) -> None:
     """Put the members into their states at a time of the segment; find their contact forces."""
-    bodies = world.settings[0].bodies
     for step in range(count):
-        _move_to(world, (first + step) % bodies, t)
+        flight = flight_along(world, first, step)
+        flight.s, flight.c, flight.p = polynomial_flow(flight, t)
+        flight.speed = flight.p / flight.rate_ratio
     for step in range(count - 1):
-        set_normals(world, (first + step) % bodies)
+        set_normals(world, number_along(world, first, step))
     contact_forces(world, first, count - 1)
 
 
 @kernel
 def _iterate(world: World, first: int, count: int, h: float) -> float:
     """One sweep over the nodes; returns the largest relative change of an acceleration."""
-    bodies = world.settings[0].bodies
     size = _acceleration_size(world, first, count)
     for k in range(SERIES_LENGTH):
         _force_members(world, first, count, NODES[k] * h)
         for step in range(count):
-            ball = (first + step) % bodies
+            ball = number_along(world, first, step)
             world.flights[ball].nodal[k] = _acceleration(world, first, count, step)
             if step < count - 1:
                 world.pairs[ball].nodal[k] = world.pairs[ball].solution
     change = 0.0
     for step in range(count):
-        ball = (first + step) % bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
         for i in range(SERIES_LENGTH):
             value = 0.0
@@ -223,24 +220,12 @@ def _iterate(world: World, first: int, count: int, h: float) -> float:
 
 
 @kernel
-def _move_to(world: World, ball: int, t: float) -> None:
-    """Set a member's state and speed from its present polynomial."""
-    flight = world.flights[ball]
-    s, c, p = polynomial_flow(flight, t)
-    flight.s = s
-    flight.c = c
-    flight.p = p
-    flight.speed = p / flight.rate_ratio
-
-
-@kernel
 def _acceleration(world: World, first: int, count: int, step: int) -> float:
     """Acceleration (m/s^2) of a member along its path under gravity and its contact forces."""
-    bodies = world.settings[0].bodies
-    ball = (first + step) % bodies
+    ball = number_along(world, first, step)
     force = 0.0
     if step > 0:
-        before = world.pairs[(first + step - 1) % bodies]
+        before = pair_along(world, first, step - 1)
         force += before.solution * before.normal_b
     if step < count - 1:
         pair = world.pairs[ball]
@@ -254,12 +239,11 @@ def _acceleration_size(world: World, first: int, count: int) -> float:
 
     On a trace that turns, a level line next to the axis has hardly any of its own.
     """
-    settings = world.settings[0]
     size = 0.0
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         piece = world.flights[ball].piece
-        size = max(size, world.tracks[ball * settings.pieces + piece].gravity_rate)
+        size = max(size, track_on(world, ball, piece).gravity_rate)
     return size
 
 
@@ -268,7 +252,7 @@ def _resolved(world: World, first: int, count: int) -> bool:
     """Tell whether the last coefficients no longer matter for the places."""
     size = _acceleration_size(world, first, count)
     for step in range(count):
-        flight = world.flights[(first + step) % world.settings[0].bodies]
+        flight = flight_along(world, first, step)
         # The last powers, as they enter the place at the end of the segment.
         last = abs(flight.series[SERIES_LENGTH - 1]) + abs(flight.series[SERIES_LENGTH - 2])
         if last > 1.0e-5 * size:
@@ -279,9 +263,8 @@ def _resolved(world: World, first: int, count: int) -> bool:
 @kernel
 def _set_end(world: World, ball: int, h: float) -> None:
     """Find where on the segment a member leaves its piece; else the segment's end is its exit."""
-    settings = world.settings[0]
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     to_left, to_right = _ways(flight, track)
     jerk = _bound_member(flight, track)
     right = _time_to_end(flight, to_right, 1.0, h, jerk)
@@ -294,7 +277,7 @@ def _set_end(world: World, ball: int, h: float) -> None:
         flight.exit_side = 1 if right < left else -1
         flight.exit_after = min(left, right)
     _, _, flight.exit_p = polynomial_flow(flight, flight.exit_after)
-    flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
+    set_exit_time(flight)
 
 
 @kernel
@@ -302,14 +285,9 @@ def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
     """Length of the centre's path (m) to the left and to the right end of the piece."""
     if track.path_radius == 0.0:
         return flight.s - track.left_s, track.right_s - flight.s
-    left = math.atan2(
-        flight.s * track.left_c - flight.c * track.left_s,
-        flight.c * track.left_c + flight.s * track.left_s,
-    )
-    right = math.atan2(
-        track.right_s * flight.c - track.right_c * flight.s,
-        track.right_c * flight.c + track.right_s * flight.s,
-    )
+    left_s, left_c = angle_difference(flight.s, flight.c, track.left_s, track.left_c)
+    right_s, right_c = angle_difference(track.right_s, track.right_c, flight.s, flight.c)
+    left, right = math.atan2(left_s, left_c), math.atan2(right_s, right_c)
     return 2.0 * track.path_radius * half_way_to(left), 2.0 * track.path_radius * half_way_to(right)
 
 

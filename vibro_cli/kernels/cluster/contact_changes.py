@@ -23,7 +23,6 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_speed,
     speed_of_pair,
 )
-from vibro_cli.kernels.contact.wall_contact import lost_height, rest, stand_at_wall, touched_wall
 from vibro_cli.kernels.flow.flight import begin_flight, log_flight
 from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.impact.chattering import (
@@ -40,13 +39,16 @@ from vibro_cli.kernels.impact.chattering import (
     pressing_from,
     time_to_rest,
 )
-from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING, hold
 from vibro_cli.kernels.impact.impulse_chain import (
     contact_forces,
     held_from,
+    lost_height,
+    rest,
     share_fastest,
+    stand_at_wall,
+    touched_wall,
 )
-from vibro_cli.kernels.impact.laws import TRANSLATIONAL
+from vibro_cli.kernels.impact.laws import SPEED_ROUNDING, TRANSLATIONAL, hold
 from vibro_cli.kernels.world import (
     CLOSING,
     CONTACT_CLOSED,
@@ -56,6 +58,11 @@ from vibro_cli.kernels.world import (
     Flight,
     PairData,
     World,
+    flight_along,
+    flights_of,
+    number_along,
+    pair_along,
+    track_of,
 )
 
 # Bodies in contact have equal normal speeds up to the rounding of a whole flight.
@@ -77,16 +84,14 @@ def settle(world: World, first: int, count: int) -> None:
     equalising the speeds of held bodies has taken. Pairs and walls whose ``pressing`` is
     ``FORCED`` are held whatever the rounding of their forces says.
     """
-    settings = world.settings[0]
-    pairs = settings.pairs
     fastest = share_fastest(world, first, count)
     for step in range(count + 1):
-        world.flights[(first + step) % settings.bodies].wall_side = 0
+        flight_along(world, first, step).wall_side = 0
     _propose_wall(world, first, fastest)
     if count > 0:
-        _propose_wall(world, (first + count) % settings.bodies, fastest)
+        _propose_wall(world, number_along(world, first, count), fastest)
     for step in range(count):
-        _propose(world, (first + step) % pairs, fastest)
+        _propose(world, number_along(world, first, step), fastest)
     while _press(world, first, count):
         pass
     for step in range(count):
@@ -203,16 +208,15 @@ def _press(world: World, first: int, count: int) -> bool:
     complementarity problem whose matrix has no positive element beside its diagonal,
     Chandrasekaran 1970).
     """
-    pairs = world.settings[0].pairs
     start = 0
     while start < count:
         length = pressing_from(world, first, count, start)
         if length > 0:
-            contact_forces(world, (first + start) % pairs, length)
+            contact_forces(world, number_along(world, first, start), length)
         start += length + 1
     found = False
     for step in range(count):
-        pair = world.pairs[(first + step) % pairs]
+        pair = pair_along(world, first, step)
         if pair.pressing == PROPOSED and _surplus(world, first, count, step) >= 0.0:
             pair.pressing = PRESSING
             found = True
@@ -222,10 +226,9 @@ def _press(world: World, first: int, count: int) -> bool:
 @kernel
 def _press_walls(world: World, first: int, count: int) -> bool:
     """Let the ends of a chain lean on their walls if they are pressed to them; False if none."""
-    bodies = world.settings[0].bodies
     found = False
     for end in range(2):
-        ball = first if end == 0 else (first + count) % bodies
+        ball = first if end == 0 else number_along(world, first, count)
         flight = world.flights[ball]
         side = touched_wall(world, ball)
         if side == 0 or flight.pressing != PROPOSED:
@@ -257,7 +260,7 @@ def _surplus(world: World, first: int, count: int, step: int) -> float:
     The forces between its neighbours and theirs are their ``solution``.
     """
     pairs = world.settings[0].pairs
-    j = (first + step) % pairs
+    j = number_along(world, first, step)
     pair = world.pairs[j]
     ease = _ease(world, j)
     if ease == 0.0:
@@ -280,7 +283,7 @@ def _surplus(world: World, first: int, count: int, step: int) -> float:
 @kernel
 def _decide(world: World, first: int, count: int, step: int) -> None:
     """Hold a pair of a chain if it presses; else ``closing`` says how it parts."""
-    j = (first + step) % world.settings[0].pairs
+    j = number_along(world, first, step)
     pair = world.pairs[j]
     held = 1 if pair.pressing == PRESSING else 0
     if pair.pressing == PROPOSED and pair.closing == 0:
@@ -298,7 +301,7 @@ def launch_chain(world: World, first: int, count: int, cause: int) -> None:
     settings = world.settings[0]
     step = 0
     while step <= count:
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         length = 0
         while step + length < count and world.pairs[(ball + length) % settings.pairs].held == 1:
             length += 1
@@ -314,7 +317,7 @@ def launch_chain(world: World, first: int, count: int, cause: int) -> None:
                 rest(world, (ball + member) % settings.bodies, side)
         step += length + 1
     for step in range(count):
-        pair = world.pairs[(first + step) % settings.pairs]
+        pair = pair_along(world, first, step)
         pair.touching = pair.closing
         pair.closing = 0
 
@@ -322,18 +325,16 @@ def launch_chain(world: World, first: int, count: int, cause: int) -> None:
 @kernel
 def _set_p(world: World, ball: int) -> None:
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     flight.p = flight.speed / track.speed_factor
 
 
 @kernel
 def _launch_together(world: World, first: int, count: int, cause: int) -> None:
-    bodies = world.settings[0].bodies
     one_piece = True
     for step in range(count - 1):
-        pair = world.pairs[(first + step) % bodies]
-        a = world.flights[pair.a]
-        b = world.flights[pair.b]
+        pair = pair_along(world, first, step)
+        a, b = flights_of(world, pair)
         # On one circle they are side by side, or on both sides of its seam.
         one_piece = one_piece and a.piece == b.piece and b.lap - a.lap + pair.seam == 0
     if one_piece:
@@ -341,10 +342,10 @@ def _launch_together(world: World, first: int, count: int, cause: int) -> None:
     else:
         launch_across(world, first, count)
     for step in range(count):
-        flight = world.flights[(first + step) % bodies]
+        flight = flight_along(world, first, step)
         flight.group_first = first
         flight.group_count = count
-        log_flight(world, (first + step) % bodies, cause)
+        log_flight(world, number_along(world, first, step), cause)
 
 
 @kernel
@@ -358,11 +359,10 @@ def relaunch_run(world: World, first: int, count: int, cause: int) -> None:
 
 @kernel
 def _set_speeds_and_normals(world: World, first: int, count: int) -> None:
-    settings = world.settings[0]
     for step in range(count + 1):
-        set_speed(world, (first + step) % settings.bodies)
+        set_speed(world, number_along(world, first, step))
     for step in range(count):
-        set_normals(world, (first + step) % settings.pairs)
+        set_normals(world, number_along(world, first, step))
 
 
 @kernel
@@ -402,7 +402,7 @@ def _set_mark_beside(world: World, number: int, mark: int) -> None:
 def count_corrections(world: World, first: int, count: int) -> None:
     """Count what equalising the speeds of bodies in contact has changed as corrections."""
     for step in range(count):
-        pair = world.pairs[(first + step) % world.settings[0].pairs]
+        pair = pair_along(world, first, step)
         world.clock[0].energy_correction += abs(pair.closing_loss)
 
 
@@ -412,7 +412,6 @@ def open_contacts(world: World, j: int, first: int, count: int) -> None:
 
     Others whose forces vanish at the same instant open with it.
     """
-    settings = world.settings[0]
     t = world.pairs[j].release_t
     t_low = world.pairs[j].release_t_low
     _set_speeds_and_normals(world, first, count)
@@ -420,7 +419,7 @@ def open_contacts(world: World, j: int, first: int, count: int) -> None:
     equalise(world, first, count)
     count_corrections(world, first, count)
     for step in range(count):
-        number = (first + step) % settings.pairs
+        number = number_along(world, first, step)
         pair = world.pairs[number]
         pair.closing_loss = 0.0
         if pair.release_t == t and pair.release_t_low == t_low:
@@ -429,9 +428,9 @@ def open_contacts(world: World, j: int, first: int, count: int) -> None:
     while start < count:
         length = held_from(world, first, count, start)
         if length > 0:
-            settle(world, (first + start) % settings.pairs, length)
+            settle(world, number_along(world, first, start), length)
         if start + length < count:
-            world.pairs[(first + start + length) % settings.pairs].closing = RELEASED
+            pair_along(world, first, start + length).closing = RELEASED
         start += length + 1
     count_corrections(world, first, count)
     _launch_unhit(world, first, count, CONTACT_OPENED)
@@ -444,31 +443,30 @@ def close_accumulated(world: World, first: int, count: int) -> bool:
     Bodies that touch no others: the sum is that of one pair (see ``chattering.time_to_rest``).
     Returns whether any contact has closed; ``closing_loss`` is then set.
     """
-    pairs = world.settings[0].pairs
     closed = False
     if count > 1:
         # A launch across pieces has left the normals of its last node.
         for step in range(count):
-            set_normals(world, (first + step) % pairs)
+            set_normals(world, number_along(world, first, step))
     for step in range(count):
-        pair = world.pairs[(first + step) % pairs]
+        pair = pair_along(world, first, step)
         pair.closing = pair.touching
         pair.solution = NOT_YET
         if pair.held == 0 and pair.touching == PARTING:
-            pair.solution = time_to_rest(world, first, count, (first + step) % pairs)
+            pair.solution = time_to_rest(world, first, count, number_along(world, first, step))
             closed = closed or pair.solution >= 0.0
     if not closed:
         return False
     for step in range(count):
-        pair = world.pairs[(first + step) % pairs]
+        pair = pair_along(world, first, step)
         pair.nodal[0] = 0.0
         if pair.held == 0 and pair.solution >= 0.0:
             pair.closing = 0
-            pair.nodal[0] = carry_drift(world, (first + step) % pairs, pair.solution)
-            hold(world, (first + step) % pairs, 1, pair.solution)
+            pair.nodal[0] = carry_drift(world, number_along(world, first, step), pair.solution)
+            hold(world, number_along(world, first, step), 1, pair.solution)
     equalise(world, first, count)
     for step in range(count):
-        pair = world.pairs[(first + step) % pairs]
+        pair = pair_along(world, first, step)
         pair.closing_loss += pair.nodal[0]
     launch_chain(world, first, count, CONTACT_CLOSED)
     return True

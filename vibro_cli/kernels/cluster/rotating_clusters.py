@@ -5,12 +5,9 @@ twist cos 2f)``: ``w`` and the origin of f as on a trace at rest, the tilt that 
 ``(spread, 2 twist) = sum m (Omega rho)^2 (cos 2 delta, sin 2 delta)/torque`` with the angles delta
 by which the bodies lead. So the motion is again one under a quartic; forces between neighbours and
 of the trace are trigonometric polynomials of degree 2. On a line the motion is a sum of cosh and
-sinh, and the forces are linear in the place. The kernels stand in for those of
-``kernels.cluster.clusters`` and ``kernels.cluster.clusters``.
-
-On an arc normal force and friction are trigonometric polynomials of degree 2 in the angle from the
-start of the motion, on a line they are linear in the way from there. The kernels stand in for those
-of ``kernels.cluster.trace_forces``.
+sinh, and the forces are linear in the place. Forces are told in the angle, or the way, from the
+start of the motion. The kernels stand in for those of ``kernels.cluster.clusters`` and
+``kernels.cluster.trace_forces``.
 """
 
 from __future__ import annotations
@@ -20,8 +17,7 @@ import math
 from vibro_cli.compile.kernel import Series, kernel
 from vibro_cli.kernels.cluster.clusters import (
     FORCE_ROUNDING,
-    clear,
-    keep_release,
+    begin_on_line,
     lever_of,
     moments_of_body,
 )
@@ -34,11 +30,18 @@ from vibro_cli.kernels.cluster.trace_forces import (
 )
 from vibro_cli.kernels.contact.contact_kinematics import line_of_centres, tangent
 from vibro_cli.kernels.flow.flight import LIFT_OFF, half_way_to, is_at
-from vibro_cli.kernels.flow.flow import POLYNOMIAL, body_of_group, group_of_body
-from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.flow.flow import (
+    POLYNOMIAL,
+    angle_from_start,
+    body_of_group,
+    group_of_body,
+    place_from_start,
+    recall_flight,
+)
 from vibro_cli.kernels.flow.rotating_flight import (
     fall_on_line,
     first_negative,
+    harmonics_from_start,
     launch_on_line,
     press_harmonics,
     pull_harmonics,
@@ -46,7 +49,8 @@ from vibro_cli.kernels.flow.rotating_flight import (
     square_harmonics,
 )
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, half_way, pull_of, time_to
-from vibro_cli.kernels.numerics.trigonometric_polynomial import (
+from vibro_cli.kernels.impact.impulse_chain import keep_release
+from vibro_cli.kernels.numerics.conservative_advancement import (
     Harmonics,
     combined,
     harmonic_size,
@@ -54,16 +58,20 @@ from vibro_cli.kernels.numerics.trigonometric_polynomial import (
     least_value,
     turned,
 )
+from vibro_cli.kernels.numerics.elliptic import angle_difference, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import set_quartic_constants, squared_rate
-from vibro_cli.kernels.world import NEVER, BodyForces, Flight, TrackData, World
-
-
-@kernel
-def _lead(flight: Flight) -> tuple[float, float]:
-    """Sine and cosine of the angle by which a body leads its group."""
-    s = flight.shift_s
-    c = flight.shift_c
-    return 2.0 * s * c, (c - s) * (c + s)
+from vibro_cli.kernels.world import (
+    NEVER,
+    BodyForces,
+    Flight,
+    TrackData,
+    World,
+    flight_along,
+    number_along,
+    pair_along,
+    track_of,
+    track_on,
+)
 
 
 @kernel
@@ -71,17 +79,18 @@ def set_group_flow(world: World, first: int, count: int, ball: int) -> None:
     """Constants, exit and bounds of a member of a group on an arc (as ``groups`` has it)."""
     settings = world.settings[0]
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     flight.tilt = track.tilt
     torque = 0.0
     along = 0.0
     across = 0.0
     for step in range(count):
-        member = (first + step) % settings.bodies
+        member = number_along(world, first, step)
         _, _, x, _ = moments_of_body(world, member)
-        sine, cosine = _lead(world.flights[member])
+        lead = world.flights[member]
+        sine, cosine = twice_angle(lead.shift_s, lead.shift_c)
         torque += x
-        rho = world.tracks[member * settings.pieces + flight.piece].path_radius
+        rho = track_of(world, member).path_radius
         strength = world.bodies[member].mass * settings.turning_square * rho * rho
         along += strength * ((cosine - sine) * (cosine + sine))
         across += strength * (2.0 * sine * cosine)
@@ -151,8 +160,7 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
         cosine = 1.0
         if not is_at(flight.s, flight.c, end_s, end_c):
             s, c = group_of_body(flight, end_s, end_c)
-            sine = s * flight.flow_c - c * flight.flow_s
-            cosine = c * flight.flow_c + s * flight.flow_s
+            sine, cosine = angle_from_start(flight, s, c)
         half = half_way_to(side * math.atan2(sine, cosine))
         if turn == 0 and half <= 0.0:
             _leave(flight, side, flight.flow_p, 0.0)
@@ -161,8 +169,8 @@ def _choose_exit(flight: Flight, track: TrackData) -> None:
         # The quartic knows a slow rate to all its digits, and so where the group turns back.
         if squared > 0.0 and (flight.turns_over == 1 or half_way(flight, side) >= half):
             p = side * math.sqrt(squared)
-            s = flight.flow_s * cosine + flight.flow_c * sine
-            after = time_to(flight, s, flight.flow_c * cosine - flight.flow_s * sine, p)
+            s, c = place_from_start(flight, sine, cosine)
+            after = time_to(flight, s, c, p)
             if after < NEVER:
                 _leave(flight, side, p, after)
                 return
@@ -183,8 +191,8 @@ def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
     if flight.exit_side != 0:
         end_s = track.right_s if flight.exit_side > 0 else track.left_s
         end_c = track.right_c if flight.exit_side > 0 else track.left_c
-        sine = end_s * flight.c - end_c * flight.s
-        angle = 2.0 * abs(math.atan2(sine, end_c * flight.c + end_s * flight.s))
+        sine, cosine = angle_difference(end_s, end_c, flight.s, flight.c)
+        angle = 2.0 * abs(math.atan2(sine, cosine))
         if flight.exit_side > 0:
             right = angle
         else:
@@ -195,16 +203,16 @@ def _ways(flight: Flight, track: TrackData) -> tuple[float, float]:
 @kernel
 def _drive(world: World, first: int, start: int, end: int) -> Harmonics:
     """Moment (N m) that drives some bodies of a group on beyond what their motion takes."""
-    settings = world.settings[0]
     flight = world.flights[first]
     w2 = flight.frequency * flight.frequency
     group = 0.0, flight.tilt, -1.0, flight.twist, 0.5 * flight.spread
     total = 0.0, 0.0, 0.0, 0.0, 0.0
     for step in range(start, end):
-        ball = (first + step) % settings.bodies
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        ball = number_along(world, first, step)
+        track = track_of(world, ball)
         inertia, _, _, _ = moments_of_body(world, ball)
-        sine, cosine = _lead(world.flights[ball])
+        lead = world.flights[ball]
+        sine, cosine = twice_angle(lead.shift_s, lead.shift_c)
         own = turned((0.0, track.tilt, -1.0, 0.0, 0.5 * track.spread), sine, cosine)
         total = combined(total, world.bodies[ball].weight * track.path_radius, own)
         total = combined(total, -inertia * w2, group)
@@ -220,24 +228,14 @@ def press_between(world: World, first: int, count: int, bodies_left: int) -> Har
 
 
 @kernel
-def _from_start(flight: Flight, h: Harmonics) -> Harmonics:
-    """A function of the group's angle in the angle from the start of its motion."""
-    s = flight.flow_s
-    c = flight.flow_c
-    return turned(h, 2.0 * s * c, (c - s) * (c + s))
-
-
-@kernel
 def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
     """Find when the force between a group's first bodies and the rest falls through zero."""
-    bodies = world.settings[0].bodies
     flight = world.flights[first]
-    pair = world.pairs[(first + bodies_left - 1) % bodies]
-    pair.release_t = NEVER
-    pair.release_t_low = 0.0
+    pair = pair_along(world, first, bodies_left - 1)
     if flight.at_rest == 1:
+        keep_release(flight, pair, NEVER)
         return
-    h = _from_start(flight, press_between(world, first, count, bodies_left))
+    h = harmonics_from_start(flight, press_between(world, first, count, bodies_left))
     left, right = _group_ways(world, first, count)
     keep_release(flight, pair, first_negative(flight, h, left, right))
 
@@ -245,13 +243,12 @@ def set_release(world: World, first: int, count: int, bodies_left: int) -> None:
 @kernel
 def _group_ways(world: World, first: int, count: int) -> tuple[float, float]:
     """Angles (rad) that a group can go to both sides before one of its bodies leaves its piece."""
-    settings = world.settings[0]
     flight = world.flights[first]
-    left, right = _ways(flight, world.tracks[first * settings.pieces + flight.piece])
+    left, right = _ways(flight, track_of(world, first))
     for step in range(1, count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         other = world.flights[ball]
-        its_left, its_right = _ways(other, world.tracks[ball * settings.pieces + other.piece])
+        its_left, its_right = _ways(other, track_of(world, ball))
         left = min(left, its_left)
         right = min(right, its_right)
     return left, right
@@ -260,11 +257,10 @@ def _group_ways(world: World, first: int, count: int) -> tuple[float, float]:
 @kernel
 def limit_by_lift_off(world: World, first: int, count: int) -> None:
     """End the flights of a group on an arc where a one-sided trace would have to pull a body."""
-    settings = world.settings[0]
     left, right = _group_ways(world, first, count)
     for step in range(count):
-        flight = world.flights[(first + step) % settings.bodies]
-        h = _from_start(flight, normal_harmonics(world, first, count, step))
+        flight = flight_along(world, first, step)
+        h = harmonics_from_start(flight, normal_harmonics(world, first, count, step))
         after = NEVER
         if harmonic_value(h, 0.0, 1.0) < -FORCE_ROUNDING * harmonic_size(h):
             after = 0.0
@@ -278,12 +274,11 @@ def limit_by_lift_off(world: World, first: int, count: int) -> None:
 @kernel
 def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmonics:
     """Normal force (N) of a member of a group in the group's angle."""
-    settings = world.settings[0]
-    ball = (first + step) % settings.bodies
+    ball = number_along(world, first, step)
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     body = world.bodies[ball]
-    sine, cosine = _lead(flight)
+    sine, cosine = twice_angle(flight.shift_s, flight.shift_c)
     own = turned((0.5 * track.spread, 1.0, track.tilt, -0.5 * track.spread, 0.0), sine, cosine)
     # P^2 in the group's angle: that from the start, turned back.
     s = flight.flow_s
@@ -294,7 +289,7 @@ def normal_harmonics(world: World, first: int, count: int, step: int) -> Harmoni
     sign = world.pieces[flight.piece].sign
     h = combined(scaled(sign * body.weight, own), sign * central, square)
     if step > 0:
-        part = lever_of(world, (first + step - 1) % settings.pairs, ball)
+        part = lever_of(world, number_along(world, first, step - 1), ball)
         h = combined(h, -part, press_between(world, first, count, step))
     if step < count - 1:
         h = combined(h, lever_of(world, ball, ball), press_between(world, first, count, step + 1))
@@ -310,7 +305,7 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
     growth = 0.0
     momentum = 0.0
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         own, own_growth = _alone_on_line(world, ball)
         mass = world.bodies[ball].rolling_mass
         inertia += mass
@@ -318,14 +313,10 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
         growth += mass * own_growth
         momentum += mass * world.flights[ball].p
     for step in range(count):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
-        clear(flight, track)
-        flight.p = momentum / inertia
-        flight.flow_s = flight.s
-        flight.flow_c = flight.c
-        flight.flow_p = flight.p
+        track = track_of(world, ball)
+        begin_on_line(flight, track, momentum / inertia)
         flight.rate_ratio = 1.0
         flight.frequency = 0.0
         flight.form = TURNING_LINE
@@ -345,7 +336,7 @@ def launch_group_on_line(world: World, first: int, count: int) -> None:
 def _alone_on_line(world: World, ball: int) -> tuple[float, float]:
     """Acceleration (m/s^2) of a body alone on a line, and how it grows with the way (1/s^2)."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     square = track.line_growth * track.line_growth
     return track.line_acceleration + square * flight.s, square
 
@@ -357,7 +348,7 @@ def _push_on_line(world: World, first: int, step: int) -> tuple[float, float]:
     force = 0.0
     growth = 0.0
     for before in range(step + 1):
-        ball = (first + before) % world.settings[0].bodies
+        ball = number_along(world, first, before)
         own, own_growth = _alone_on_line(world, ball)
         mass = world.bodies[ball].rolling_mass
         force += mass * (own - flight.line_acceleration)
@@ -367,11 +358,8 @@ def _push_on_line(world: World, first: int, step: int) -> tuple[float, float]:
 
 @kernel
 def _set_release_on_line(world: World, first: int, step: int) -> None:
-    bodies = world.settings[0].bodies
     flight = world.flights[first]
-    pair = world.pairs[(first + step) % bodies]
-    pair.release_t = NEVER
-    pair.release_t_low = 0.0
+    pair = pair_along(world, first, step)
     force, growth = _push_on_line(world, first, step)
     keep_release(flight, pair, fall_on_line(flight, force, growth))
 
@@ -379,17 +367,16 @@ def _set_release_on_line(world: World, first: int, step: int) -> None:
 @kernel
 def _limit_on_line(world: World, first: int, count: int, step: int) -> None:
     """End the flight of a member where a one-sided trace would have to pull it."""
-    settings = world.settings[0]
-    ball = (first + step) % settings.bodies
+    ball = number_along(world, first, step)
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     weight = world.bodies[ball].weight
     force = weight * (track.line_press + track.line_press_growth * flight.s)
     growth = weight * track.line_press_growth
     for side in range(2):
         other = step - 1 + side
         if 0 <= other < count - 1:
-            part = lever_on_line(world, (first + other) % settings.pairs)
+            part = lever_on_line(world, number_along(world, first, other))
             push, push_growth = _push_on_line(world, first, other)
             part = part if side == 1 else -part
             force += part * push
@@ -431,8 +418,7 @@ FIRST = 3
 @kernel
 def pendulum_at(flight: Flight, sine: float, cosine: float) -> tuple[float, float, float, float]:
     """``(S, C)``, ``f''`` and ``f'^2`` of a group half an angle from its start."""
-    s = flight.flow_s * cosine + flight.flow_c * sine
-    c = flight.flow_c * cosine - flight.flow_s * sine
+    s, c = place_from_start(flight, sine, cosine)
     w2 = flight.frequency * flight.frequency
     square = 4.0 * w2 * squared_rate(flight, sine, cosine)
     return s, c, w2 * pull_of(flight, s, c), square
@@ -451,7 +437,7 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
         _fit_group(world, number, scratch)
     else:
         body = world.bodies[row.body]
-        track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+        track = track_on(world, row.body, row.piece)
         one = world.forces[world.settings[0].bodies]
         press = press_harmonics(scratch, track.tilt, track.spread, body.kappa)
         put(one.press, scaled(body.weight * world.pieces[row.piece].sign, press))
@@ -480,16 +466,15 @@ def _fit_group(world: World, number: int, scratch: Flight) -> None:
         put(world.forces[base + place].press, (0.0, 0.0, 0.0, 0.0, 0.0))
     for angle in range(FIRST, FIRST + 5):
         set_forces(world, number, angle, 0.0, scratch)
-        s = HALF_SINES[angle]
-        c = HALF_COSINES[angle]
+        sine, cosine = twice_angle(HALF_SINES[angle], HALF_COSINES[angle])
         for place in range(count):
-            _add_angle(world.forces[base + place], 2.0 * s * c, (c - s) * (c + s))
+            _add_angle(world.forces[base + place], sine, cosine)
     recall_flight(world, row, number, scratch)
     pull = pull_harmonics(scratch)
     for place in range(count):
-        ball = (first + place) % world.settings[0].bodies
+        ball = number_along(world, first, place)
         body = world.bodies[ball]
-        rho = world.tracks[ball * world.settings[0].pieces + row.piece].path_radius
+        rho = track_on(world, ball, row.piece).path_radius
         w2 = scratch.frequency * scratch.frequency
         put(
             world.forces[base + place].drag, scaled((body.kappa - 1.0) * body.mass * rho * w2, pull)
@@ -516,7 +501,7 @@ def _fit_on_line(world: World, number: int, scratch: Flight) -> None:
         set_forces(world, number, AT_WAY, 1.0 - at, scratch)
         for place in range(count):
             one = world.forces[base + place]
-            body = world.bodies[(first + place) % world.settings[0].bodies]
+            body = world.bodies[number_along(world, first, place)]
             force = (body.kappa - 1.0) * body.mass * one.acceleration
             one.press[1] = one.normal if at == 0 else one.press[1] - one.normal
             one.press[0] = one.normal

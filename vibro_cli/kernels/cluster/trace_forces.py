@@ -24,9 +24,17 @@ from vibro_cli.kernels.flow.flow import (
     acceleration_at,
     body_of_group,
     flow,
+    recall_flight,
 )
-from vibro_cli.kernels.flow.replay import recall_flight
-from vibro_cli.kernels.world import BodyForces, Flight, FlightRow, World
+from vibro_cli.kernels.world import (
+    BodyForces,
+    Flight,
+    FlightRow,
+    World,
+    number_along,
+    track_of,
+    track_on,
+)
 
 # Angles of a motion at which forces are fitted, halved: the thirds of a turn, and after them the
 # fifths, for a rotating trace.
@@ -75,24 +83,14 @@ def is_pendulum(flight: Flight) -> bool:
 def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight) -> None:
     """Set normal force and friction (N) of every body of a motion, in ``world.forces``.
 
-    Parameters
-    ----------
-    world
-        With the logs of the run.
-    number
-        Row of the flight of one of its bodies.
-    angle
-        At one of the fitted angles; ``AT_TIME`` for a time (s) after its start, ``AT_WAY`` for a
-        way (m) along a line.
-    t
-        That time or way.
-    scratch
-        A flight to work with; of a body alone it is that of its row.
+    ``number`` is the row of the flight of one of its bodies, ``angle`` one of the fitted angles, or
+    ``AT_TIME`` for a time ``t`` (s) after its start, ``AT_WAY`` for a way ``t`` (m) along a line.
+    Of a body alone ``scratch`` is the flight of its row.
     """
     row = world.log[number]
     first, count, base = bodies_of(world, row)
     for place in range(count):
-        ball = (first + place) % world.settings[0].bodies
+        ball = number_along(world, first, place)
         index = number
         if row.grouped == 1:
             index = row_of(world, number, ball)
@@ -109,7 +107,7 @@ def set_forces(world: World, number: int, angle: int, t: float, scratch: Flight)
             step = -1
     before = 0.0
     for i in range(count):
-        ball = (first + place) % world.settings[0].bodies
+        ball = number_along(world, first, place)
         one = world.forces[base + place]
         mass = world.bodies[ball].mass
         kappa = world.bodies[ball].kappa
@@ -145,7 +143,7 @@ def _set_motion(
     """Set centre, slope, ``v^2/rho`` and ``v'`` of a body, see :func:`set_forces`."""
     row = world.log[index]
     piece = world.pieces[row.piece]
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     rho = track.path_radius
     if angle == AT_TIME:
         s, c, p = flow(scratch, t)
@@ -217,9 +215,9 @@ def fit_forces(world: World, number: int, scratch: Flight) -> None:
             one.press[1] += one.normal * COSINES[angle] * (2.0 / 3.0)
             one.press[2] += one.normal * SINES[angle] * (2.0 / 3.0)
     for place in range(count):
-        ball = (first + place) % world.settings[0].bodies
+        ball = number_along(world, first, place)
         body = world.bodies[ball]
-        rho = world.tracks[ball * world.settings[0].pieces + row.piece].path_radius
+        rho = track_on(world, ball, row.piece).path_radius
         drag = (body.kappa - 1.0) * body.mass * rho * row.frequency * row.frequency
         world.forces[base + place].drag[2] = drag
 
@@ -234,11 +232,10 @@ def _clear(one: BodyForces) -> None:
 @kernel
 def normal_force_now(world: World, first: int, count: int, step: int) -> float:
     """Normal force (N) of a member whose state, speed and contact forces (``solution``) are set."""
-    settings = world.settings[0]
-    ball = (first + step) % settings.bodies
+    ball = number_along(world, first, step)
     flight = world.flights[ball]
     piece = world.pieces[flight.piece]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     tx, ty = tangent(world, ball)
     x, _ = centre_position(piece, track, flight.s, flight.c)
     _, onto = parts_of_weight(world, x, ty, tx)
@@ -247,7 +244,7 @@ def normal_force_now(world: World, first: int, count: int, step: int) -> float:
         central = flight.speed * flight.speed / track.path_radius
         force += piece.sign * world.bodies[ball].mass * central
     if step > 0:
-        force -= _pushed_across(world, (first + step - 1) % settings.pairs, ball)
+        force -= _pushed_across(world, number_along(world, first, step - 1), ball)
     if step < count - 1:
         force += _pushed_across(world, ball, ball)
     return force

@@ -3,9 +3,9 @@
 The difference of their angles obeys ``y'' >= -w^2 y``: from now on it stays above one oscillation,
 and before the contact above another one. Where the two overlap, no contact is earlier.
 
-Two free swings are tried as a whole (``kernels.contact.arc_contact``); what that leaves
-open, and all
-other motions, are searched step by step (see ``kernels.contact.first_contact``).
+Two free swings are tried as a whole (:func:`contact_of_swings`); what that leaves open, and all
+other motions, are searched step by step. On a rotating trace w is that of the steepest fall of the
+pull on the arc, ``w^2 max(-pull')``: kernels named so stand in for the others there.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from vibro_cli.kernels.contact.first_contact import (
     FINAL_CORRECTION,
     NONE_BEFORE_LIMIT,
     UNRESOLVED,
+    Ages,
+    keep_nudged,
     keep_states,
 )
 from vibro_cli.kernels.flow.flow import (
@@ -27,9 +29,9 @@ from vibro_cli.kernels.flow.flow import (
     angular_acceleration_at,
     angular_jerk,
     flow_of_two,
-    nudge,
     swings,
 )
+from vibro_cli.kernels.flow.rotating_flow import pull
 from vibro_cli.kernels.numerics.conservative_advancement import (
     first_return,
     is_clear_before,
@@ -37,7 +39,8 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_third_order,
     unresolved_step,
 )
-from vibro_cli.kernels.world import RELEASED, Clock, Flight, PairData, PairTrack
+from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, twice_angle
+from vibro_cli.kernels.world import RELEASED, Flight, States, World, contact_of, flights_of
 
 # A step of the iteration times the frequency: a longer one leads anywhere.
 LONGEST_CHANGE = 1.0
@@ -45,20 +48,14 @@ LONGEST_CHANGE = 1.0
 
 @kernel
 def refine_on_arc(
-    a: Flight,
-    b: Flight,
-    age_a: float,
-    age_b: float,
-    h: float,
-    contact: PairTrack,
-    orientation: float,
-    pair: PairData,
-    clock: Clock,
+    world: World, j: int, age_a: float, age_b: float, h: float, orientation: float
 ) -> float:
     """Zero of the sine of half the gap, by its third-order expansion, with full flows.
 
-    The states there are kept in ``pair``.
+    The states there are kept in the pair.
     """
+    a, b = flights_of(world, world.pairs[j])
+    contact = contact_of(world, j)
     fastest = max(a.own_frequency, b.own_frequency)
     settled = FINAL_CORRECTION
     if a.form == POLYNOMIAL or b.form == POLYNOMIAL:
@@ -66,7 +63,7 @@ def refine_on_arc(
         settled *= FINAL_CORRECTION
     for _ in range(12):
         a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
-        clock.evaluations += 1
+        world.clock[0].evaluations += 1
         rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
         second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
         third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
@@ -79,9 +76,8 @@ def refine_on_arc(
             return NONE_BEFORE_LIMIT
         h += change
         if is_last(change, x1, x2, fastest, settled):
-            a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
-            b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
-            keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            before = age_a + h - change, age_b + h - change
+            keep_nudged(world, j, before, change, (a_s, a_c, a_p, b_s, b_c, b_p))
             return h
     return NONE_BEFORE_LIMIT
 
@@ -123,29 +119,21 @@ MOST_SOFTENING = 0.75
 
 @kernel
 def contact_of_swings(
-    a: Flight,
-    b: Flight,
-    age_a: float,
-    age_b: float,
-    touching: int,
-    limit: float,
-    contact: PairTrack,
-    orientation: float,
-    pair: PairData,
-    clock: Clock,
+    world: World, j: int, age_a: float, age_b: float, limit: float, orientation: float
 ) -> tuple[float, float]:
     """First contact of two free swings, and a time before which there is none.
 
-    Returns
-    -------
-    The time (s) of the first contact from now, the states then being left in ``pair``, or
-    ``NONE_BEFORE_LIMIT`` if it is not found; a time up to which there is no contact.
+    Its time (s) from now, the states then being left in the pair, or ``NONE_BEFORE_LIMIT`` if it is
+    not found; and a time up to which there is no contact.
     """
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    contact = contact_of(world, j)
     a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
-    clock.evaluations += 1
+    world.clock[0].evaluations += 1
     gap = 0.0
     rate = 2.0 * (b.frequency * b_p - a.frequency * a_p)
-    if touching == 0:
+    if pair.touching == 0:
         x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
         gap = max(2.0 * math.atan2(x, cosine), 0.0)
     elif rate <= NO_PARTING * (a.frequency * abs(a_p) + b.frequency * abs(b_p)):
@@ -159,13 +147,12 @@ def contact_of_swings(
     clear = safe_return(gap, rate, level, fastest)
     if clear <= 0.0:
         return NONE_BEFORE_LIMIT, 0.0
-    slowed = guessed_frequency(
-        a, b, a_s, a_c, a_p, b_s, b_c, b_p, gap, rate, level, fastest, orientation
-    )
+    states = a_s, a_c, a_p, b_s, b_c, b_p
+    slowed = guessed_frequency(a, b, states, (gap, rate, level), fastest, orientation)
     guess = first_return(gap, rate, level, slowed)
     if guess > FAR_GUESS * limit:
         return NONE_BEFORE_LIMIT, clear
-    h = refine_on_arc(a, b, age_a, age_b, guess, contact, orientation, pair, clock)
+    h = refine_on_arc(world, j, age_a, age_b, guess, orientation)
     if h < 0.0:
         return NONE_BEFORE_LIMIT, clear
     # The same bound seen from the contact, backwards in time.
@@ -186,22 +173,20 @@ def fastest_return(a: Flight, b: Flight) -> tuple[float, float]:
 def guessed_frequency(
     a: Flight,
     b: Flight,
-    a_s: float,
-    a_c: float,
-    a_p: float,
-    b_s: float,
-    b_c: float,
-    b_p: float,
-    gap: float,
-    rate: float,
-    level: float,
+    states: States,
+    gap: tuple[float, float, float],
     fastest: float,
     orientation: float,
 ) -> float:
-    """Estimate the frequency (rad/s) of the difference of the angles from the states of now."""
+    """Estimate the frequency (rad/s) of the difference of the angles from the states of now.
+
+    ``gap`` is that of the angles, its rate and the angle of contact.
+    """
+    a_s, _, a_p, b_s, _, b_p = states
+    angle, rate, level = gap
     mean_s = 0.5 * (b_s + orientation * a_s)
     mean_p = 0.5 * (b_p + a_p)
-    return frequency_of_difference(a, b, gap + level, rate, mean_s, mean_p, orientation)
+    return frequency_of_difference(a, b, angle + level, rate, mean_s, mean_p, orientation)
 
 
 @kernel
@@ -252,46 +237,26 @@ def both_swing(a: Flight, b: Flight) -> bool:
 
 @kernel
 def contact_on_arc(
-    a: Flight,
-    b: Flight,
-    age_a: float,
-    age_b: float,
-    touching: int,
-    horizon: float,
-    limit: float,
-    contact: PairTrack,
-    orientation: float,
-    pair: PairData,
-    clock: Clock,
+    world: World, j: int, ages: Ages, horizon: float, limit: float, orientation: float
 ) -> float:
     """First contact of two bodies on one arc.
 
-    Parameters
-    ----------
-    a, b
-        The flights; ``age_a, age_b`` the times since their starts at the begin of the search, s.
-    touching
-        ``PARTING`` or ``RELEASED`` if they are in contact there and going apart, else 0.
-    horizon, limit
-        The search may stop after ``horizon`` (s from its begin), which decides on no step of it;
-        the first of the flights ends at ``limit``.
-    contact, orientation
-        Constants of contact on the arc; -1 if b is one lap ahead.
-    pair
-        ``searched``: how far the search has come (s from its begin), where it goes on.
+    The pair has ``touching``, ``PARTING`` or ``RELEASED`` if they are in contact at the begin of
+    the search and going apart, else 0, and ``searched``, how far the search has come. It may stop
+    after ``horizon``, which decides on no step of it; the first of the flights ends at ``limit``
+    (both in s from its begin). ``orientation`` is -1 if b is one lap ahead.
 
-    Returns
-    -------
-    Time of the first contact from the begin (s), the states then being left in ``pair``;
-    ``NONE_BEFORE_LIMIT`` if there is none before the horizon.
+    Returns the time of the first contact from the begin (s), the states then being left in the
+    pair; ``NONE_BEFORE_LIMIT`` if there is none before the horizon.
     """
-    wa = a.own_frequency
-    wb = b.own_frequency
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    age_a, age_b = ages
+    touching = pair.touching
+    contact = contact_of(world, j)
     t = pair.searched
     if t == 0.0 and touching != RELEASED and both_swing(a, b):
-        h, t = contact_of_swings(
-            a, b, age_a, age_b, touching, limit, contact, orientation, pair, clock
-        )
+        h, t = contact_of_swings(world, j, age_a, age_b, limit, orientation)
         if h >= 0.0:
             pair.searched = limit
             return h if h <= limit else NONE_BEFORE_LIMIT
@@ -302,17 +267,17 @@ def contact_on_arc(
     bound_3 = a.jerk_bound + b.jerk_bound
     while True:
         a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + t, age_b + t)
-        clock.evaluations += 1
+        world.clock[0].evaluations += 1
         x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
         gap = contact.far_gap
         if cosine > 0.0:
             gap = 2.0 * x if x > 0.0 else 0.0
-        rate = 2.0 * (wb * b_p - wa * a_p)
+        rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
         second = angular_acceleration_at(b, age_b + t, b_s, b_c)
         second -= angular_acceleration_at(a, age_a + t, a_s, a_c)
         if touching != 0 and t == 0.0:
             if touching == RELEASED:
-                t = released_step(a, b, a_s, a_c, a_p, b_s, b_c, b_p, rate)
+                t = released_step(a, b, (a_s, a_c, a_p, b_s, b_c, b_p), rate)
                 if t > horizon:
                     pair.searched = t
                     return NONE_BEFORE_LIMIT
@@ -321,7 +286,7 @@ def contact_on_arc(
             rate = max(rate, 0.0)
             if rate == 0.0 and second <= 0.0:
                 # Marked as parting, but at rest against one another and pressed together.
-                keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+                keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
                 return 0.0
         single = rate * rate > SINGLE_ROOT * bound_2 * gap * (1.0 + 0.5 * x * x)
         if rate < 0.0 and single and cosine > 0.0 and x < 0.5:
@@ -335,11 +300,11 @@ def contact_on_arc(
                 return NONE_BEFORE_LIMIT
             third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
             h = _cubic_guess(gap, rate, second, third)
-            h = refine_on_arc(a, b, age_a + t, age_b + t, h, contact, orientation, pair, clock)
+            h = refine_on_arc(world, j, age_a + t, age_b + t, h, orientation)
             before = NONE_BEFORE_LIMIT < h < -t
             if before or (x <= 0.0 and not -t <= h <= 0.0):
                 # In contact by rounding, with no root since the begin: now, in the states of now.
-                keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+                keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
                 pair.searched = limit
                 return t
             if h > NONE_BEFORE_LIMIT:
@@ -355,7 +320,7 @@ def contact_on_arc(
             return NONE_BEFORE_LIMIT
         if t + step == t and (t > 0.0 or touching == 0):
             # The gap closes below the resolution of time: contact, tangential within rounding.
-            keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
             return t
         t += step
 
@@ -371,22 +336,13 @@ def _cubic_guess(gap: float, rate: float, second: float, third: float) -> float:
 
 
 @kernel
-def released_step(
-    a: Flight,
-    b: Flight,
-    a_s: float,
-    a_c: float,
-    a_p: float,
-    b_s: float,
-    b_c: float,
-    b_p: float,
-    rate: float,
-) -> float:
+def released_step(a: Flight, b: Flight, states: States, rate: float) -> float:
     """Step up to which a pair whose contact force has just vanished stays apart.
 
     There the gap starts as ``j h^3/6``, bounded below by ``j h^3/6 - B h^4/24`` with j its jerk and
     ``B`` the sum of ``w^2 (f'^2 + w^2)``.
     """
+    a_s, a_c, a_p, b_s, b_c, b_p = states
     wa = a.frequency
     wb = b.frequency
     third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
@@ -395,3 +351,81 @@ def released_step(
     if third <= 0.0 or rate < -1.0e-9 * (abs(wa * a_p) + abs(wb * b_p)):
         return 1.0e-9 / (wa + wb)
     return 3.0 * third / (bound_a + bound_b)
+
+
+# The frequency of a difference of angles is taken as no less than this share of the greatest one.
+LEAST_SHARE = 0.2
+# Mean square of y from contact to contact as a share of its greatest: what guesses best.
+MEAN_SQUARE = 0.35
+
+
+@kernel
+def are_alone(a: Flight, b: Flight) -> bool:
+    """Tell whether two flights on an arc are each of a body alone, and moving."""
+    if a.grouped + b.grouped + a.at_rest + b.at_rest != 0:
+        return False
+    return a.form <= HYPERBOLIC_TINY and b.form <= HYPERBOLIC_TINY
+
+
+@kernel
+def rotating_fastest_return(a: Flight, b: Flight) -> tuple[float, float]:
+    """Greatest frequency W (rad/s) with which the difference of the angles returns, and W^2."""
+    square = max(a.steepest, b.steepest)
+    return math.sqrt(square), square
+
+
+@kernel
+def rotating_guessed_frequency(
+    a: Flight,
+    b: Flight,
+    states: States,
+    gap: tuple[float, float, float],
+    fastest: float,
+    orientation: float,
+) -> float:
+    """Estimate the frequency (rad/s) of the difference of the angles from the states of now."""
+    a_s, a_c, a_p, b_s, b_c, b_p = states
+    angle, rate, level = gap
+    second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
+    # What pulls half way to where the fastest difference would return.
+    half = 0.5 * first_return(angle, rate, level, fastest)
+    middle = angle + level + half * (rate + 0.5 * half * second)
+    frequency = _frequency_of_difference(
+        a, a_s + orientation * b_s, a_c + orientation * b_c, a_p + b_p, half, middle
+    )
+    share = max(frequency / max(a.steepest, b.steepest), LEAST_SHARE)
+    return fastest * math.sqrt(min(share, 1.0))
+
+
+@kernel
+def _frequency_of_difference(
+    a: Flight, s: float, c: float, p: float, half: float, angle: float
+) -> float:
+    """Estimate the square of the frequency (1/s^2) of a difference of angles at a time (s) ahead.
+
+    With M the mean of the angles ``y'' = w^2 (-2 (cos M + tilt sin M) sin(y/2) + spread cos 2M sin
+    y)``. ``s, c, p`` are sums of the states of both; ``angle`` is y then.
+    """
+    w = a.frequency
+    size = 1.0 / math.sqrt(s * s + c * c)
+    s *= size
+    c *= size
+    step = half * w * (0.5 * p + 0.25 * half * w * pull(a.tilt, a.spread, s, c))
+    # To third order of the step, in half the angle.
+    turn = step * (1.0 - step * step * (1.0 / 6.0))
+    stay = 1.0 - 0.5 * step * step
+    s, c = s * stay + c * turn, c * stay - s * turn
+    sine, cosine = twice_angle(s, c)
+    less = MEAN_SQUARE * angle * angle * (1.0 / 24.0)
+    double = (cosine - sine) * (cosine + sine)
+    along = (cosine + a.tilt * sine) * (1.0 - less)
+    return w * w * (along - a.spread * double * (1.0 - 4.0 * less))
+
+
+@kernel
+def rotating_uneven_pull(a: Flight, b: Flight) -> float:
+    """Bound on the difference of both pulls (rad/s^2) at one angle."""
+    wa2 = a.frequency * a.frequency
+    wb2 = b.frequency * b.frequency
+    first = math.sqrt(1.0 + a.tilt * a.tilt) * abs(wb2 - wa2)
+    return first + 0.5 * abs(wb2 * b.spread - wa2 * a.spread)

@@ -14,7 +14,17 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, tangential_acceleration
-from vibro_cli.kernels.world import Flight, PairTrack, PieceData, TrackData, World
+from vibro_cli.kernels.numerics.elliptic import angle_difference, twice_angle
+from vibro_cli.kernels.world import (
+    Flight,
+    PairTrack,
+    PieceData,
+    TrackData,
+    World,
+    flights_of,
+    track_of,
+    tracks_of,
+)
 
 
 @kernel
@@ -30,12 +40,8 @@ def half_gap_sine(
 
     ``orientation`` is -1 when b is one lap ahead of a, so that the half angle is larger by pi.
     """
-    sine = (b_s * a_c - b_c * a_s) * orientation
-    cosine = (b_c * a_c + b_s * a_s) * orientation
-    return (
-        sine * contact.cosine - cosine * contact.sine,
-        cosine * contact.cosine + sine * contact.sine,
-    )
+    sine, cosine = angle_difference(b_s, b_c, a_s, a_c)
+    return angle_difference(sine * orientation, cosine * orientation, contact.sine, contact.cosine)
 
 
 @kernel
@@ -64,8 +70,7 @@ def centre_acceleration(
     """Acceleration of a body's centre (m/s^2), given its part along the path."""
     if piece.sign == 0.0:
         return piece.tangent_x * tangential, piece.tangent_y * tangential
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
+    sine, cosine = twice_angle(s, c)
     rate = 2.0 * track.frequency * p
     central = track.path_radius * rate * rate
     return (
@@ -92,8 +97,6 @@ def distance_gap(
 ) -> tuple[float, float, float]:
     """Gap between two bodies as a distance, and its first two time derivatives.
 
-    Returns
-    -------
     ``d - (r_a + r_b)`` (m), ``d'`` (m/s), ``d''`` (m/s^2).
     """
     ax, ay = centre_position(piece_a, track_a, a_s, a_c)
@@ -136,8 +139,7 @@ def surface_gap(
     pair = world.pairs[j]
     piece = world.pieces[world.flights[pair.a].piece]
     piece_b = world.pieces[world.flights[pair.b].piece]
-    track_a = world.tracks[pair.a * settings.pieces + world.flights[pair.a].piece]
-    track_b = world.tracks[pair.b * settings.pieces + world.flights[pair.b].piece]
+    track_a, track_b = tracks_of(world, pair)
     reach = pair.distance
     if world.flights[pair.a].piece != world.flights[pair.b].piece:
         ax, ay = centre_position(piece, track_a, a_s, a_c)
@@ -162,20 +164,16 @@ def surface_gap(
 @kernel
 def present_gap(world: World, j: int) -> tuple[float, float]:
     """Gap of a pair (m) in the states held by its flights, and the size that its rounding has."""
-    a = world.flights[world.pairs[j].a]
-    b = world.flights[world.pairs[j].b]
+    a, b = flights_of(world, world.pairs[j])
     return surface_gap(world, j, a.s, a.c, b.s, b.c)
 
 
 @kernel
 def line_of_centres(world: World, j: int) -> tuple[float, float]:
     """Vector (m) from the centre of a pair's left body to that of its right one."""
-    pieces = world.settings[0].pieces
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    track_a = world.tracks[pair.a * pieces + a.piece]
-    track_b = world.tracks[pair.b * pieces + b.piece]
+    a, b = flights_of(world, pair)
+    track_a, track_b = tracks_of(world, pair)
     ax, ay = centre_position(world.pieces[a.piece], track_a, a.s, a.c)
     bx, by = centre_position(world.pieces[b.piece], track_b, b.s, b.c)
     return bx - ax, by - ay
@@ -239,7 +237,7 @@ def lifted_body(world: World, j: int) -> int:
 def set_speed(world: World, ball: int) -> None:
     """Set a body's scratch speed from its state."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     flight.speed = track.speed_factor * flight.p
 
 
@@ -277,7 +275,7 @@ def mobility(world: World, ball: int) -> float:
 def free_acceleration(world: World, ball: int) -> float:
     """Tangential acceleration (m/s^2) of a body under gravity alone."""
     flight = world.flights[ball]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     if supported(flight):
         return 0.0
     if track.path_radius == 0.0:
@@ -293,7 +291,7 @@ def present_acceleration(world: World, ball: int) -> float:
         return free_acceleration(world, ball)
     if flight.form == POLYNOMIAL:
         return flight.series[0]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     return tangential_acceleration(flight, track.path_radius, flight.s, flight.c)
 
 
@@ -317,12 +315,10 @@ def present_approach(world: World, j: int) -> float:
 def _curve(world: World, j: int) -> float:
     """The part of a distance's second derivative (m/s^2) that the speeds make."""
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     if a.piece == b.piece:
         # On one piece only a change of the angle, or of the way, between the bodies makes one.
-        track_a = world.tracks[pair.a * world.settings[0].pieces + a.piece]
-        track_b = world.tracks[pair.b * world.settings[0].pieces + b.piece]
+        track_a, track_b = tracks_of(world, pair)
         rho_a = track_a.path_radius
         rho_b = track_b.path_radius
         along = parting_speed(world, j)
@@ -348,7 +344,7 @@ def _centripetal(world: World, ball: int) -> tuple[float, float]:
     """Acceleration of a body's centre across its path (m/s^2)."""
     flight = world.flights[ball]
     piece = world.pieces[flight.piece]
-    track = world.tracks[ball * world.settings[0].pieces + flight.piece]
+    track = track_of(world, ball)
     if piece.sign == 0.0:
         return 0.0, 0.0
     central = piece.sign * (flight.speed * flight.speed / track.path_radius)

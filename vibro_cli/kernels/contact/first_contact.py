@@ -3,6 +3,11 @@
 Each step is one that provably ends before the first contact, from bounds on the derivatives of the
 gap over both flights; when a simple root ahead is certified to be the first one, it is refined on
 the flows themselves. Nothing is sampled and no contact is passed over.
+
+Two bodies that part from contact have a gap of zero there, up to the rounding of their places. Its
+later value as a difference of two places is rounded as the places are, which late in an
+accumulation is more than the gap itself; as a difference of two displacements from there it is
+rounded as these are. What thousands of bounces would add up in the places is taken back.
 """
 
 from __future__ import annotations
@@ -10,11 +15,17 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.contact.contact_kinematics import distance_gap
+from vibro_cli.kernels.contact.contact_kinematics import (
+    centre_position,
+    centre_tangent,
+    distance_gap,
+    half_gap_sine,
+)
 from vibro_cli.kernels.flow.flow import (
     LINE,
     POLYNOMIAL,
     acceleration_at,
+    flow,
     flow_of_two,
     nudge,
     tangential_acceleration,
@@ -25,16 +36,24 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_third_order,
     unresolved_step,
 )
+from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, theta_functions
 from vibro_cli.kernels.world import (
     PARTING,
     RELEASED,
-    Clock,
     Flight,
     PairData,
-    PairTrack,
     PieceData,
+    State,
+    States,
     TrackData,
+    World,
+    contact_of,
+    flights_of,
+    track_of,
+    track_on,
 )
+
+Ages = tuple[float, float]  # times (s) since the flights of both bodies of a pair began
 
 NONE_BEFORE_LIMIT = -1.0
 # A correction below this size, relative to the time scales, is the last one.
@@ -48,45 +67,46 @@ DEEP = 4.0
 
 
 @kernel
-def keep_states(
-    pair: PairData, a_s: float, a_c: float, a_p: float, b_s: float, b_c: float, b_p: float
-) -> None:
+def keep_states(pair: PairData, a: State, b: State) -> None:
     """Keep states of both bodies as those of contact."""
-    pair.a_s = a_s
-    pair.a_c = a_c
-    pair.a_p = a_p
-    pair.b_s = b_s
-    pair.b_c = b_c
-    pair.b_p = b_p
+    pair.a_s, pair.a_c, pair.a_p = a
+    pair.b_s, pair.b_c, pair.b_p = b
 
 
 @kernel
-def keep_present(a: Flight, b: Flight, age_a: float, age_b: float, pair: PairData) -> None:
-    """Keep the states of now as those of contact."""
+def keep_flows(world: World, j: int, age_a: float, age_b: float) -> None:
+    """Keep the states of a pair's flights at their ages (s) as those of contact."""
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
     a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
-    keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+    keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
+
+
+@kernel
+def keep_nudged(world: World, j: int, ages: Ages, change: float, states: States) -> None:
+    """Keep as those of contact states at the ages (s) of both flights, a small change (s) on."""
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    age_a, age_b = ages
+    a_s, a_c, a_p, b_s, b_c, b_p = states
+    after_a = nudge(a, age_a, change, a_s, a_c, a_p)
+    keep_states(pair, after_a, nudge(b, age_b, change, b_s, b_c, b_p))
 
 
 @kernel
 def contact_on_line(
-    a: Flight,
-    b: Flight,
-    age_a: float,
-    age_b: float,
-    touching: int,
-    limit: float,
-    between: float,
-    contact: PairTrack,
-    pair: PairData,
-    clock: Clock,
+    world: World, j: int, ages: Ages, touching: int, limit: float, between: float
 ) -> float:
     """First contact of two bodies on one line, where the gap is a parabola in time.
 
     The line may be several pieces in a row, whose left ends are ``between`` (m) apart.
     """
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    age_a, age_b = ages
     a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
-    clock.evaluations += 1
-    gap = max((b_s - a_s) + between - contact.sine, 0.0)
+    world.clock[0].evaluations += 1
+    gap = max((b_s - a_s) + between - contact_of(world, j).sine, 0.0)
     rate = b_p - a_p
     second = tangential_acceleration(b, 0.0, b_s, b_c) - tangential_acceleration(a, 0.0, a_s, a_c)
     if touching != 0:
@@ -99,49 +119,64 @@ def contact_on_line(
     if h < 0.0 or h > limit:
         pair.searched = limit
         return NONE_BEFORE_LIMIT
-    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
-    keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+    keep_flows(world, j, age_a + h, age_b + h)
     return h
 
 
 @kernel
+def paths_of(
+    world: World, j: int, straight: bool
+) -> tuple[PieceData, TrackData, PieceData, TrackData, float]:
+    """Pieces and paths of a pair, and the distance (m) along them at which they touch.
+
+    On one line the bodies are searched along it: centres on one path have no speed across their
+    distance, as those of unequal bodies have, and come together as their speeds along it say.
+    """
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    track_b = track_on(world, pair.a if straight else pair.b, b.piece)
+    reach = contact_of(world, j).sine if straight else pair.distance
+    return world.pieces[a.piece], track_of(world, pair.a), world.pieces[b.piece], track_b, reach
+
+
+@kernel
+def _gap_at(
+    world: World, j: int, straight: bool, age_a: float, age_b: float
+) -> tuple[States, tuple[float, float, float]]:
+    """States of a pair at ages (s) of its flights; its gap there and two derivatives of that."""
+    a, b = flights_of(world, world.pairs[j])
+    piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
+    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
+    world.clock[0].evaluations += 1
+    along_a = acceleration_at(a, track_a.path_radius, age_a, a_s, a_c)
+    along_b = acceleration_at(b, track_b.path_radius, age_b, b_s, b_c)
+    gap = distance_gap(
+        piece_a, track_a, a_s, a_c, a_p, along_a, piece_b, track_b, b_s, b_c, b_p, along_b, reach
+    )
+    return (a_s, a_c, a_p, b_s, b_c, b_p), gap
+
+
+@kernel
 def contact_by_distance(
-    a: Flight,
-    b: Flight,
-    age_a: float,
-    age_b: float,
-    touching: int,
-    horizon: float,
-    limit: float,
-    piece_a: PieceData,
-    track_a: TrackData,
-    piece_b: PieceData,
-    track_b: TrackData,
-    reach: float,
-    straight: bool,
-    pair: PairData,
-    clock: Clock,
+    world: World, j: int, straight: bool, touching: int, horizon: float, limit: float, ages: Ages
 ) -> float:
     """First contact of two bodies by the distance of centres, from ``d'' >= -(|A_a| + |A_b|)``.
 
-    They touch at the distance ``reach`` (m); ``straight`` if both are on one line. Other parameters
-    and the result as for :func:`kernels.contact.arc_contact.contact_on_arc`.
+    ``straight`` if both are on one line. Other parameters and the result as for
+    :func:`kernels.contact.arc_contact.contact_on_arc`.
     """
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    age_a, age_b = ages
+    piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
     bound = a.acceleration_bound + b.acceleration_bound
-    span = min(a.exit_after - age_a, b.exit_after - age_b)
-    bound_3 = third_derivative_bound(a, b, track_a, track_b, age_a, age_b, reach, straight, span)
+    bound_3 = _third_derivative_bound(world, j, straight, ages)
     fastest = max(pace(a), pace(b))
     t = pair.searched
     while True:
-        a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + t, age_b + t)
-        clock.evaluations += 1
-        gap, rate, second = distance_gap(
-            piece_a, track_a, a_s, a_c, a_p,
-            acceleration_at(a, track_a.path_radius, age_a + t, a_s, a_c),
-            piece_b, track_b, b_s, b_c, b_p,
-            acceleration_at(b, track_b.path_radius, age_b + t, b_s, b_c),
-            reach,
-        )  # fmt: skip
+        states, derivatives = _gap_at(world, j, straight, age_a + t, age_b + t)
+        a_s, a_c, a_p, b_s, b_c, b_p = states
+        gap, rate, second = derivatives
         depth = -gap
         if gap < 0.0:
             gap = 0.0
@@ -149,7 +184,7 @@ def contact_by_distance(
             gap = 0.0
             rate = max(rate, 0.0)
             if rate == 0.0 and second < 0.0 and touching == PARTING:
-                keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+                keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
                 return 0.0
             if touching == RELEASED:
                 second = max(second, 0.0)
@@ -163,14 +198,11 @@ def contact_by_distance(
         if rate < 0.0:
             h = first_root_of_parabola(gap, rate, second)
             if 0.0 <= h < 3.0 * step + 1.0e-9 and h * fastest < 1.0:
-                h = _refine_by_distance(
-                    a, b, age_a + t, age_b + t, h, step, bound,
-                    piece_a, track_a, piece_b, track_b, reach, pair, clock,
-                )  # fmt: skip
+                h = _refine_by_distance(world, j, straight, (age_a + t, age_b + t), h, step, bound)
                 if h > NONE_BEFORE_LIMIT:
                     if t + h < 0.0:
                         # In contact already, by rounding: now, in the states of now.
-                        keep_present(a, b, age_a, age_b, pair)
+                        keep_flows(world, j, age_a, age_b)
                         return 0.0
                     pair.searched = limit
                     return t + h if t + h <= limit else NONE_BEFORE_LIMIT
@@ -178,29 +210,23 @@ def contact_by_distance(
             pair.searched = t + step
             return NONE_BEFORE_LIMIT
         if t + step == t:
-            keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
             return t
         t += step
 
 
 @kernel
-def third_derivative_bound(
-    a: Flight,
-    b: Flight,
-    track_a: TrackData,
-    track_b: TrackData,
-    age_a: float,
-    age_b: float,
-    distance: float,
-    straight: bool,
-    span: float,
-) -> float:
+def _third_derivative_bound(world: World, j: int, straight: bool, ages: Ages) -> float:
     """Bound on ``|d'''|`` (m/s^3) of the distance d of two bodies while they are apart.
 
     ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the relative velocity V, its part V_t across
     the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <= 0.385 |V|^3``. On one line
     nothing is across.
     """
+    a, b = flights_of(world, world.pairs[j])
+    age_a, age_b = ages
+    _, track_a, _, track_b, distance = paths_of(world, j, straight)
+    span = min(a.exit_after - age_a, b.exit_after - age_b)
     speed_a, jerk_a = speed_and_jerk(a, track_a, age_a + span)
     speed_b, jerk_b = speed_and_jerk(b, track_b, age_b + span)
     if straight:
@@ -243,38 +269,20 @@ def _size(piece: PieceData, track: TrackData) -> float:
 
 @kernel
 def _refine_by_distance(
-    a: Flight,
-    b: Flight,
-    age_a: float,
-    age_b: float,
-    h: float,
-    safe: float,
-    bound: float,
-    piece_a: PieceData,
-    track_a: TrackData,
-    piece_b: PieceData,
-    track_b: TrackData,
-    reach: float,
-    pair: PairData,
-    clock: Clock,
+    world: World, j: int, straight: bool, ages: Ages, h: float, safe: float, bound: float
 ) -> float:
     """Halley's iteration on the distance, accepted only if the root is certified to be the first.
 
     Before a root with slope ``d' < 0`` the gap is positive for ``2 |d'|/B``; if that reaches back
     into the safe step from now, no earlier root exists.
     """
+    a, b = flights_of(world, world.pairs[j])
+    age_a, age_b = ages
     guess = h
     fastest = max(pace(a), pace(b))
     for _ in range(12):
-        a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
-        clock.evaluations += 1
-        gap, rate, second = distance_gap(
-            piece_a, track_a, a_s, a_c, a_p,
-            acceleration_at(a, track_a.path_radius, age_a + h, a_s, a_c),
-            piece_b, track_b, b_s, b_c, b_p,
-            acceleration_at(b, track_b.path_radius, age_b + h, b_s, b_c),
-            reach,
-        )  # fmt: skip
+        states, derivatives = _gap_at(world, j, straight, age_a + h, age_b + h)
+        gap, rate, second = derivatives
         if rate >= 0.0:
             return NONE_BEFORE_LIMIT
         change = -gap * rate / (rate * rate - 0.5 * gap * second)
@@ -284,8 +292,206 @@ def _refine_by_distance(
         if abs(change) * (abs(second) - fastest * rate) < -FINAL_CORRECTION_BY_DISTANCE * rate:
             if h < -1.0e-13 or h + 1.98 * rate / max(bound, LEAST_BOUND) >= safe:
                 return NONE_BEFORE_LIMIT
-            a_s, a_c, a_p = nudge(a, age_a + h - change, change, a_s, a_c, a_p)
-            b_s, b_c, b_p = nudge(b, age_b + h - change, change, b_s, b_c, b_p)
-            keep_states(pair, a_s, a_c, a_p, b_s, b_c, b_p)
+            before = age_a + h - change, age_b + h - change
+            keep_nudged(world, j, before, change, states)
             return h
     return NONE_BEFORE_LIMIT
+
+
+# A flight whose relative rate times its length is more than this (rad, or a share of the bodies'
+# places) is timed well enough by places.
+FAR = 0.2
+# Times the frequency; displacements of longer flights are no smaller than places.
+LONG = 1.0
+# Times the greater frequency; a bounce that ends sooner is a short one, whose end as displacements
+# tell it may come before that which places tell, and before another contact.
+SHORT = 0.001
+# Corrections of an instant below this share of it are its rounding.
+SETTLED = 1.0e-11
+MOST_STEPS = 6
+# Gaps at the start of a bounce below this share of the places are their rounding.
+PLACES_ROUNDING = 4.0 * 2.220446049250313e-16
+# Near the top of a bounce a step of Newton's leads anywhere; one longer than this share is not his.
+LONG_STEP = 0.5
+
+
+@kernel
+def displacement(flight: Flight, t: float) -> tuple[float, float]:
+    """Sine and cosine of half the angle through which a body has gone since its flight began.
+
+    ``S C0 - C S0`` and ``C C0 + S S0`` with the state of :func:`flow` put in and ``1 - cn`` as
+    ``sn^2/(1 + cn)``: no difference of places is left. On a line the way (m) and 1.
+    """
+    s0 = flight.flow_s
+    c0 = flight.flow_c
+    p0 = flight.flow_p
+    if flight.at_rest == 1:
+        return 0.0, 1.0
+    if flight.form == LINE:
+        return t * (p0 + 0.5 * flight.line_acceleration * t), 1.0
+    s, c, d, common = theta_functions(flight, flight.frequency * t)
+    sc0 = s * c0
+    rest = s * s / (common + c)
+    both = c0 * c0 * common + s0 * s0 * c
+    inverse = 1.0 / (c * c + sc0 * sc0)
+    sine = (p0 * s * both - s0 * c0 * d * rest) * inverse
+    return sine, (d * both + s0 * p0 * c0 * (s * rest)) * inverse
+
+
+@kernel
+def _start(flight: Flight) -> State:
+    """State where a flight starts; a group's flow is that of its pendulum."""
+    if flight.grouped == 1:
+        return flight.s, flight.c, flight.p
+    return flight.flow_s, flight.flow_c, flight.flow_p
+
+
+@kernel
+def short_bounce(a: Flight, b: Flight) -> float:
+    """Return how long (s) a bounce of two bodies may last and be a short one."""
+    fastest = max(pace(a), pace(b))
+    return SHORT / fastest if fastest > 0.0 else 0.0
+
+
+@kernel
+def _is_long(flight: Flight, t: float) -> bool:
+    """Tell whether displacements of a flight over a time t (s) are not better than its places."""
+    if flight.form == POLYNOMIAL or flight.form == HYPERBOLIC_TINY:
+        return True
+    return flight.frequency * t > LONG
+
+
+@kernel
+def _step(gap: float, rate: float, first_rate: float, t: float) -> float:
+    """Step from t towards the end of a bounce that began at 0 with ``first_rate``.
+
+    Newton's, or where that is long the one that holds for a rate that falls evenly.
+    """
+    if rate < 0.0 and gap >= LONG_STEP * t * rate and gap <= -LONG_STEP * t * rate:
+        return -gap / rate
+    return t * (first_rate + rate) / (first_rate - rate)
+
+
+@kernel
+def _left_over(gap: float, rounding: float, first_rate: float, t: float) -> float:
+    """What of a gap at the start of a bounce is more than rounding, and is to be taken back.
+
+    Bodies in one another come apart by at most half the height of the bounce.
+    """
+    if gap >= -rounding:
+        return max(gap - rounding, 0.0)
+    return max(gap + rounding, -0.125 * first_rate * t)
+
+
+@kernel
+def sharpened_on_arc(world: World, j: int, t: float, orientation: float) -> float:
+    """Time of a contact on one arc (s), t nearly, that ends a flight from contact.
+
+    The states of contact, left in the pair, are sharpened too; a flight that is not a short one is
+    left as it is.
+    """
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    if _is_long(a, t) or _is_long(b, t):
+        return t
+    a_s, a_c, a_p = _start(a)
+    b_s, b_c, b_p = _start(b)
+    first_rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
+    if first_rate <= 0.0:
+        return t  # up to rounding it does not part: there is no bounce
+    launched, _ = half_gap_sine(contact_of(world, j), a_s, a_c, b_s, b_c, orientation)
+    for _ in range(MOST_STEPS):
+        rate = 2.0 * (b.own_frequency * pair.b_p - a.own_frequency * pair.a_p)
+        if rate >= first_rate or rate * t < -FAR:
+            break
+        sine_a, cosine_a = displacement(a, t)
+        sine_b, cosine_b = displacement(b, t)
+        gap = 2.0 * (sine_b * cosine_a - cosine_b * sine_a)
+        gap += _left_over(2.0 * launched, PLACES_ROUNDING, first_rate, t)
+        change = _step(gap, rate, first_rate, t)
+        t += change
+        _keep_flows_at(world, j, t)
+        if abs(change) <= SETTLED * t:
+            break
+    return t
+
+
+@kernel
+def _keep_flows_at(world: World, j: int, t: float) -> None:
+    """Keep the states a time t (s) after the start of both flights as those of contact."""
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    world.clock[0].evaluations += 1
+    keep_states(pair, flow(a, t), flow(b, t))
+
+
+@kernel
+def sharpened_by_distance(world: World, j: int, straight: bool, t: float) -> float:
+    """As :func:`sharpened_on_arc`, for two pieces, by ``d^2 - (r_a + r_b)^2``."""
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    if _is_long(a, t) or _is_long(b, t):
+        return t
+    piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
+    # The line of centres where the flights begin, drawn to the length it has in contact.
+    a_s, a_c, a_p = _start(a)
+    b_s, b_c, b_p = _start(b)
+    ax, ay = centre_position(piece_a, track_a, a_s, a_c)
+    bx, by = centre_position(piece_b, track_b, b_s, b_c)
+    launched = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+    scale = reach / launched
+    launched = (launched - reach) * (launched + reach)
+    rounding = 2.0 * PLACES_ROUNDING * reach * (abs(bx) + abs(by) + reach)
+    x = (bx - ax) * scale
+    y = (by - ay) * scale
+    size = reach + track_a.path_radius + track_b.path_radius
+    first_rate = _rate_of_square(world, j, straight, x, y, (a_s, a_c, a_p, b_s, b_c, b_p))
+    if first_rate <= 0.0:
+        return t
+    for _ in range(MOST_STEPS):
+        mx, my = _centre_displacement(a, piece_a, track_a, t)
+        nx, ny = _centre_displacement(b, piece_b, track_b, t)
+        ux = nx - mx
+        uy = ny - my
+        states = pair.a_s, pair.a_c, pair.a_p, pair.b_s, pair.b_c, pair.b_p
+        rate = _rate_of_square(world, j, straight, x + ux, y + uy, states)
+        if rate >= first_rate or rate * t < -2.0 * FAR * reach * size:
+            break
+        gap = (2.0 * x + ux) * ux + (2.0 * y + uy) * uy
+        gap += _left_over(launched, rounding, first_rate, t)
+        change = _step(gap, rate, first_rate, t)
+        t += change
+        _keep_flows_at(world, j, t)
+        if abs(change) <= SETTLED * t:
+            break
+    return t
+
+
+@kernel
+def _rate_of_square(
+    world: World, j: int, straight: bool, x: float, y: float, states: States
+) -> float:
+    """Rate (m^2/s) of the square of the distance of two bodies that is (x, y) in their states."""
+    piece_a, track_a, piece_b, track_b, _ = paths_of(world, j, straight)
+    a_s, a_c, a_p, b_s, b_c, b_p = states
+    tax, tay = centre_tangent(piece_a, a_s, a_c)
+    tbx, tby = centre_tangent(piece_b, b_s, b_c)
+    va = track_a.speed_factor * a_p
+    vb = track_b.speed_factor * b_p
+    return 2.0 * (x * (vb * tbx - va * tax) + y * (vb * tby - va * tay))
+
+
+@kernel
+def _centre_displacement(
+    flight: Flight, piece: PieceData, track: TrackData, t: float
+) -> tuple[float, float]:
+    """How far a body's centre has gone since its flight began (m)."""
+    sine, cosine = displacement(flight, t)
+    if piece.sign == 0.0:
+        return piece.tangent_x * sine, piece.tangent_y * sine
+    # Along the tangent half-way.
+    s, c, _ = _start(flight)
+    tx, ty = centre_tangent(piece, s, c)
+    chord = 2.0 * track.path_radius * sine
+    sign = piece.sign
+    return chord * (tx * cosine - sign * ty * sine), chord * (ty * cosine + sign * tx * sine)

@@ -1,12 +1,8 @@
 """The first contact of two free swings on one arc in lanes, of scenarios or of both bodies.
 
-The operations of ``kernels.contact.arc_contact`` for two bodies that have just parted,
-without jumps:
-where those would go another way, the lane is marked as failed.
-
-The operations of ``kernels.contact.arc_contact`` for two bodies that have just parted; where
-those
-would go another way, the contact is not looked for.
+The operations of ``kernels.contact.arc_contact`` for two bodies that have just parted, without
+jumps. Where those would go another way, a lane is marked as failed; of both bodies the contact is
+then not looked for.
 """
 
 from __future__ import annotations
@@ -35,9 +31,8 @@ from vibro_cli.kernels.contact.arc_contact import (
     is_last,
     uneven_pull,
 )
-from vibro_cli.kernels.contact.bounce import FAR, LONG
 from vibro_cli.kernels.contact.contact_kinematics import half_gap_sine
-from vibro_cli.kernels.contact.first_contact import FINAL_CORRECTION, NONE_BEFORE_LIMIT
+from vibro_cli.kernels.contact.first_contact import FAR, FINAL_CORRECTION, LONG, NONE_BEFORE_LIMIT
 from vibro_cli.kernels.flow.flow import (
     advance_slightly,
     by_addition,
@@ -66,6 +61,7 @@ from vibro_cli.kernels.world import (
     PairTrack,
     TrackData,
     World,
+    track_on,
 )
 
 # Evaluations of both flows for one contact; a lane that needs more fails.
@@ -119,10 +115,8 @@ class SwingLanes(Flight):
 def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[Lanes, bool]:
     """First contact of two swings that have just parted, in all lanes.
 
-    Returns
-    -------
-    Its time (s) from the start of both flights, the states being left in ``a`` and ``b``; and in
-    which lanes it is not certain.
+    Returns its time (s) from the start of both flights, the states being left in ``a`` and ``b``;
+    and in which lanes it is not certain.
     """
     rate = 2.0 * (b.frequency * b.flow_p - a.frequency * a.flow_p)
     fastest = max(a.frequency, b.frequency)
@@ -139,7 +133,7 @@ def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[
     failed = either(failed, lost)
     approach = 2.0 * (a.frequency * a.contact_p - b.frequency * b.contact_p)
     certain = both(approach > 0.0, is_clear_with(h - clear, approach, level, fastest))
-    # Short flights from contact to contact are timed otherwise (kernels.contact.bounce).
+    # Short flights from contact to contact are timed otherwise (kernels.contact.first_contact).
     long = both(a.frequency * h > LONG, h > 0.0)
     long = both(either(long, b.frequency * h > LONG), h > 0.0)
     far = both(approach > 0.0, approach * h > FAR)
@@ -148,8 +142,7 @@ def contact_in_lanes(a: SwingLanes, b: SwingLanes, contact: PairTrack) -> tuple[
 
 @kernel
 def _refined(a: SwingLanes, b: SwingLanes, h: Lanes, contact: PairTrack) -> tuple[Lanes, bool]:
-    """Zero of the sine of half the gap (see ``kernels.contact.arc_contact``); where it is not
-    found."""
+    """Zero of the sine of half the gap, as of ``refine_on_arc``; where it is not found."""
     fastest = max(a.frequency, b.frequency)
     lost = h * (a.frequency + b.frequency) > 0.1 * REDUCTION_LIMIT
     done = lost
@@ -277,7 +270,7 @@ def contact_of_two(two: TwoSwings, a: Flight, b: Flight, contact: PairTrack, clo
     approach = 2.0 * (wa * in_lane(two.contact_p, 0) - wb * in_lane(two.contact_p, 1))
     if not is_clear_before(h - clear, approach, level, fastest):
         return NONE_BEFORE_LIMIT
-    # Short flights from contact to contact are timed otherwise (kernels.contact.bounce).
+    # Short flights from contact to contact are timed otherwise (kernels.contact.first_contact).
     return h if fastest * h > LONG or approach * h > FAR else NONE_BEFORE_LIMIT
 
 
@@ -329,7 +322,7 @@ def fits(world: World, piece: int) -> bool:
     fit = fit and pair.touching == PARTING and pair.searched == 0.0 and pair.contact_t == NEVER
     for ball in range(2):
         flight = world.flights[ball]
-        track = world.tracks[ball * world.settings[0].pieces + piece]
+        track = track_on(world, ball, piece)
         end = min(track.left_s * track.left_s, track.right_s * track.right_s)
         fit = fit and flight.piece == piece and swings(flight) and flight.form == TRIGONOMETRIC
         fit = fit and track.lowest_s2 == 0.0 and flight.exit_after == NEVER

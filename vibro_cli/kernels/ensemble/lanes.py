@@ -1,17 +1,11 @@
 """Runs of several scenarios in the lanes of registers: from impact to impact, with their summaries.
 
-The sums of ``kernels.statistics.run_statistics`` for librations that one impact after the other
-ends; what bounds
-do not decide there is left to it: the lane fails.
-
-The operations of ``kernels.events.event_loop`` and ``kernels.flow.flight`` for an impact
-between librations
-that are not near a crest or an end of the arc, and whose bounces are not small, without jumps.
-
-In lanes are the runs whose bodies both swing on one arc, from one impact to the next (see
-``kernels.ensemble.lanes``). All else, and each event that fails there, is done by the
-kernels of
-single runs, after which the run goes back into its lane. The bits are those of single runs.
+In lanes are the runs whose bodies both swing on one arc, from one impact to the next: the
+operations of ``kernels.events.event_loop`` and ``kernels.flow.flight`` for an impact between
+librations that are not near a crest or an end of the arc, and whose bounces are not small, and the
+sums of ``kernels.statistics.run_statistics``, without jumps. All else, and each event whose lane
+fails because bounds do not decide there, is done by the kernels of single runs, after which the
+run goes back into its lane. The bits are those of single runs.
 """
 
 from __future__ import annotations
@@ -52,10 +46,9 @@ from vibro_cli.kernels.flow.flight import (
     size_of_root,
     widest_pull,
 )
-from vibro_cli.kernels.flow.replay import CAUTION
+from vibro_cli.kernels.flow.flow import CAUTION
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
-from vibro_cli.kernels.impact.event_log import do_part
-from vibro_cli.kernels.impact.laws import impact_of_pair
+from vibro_cli.kernels.impact.laws import do_part, impact_of_pair
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_librations, set_theta_constants
 from vibro_cli.kernels.statistics.run_statistics import (
@@ -85,7 +78,7 @@ def range_in_lanes(
     """Extremes of ``S^2`` over a flight that ends in a state; in which lanes they are not sure.
 
     How often a half period and its half fit into the flight is decided by bounds of the quarter
-    period K: it is ``pi/2`` over a mean of 1 and k' (see ``kernels.flow.replay.half_period``).
+    period K: it is ``pi/2`` over a mean of 1 and k' (see ``kernels.flow.flow.half_period``).
     """
     start = swing.flow_s * swing.flow_s
     end = s * s
@@ -189,9 +182,7 @@ class LaneGroup(NamedTuple):
 def next_impact(world: World, group: LaneGroup) -> bool:
     """Go on to the next impact in every lane; one that fails stays where it is.
 
-    Returns
-    -------
-    Which lanes have failed or are at their last impact.
+    Returns which lanes have failed or are at their last impact.
     """
     run = group.runs[0]
     a = group.swings[0]
@@ -226,8 +217,7 @@ def next_impact(world: World, group: LaneGroup) -> bool:
 
 @kernel
 def _project(swing: SwingLanes) -> bool:
-    """Project the state of contact (see ``kernels.flow.begin_flight.project``); where that
-    fails."""
+    """Project the state of contact (see ``kernels.flow.flight.project``); where that fails."""
     s = swing.contact_s
     c = swing.contact_c
     p = swing.contact_p
@@ -247,10 +237,8 @@ def _project(swing: SwingLanes) -> bool:
 def _collide(world: World, group: LaneGroup) -> tuple[Lanes, bool]:
     """Carry out the impact: states, energies and parameters after it.
 
-    Returns
-    -------
-    What the energy lacked before it was shared (J), and in which lanes the impact is of another
-    kind.
+    Returns what the energy lacked before it was shared (J), and in which lanes the impact is of
+    another kind.
     """
     settings = world.settings[0]
     run = group.runs[0]
@@ -377,8 +365,7 @@ def run_points_in_lanes(
     last: int,
     group: LaneGroup,
 ) -> int:
-    """Run some of the points, whose impacts are not kept; see
-    ``kernels.ensemble.points.run_points``.
+    """Run some of the points, as ``kernels.ensemble.points.run_points``; no impacts are kept.
 
     The arc is the one that ``group`` is set up for. Returns the number of impacts made in lanes.
     """

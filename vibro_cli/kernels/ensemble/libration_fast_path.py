@@ -31,8 +31,7 @@ from vibro_cli.kernels.flow.flight import (
     widest_pull,
 )
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
-from vibro_cli.kernels.impact.event_log import do_part, log_impact
-from vibro_cli.kernels.impact.laws import impact_of_pair
+from vibro_cli.kernels.impact.laws import do_part, impact_of_pair, log_impact
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import (
     PARAMETER_SPLIT,
@@ -46,13 +45,14 @@ from vibro_cli.kernels.world import (
     PARTING,
     RUNNING,
     World,
+    track_of,
+    track_on,
 )
 
 
 @kernel
 def proceed_swinging(world: World, bodies: TwoBodies) -> int:
-    """Do what ``kernels.events.event_loop.proceed`` does to go on, for two bodies on an open
-    trace."""
+    """Go on as ``kernels.events.event_loop.proceed`` does, for two bodies on an open trace."""
     settings = world.settings[0]
     clock = world.clock[0]
     most = settings.stop_collisions
@@ -133,13 +133,12 @@ def _gather(world: World, two: TwoSwings, tracks: TwoTracks) -> None:
 @kernel
 def _launch(world: World) -> None:
     """Set both flights up as the event loop has them."""
-    settings = world.settings[0]
     a = world.flights[0]
     b = world.flights[1]
     set_two_theta_constants(a, a.parameter, a.root_complement, b, b.parameter, b.root_complement)
     for ball in range(2):
         flight = world.flights[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        track = track_of(world, ball)
         launch(flight, world.bodies[ball], world.pieces[flight.piece], track, 0)
 
 
@@ -217,14 +216,13 @@ def _next_impact(world: World, two: TwoSwings, tracks: TwoTracks) -> bool:
 def _share_energy(
     world: World, two: TwoSwings, tracks: TwoTracks, s: Two, c: Two, p: Two, loss: float
 ) -> int:
-    """Give both bodies their energies and parameters after an impact (see ``changes``).
+    """Give both bodies their energies and parameters after an impact (see ``event_loop``).
 
     Returns the body with more energy; -1 if the flights after it are not librations far from a
     crest and the ends of the arc, or neither has more.
     """
     a = world.flights[0]
     b = world.flights[1]
-    pieces = world.settings[0].pieces
     if any_lane(c * c + p * p < CREST_NEIGHBOURHOOD) or any_lane(abs(p) >= abs(c)):
         return -1
     head = head_on_arc(tracks, s, c, p)
@@ -239,7 +237,7 @@ def _share_energy(
     more = 0 if energy_a > energy_b else 1
     other = world.flights[more]
     kept = other.head
-    track = world.tracks[more * pieces + a.piece]
+    track = track_on(world, more, a.piece)
     other.head = (total - min(energy_a, energy_b)) / world.bodies[more].weight
     rest, rest_root = energy_on_piece(other, track, track)
     if more == 0:

@@ -18,21 +18,16 @@ from vibro_cli.kernels.ensemble.records import (
     Points,
     Results,
     Stack,
+    end_of_point,
     install,
     prepare_point,
     tally_point,
 )
 from vibro_cli.kernels.events.event_loop import proceed
+from vibro_cli.kernels.impact.impulse_chain import last_number_of
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.tangent.frame import Tangents
-from vibro_cli.kernels.world import (
-    END_TIME,
-    LOG_FULL,
-    NEVER,
-    RUNNING,
-    Flight,
-    World,
-)
+from vibro_cli.kernels.world import LOG_FULL, RUNNING, Flight, World
 
 
 @kernel
@@ -46,23 +41,11 @@ def run_points(
     last: int,
     filled: int,
 ) -> tuple[int, int]:
-    """Run some of the points, from ``first`` to before ``last``.
+    """Run the points of a batch from ``first`` to before ``last``.
 
-    Parameters
-    ----------
-    world, fresh
-        The records to work on, and what they are before the start of every run.
-    scratch
-        One flight to work with.
-    points, results
-        All points of the batch, and where their results go.
-    filled
-        Rows of impacts that are used; without any room for impacts, they are not kept.
-
-    Returns
-    -------
-    The first point that was not run (there was no room left for its impacts), and the rows of
-    impacts that are used.
+    ``fresh`` has the records of ``world`` as they are before every run; ``filled`` rows
+    of impacts are used. Without any room for impacts, they are not kept. Returns the first point
+    that was not run (there was no room left for its impacts), and the rows that are used.
     """
     keep = len(results.impacts) > 0
     for point in range(first, last):
@@ -97,8 +80,7 @@ def run_stacked(
     last: int,
     filled: int,
 ) -> tuple[int, int]:
-    """Run some of the points, each with its own system; see
-    ``kernels.ensemble.points.run_points``."""
+    """Run some of the points as :func:`run_points`, each with its own system."""
     at = first
     while at < last:
         system = stack.of_runs[at].number
@@ -126,19 +108,12 @@ def follow_points(
     tangents: Tangents,
     sums: FloatMatrix,
 ) -> None:
-    """Run all points of a batch; impacts are not kept.
+    """Run all points of a batch, with their tangent maps; impacts are not kept.
 
-    Parameters
-    ----------
-    world, fresh, scratch, points, results
-        As of ``kernels.ensemble.points.run_points``.
-    stack
-        The systems of the points; of a single one, no number of a system.
-    tangents
-        With room for as many impacts as the log of the world; ``state`` has a row for each point,
-        with its scale of time, of which the first is worked on.
-    sums
-        [point, direction] filled in: logarithms of the growth of the frame's vectors.
+    ``stack`` has the systems of the points; of one alone, no number of a system. ``tangents`` has
+    room for as many impacts as the log of the world; its ``state`` has a row for each point, with
+    its scale of time, of which the first is worked on. ``sums`` [point, direction] is filled in:
+    logarithms of the growth of the frame's vectors.
     """
     installed = -1
     for point in range(len(points.own)):
@@ -158,30 +133,12 @@ def follow_points(
                 break
             now = RUNNING if cause == LOG_FULL else cause
             tally_point(world, known, now, points, results, point, scratch)
-            _follow_point(world, known, now, points, point, tangents, scratch)
+            end_t, end_low = end_of_point(world, now, points, point)
+            follow_tangents(world, known, now, end_t, end_low, tangents, scratch)
             known = _keep_under_way(world)
         results.outcomes[point].end_cause = cause
         for column in range(len(tangents.frame)):
             sums[point, column] = tangents.sums[0, column]
-
-
-@kernel
-def _follow_point(
-    world: World,
-    known: int,
-    cause: int,
-    points: Points,
-    point: int,
-    tangents: Tangents,
-    scratch: Sequence[Flight],
-) -> None:
-    """Follow the tangent map through a part of a run, or to its end."""
-    end_t = world.clock[0].t
-    end_low = world.clock[0].t_low
-    if cause == END_TIME and points.own[point].stop_t < NEVER:
-        end_t = points.own[point].stop_t
-        end_low = 0.0
-    follow_tangents(world, known, cause, end_t, end_low, tangents, scratch)
 
 
 @kernel
@@ -193,9 +150,7 @@ def _keep_under_way(world: World) -> int:
     clock = world.clock[0]
     bodies = world.settings[0].bodies
     for ball in range(bodies):
-        last = clock.flight_rows - 1
-        while world.log[last].body != ball:
-            last -= 1
+        last = last_number_of(world, ball)
         if last != ball:
             world.log[ball] = world.log[last]  # type: ignore[index]
     clock.flight_rows = bodies

@@ -34,7 +34,7 @@ class StartData:
     """One body at the start of one run."""
 
     piece: int
-    s: float  # (S, C, P) as in kernels.structs
+    s: float  # (S, C, P) as in kernels.world
     c: float
     p: float
     mass: float  # kg
@@ -64,6 +64,14 @@ class Results(NamedTuple):
 
 
 @kernel
+def end_of_point(world: World, cause: int, points: Points, point: int) -> tuple[float, float]:
+    """When a run, or a part of one, has ended (two doubles, s)."""
+    if cause == END_TIME and points.own[point].stop_t < NEVER:
+        return points.own[point].stop_t, 0.0
+    return world.clock[0].t, world.clock[0].t_low
+
+
+@kernel
 def tally_point(
     world: World,
     known: int,
@@ -74,11 +82,7 @@ def tally_point(
     scratch: Sequence[Flight],
 ) -> None:
     """Tally a run, or a part of one (see ``kernels.statistics.run_statistics``)."""
-    end_t = world.clock[0].t
-    end_low = world.clock[0].t_low
-    if cause == END_TIME and points.own[point].stop_t < NEVER:
-        end_t = points.own[point].stop_t
-        end_low = 0.0
+    end_t, end_low = end_of_point(world, cause, points, point)
     tally(world, known, cause, end_t, end_low, results.outcomes, point, results.finals, scratch)
 
 

@@ -6,13 +6,15 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.arc_contact import contact_on_arc
-from vibro_cli.kernels.contact.bounce import sharpened_by_distance, sharpened_on_arc, short_bounce
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
 from vibro_cli.kernels.contact.first_contact import (
-    NONE_BEFORE_LIMIT,
     contact_by_distance,
     contact_on_line,
     keep_states,
+    paths_of,
+    sharpened_by_distance,
+    sharpened_on_arc,
+    short_bounce,
 )
 from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.flow.flow import LINE
@@ -27,6 +29,9 @@ from vibro_cli.kernels.world import (
     PieceData,
     TrackData,
     World,
+    contact_of,
+    flights_of,
+    tracks_of,
 )
 
 # Cosines of bounds are compared with room for their rounding.
@@ -72,8 +77,7 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     settings = world.settings[0]
     clock = world.clock[0]
     clock.searches += 1
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     apart = world.far[j * settings.pieces + a.piece][b.piece] == 1
     apart = apart or (a.at_rest == 1 and b.at_rest == 1)
     apart = apart or _is_left_to_the_other(world, pair)
@@ -102,27 +106,30 @@ def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
         touching = world.pairs[1 - j].touching
     age_a = time_between(pair.begin_t, pair.begin_t_low, a.t, a.t_low)
     age_b = time_between(pair.begin_t, pair.begin_t_low, b.t, b.t_low)
+    ages = age_a, age_b
     piece = world.pieces[a.piece]
     straight = laps == 0 and _on_one_line(world, a, b)
     if a.piece == b.piece and piece.sign != 0.0:
-        contact = world.contacts[j * settings.pieces + a.piece]
+        contact = contact_of(world, j)
         orientation = 1.0 if laps == 0 else -1.0
         if kept_apart(a, b, contact, laps):
             clock.skipped_apart += 1
             pair.apart = 1
             return
-        h = contact_on_arc(
-            a, b, age_a, age_b, pair.touching, ahead, limit, contact, orientation, pair, clock
-        )
+        h = contact_on_arc(world, j, ages, ahead, limit, orientation)
         if h > 0.0 and pair.touching == PARTING:
-            t = sharpened_on_arc(a, b, age_a + h, contact, orientation, pair, clock)
-            h = max(t - age_a, 0.0)
+            h = max(sharpened_on_arc(world, j, age_a + h, orientation) - age_a, 0.0)
     elif a.form == LINE and b.form == LINE and straight:
-        contact = world.contacts[j * settings.pieces + a.piece]
         between = world.pieces[b.piece].start_s - piece.start_s
-        h = contact_on_line(a, b, age_a, age_b, touching, limit, between, contact, pair, clock)
+        h = contact_on_line(world, j, ages, touching, limit, between)
+    elif _separated(world, j, straight):
+        clock.skipped_apart += 1
+        pair.apart = 1
+        return
     else:
-        h = _contact_by_distance(world, j, touching, ahead, limit, age_a, age_b, straight)
+        h = contact_by_distance(world, j, straight, touching, ahead, limit, ages)
+        if h > 0.0 and touching == PARTING:
+            h = max(sharpened_by_distance(world, j, straight, age_a + h) - age_a, 0.0)
     if h >= 0.0:
         pair.contact_t, pair.contact_t_low = add_to_time(pair.begin_t, pair.begin_t_low, h)
         if settings.pairs == 2 and settings.bodies == 2 and a.piece != b.piece:
@@ -136,48 +143,6 @@ def _on_one_line(world: World, a: Flight, b: Flight) -> bool:
         if world.pieces[piece].sign != 0.0:
             return False
     return a.piece <= b.piece
-
-
-@kernel
-def _contact_by_distance(
-    world: World,
-    j: int,
-    touching: int,
-    ahead: float,
-    limit: float,
-    age_a: float,
-    age_b: float,
-    straight: bool,
-) -> float:
-    """First contact of a pair on two pieces, or on one line, by the distance of the centres.
-
-    On one line the bodies are searched along it: centres on one path have no speed across their
-    distance, as those of unequal bodies have, and come together as their speeds along it say.
-    """
-    settings = world.settings[0]
-    pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    piece_a = world.pieces[a.piece]
-    piece_b = world.pieces[b.piece]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[(pair.a if straight else pair.b) * settings.pieces + b.piece]
-    reach = world.contacts[j * settings.pieces + a.piece].sine if straight else pair.distance
-    clock = world.clock[0]
-    if _separated(a, piece_a, track_a, b, piece_b, track_b, reach):
-        clock.skipped_apart += 1
-        pair.apart = 1
-        return NONE_BEFORE_LIMIT
-    h = contact_by_distance(
-        a, b, age_a, age_b, touching, ahead, limit,
-        piece_a, track_a, piece_b, track_b, reach, straight, pair, clock,
-    )  # fmt: skip
-    if h > 0.0 and touching == PARTING:
-        t = sharpened_by_distance(
-            a, b, age_a + h, piece_a, track_a, piece_b, track_b, reach, pair, clock
-        )
-        h = max(t - age_a, 0.0)
-    return h
 
 
 @kernel
@@ -197,20 +162,17 @@ def _is_left_to_the_other(world: World, pair: PairData) -> bool:
 @kernel
 def _hand_over(world: World, pair: PairData, other: PairData) -> None:
     """Give a contact of two bodies on two pieces to the other pair if it is on that side."""
-    settings = world.settings[0]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     piece_a = world.pieces[a.piece]
     piece_b = world.pieces[b.piece]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    track_a, track_b = tracks_of(world, pair)
     ax, ay = centre_position(piece_a, track_a, pair.a_s, pair.a_c)
     bx, by = centre_position(piece_b, track_b, pair.b_s, pair.b_c)
     tx, ty = centre_tangent(piece_a, pair.a_s, pair.a_c)
     ux, uy = centre_tangent(piece_b, pair.b_s, pair.b_c)
     if (bx - ax) * (tx + ux) + (by - ay) * (ty + uy) >= 0.0:
         return
-    keep_states(other, pair.b_s, pair.b_c, pair.b_p, pair.a_s, pair.a_c, pair.a_p)
+    keep_states(other, (pair.b_s, pair.b_c, pair.b_p), (pair.a_s, pair.a_c, pair.a_p))
     other.contact_t = pair.contact_t
     other.contact_t_low = pair.contact_t_low
     other.apart = 0
@@ -237,19 +199,13 @@ def kept_apart(a: Flight, b: Flight, contact: PairTrack, laps: int) -> bool:
 
 
 @kernel
-def _separated(
-    a: Flight,
-    piece_a: PieceData,
-    track_a: TrackData,
-    b: Flight,
-    piece_b: PieceData,
-    track_b: TrackData,
-    distance: float,
-) -> bool:
-    """Tell whether the flights are kept apart by the horizontal extents of their paths."""
+def _separated(world: World, j: int, straight: bool) -> bool:
+    """Tell whether a pair is kept apart by the horizontal extents of its flights."""
+    a, b = flights_of(world, world.pairs[j])
+    piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
     low_a, high_a = horizontal_extent(a, piece_a, track_a)
     low_b, high_b = horizontal_extent(b, piece_b, track_b)
-    return low_b - high_a > distance or low_a - high_b > distance
+    return low_b - high_a > reach or low_a - high_b > reach
 
 
 @kernel

@@ -21,7 +21,6 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_normals,
     set_speed,
 )
-from vibro_cli.kernels.contact.wall_contact import bounce_is_lost, last_row_of
 from vibro_cli.kernels.events.event_detection import first_contact
 from vibro_cli.kernels.events.simultaneous_impacts import (
     collide_jointly,
@@ -31,6 +30,7 @@ from vibro_cli.kernels.events.simultaneous_impacts import (
 from vibro_cli.kernels.flow.flight import (
     LIFT_OFF,
     anchor_at_crest,
+    arc_energy,
     begin_flight,
     begin_two_flights,
     bring_to,
@@ -38,12 +38,16 @@ from vibro_cli.kernels.flow.flight import (
     is_same_instant,
     place_at,
     project,
-    set_arc_energy,
 )
 from vibro_cli.kernels.impact.chattering import FORCED
-from vibro_cli.kernels.impact.event_log import log_contacts, log_impact, parts
-from vibro_cli.kernels.impact.impulse_chain import chain_of_contacts, held_run, row_from
-from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, impact_of_pair
+from vibro_cli.kernels.impact.impulse_chain import bounce_is_lost, last_row_of, row_from, run_around
+from vibro_cli.kernels.impact.laws import (
+    NORMAL_IMPULSE,
+    impact_of_pair,
+    log_contacts,
+    log_impact,
+    parts,
+)
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.world import (
     COLLISION,
@@ -68,6 +72,11 @@ from vibro_cli.kernels.world import (
     PairData,
     TrackData,
     World,
+    flights_of,
+    number_along,
+    track_of,
+    track_on,
+    tracks_of,
 )
 
 # Below this share of the whole energy, a speed is carried over a junction instead of the energy.
@@ -88,7 +97,7 @@ def collide(world: World, j: int) -> int:
     first = j
     count = 1
     if settings.bodies > 2:
-        first, count = chain_of_contacts(world, j)
+        first, count = run_around(world, j, True)
     bound = _is_bound(world, pair.a, pair.a_s, pair.a_c)
     if count > 1 or bound or _is_bound(world, pair.b, pair.b_s, pair.b_c):
         at_once = clock.t == pair.begin_t and clock.t_low == pair.begin_t_low
@@ -122,12 +131,9 @@ def _collide_alone(world: World, j: int) -> int:
     settings = world.settings[0]
     clock = world.clock[0]
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    body_a = world.bodies[pair.a]
-    body_b = world.bodies[pair.b]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    a, b = flights_of(world, pair)
+    body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
+    track_a, track_b = tracks_of(world, pair)
     if a.frequency > 0.0:
         pair.a_s, pair.a_c, pair.a_p = project(a, pair.a_s, pair.a_c, pair.a_p)
     if b.frequency > 0.0:
@@ -154,8 +160,6 @@ def _collide_alone(world: World, j: int) -> int:
     log_impact(world, j, wa, wb, law, loss)
     row.substituted = substituted
     row.admissible = admissible
-    row.head_a_pre = a.head
-    row.head_b_pre = b.head
     if admissible == 0 and substituted == 0:
         complete_inadmissible(world, row)
         return END_INADMISSIBLE
@@ -191,12 +195,9 @@ def _share_energy(world: World, pair: PairData, loss: float) -> None:
     added up. A tie is shared evenly, so that mirror images stay mirror images.
     """
     settings = world.settings[0]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    body_a = world.bodies[pair.a]
-    body_b = world.bodies[pair.b]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    a, b = flights_of(world, pair)
+    body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
+    track_a, track_b = tracks_of(world, pair)
     total = body_a.weight * a.head + body_b.weight * b.head - loss
     energy_a = body_a.weight * head_from_state(a, body_a, track_a, settings.gravity)
     energy_b = body_b.weight * head_from_state(b, body_b, track_b, settings.gravity)
@@ -225,9 +226,9 @@ def release(world: World, j: int) -> int:
     pair = world.pairs[j]
     clock.t = pair.release_t
     clock.t_low = pair.release_t_low
-    first, count = held_run(world, j)
+    first, count = run_around(world, j, False)
     for step in range(count + 1):
-        bring_to(world, (first + step) % world.settings[0].bodies, clock.t, clock.t_low)
+        bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
     open_contacts(world, j, first, count)
     return RUNNING
 
@@ -245,14 +246,14 @@ def leave_piece(world: World, ball: int) -> int:
         return END_LIFT_OFF
     if flight.grouped == 1:
         return _leave_in_group(world, ball)
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     right = flight.exit_side > 0
     exit_p = flight.exit_p
     _place_at_end(flight, track, right, exit_p)
     target = flight.piece + (1 if right else -1)
     if settings.closed == 1 or 0 <= target < settings.pieces:
         _enter(world, ball, target, right, track.speed_factor * exit_p)
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        track = track_of(world, ball)
         speed = track.speed_factor * flight.p
         kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / settings.gravity
         if kinetic > SLOW_CROSSING * flight.head:
@@ -283,7 +284,7 @@ def _enter(world: World, ball: int, target: int, right: bool, speed: float) -> N
         flight.lap += 1
     world.clock[0].crossings += 1
     flight.piece = target
-    track = world.tracks[ball * settings.pieces + target]
+    track = track_on(world, ball, target)
     flight.s = track.left_s if right else track.right_s
     flight.c = track.left_c if right else track.right_c
     flight.p = speed / track.speed_factor
@@ -297,14 +298,12 @@ def rate_by_energy(world: World, ball: int, flight: Flight, track: TrackData) ->
         rise = flight.head - (track.bottom + track.line_rise * flight.s)
         rate = math.sqrt(max(2.0 * settings.gravity * rise / world.bodies[ball].kappa, 0.0))
     else:
-        anchor = flight.anchor if flight.anchor >= 0 else flight.piece
-        set_arc_energy(flight, track, world.tracks[ball * settings.pieces + anchor])
+        m, root = arc_energy(world, ball, 0)
         s2 = flight.s * flight.s
         if s2 > 0.5:
-            root = flight.root_complement
             rate = math.sqrt(max(flight.c * flight.c - root * abs(root), 0.0))
         else:
-            rate = math.sqrt(max(flight.parameter - s2, 0.0))
+            rate = math.sqrt(max(m - s2, 0.0))
     if rate == 0.0:
         return flight.p
     return rate if flight.p > 0.0 else -rate
@@ -320,13 +319,13 @@ def _leave_in_group(world: World, ball: int) -> int:
     right = flight.exit_side > 0
     exit_p = flight.exit_p
     j = ball if ball < settings.pairs and world.pairs[ball].held == 1 else ball - 1
-    first, count = held_run(world, j % settings.bodies)
+    first, count = run_around(world, j % settings.bodies, False)
     for step in range(count + 1):
-        bring_to(world, (first + step) % settings.bodies, clock.t, clock.t_low)
+        bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
     if segment_only:
         relaunch_run(world, first, count, SEGMENT)
         return RUNNING
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     flight.exit_t = clock.t
     flight.exit_t_low = clock.t_low
     _place_at_end(flight, track, right, exit_p)
@@ -418,12 +417,7 @@ def proceed(world: World, starting: bool) -> int:
 
 @kernel
 def advance(world: World) -> int:
-    """Run until an end cause, or until a log has no room for another event.
-
-    Returns
-    -------
-    One of the causes of ``kernels.world``.
-    """
+    """Run until an end cause, or until a log has no room for another event; return which."""
     settings = world.settings[0]
     clock = world.clock[0]
     while True:

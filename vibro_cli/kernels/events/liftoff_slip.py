@@ -18,10 +18,9 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, row_of, set_ends, set_forces
 from vibro_cli.kernels.flow.flight import squared_rate_at
-from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, time_to
-from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, recall_flight, time_to
 from vibro_cli.kernels.numerics.elliptic import quarter_period
-from vibro_cli.kernels.world import NEVER, BodyForces, Flight, World
+from vibro_cli.kernels.world import NEVER, BodyForces, Flight, World, track_on
 
 TURNING = 0
 LIFT_OFF = 1
@@ -100,17 +99,9 @@ class Search(NamedTuple):
 def find_passages(world: World, search: Search) -> int:
     """Find the passages on flights, from where ``progress`` is until all is done or full.
 
-    Parameters
-    ----------
-    world
-        With the log that the spans are of.
-    search
-        The spans, best in order of the log; the forces at both ends are filled in, and the
-        passages, those of a flight and kind in order of time.
-
-    Returns
-    -------
-    The number of passages filled in; there may be more if that is all the room there is.
+    The spans are best in order of the log; the forces at both ends are filled in, and the passages,
+    those of a flight and kind in order of time. Returns the number of passages filled in; there may
+    be more if that is all the room there is.
     """
     now = search.progress[0]
     now.filled = 0
@@ -350,7 +341,7 @@ def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tu
     row = world.log[span.row]
     body = world.bodies[row.body]
     piece = world.pieces[row.piece]
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     one = world.forces[world.settings[0].bodies]
     if piece.sign == 0.0:
         one.start_normal = body.weight * piece.tangent_x

@@ -19,11 +19,6 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_normals,
     set_speed,
 )
-from vibro_cli.kernels.contact.wall_contact import (
-    last_row_of,
-    touched_wall,
-    touches_dissipative_wall,
-)
 from vibro_cli.kernels.flow.flight import bring_to, head_from_state
 from vibro_cli.kernels.impact.chattering import (
     FREE,
@@ -33,9 +28,22 @@ from vibro_cli.kernels.impact.chattering import (
     press_speeds,
     repeats,
 )
-from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING, log_impact, parts
-from vibro_cli.kernels.impact.impulse_chain import apply_impulses, joint_impulses, share_fastest
-from vibro_cli.kernels.impact.laws import NORMAL_IMPULSE, law_approach, loss_of_impulse
+from vibro_cli.kernels.impact.impulse_chain import (
+    apply_impulses,
+    joint_impulses,
+    last_row_of,
+    share_fastest,
+    touched_wall,
+    touches_dissipative_wall,
+)
+from vibro_cli.kernels.impact.laws import (
+    NORMAL_IMPULSE,
+    SPEED_ROUNDING,
+    law_approach,
+    log_impact,
+    loss_of_impulse,
+    parts,
+)
 from vibro_cli.kernels.world import (
     COLLISION,
     END_INADMISSIBLE,
@@ -45,6 +53,10 @@ from vibro_cli.kernels.world import (
     ImpactRow,
     PairData,
     World,
+    flight_along,
+    number_along,
+    pair_along,
+    track_of,
 )
 
 # So many rounds of impacts of a chain at one instant are taken to contract without end.
@@ -79,7 +91,7 @@ def collide_jointly(world: World, first: int, count: int) -> int:
     if clock.impact_rows > start_row:
         # Speeds have changed: no pair need be held whatever its force, or stay released.
         for step in range(count):
-            pair = world.pairs[(first + step) % settings.pairs]
+            pair = pair_along(world, first, step)
             pair.pressing = FREE
             pair.touching = 0
     settle(world, first, count)
@@ -115,7 +127,7 @@ def _lifts(world: World, start_row: int) -> bool:
 def _comes_back(world: World, first: int, count: int, end: int) -> int:
     """The side of a wall from which an end of a chain comes back in this round, or 0."""
     settings = world.settings[0]
-    ball = (first + end) % settings.bodies
+    ball = number_along(world, first, end)
     side = touched_wall(world, ball)
     rounding = SPEED_ROUNDING * share_fastest(world, first, count)
     beside = (first if end == 0 else first + count - 1) % settings.pairs
@@ -145,19 +157,18 @@ def _take_closing_losses(world: World, first: int, count: int, start_row: int) -
     The loss of a contact without a row of its own here is shared by all rows of the impact.
     """
     clock = world.clock[0]
-    pairs = world.settings[0].pairs
     total = 0.0
     shared = 0.0
     # From both ends at once, so that the sum of a mirror image is the same.
     for step in range((count + 1) // 2):
         opposite = count - 1 - step
-        left = _closing_loss_left(world, (first + step) % pairs, start_row)
+        left = _closing_loss_left(world, number_along(world, first, step), start_row)
         right = 0.0
         if opposite > step:
-            right = _closing_loss_left(world, (first + opposite) % pairs, start_row)
+            right = _closing_loss_left(world, number_along(world, first, opposite), start_row)
         shared += left + right
     for step in range(count):
-        total += world.pairs[(first + step) % pairs].closing_loss
+        total += pair_along(world, first, step).closing_loss
     rows = clock.impact_rows - start_row
     if rows == 0:
         clock.energy_correction += abs(shared)
@@ -184,29 +195,27 @@ def _closing_loss_left(world: World, j: int, start_row: int) -> float:
 @kernel
 def _bring_chain(world: World, first: int, count: int) -> None:
     """Put the bodies of a chain into their states at the instant; set speeds and normals."""
-    settings = world.settings[0]
     clock = world.clock[0]
     for step in range(count + 1):
-        bring_to(world, (first + step) % settings.bodies, clock.t, clock.t_low)
-        set_speed(world, (first + step) % settings.bodies)
+        bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
+        set_speed(world, number_along(world, first, step))
     for step in range(count):
-        set_normals(world, (first + step) % settings.pairs)
+        set_normals(world, number_along(world, first, step))
     most = 0
     for step in range(count + 1):
-        most = max(most, world.flights[(first + step) % settings.bodies].impacts)
+        most = max(most, flight_along(world, first, step).impacts)
     _note_bounces(world, first, count, most == 0)
     for step in range(count + 1):
-        world.flights[(first + step) % settings.bodies].impacts = most + 1
-        world.flights[(first + step) % settings.bodies].wall_side = 0
+        flight_along(world, first, step).impacts = most + 1
+        flight_along(world, first, step).wall_side = 0
 
 
 @kernel
 def _note_bounces(world: World, first: int, count: int, begins: bool) -> None:
     """Keep how fast a pair came together that alone moves in its chain, where an instant begins."""
-    settings = world.settings[0]
     clock = world.clock[0]
     for step in range(count):
-        number = (first + step) % settings.pairs
+        number = number_along(world, first, step)
         pair = world.pairs[number]
         if world.flights[pair.a].impacts == 0 or world.flights[pair.b].impacts == 0:
             pair.struck = 0.0
@@ -222,10 +231,10 @@ def energy_of_chain(world: World, first: int, count: int) -> float:
     settings = world.settings[0]
     total = 0.0
     for step in range(count + 1):
-        ball = (first + step) % settings.bodies
+        ball = number_along(world, first, step)
         flight = world.flights[ball]
         body = world.bodies[ball]
-        track = world.tracks[ball * settings.pieces + flight.piece]
+        track = track_of(world, ball)
         flight.head = head_from_state(flight, body, track, settings.gravity)
         total += body.weight * flight.head
     return total
@@ -238,10 +247,9 @@ def _impulses(world: World, first: int, count: int) -> tuple[float, bool]:
     Returns the energy lost (J), and whether every pair of an impact parts after it, by the law or
     by what is put in its place.
     """
-    pairs = world.settings[0].pairs
     rounding = SPEED_ROUNDING * share_fastest(world, first, count)
     for step in range(count):
-        number = (first + step) % pairs
+        number = number_along(world, first, step)
         pair = world.pairs[number]
         least = rounding
         if pair.held == 1:
@@ -253,10 +261,10 @@ def _impulses(world: World, first: int, count: int) -> tuple[float, bool]:
     start = 0
     while start < count:
         length = 0
-        while start + length < count and world.pairs[(first + start + length) % pairs].closing == 1:
+        while start + length < count and pair_along(world, first, start + length).closing == 1:
             length += 1
         if length > 0:
-            begin = (first + start) % pairs
+            begin = number_along(world, first, start)
             start_row = world.clock[0].impact_rows
             lost, fine = _impulses_of_run(world, begin, length, world.settings[0].law)
             if not fine and world.settings[0].substitute == 1:
@@ -275,11 +283,9 @@ def _is_endless(world: World, first: int, count: int) -> bool:
     One with dissipation that goes on so long contracts; without it every sequence ends.
     """
     dissipates = touches_dissipative_wall(world, first)
-    dissipates = dissipates or touches_dissipative_wall(
-        world, (first + count) % world.settings[0].bodies
-    )
+    dissipates = dissipates or touches_dissipative_wall(world, number_along(world, first, count))
     for step in range(count):
-        pair = world.pairs[(first + step) % world.settings[0].pairs]
+        pair = pair_along(world, first, step)
         dissipates = dissipates or pair.restitution < 1.0
     return dissipates and world.flights[first].impacts > MOST_ROUNDS
 
@@ -288,22 +294,19 @@ def _is_endless(world: World, first: int, count: int) -> bool:
 def _limit(world: World, first: int, count: int) -> float:
     """Take a chain to the limit of its sequence of impacts; return the energy lost (J).
 
-    That is its plastic impact, with the walls that it touches: see ``plastic.press_speeds``.
+    That is its plastic impact, with the walls that it touches: see ``chattering.press_speeds``.
     """
-    settings = world.settings[0]
     clock = world.clock[0]
     law = closing_law(world, first, count)
     loss = press_speeds(world, first, count, law)
     start_row = clock.impact_rows
     for step in range(count):
-        pair = world.pairs[(first + step) % settings.pairs]
+        pair = pair_along(world, first, step)
         if pair.pressing == PRESSING:
-            log_impact(world, (first + step) % settings.pairs, 0.0, 0.0, law, 0.0)
+            log_impact(world, number_along(world, first, step), 0.0, 0.0, law, 0.0)
             row = world.impacts[clock.impact_rows - 1]
-            row.head_a_pre = world.flights[pair.a].head
-            row.head_b_pre = world.flights[pair.b].head
             row.simultaneous = 1  # it stands for all that would follow, on walls too
-            row.loss = half_approach(world, (first + step) % settings.pairs, law)
+            row.loss = half_approach(world, number_along(world, first, step), law)
     apply_impulses(world, first, count, law)
     for number in range(start_row, clock.impact_rows):
         row = world.impacts[number]
@@ -317,22 +320,19 @@ def _limit(world: World, first: int, count: int) -> float:
 
 @kernel
 def _impulses_of_run(world: World, begin: int, length: int, law: int) -> tuple[float, bool]:
-    settings = world.settings[0]
     clock = world.clock[0]
     joint_impulses(world, begin, length, law, 0)
     start_row = clock.impact_rows
     for step in range(length):
-        log_impact(world, (begin + step) % settings.pairs, 0.0, 0.0, law, 0.0)
+        log_impact(world, number_along(world, begin, step), 0.0, 0.0, law, 0.0)
         row = world.impacts[clock.impact_rows - 1]
-        pair = world.pairs[(begin + step) % settings.pairs]
-        row.head_a_pre = world.flights[pair.a].head
-        row.head_b_pre = world.flights[pair.b].head
+        pair = pair_along(world, begin, step)
         row.simultaneous = 1 if length > 1 else 0
     apply_impulses(world, begin, length, law)
     loss = 0.0
     fine = True
     for step in range(length):
-        pair = world.pairs[(begin + step) % settings.pairs]
+        pair = pair_along(world, begin, step)
         row = world.impacts[start_row + step]
         row.speed_a_post = world.flights[pair.a].speed
         row.speed_b_post = world.flights[pair.b].speed
@@ -354,7 +354,7 @@ def _substitute(world: World, begin: int, length: int, start_row: int) -> float:
     clock.collisions -= clock.impact_rows - start_row
     clock.impact_rows = start_row
     for step in range(length + 1):
-        set_speed(world, (begin + step) % world.settings[0].bodies)
+        set_speed(world, number_along(world, begin, step))
     loss, _ = _impulses_of_run(world, begin, length, NORMAL_IMPULSE)
     for row in range(start_row, clock.impact_rows):
         world.impacts[row].substituted = 1

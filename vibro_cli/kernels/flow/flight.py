@@ -8,7 +8,16 @@ from vibro_cli.compile.kernel import SERIES_LENGTH, choose, kernel
 from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_to
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants, set_two_theta_constants
-from vibro_cli.kernels.world import NEVER, BodyData, Flight, PieceData, TrackData, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    BodyData,
+    Flight,
+    PieceData,
+    TrackData,
+    World,
+    track_of,
+    track_on,
+)
 
 BOUNDARY = 0
 LIFT_OFF = 1
@@ -29,24 +38,41 @@ def launch(
     flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
 ) -> None:
     """Set up the flight that starts from the state, piece and energy held in ``flight``."""
+    clear(flight, track, 0)
+    start_from_state(flight)
+    launch_on_piece(flight, body, piece, track, one_sided)
+    set_exit_time(flight)
+
+
+@kernel
+def clear(flight: Flight, track: TrackData, grouped: int) -> None:
+    """Forget what a flight had of its motion before the one that begins, alone or in a group."""
     flight.at_rest = 0
     flight.exit_kind = BOUNDARY
     flight.exit_side = 0
     flight.exit_after = NEVER
     flight.exit_p = 0.0
-    flight.grouped = 0
+    flight.grouped = grouped
     flight.wall_side = 0
     flight.segment = 0.0
+    flight.own_frequency = track.frequency
+
+
+@kernel
+def start_from_state(flight: Flight) -> None:
+    """Let the flow of a flight start from its own state."""
     flight.flow_s = flight.s
     flight.flow_c = flight.c
     flight.flow_p = flight.p
-    flight.own_frequency = track.frequency
-    launch_on_piece(flight, body, piece, track, one_sided)
+
+
+@kernel
+def set_exit_time(flight: Flight) -> None:
+    """Set the instant of the exit from the time that a flight lasts."""
+    flight.exit_t = NEVER
+    flight.exit_t_low = 0.0
     if flight.exit_after < NEVER:
         flight.exit_t, flight.exit_t_low = add_to_time(flight.t, flight.t_low, flight.exit_after)
-    else:
-        flight.exit_t = NEVER
-        flight.exit_t_low = 0.0
 
 
 @kernel
@@ -81,16 +107,6 @@ def head_on_arc(track: TrackData, s: float, c: float, p: float) -> float:
         track.top - track.twice_radius * ((c - p) * (c + p)),
         track.bottom + track.twice_radius * (s2 + p * p),
     )
-
-
-@kernel
-def measure_energy(flight: Flight, body: BodyData, track: TrackData, gravity: float) -> None:
-    """Take the energy from the state.
-
-    Near a crest also, to full accuracy, relative to the crest.
-    """
-    flight.head = head_from_state(flight, body, track, gravity)
-    anchor_at_crest(flight, track)
 
 
 @kernel
@@ -285,23 +301,9 @@ def choose_exit(
 
 
 @kernel
-def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) -> None:
-    """Set the constants of the flow on an arc from the energy that the body carries."""
-    m, root = energy_on_piece(flight, track, anchor_track)
-    set_theta_constants(flight, m, root)
-
-
-@kernel
 def energy_of_state(s: float, c: float, p: float) -> tuple[float, float]:
     """Parameter ``m`` and root of its complement of a pendulum in a state."""
     return s * s + p * p, root_of_state(c, p)
-
-
-@kernel
-def set_flow_energy(flight: Flight) -> None:
-    """Set the constants of a group's flow from the state of its pendulum."""
-    m, root = energy_of_state(flight.flow_s, flight.flow_c, flight.flow_p)
-    set_theta_constants(flight, m, root)
 
 
 @kernel
@@ -379,7 +381,7 @@ def begin_flight(world: World, ball: int, cause: int, from_state: int) -> None:
     """Launch and log the flight whose state is set; its energy from the state or as carried."""
     flight = world.flights[ball]
     if world.pieces[flight.piece].sign != 0.0:
-        m, root = _arc_energy(world, ball, from_state)
+        m, root = arc_energy(world, ball, from_state)
         set_theta_constants(flight, m, root)
     elif from_state == 1:
         take_energy(world, ball)
@@ -397,8 +399,8 @@ def begin_two_flights(
         begin_flight(world, ball, cause, from_state)
         begin_flight(world, other, cause, other_from_state)
         return
-    m, root = _arc_energy(world, ball, from_state)
-    other_m, other_root = _arc_energy(world, other, other_from_state)
+    m, root = arc_energy(world, ball, from_state)
+    other_m, other_root = arc_energy(world, other, other_from_state)
     set_two_theta_constants(flight, m, root, other_flight, other_m, other_root)
     launch_and_log(world, ball, cause)
     launch_and_log(world, other, cause)
@@ -406,24 +408,24 @@ def begin_two_flights(
 
 @kernel
 def take_energy(world: World, ball: int) -> None:
-    """Measure the energy of a body in its state."""
+    """Take the energy of a body from its state; near a crest also, to full accuracy, from there."""
     settings = world.settings[0]
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
-    measure_energy(flight, world.bodies[ball], track, settings.gravity)
+    track = track_of(world, ball)
+    flight.head = head_from_state(flight, world.bodies[ball], track, settings.gravity)
+    anchor_at_crest(flight, track)
 
 
 @kernel
-def _arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]:
+def arc_energy(world: World, ball: int, from_state: int) -> tuple[float, float]:
     """Parameter and root of its complement of the flight that begins on an arc."""
     flight = world.flights[ball]
     if from_state == 1:
         take_energy(world, ball)
         return energy_of_state(flight.s, flight.c, flight.p)
-    pieces = world.settings[0].pieces
     anchor = flight.anchor if flight.anchor >= 0 else flight.piece
-    track = world.tracks[ball * pieces + flight.piece]
-    return energy_on_piece(flight, track, world.tracks[ball * pieces + anchor])
+    track = track_of(world, ball)
+    return energy_on_piece(flight, track, track_on(world, ball, anchor))
 
 
 @kernel
@@ -431,7 +433,7 @@ def launch_and_log(world: World, ball: int, cause: int) -> None:
     """Launch the flight whose state and constants are set, and log it."""
     settings = world.settings[0]
     flight = world.flights[ball]
-    track = world.tracks[ball * settings.pieces + flight.piece]
+    track = track_of(world, ball)
     piece = world.pieces[flight.piece]
     launch(flight, world.bodies[ball], piece, track, settings.one_sided)
     log_flight(world, ball, cause)

@@ -2,26 +2,31 @@
 
 On an arc the half-angle variables obey Euler's top ``S' = wPC, C' = -wPS, P' = -wSC``; the state at
 ``t`` follows from the state at 0 by the addition theorems. On a line the motion is a parabola.
-Equations of motion: A (1), B (30)-(33); model of the half-angle form: DLMF 22.8.
+Equations of motion: A (1), B (30)-(33); model of the half-angle form: DLMF 22.8. Flights come
+from the event loop, or from their rows in the log (:func:`recall_flight`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from vibro_cli.compile.kernel import SERIES_LENGTH, kernel
+from vibro_cli.compile.kernel import SERIES_LENGTH, kernel, struct
 from vibro_cli.kernels.numerics.elliptic import (
     HYPERBOLIC_TINY,
     ROOT_COMPLEMENT_TINY,
     TRIGONOMETRIC,
+    angle_difference,
+    angle_sum,
     carlson_rf,
     quarter_period,
     rf_near_logarithm,
+    set_theta_constants,
     sine_cosine,
     theta_functions,
     trigonometric_form,
 )
-from vibro_cli.kernels.world import Flight
+from vibro_cli.kernels.world import NEVER, Flight, FlightRow, TrackData, World, track_on
 
 LINE = 3  # a flight's form on a line, beside those of kernels.numerics.elliptic
 POLYNOMIAL = 4  # ... and on a segment of a motion in contact across pieces
@@ -130,23 +135,33 @@ def polynomial_flow(flight: Flight, t: float) -> tuple[float, float, float]:
     if flight.half_curvature == 0.0:
         return flight.flow_s + way, flight.flow_c, p
     s, c = sine_cosine(way * flight.half_curvature)
-    return flight.flow_s * c + flight.flow_c * s, flight.flow_c * c - flight.flow_s * s, p
+    s, c = place_from_start(flight, s, c)
+    return s, c, p
 
 
 @kernel
 def body_of_group(flight: Flight, s: float, c: float, p: float) -> tuple[float, float, float]:
     """State of a body from that of its group's pendulum, which it leads by a constant angle."""
-    return (
-        s * flight.shift_c + c * flight.shift_s,
-        c * flight.shift_c - s * flight.shift_s,
-        p * flight.rate_ratio,
-    )
+    s, c = angle_sum(s, c, flight.shift_s, flight.shift_c)
+    return s, c, p * flight.rate_ratio
 
 
 @kernel
 def group_of_body(flight: Flight, s: float, c: float) -> tuple[float, float]:
     """Half-angle of the group's pendulum from that of the body."""
-    return s * flight.shift_c - c * flight.shift_s, c * flight.shift_c + s * flight.shift_s
+    return angle_difference(s, c, flight.shift_s, flight.shift_c)
+
+
+@kernel
+def place_from_start(flight: Flight, sine: float, cosine: float) -> tuple[float, float]:
+    """``(S, C)`` of the place whose half-angle from the start of a flow has sine and cosine."""
+    return angle_sum(flight.flow_s, flight.flow_c, sine, cosine)
+
+
+@kernel
+def angle_from_start(flight: Flight, s: float, c: float) -> tuple[float, float]:
+    """Sine and cosine of the half-angle from the start of a flow to a place."""
+    return angle_difference(s, c, flight.flow_s, flight.flow_c)
 
 
 @kernel
@@ -401,3 +416,138 @@ def _double_period(flight: Flight) -> float:
     if flight.form == TRIGONOMETRIC:
         return 2.0 * math.pi / flight.argument_scale
     return 2.0 * (flight.half_period + flight.half_period_low) / (1.0 + flight.argument_scale)
+
+
+# Share by which a bound on a half period is lowered, so that rounding cannot make it pass over one.
+CAUTION = 1.0e-9
+
+
+@struct
+class Sample:
+    """One body at one time."""
+
+    row: int  # of the log
+    after: float  # from the start of that flight, s
+    s: float
+    c: float
+    p: float
+    energy: float  # J
+
+
+@kernel
+def recall_flight(world: World, row: FlightRow, number: int, flight: Flight) -> None:
+    """Set up a flight from its row, the ``number``-th of the log, so that its flow can be asked."""
+    track = track_on(world, row.body, row.piece)
+    flight.piece = row.piece
+    flight.s = row.s
+    flight.c = row.c
+    flight.p = row.p
+    flight.at_rest = row.at_rest
+    flight.grouped = row.grouped
+    flight.form = 0
+    flight.own_frequency = track.frequency
+    flight.frequency = track.frequency
+    flight.flow_s = row.s
+    flight.flow_c = row.c
+    flight.flow_p = row.p
+    if row.grouped == 1:
+        recall_group(world, row, number, flight)
+        if flight.form == POLYNOMIAL:
+            flight.half_curvature = 0.5 / track.path_radius if track.path_radius > 0.0 else 0.0
+            return
+    recall_flow(track, row, flight)
+
+
+@kernel
+def recall_flow(track: TrackData, row: FlightRow, flight: Flight) -> None:
+    """Set the form and the constants of a flow in closed form."""
+    if track.path_radius == 0.0:
+        flight.form = LINE
+        if row.grouped == 0:
+            flight.line_acceleration = track.line_acceleration
+        return
+    set_theta_constants(flight, row.parameter, row.root_complement)
+
+
+@kernel
+def recall_group(world: World, row: FlightRow, number: int, flight: Flight) -> None:
+    """Fill in what a flight in lasting contact has beyond its own state."""
+    flight.flow_s = row.flow_s
+    flight.flow_c = row.flow_c
+    flight.flow_p = row.flow_p
+    flight.shift_s = row.shift_s
+    flight.shift_c = row.shift_c
+    flight.rate_ratio = row.rate_ratio
+    flight.frequency = row.frequency
+    flight.line_acceleration = row.line_acceleration
+    flight.segment = row.segment
+    # Rows of segments are in order of their flights.
+    low = 0
+    high = world.clock[0].segment_rows
+    while low < high:
+        middle = (low + high) // 2
+        if world.segments[middle].flight < number:
+            low = middle + 1
+        else:
+            high = middle
+    if low < world.clock[0].segment_rows and world.segments[low].flight == number:
+        # Without an end in time it is no segment: what the row has is of a closed form.
+        if flight.segment < NEVER:
+            flight.form = POLYNOMIAL
+        for k in range(SERIES_LENGTH):
+            flight.series[k] = world.segments[low].series[k]
+
+
+@kernel
+def half_period(row: FlightRow, frequency: float, duration: float) -> float:
+    """Half the period (s) of a flight's full orbit, or a time that stands for it.
+
+    It is asked for to be compared, as a whole and by half, with the duration: where bounds decide
+    that, one of them or infinity is returned.
+    """
+    # K >= pi/2, and K/sqrt(m) for a rotation.
+    argument = frequency * duration
+    least = 0.5 * math.pi * (1.0 - CAUTION) / math.sqrt(max(row.parameter, 1.0))
+    if argument < least:
+        return NEVER
+    if row.root_complement > 0.0:
+        # K = pi/2 over the mean of 1 and k' that is between their arithmetic and geometric ones;
+        # here those of (1 + k')/2 and sqrt k'.
+        root = math.sqrt(row.root_complement)
+        least = (2.0 * math.pi) * (1.0 - CAUTION) / ((1.0 + root) * (1.0 + root))
+        if argument < least:
+            return NEVER
+        if argument < 2.0 * least:
+            mean = math.sqrt(2.0 * (1.0 + row.root_complement) * root)
+            if argument > math.pi * (1.0 + CAUTION) / mean:
+                return 2.0 * least / frequency
+    return 2.0 * quarter_period(row.parameter, row.root_complement) / frequency
+
+
+@kernel
+def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) -> float:
+    """Energy (J) of a body; carried on a free flight, from the state in lasting contact."""
+    body = world.bodies[row.body]
+    if row.grouped == 0:
+        return body.weight * row.head
+    track = track_on(world, row.body, row.piece)
+    rise = track.line_rise * s if track.path_radius == 0.0 else 2.0 * track.path_radius * s * s
+    speed = track.speed_factor * p
+    kinetic = 0.5 * body.kappa * speed * speed / world.settings[0].gravity
+    return body.weight * (track.bottom + rise + kinetic)
+
+
+@kernel
+def sample_flights(
+    world: World, samples: Sequence[Sample], count: int, scratch: Sequence[Flight]
+) -> None:
+    """Fill in states; it takes least time if those of a flight stand together."""
+    flight = scratch[0]
+    row = -1
+    for number in range(count):
+        sample = samples[number]
+        if sample.row != row:
+            row = sample.row
+            recall_flight(world, world.log[row], row, flight)
+        sample.s, sample.c, sample.p = flow(flight, sample.after)
+        sample.energy = energy_of_row(world, world.log[row], sample.s, sample.c, sample.p)

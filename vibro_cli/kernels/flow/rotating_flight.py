@@ -1,13 +1,11 @@
 """A flight on a rotating trace: its energy, end and bounds, and where a force falls through zero.
 
 On an arc every force is a trigonometric polynomial of degree 2 in the angle from the start of the
-flight (``kernels.numerics.trigonometric_polynomial``), on a line it is linear in the place. The
-normal force of a body
-alone is ``N/(m g) = sign (cos f + tilt sin f + spread sin^2 f + (4/kappa) P^2)`` on an arc.
-
-The kernels stand in for those of ``kernels.flow.flight`` and for the bounds of
+flight (``kernels.numerics.conservative_advancement``), on a line it is linear in the place. The
+normal force of a body alone is ``N/(m g) = sign (cos f + tilt sin f + spread sin^2 f + (4/kappa)
+P^2)`` on an arc. The energy is ``m kappa v^2/2 + m g y - m Omega^2 (x_C - x0)^2/2``, kept between
+impacts. The kernels stand in for those of ``kernels.flow.flight`` and for the bounds of
 ``kernels.contact.first_contact``.
-The energy is ``m kappa v^2/2 + m g y - m Omega^2 (x_C - x0)^2/2``, kept between impacts.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.flow.flight import LIFT_OFF, at_end
-from vibro_cli.kernels.flow.flow import POLYNOMIAL
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, angle_from_start, place_from_start
 from vibro_cli.kernels.flow.rotating_flow import (
     TURNING_LINE,
     angular_jerk,
@@ -28,16 +26,27 @@ from vibro_cli.kernels.flow.rotating_flow import (
     turn_on_line,
     turns_before,
 )
-from vibro_cli.kernels.numerics.elliptic import sine_cosine
-from vibro_cli.kernels.numerics.trigonometric_polynomial import (
+from vibro_cli.kernels.numerics.conservative_advancement import (
     Harmonics,
-    first_fall,
+    combined,
+    first_fall_of_harmonics,
     harmonic_value,
     mirrored,
     turned,
 )
+from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
-from vibro_cli.kernels.world import NEVER, BodyData, Flight, FlightRow, PieceData, TrackData, World
+from vibro_cli.kernels.world import (
+    NEVER,
+    BodyData,
+    Flight,
+    FlightRow,
+    PieceData,
+    States,
+    TrackData,
+    World,
+    track_on,
+)
 
 # A normal force above -this share of the weight is zero up to rounding.
 FORCE_ROUNDING = 1.0e-14
@@ -47,9 +56,14 @@ FORCE_ROUNDING = 1.0e-14
 def pull_harmonics(flight: Flight) -> Harmonics:
     """The pull of a flight on an arc in the angle from its start."""
     h = 0.0, flight.tilt, -1.0, flight.twist, 0.5 * flight.spread
-    s = flight.flow_s
-    c = flight.flow_c
-    return turned(h, 2.0 * s * c, (c - s) * (c + s))
+    return harmonics_from_start(flight, h)
+
+
+@kernel
+def harmonics_from_start(flight: Flight, h: Harmonics) -> Harmonics:
+    """A function of the angle of a flight in the angle from its start."""
+    sine, cosine = twice_angle(flight.flow_s, flight.flow_c)
+    return turned(h, sine, cosine)
 
 
 @kernel
@@ -63,13 +77,9 @@ def square_harmonics(flight: Flight, pull: Harmonics) -> Harmonics:
 @kernel
 def press_harmonics(flight: Flight, tilt: float, spread: float, kappa: float) -> Harmonics:
     """``N/(m g)``, up to the sign of the arc, of a body alone in the angle from its start."""
-    a, b, c, d, e = square_harmonics(flight, pull_harmonics(flight))
+    square = square_harmonics(flight, pull_harmonics(flight))
     h = 0.5 * spread, 1.0, tilt, -0.5 * spread, 0.0
-    s = flight.flow_s
-    k = flight.flow_c
-    ga, gb, gc, gd, ge = turned(h, 2.0 * s * k, (k - s) * (k + s))
-    share = 4.0 / kappa
-    return ga + share * a, gb + share * b, gc + share * c, gd + share * d, ge + share * e
+    return combined(harmonics_from_start(flight, h), 4.0 / kappa, square)
 
 
 @kernel
@@ -83,8 +93,7 @@ def scaled(weight: float, h: Harmonics) -> Harmonics:
 def reach(flight: Flight, side: float, end_s: float, end_c: float) -> float:
     """Angle (rad) that a flight on an arc takes in on one side, which it may leave at an end."""
     if flight.exit_side * side > 0.0 or flight.turns_over == 1:
-        sine = end_s * flight.flow_c - end_c * flight.flow_s
-        cosine = end_c * flight.flow_c + end_s * flight.flow_s
+        sine, cosine = angle_from_start(flight, end_s, end_c)
         half = side * math.atan2(sine, cosine)
         if half < 0.0:
             # The end is ahead: here, or a whole turn, up to rounding.
@@ -95,29 +104,23 @@ def reach(flight: Flight, side: float, end_s: float, end_c: float) -> float:
 
 @kernel
 def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float) -> float:
-    """Time (s) at which a force falls through zero on a flight on an arc, or NEVER.
+    """Time (s) at which a force falls through zero on a moving flight on an arc, or NEVER.
 
-    Parameters
-    ----------
-    flight
-        Moving.
-    h
-        The force in the angle from the start.
-    to_left, to_right
-        Angles (rad) that the flight takes in; a body that turns passes first what is ahead.
+    ``h`` is the force in the angle from the start; ``to_left`` and ``to_right`` are the angles
+    (rad) that the flight takes in. A body that turns passes first what is ahead.
     """
     forward = flight.flow_p if flight.flow_p != 0.0 else flight.quartic_3
     for turn in range(2):
         side = 1.0 if (forward > 0.0) == (turn == 0) else -1.0
         ahead = h if side > 0.0 else mirrored(h)
-        angle = first_fall(ahead, to_right if side > 0.0 else to_left)
+        angle = first_fall_of_harmonics(ahead, to_right if side > 0.0 else to_left)
         if angle == 0.0 and turn == 0:
             return 0.0
         if angle >= 0.0:
             sine, cosine = sine_cosine(0.5 * side * angle)
             p = side * math.sqrt(max(squared_rate(flight, sine, cosine), 0.0))
-            s = flight.flow_s * cosine + flight.flow_c * sine
-            return time_to(flight, s, flight.flow_c * cosine - flight.flow_s * sine, p)
+            s, c = place_from_start(flight, sine, cosine)
+            return time_to(flight, s, c, p)
         if flight.exit_side * side > 0.0:
             return NEVER
     return NEVER
@@ -127,7 +130,10 @@ def first_negative(flight: Flight, h: Harmonics, to_left: float, to_right: float
 def limit_by_lift_off(flight: Flight, body: BodyData, piece: PieceData, track: TrackData) -> None:
     """End a flight where a one-sided trace would have to pull."""
     if piece.sign == 0.0:
-        after = _lift_off_of_line(flight, track)
+        press = track.line_press + track.line_press_growth * flight.flow_s
+        after = 0.0
+        if press >= -FORCE_ROUNDING * abs(track.line_press):
+            after = fall_on_line(flight, press, track.line_press_growth)
     else:
         after = _lift_off_of_arc(flight, body, piece, track)
     if after < flight.exit_after:
@@ -146,15 +152,6 @@ def _lift_off_of_arc(flight: Flight, body: BodyData, piece: PieceData, track: Tr
     to_left = reach(flight, -1.0, track.left_s, track.left_c)
     to_right = reach(flight, 1.0, track.right_s, track.right_c)
     return first_negative(flight, h, to_left, to_right)
-
-
-@kernel
-def _lift_off_of_line(flight: Flight, track: TrackData) -> float:
-    growth = track.line_press_growth
-    press = track.line_press + growth * flight.flow_s
-    if press < -FORCE_ROUNDING * abs(track.line_press):
-        return 0.0
-    return fall_on_line(flight, press, growth)
 
 
 @kernel
@@ -221,7 +218,7 @@ def energy_of_row(world: World, row: FlightRow, s: float, c: float, p: float) ->
     if row.grouped == 0:
         return body.weight * row.head
     gravity = world.settings[0].gravity
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     speed = track.speed_factor * p
     kinetic = 0.5 * body.kappa * speed * speed / gravity
     return body.weight * (potential_head(track, gravity, body.kappa, s, c) + kinetic)
@@ -248,12 +245,6 @@ def speed_of_head(flight: Flight, body: BodyData, track: TrackData, gravity: flo
 @kernel
 def anchor_at_crest(flight: Flight, track: TrackData) -> None:
     """Nothing: on a turning trace a state alone tells the energy."""
-    flight.anchor = -1
-
-
-@kernel
-def set_arc_energy(flight: Flight, track: TrackData, anchor_track: TrackData) -> None:
-    """Nothing: the constants of a flight follow from its start."""
     flight.anchor = -1
 
 
@@ -347,8 +338,6 @@ def _leave(flight: Flight, side: int, s: float, c: float, squared: float) -> Non
 @kernel
 def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: float) -> float:
     """``P^2`` at an end of the arc; not positive if a crest or the height of the end is before."""
-    s0 = flight.flow_s
-    c0 = flight.flow_c
     if track.crests > 0:
         crest_s = track.crest_s
         crest_c = track.crest_c
@@ -356,15 +345,16 @@ def _rate_at_end(flight: Flight, track: TrackData, side: float, s: float, c: flo
             if number == 1:
                 crest_s = track.other_crest_s
                 crest_c = track.other_crest_c
-            sine = crest_s * c0 - crest_c * s0
+            sine, cosine = angle_from_start(flight, crest_s, crest_c)
             beyond = s * crest_c - c * crest_s
             if sine * side > 0.0 and beyond * side > 0.0:
-                squared = squared_rate(flight, sine, crest_c * c0 + crest_s * s0)
+                squared = squared_rate(flight, sine, cosine)
                 if squared <= 0.0:
                     return squared
-    if s == s0 and c == c0:
+    if s == flight.flow_s and c == flight.flow_c:
         return flight.flow_p * flight.flow_p
-    return squared_rate(flight, s * c0 - c * s0, c * c0 + s * s0)
+    sine, cosine = angle_from_start(flight, s, c)
+    return squared_rate(flight, sine, cosine)
 
 
 @kernel
@@ -417,21 +407,12 @@ def speed_and_jerk(flight: Flight, track: TrackData, until: float) -> tuple[floa
 
 
 @kernel
-def released_step(
-    a: Flight,
-    b: Flight,
-    a_s: float,
-    a_c: float,
-    a_p: float,
-    b_s: float,
-    b_c: float,
-    b_p: float,
-    rate: float,
-) -> float:
+def released_step(a: Flight, b: Flight, states: States, rate: float) -> float:
     """Step up to which a pair whose contact force has just vanished stays apart.
 
     As ``arc_contact.released_step``, with the flights' own bounds on the fourth derivative.
     """
+    a_s, a_c, a_p, b_s, b_c, b_p = states
     wa = a.own_frequency
     wb = b.own_frequency
     third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)

@@ -4,11 +4,8 @@
 of ``kernels.world``, ``S' = wPC, C' = -wPS`` and ``P^2 = m - V`` with the potential ``V = S^2 -
 tilt S C - spread S^2 C^2``, where ``tilt = sign Omega^2 (O_x - x0)/g`` and ``spread = Omega^2
 rho/g``: seen from any place of the orbit ``tan(f/2)`` moves under a quartic
-(``kernels.numerics.weierstrass_motion``).
-On a line the acceleration is linear in the place, the motion a sum of cosh and sinh. The kernels
-stand in for those of ``kernels.flow.flow``.
-
-The kernels stand in for those of ``kernels.flow.flow``.
+(``kernels.numerics.weierstrass_motion``). On a line the acceleration is linear in the place, the
+motion a sum of cosh and sinh. The kernels stand in for those of ``kernels.flow.flow``.
 """
 
 from __future__ import annotations
@@ -18,12 +15,14 @@ import math
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.flow.flow import (
     POLYNOMIAL,
+    angle_from_start,
     body_of_group,
     group_of_body,
+    place_from_start,
     polynomial_flow,
 )
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
-from vibro_cli.kernels.numerics.elliptic import sine_cosine
+from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
     quartic_motion,
@@ -40,16 +39,14 @@ TURNING_LINE = 5
 @kernel
 def pull(tilt: float, spread: float, s: float, c: float) -> float:
     """``f''/w^2`` of a body on an arc: ``-sin f + tilt cos f + spread sin f cos f``."""
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
+    sine, cosine = twice_angle(s, c)
     return sine * (spread * cosine - 1.0) + tilt * cosine
 
 
 @kernel
 def pull_of(flight: Flight, s: float, c: float) -> float:
     """:func:`pull` of a flight, of a group with its ``twist cos 2f``."""
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
+    sine, cosine = twice_angle(s, c)
     double = (cosine - sine) * (cosine + sine)
     return pull(flight.tilt, flight.spread, s, c) + flight.twist * double
 
@@ -57,8 +54,7 @@ def pull_of(flight: Flight, s: float, c: float) -> float:
 @kernel
 def stiffness(tilt: float, spread: float, s: float, c: float) -> float:
     """Derivative of :func:`pull` with the angle."""
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
+    sine, cosine = twice_angle(s, c)
     return -cosine - tilt * sine + spread * ((cosine - sine) * (cosine + sine))
 
 
@@ -68,8 +64,7 @@ def set_motion(flight: Flight) -> None:
     s = flight.flow_s
     c = flight.flow_c
     p = flight.flow_p
-    sine = 2.0 * s * c
-    cosine = (c - s) * (c + s)
+    sine, cosine = twice_angle(s, c)
     turned_sine = flight.tilt * cosine - sine
     turned_cosine = cosine + flight.tilt * sine
     double_cosine = flight.spread * ((cosine - sine) * (cosine + sine))
@@ -89,22 +84,20 @@ def set_motion(flight: Flight) -> None:
 @kernel
 def flow(flight: Flight, t: float) -> tuple[float, float, float]:
     """Return ``(S, C, P)`` of the body a time ``t`` (s) after the start of a flight."""
-    s0 = flight.flow_s
-    c0 = flight.flow_c
     if flight.at_rest == 1:
         return flight.s, flight.c, flight.p
     if t == 0.0 and flight.grouped == 0:
-        return s0, c0, flight.flow_p
+        return flight.flow_s, flight.flow_c, flight.flow_p
     if flight.form == TURNING_LINE:
         way, speed = _on_line(flight, t)
-        return s0 + way, c0, speed
+        return flight.flow_s + way, flight.flow_c, speed
     if flight.form == POLYNOMIAL:
         return polynomial_flow(flight, t)
     sine, cosine, rate = quartic_motion(flight, flight.frequency * t)
+    s, c = place_from_start(flight, sine, cosine)
     if flight.grouped == 1:
-        s, c = s0 * cosine + c0 * sine, c0 * cosine - s0 * sine
         return body_of_group(flight, s, c, rate)
-    return s0 * cosine + c0 * sine, c0 * cosine - s0 * sine, rate
+    return s, c, rate
 
 
 @kernel
@@ -202,8 +195,7 @@ WHOLE_TURN = 1.0e-14
 @kernel
 def time_to(flight: Flight, s: float, c: float, p: float) -> float:
     """Time (s) from the start of a flight on an arc to a state of its orbit."""
-    sine = s * flight.flow_c - c * flight.flow_s
-    cosine = c * flight.flow_c + s * flight.flow_s
+    sine, cosine = angle_from_start(flight, s, c)
     if flight.turns_over == 1 and cosine < 0.0 and abs(sine) <= WHOLE_TURN:
         # The place from which it starts, a whole turn on.
         return period_of(flight) / flight.frequency
@@ -245,9 +237,8 @@ def half_way(flight: Flight, side: float) -> float:
 @kernel
 def _squared_rate_slope(flight: Flight, s: float, c: float) -> float:
     """Derivative of ``P^2`` with half the angle, where that from the start has ``s`` and ``c``."""
-    place_s = flight.flow_s * c + flight.flow_c * s
-    place_c = flight.flow_c * c - flight.flow_s * s
-    return pull_of(flight, place_s, place_c)
+    s, c = place_from_start(flight, s, c)
+    return pull_of(flight, s, c)
 
 
 @kernel
@@ -256,9 +247,8 @@ def half_range(
 ) -> tuple[float, float]:
     """Half the angles (rad) from its start that a flight on an arc takes in."""
     end_s, end_c, end_p = end
-    half = math.atan2(
-        end_s * flight.flow_c - end_c * flight.flow_s, end_c * flight.flow_c + end_s * flight.flow_s
-    )
+    sine, cosine = angle_from_start(flight, end_s, end_c)
+    half = math.atan2(sine, cosine)
     low = min(half, 0.0)
     high = max(half, 0.0)
     if flight.at_rest == 1 or flight.turns_over == 1:

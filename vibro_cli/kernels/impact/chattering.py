@@ -23,27 +23,37 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     present_gap,
     speed_of_pair,
 )
-from vibro_cli.kernels.contact.wall_contact import touched_wall
 from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.flow.flow import angular_jerk, tangential_acceleration
-from vibro_cli.kernels.impact.event_log import SPEED_ROUNDING
 from vibro_cli.kernels.impact.impulse_chain import (
     apply_impulses,
     held_from,
-    held_run,
     joins,
     joint_impulses,
+    run_around,
     share_fastest,
+    touched_wall,
 )
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
+    SPEED_ROUNDING,
     TRANSLATIONAL,
     impact_of_pair,
     separation_speed,
     weight_and_response,
 )
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
-from vibro_cli.kernels.world import CLOSING, Flight, World
+from vibro_cli.kernels.world import (
+    CLOSING,
+    Flight,
+    World,
+    flight_along,
+    flights_of,
+    number_along,
+    pair_along,
+    track_of,
+    tracks_of,
+)
 
 EPSILON = 2.220446049250313e-16
 # A bounce must be this small against the bodies before its accumulation is looked at.
@@ -79,7 +89,7 @@ def closing_law(world: World, first: int, count: int) -> int:
     if law != TRANSLATIONAL:
         return NORMAL_IMPULSE
     for step in range(count):
-        if not _law_is_normal(world, (first + step) % world.settings[0].pairs, law):
+        if not _law_is_normal(world, number_along(world, first, step), law):
             return NORMAL_IMPULSE
     return law
 
@@ -87,8 +97,7 @@ def closing_law(world: World, first: int, count: int) -> int:
 @kernel
 def is_bound(world: World, j: int) -> bool:
     """Tell whether a body of a pair is held to another one, or leans on a wall."""
-    a = world.flights[world.pairs[j].a]
-    b = world.flights[world.pairs[j].b]
+    a, b = flights_of(world, world.pairs[j])
     return a.grouped + b.grouped > 0 or a.wall_side != 0 or b.wall_side != 0
 
 
@@ -104,13 +113,12 @@ def share_left(world: World, j: int) -> float:
 @kernel
 def repeats(world: World, first: int, count: int, j: int) -> bool:
     """Tell whether pair ``j`` of a chain is all in it that moves: the others are held, or lean."""
-    settings = world.settings[0]
     for step in range(count):
-        other = (first + step) % settings.pairs
+        other = number_along(world, first, step)
         if other != j and world.pairs[other].held == 0:
             return False
     for end in range(2):
-        ball = first if end == 0 else (first + count) % settings.bodies
+        ball = first if end == 0 else number_along(world, first, count)
         flight = world.flights[ball]
         if touched_wall(world, ball) != 0 and flight.speed != 0.0:
             return False
@@ -212,10 +220,8 @@ def _drift(world: World, j: int) -> float:
     accelerations weighted with m; in contact their mean weighted with ``kappa m`` holds.
     """
     pair = world.pairs[j]
-    body_a = world.bodies[pair.a]
-    body_b = world.bodies[pair.b]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
+    a, b = flights_of(world, pair)
     if pair.law != TRANSLATIONAL or body_a.kappa == body_b.kappa or a.grouped + b.grouped > 0:
         return 0.0
     pull_a = free_acceleration(world, pair.a)
@@ -248,8 +254,7 @@ def carry_drift(world: World, j: int, delay: float) -> float:
 def _refined(world: World, j: int, u: float, c: float, rounding: float, first_term: float) -> float:
     """The sum of the bounces with the change of ``c``, ``NOT_YET`` while that leaves out much."""
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     free = a.piece == b.piece and a.grouped == 0 and b.grouped == 0 and a.own_frequency > 0.0
     rate = (a.jerk_bound + b.jerk_bound) * pair.distance
     if not free:
@@ -258,7 +263,7 @@ def _refined(world: World, j: int, u: float, c: float, rounding: float, first_te
         return first_term if missing * u <= rounding else NOT_YET
     jerk = angular_jerk(b, b.s, b.c, b.p) - angular_jerk(a, a.s, a.c, a.p)
     # On one arc the distance grows with the angle by n t_a rho_a.
-    track = world.tracks[pair.a * world.settings[0].pieces + a.piece]
+    track = track_of(world, pair.a)
     relative = jerk * track.path_radius * pair.normal_a / c
     missing = first_term * first_term * first_term * (rate / c) * (rate / c)
     if missing * u > rounding:
@@ -270,8 +275,7 @@ def _refined(world: World, j: int, u: float, c: float, rounding: float, first_te
 def _fastest(world: World, j: int) -> float:
     """A rate (1/s) above those at which the geometry of a pair changes."""
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
+    a, b = flights_of(world, pair)
     return (abs(a.speed) + abs(b.speed)) / pair.distance + a.frequency + b.frequency
 
 
@@ -279,7 +283,7 @@ def _fastest(world: World, j: int) -> float:
 def _undisturbed(world: World, j: int, delay: float) -> bool:
     """Tell whether no other body can hit a pair, or those held to it, before a delay (s)."""
     settings = world.settings[0]
-    first, count = held_run(world, j)
+    first, count = run_around(world, j, False)
     for side in range(2):
         outer = first - 1 if side == 0 else first + count
         if settings.closed == 1:
@@ -324,13 +328,10 @@ def _is_hit_now(world: World, outer: int, side: int) -> bool:
 @kernel
 def _earliest_contact(world: World, j: int) -> float:
     """Time (s) for which a pair certainly stays apart, from its gap, its rate and their bounds."""
-    settings = world.settings[0]
     clock = world.clock[0]
     pair = world.pairs[j]
-    a = world.flights[pair.a]
-    b = world.flights[pair.b]
-    track_a = world.tracks[pair.a * settings.pieces + a.piece]
-    track_b = world.tracks[pair.b * settings.pieces + b.piece]
+    a, b = flights_of(world, pair)
+    track_a, track_b = tracks_of(world, pair)
     a_s, a_c, a_p = state_at(world, pair.a, clock.t, clock.t_low)
     b_s, b_c, b_p = state_at(world, pair.b, clock.t, clock.t_low)
     gap, rate, _ = distance_gap(
@@ -360,20 +361,19 @@ def equalise(world: World, first: int, count: int) -> None:
     What that takes is kept in ``closing_loss``. Pairs that close then, which may just have parted,
     are marked as ``CLOSING``.
     """
-    pairs = world.settings[0].pairs
     # Twice what counts as no speed in an impact: what is marked as closing closes there too.
     rounding = 2.0 * SPEED_ROUNDING * share_fastest(world, first, count)
     start = 0
     while start < count:
         length = held_from(world, first, count, start)
         if length > 0:
-            _equalise_run(world, (first + start) % pairs, length, rounding)
+            _equalise_run(world, number_along(world, first, start), length, rounding)
         start += length + 1
     for step in range(count):
-        pair = world.pairs[(first + step) % pairs]
+        pair = pair_along(world, first, step)
         if pair.held == 0:
             pair.closing_loss = 0.0
-            parting = parting_speed(world, (first + step) % pairs)
+            parting = parting_speed(world, number_along(world, first, step))
             if parting < -rounding:
                 pair.closing = CLOSING
 
@@ -381,28 +381,27 @@ def equalise(world: World, first: int, count: int) -> None:
 @kernel
 def _equalise_run(world: World, begin: int, length: int, rounding: float) -> None:
     """Give the bodies of one run of held pairs a common normal speed, none at a wall."""
-    settings = world.settings[0]
     left = world.flights[begin].wall_side
-    right = world.flights[(begin + length) % settings.bodies].wall_side
+    right = flight_along(world, begin, length).wall_side
     if left != 0 or right != 0:
         _stop_run(world, begin, length, left if left != 0 else right)
         return
     law = closing_law(world, begin, length)
     for step in range(length):
-        j = (begin + step) % settings.pairs
+        j = number_along(world, begin, step)
         world.pairs[j].closing_loss = half_approach(world, j, law)
     joint_impulses(world, begin, length, law, 1)
     apply_impulses(world, begin, length, law)
     for step in range(length):
-        j = (begin + step) % settings.pairs
+        j = number_along(world, begin, step)
         pair = world.pairs[j]
         if law == TRANSLATIONAL:
             pair.closing_loss += half_approach(world, j, law)
         pair.closing_loss *= pair.solution
-    end = (begin + length) % settings.bodies
+    end = number_along(world, begin, length)
     if _is_held_by_wall(world, begin, rounding) or _is_held_by_wall(world, end, rounding):
         for step in range(length + 1):
-            world.flights[(begin + step) % settings.bodies].speed = 0.0
+            flight_along(world, begin, step).speed = 0.0
 
 
 @kernel
@@ -426,9 +425,8 @@ def half_approach(world: World, j: int, law: int) -> float:
 @kernel
 def _stop_run(world: World, begin: int, length: int, side: int) -> None:
     """Stop a run of held pairs that leans on a wall; each pair takes its share of the energy."""
-    settings = world.settings[0]
     for step in range(length):
-        pair = world.pairs[(begin + step) % settings.pairs]
+        pair = pair_along(world, begin, step)
         loss_a = _energy_of_motion(world, pair.a)
         loss_b = _energy_of_motion(world, pair.b)
         if step > 0:
@@ -437,7 +435,7 @@ def _stop_run(world: World, begin: int, length: int, side: int) -> None:
             loss_b *= 0.5
         pair.closing_loss = loss_a + loss_b
     for step in range(length + 1):
-        flight = world.flights[(begin + step) % settings.bodies]
+        flight = flight_along(world, begin, step)
         flight.speed = 0.0
         flight.wall_side = side
 
@@ -465,21 +463,18 @@ def press_speeds(world: World, first: int, count: int, law: int) -> float:
     measured by the kinetic energy of the difference. Contacts are added as in ``_press``. Returns
     the energy (J) that walls take at once.
     """
-    settings = world.settings[0]
     rounding = SPEED_ROUNDING * share_fastest(world, first, count)
     taken = 0.0
     for step in range(count):
-        world.pairs[(first + step) % settings.pairs].pressing = FREE
+        pair_along(world, first, step).pressing = FREE
     found = True
     while found:
         found = False
         _solve_speeds(world, first, count, law)
         for step in range(count + 1):
-            world.flights[(first + step) % settings.bodies].nodal[0] = _speed_after(
-                world, first, count, step, law
-            )
+            flight_along(world, first, step).nodal[0] = _speed_after(world, first, count, step, law)
         for step in range(count):
-            pair = world.pairs[(first + step) % settings.pairs]
+            pair = pair_along(world, first, step)
             after_a = world.flights[pair.a].nodal[0]
             after_b = world.flights[pair.b].nodal[0]
             parting = pair.normal_b * after_b - pair.normal_a * after_a
@@ -487,7 +482,7 @@ def press_speeds(world: World, first: int, count: int, law: int) -> float:
                 pair.pressing = PRESSING
                 found = True
         for end in range(2):
-            ball = first if end == 0 else (first + count) % settings.bodies
+            ball = first if end == 0 else number_along(world, first, count)
             flight = world.flights[ball]
             side = touched_wall(world, ball)
             if flight.wall_side == 0 and flight.nodal[0] * side > rounding:
@@ -500,12 +495,11 @@ def press_speeds(world: World, first: int, count: int, law: int) -> float:
 @kernel
 def _solve_speeds(world: World, first: int, count: int, law: int) -> None:
     """Find the impulses of each run of pressing pairs of a chain; the others have none."""
-    pairs = world.settings[0].pairs
     start = 0
     while start < count:
         length = pressing_from(world, first, count, start)
         if length > 0:
-            joint_impulses(world, (first + start) % pairs, length, law, 1)
+            joint_impulses(world, number_along(world, first, start), length, law, 1)
         start += length + 1
 
 
@@ -517,7 +511,7 @@ def pressing_from(world: World, first: int, count: int, start: int) -> int:
     """
     length = 0
     while start + length < count:
-        pair = world.pairs[(first + start + length) % world.settings[0].pairs]
+        pair = pair_along(world, first, start + length)
         if pair.pressing != PRESSING:
             pair.solution = 0.0
             break
@@ -528,19 +522,18 @@ def pressing_from(world: World, first: int, count: int, start: int) -> int:
 @kernel
 def _speed_after(world: World, first: int, count: int, step: int, law: int) -> float:
     """Speed (m/s) of a body of a chain after the impulses (``solution``) of its pairs."""
-    settings = world.settings[0]
-    ball = (first + step) % settings.bodies
+    ball = number_along(world, first, step)
     flight = world.flights[ball]
     if flight.wall_side != 0:
         return 0.0
     left = 0.0
     right = 0.0
     if step > 0:
-        pair = world.pairs[(first + step - 1) % settings.pairs]
+        pair = pair_along(world, first, step - 1)
         _, h = weight_and_response(law, world.bodies[ball], pair.normal_b)
         left = pair.solution * h
     if step < count:
-        pair = world.pairs[(first + step) % settings.pairs]
+        pair = pair_along(world, first, step)
         _, h = weight_and_response(law, world.bodies[ball], pair.normal_a)
         right = pair.solution * h
     return flight.speed + (left - right)

@@ -1,7 +1,9 @@
-"""Chains of touching bodies: their extent, joint impacts and contact forces.
+"""Chains of touching bodies and walls: their extent, joint impacts and contact forces.
 
 The pair of a body and its right neighbour has the body's own number; a chain is a run of such
-pairs (round the seam of a closed trace).
+pairs (round the seam of a closed trace). A wall is a body of infinite mass at the end of a chain:
+what decides whether a body stays at it is what decides on the contact of two bodies (see
+``kernels.cluster.contact_changes``).
 """
 
 from __future__ import annotations
@@ -9,27 +11,128 @@ from __future__ import annotations
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import (
     CONTACT_ROUNDING,
+    centre_position,
+    free_acceleration,
     free_approach,
     mobility,
+    set_speed,
     speed_of_pair,
     surface_gap,
 )
-from vibro_cli.kernels.flow.flight import state_at
+from vibro_cli.kernels.flow.flight import AT_END, is_at, state_at
 from vibro_cli.kernels.impact.laws import law_approach, weight_and_response
+from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.world import (
+    NEVER,
+    Flight,
+    FlightRow,
+    PairData,
+    World,
+    flight_along,
+    number_along,
+    pair_along,
+    track_of,
+)
+
+# Height of a bounce that is lost in rounding, as a share of the size of the places.
+BOUNCE_ROUNDING = 16.0 * 2.220446049250313e-16
 
 
 @kernel
-def held_run(world: World, j: int) -> tuple[int, int]:
-    """First pair and number of pairs of the run of lasting contacts on both sides of pair ``j``."""
-    return _run_around(world, j, False)
+def touched_wall(world: World, ball: int) -> int:
+    """The side (-1 left, +1 right) of the wall that a body touches, or 0."""
+    settings = world.settings[0]
+    if settings.closed == 1:
+        return 0
+    flight = world.flights[ball]
+    track = track_of(world, ball)
+    first = ball == 0 and flight.piece == 0 and settings.left_wall >= 0.0
+    last = ball == settings.bodies - 1 and flight.piece == settings.pieces - 1
+    last = last and settings.right_wall >= 0.0
+    if first and _is_at_end(flight.s, flight.c, track.left_s, track.left_c, track.path_radius):
+        return -1
+    if last and _is_at_end(flight.s, flight.c, track.right_s, track.right_c, track.path_radius):
+        return 1
+    return 0
 
 
 @kernel
-def chain_of_contacts(world: World, j: int) -> tuple[int, int]:
-    """First pair and number of pairs of the chain that touches when pair ``j`` does."""
-    return _run_around(world, j, True)
+def stand_at_wall(world: World, ball: int, side: int) -> None:
+    """Put a body that touches a wall where it touches it, so that it meets it at once or not."""
+    flight = world.flights[ball]
+    track = track_of(world, ball)
+    flight.s = track.right_s if side > 0 else track.left_s
+    flight.c = track.right_c if side > 0 else track.left_c
+
+
+@kernel
+def touches_dissipative_wall(world: World, ball: int) -> bool:
+    """Tell whether a body touches a wall that takes energy."""
+    side = touched_wall(world, ball)
+    settings = world.settings[0]
+    restitution = settings.right_wall if side > 0 else settings.left_wall
+    return side != 0 and restitution < 1.0
+
+
+@kernel
+def _is_at_end(s: float, c: float, end_s: float, end_c: float, path_radius: float) -> bool:
+    """Tell whether a place is an end of its piece, up to rounding."""
+    if path_radius == 0.0:
+        return abs(s - end_s) <= AT_END * (1.0 + abs(end_s))
+    return is_at(s, c, end_s, end_c)
+
+
+@kernel
+def lost_height(world: World, ball: int) -> float:
+    """Height (m) of a bounce that is lost in the rounding of the body's place."""
+    flight = world.flights[ball]
+    track = track_of(world, ball)
+    x, y = centre_position(world.pieces[flight.piece], track, flight.s, flight.c)
+    return BOUNCE_ROUNDING * (abs(x) + abs(y) + world.bodies[ball].radius)
+
+
+@kernel
+def bounce_is_lost(world: World, ball: int, side: int) -> bool:
+    """Tell whether a body alone is pressed to a wall and its next bounce is lost in rounding."""
+    set_speed(world, ball)
+    speed = world.flights[ball].speed
+    pull = free_acceleration(world, ball) * side
+    return pull > 0.0 and speed * speed <= 2.0 * pull * lost_height(world, ball)
+
+
+@kernel
+def last_number_of(world: World, ball: int) -> int:
+    """Return the number of the last row of a body in the log of flights."""
+    last = world.clock[0].flight_rows - 1
+    while world.log[last].body != ball:
+        last -= 1
+    return last
+
+
+@kernel
+def last_row_of(world: World, ball: int) -> FlightRow:
+    """Return the row of a flight that has just been logged."""
+    return world.log[last_number_of(world, ball)]
+
+
+@kernel
+def rest(world: World, ball: int, side: int) -> None:
+    """Let a body that has just been launched rest, pressed to a wall or to a row at one."""
+    flight = world.flights[ball]
+    flight.at_rest = 1
+    flight.wall_side = side
+    flight.exit_after = NEVER
+    flight.exit_t = NEVER
+    flight.exit_t_low = 0.0
+    flight.angular_bound = 0.0
+    flight.jerk_bound = 0.0
+    flight.acceleration_bound = 0.0
+    last_row_of(world, ball).at_rest = 1
+    for j in range(world.settings[0].pairs):
+        pair = world.pairs[j]
+        if pair.held == 1 and (pair.a == ball or pair.b == ball):
+            pair.release_t = NEVER
 
 
 @kernel
@@ -45,8 +148,11 @@ def row_from(world: World, ball: int, right: bool) -> int:
 
 
 @kernel
-def _run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
-    """Pair ``j`` and its neighbours on both sides, as far as they are held (or touch)."""
+def run_around(world: World, j: int, touching: bool) -> tuple[int, int]:
+    """First pair and number of pairs of the run around pair ``j`` of those that are held.
+
+    With ``touching`` of the chain of those that are in contact when pair ``j`` is.
+    """
     settings = world.settings[0]
     first = j
     count = 1
@@ -96,19 +202,10 @@ def held_from(world: World, first: int, count: int, start: int) -> int:
     """Number of held pairs in a row from place ``start`` of a chain on."""
     length = 0
     while start + length < count:
-        if world.pairs[(first + start + length) % world.settings[0].pairs].held == 0:
+        if pair_along(world, first, start + length).held == 0:
             break
         length += 1
     return length
-
-
-@kernel
-def speed_of_chain(world: World, first: int, count: int) -> float:
-    """Size (m/s) of the greatest speeds in a chain, in whose rounding small ones are lost."""
-    fastest = 0.0
-    for step in range(count):
-        fastest = max(fastest, speed_of_pair(world, (first + step) % world.settings[0].pairs))
-    return fastest
 
 
 @kernel
@@ -118,14 +215,13 @@ def share_fastest(world: World, first: int, count: int) -> float:
     A sequence of impacts at one instant may contract to rest: what is left of its speeds is
     measured by those it began with. The bodies of the chain share what each of them remembers.
     """
-    bodies = world.settings[0].bodies
-    fastest = speed_of_chain(world, first, count)
-    if count == 0:
-        fastest = abs(world.flights[first].speed)
+    fastest = 0.0 if count > 0 else abs(world.flights[first].speed)
+    for step in range(count):
+        fastest = max(fastest, speed_of_pair(world, number_along(world, first, step)))
     for step in range(count + 1):
-        fastest = max(fastest, world.flights[(first + step) % bodies].fastest)
+        fastest = max(fastest, flight_along(world, first, step).fastest)
     for step in range(count + 1):
-        world.flights[(first + step) % bodies].fastest = fastest
+        flight_along(world, first, step).fastest = fastest
     return fastest
 
 
@@ -138,7 +234,7 @@ def joint_impulses(world: World, first: int, count: int, law: int, plastic: int)
     """
     pairs = world.settings[0].pairs
     for step in range(count):
-        j = (first + step) % pairs
+        j = number_along(world, first, step)
         pair = world.pairs[j]
         qa, ha = _weight_and_response(world, law, pair.a, pair.normal_a)
         qb, hb = _weight_and_response(world, law, pair.b, pair.normal_b)
@@ -153,11 +249,11 @@ def joint_impulses(world: World, first: int, count: int, law: int, plastic: int)
         pair.lower = 0.0
         pair.upper = 0.0
         if step > 0:
-            before = world.pairs[(first + step - 1) % pairs]
+            before = pair_along(world, first, step - 1)
             _, h = _weight_and_response(world, law, pair.a, before.normal_b)
             pair.lower = -qa * h
         if step < count - 1:
-            after = world.pairs[(first + step + 1) % pairs]
+            after = pair_along(world, first, step + 1)
             _, h = _weight_and_response(world, law, pair.b, after.normal_a)
             pair.upper = -qb * h
     solve_from_both_ends(world.pairs, pairs, first, count)
@@ -177,18 +273,17 @@ def apply_impulses(world: World, first: int, count: int, law: int) -> None:
     A light body between heavy ones gets two great impulses that take one another away: what is left
     is rounded as they are, so that their size counts as one of its speeds at this instant.
     """
-    pairs = world.settings[0].pairs
     for step in range(count + 1):
         left = 0.0
         right = 0.0
         ball = 0
         if step > 0:
-            pair = world.pairs[(first + step - 1) % pairs]
+            pair = pair_along(world, first, step - 1)
             ball = pair.b
             _, h = _weight_and_response(world, law, ball, pair.normal_b)
             left = pair.solution * h
         if step < count:
-            pair = world.pairs[(first + step) % pairs]
+            pair = pair_along(world, first, step)
             ball = pair.a
             _, h = _weight_and_response(world, law, ball, pair.normal_a)
             right = pair.solution * h
@@ -202,7 +297,7 @@ def contact_forces(world: World, first: int, count: int) -> None:
     """Forces (``solution``, N) that keep a run of pairs in contact (normals and speeds set)."""
     pairs = world.settings[0].pairs
     for step in range(count):
-        j = (first + step) % pairs
+        j = number_along(world, first, step)
         pair = world.pairs[j]
         ease_a = mobility(world, pair.a)
         ease_b = mobility(world, pair.b)
@@ -216,9 +311,18 @@ def contact_forces(world: World, first: int, count: int) -> None:
         pair.lower = 0.0
         pair.upper = 0.0
         if step > 0:
-            before = world.pairs[(first + step - 1) % pairs]
+            before = pair_along(world, first, step - 1)
             pair.lower = -pair.normal_a * before.normal_b * ease_a
         if step < count - 1:
-            after = world.pairs[(first + step + 1) % pairs]
+            after = pair_along(world, first, step + 1)
             pair.upper = -pair.normal_b * after.normal_a * ease_b
     solve_from_both_ends(world.pairs, pairs, first, count)
+
+
+@kernel
+def keep_release(flight: Flight, pair: PairData, after: float) -> None:
+    """Keep when a contact force falls through zero (s after the flight's start), or NEVER."""
+    pair.release_t = NEVER
+    pair.release_t_low = 0.0
+    if after < NEVER:
+        pair.release_t, pair.release_t_low = add_to_time(flight.t, flight.t_low, after)

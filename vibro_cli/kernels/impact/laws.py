@@ -1,4 +1,4 @@
-"""The three impact laws, for one pair and for several pairs at one instant.
+"""The three impact laws, for one pair and for several at one instant; the log of impacts.
 
 Every law is an impulse ``I`` between the bodies of a pair that turns the law's own relative speed
 ``u = q_a v_a - q_b v_b`` (of approach) into ``-k u``; the speeds change by ``-I h_a`` and
@@ -19,8 +19,8 @@ restitution on the speed of approach with rolling kept for ``normal-impulse``.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.double_double import difference_of_products
-from vibro_cli.kernels.world import BodyData
+from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
+from vibro_cli.kernels.world import BodyData, PairData, World, flights_of, track_of
 
 HEDRIH = 0
 TRANSLATIONAL = 1
@@ -97,10 +97,8 @@ def impact_of_pair(
 ) -> tuple[float, float, float]:
     """Speeds after the impact of one pair, and the energy that the law takes.
 
-    Returns
-    -------
-    ``v_a+``, ``v_b+`` (m/s) and the loss of rolling energy (J), formed from the impulse: for
-    ``hedrih`` and ``normal-impulse`` ``(1 - k) I u/2`` (B (20)), never a difference of energies.
+    Returns ``v_a+``, ``v_b+`` (m/s) and the loss of rolling energy (J), formed from the impulse:
+    for ``hedrih`` and ``normal-impulse`` ``(1 - k) I u/2`` (B (20)), no difference of energies.
     """
     qa, ha = weight_and_response(law, body_a, normal_a)
     qb, hb = weight_and_response(law, body_b, normal_b)
@@ -118,3 +116,116 @@ def impact_of_pair(
 def separation_speed(normal_a: float, normal_b: float, speed_a: float, speed_b: float) -> float:
     """Speed at which a pair parts along its line of centres, ``n (v_b t_b - v_a t_a)``, m/s."""
     return normal_b * speed_b - normal_a * speed_a
+
+
+# A parting speed above -this (relative) is zero up to rounding.
+SPEED_ROUNDING = 8.0 * 2.220446049250313e-16
+
+# Times closer than this share of themselves are one instant.
+SAME_INSTANT = 64.0 * 2.220446049250313e-16
+
+
+@kernel
+def parts(pair: PairData, wa: float, wb: float, size: float) -> int:
+    """1 if the bodies part, or stay together up to the rounding of speeds of this size (m/s)."""
+    return 1 if do_part(pair.normal_a, pair.normal_b, wa, wb, size) else 0
+
+
+@kernel
+def do_part(normal_a: float, normal_b: float, wa: float, wb: float, size: float) -> bool:
+    """Tell whether bodies of given normals do what :func:`parts` asks for."""
+    separation = separation_speed(normal_a, normal_b, wa, wb)
+    return separation >= -SPEED_ROUNDING * (abs(wa) + abs(wb) + size)
+
+
+@kernel
+def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float) -> None:
+    """Log the impact of a pair whose states and scratch speeds are those before it."""
+    clock = world.clock[0]
+    row = world.impacts[clock.impact_rows]
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    row.t = clock.t
+    row.t_low = clock.t_low
+    row.pair = j
+    row.a = pair.a
+    row.b = pair.b
+    row.piece_a = a.piece
+    row.piece_b = b.piece
+    row.lap_a = a.lap
+    row.lap_b = b.lap
+    row.a_s = a.s
+    row.a_c = a.c
+    row.b_s = b.s
+    row.b_c = b.c
+    row.speed_a_pre = a.speed
+    row.speed_b_pre = b.speed
+    row.speed_a_post = wa
+    row.speed_b_post = wb
+    row.normal_a = pair.normal_a
+    row.normal_b = pair.normal_b
+    row.head_a_pre = a.head
+    row.head_b_pre = b.head
+    row.law = law
+    pair.law = law
+    row.loss = loss
+    row.admissible = 1
+    row.substituted = 0
+    row.simultaneous = 0
+    row.contact = 0
+    row.crossings = clock.crossings
+    clock.impact_rows += 1
+    clock.collisions += 1
+
+
+@kernel
+def hold(world: World, j: int, held: int, delay: float) -> None:
+    """Begin or end the lasting contact of a pair now, its bounces lasting ``delay`` (s) more."""
+    clock = world.clock[0]
+    pair = world.pairs[j]
+    clock.held_pairs += held - pair.held
+    clock.unlogged = 1
+    pair.held = held
+    pair.change_t = clock.t
+    pair.change_t_low = clock.t_low
+    pair.delay = delay
+
+
+@kernel
+def log_contacts(world: World, t: float, t_low: float) -> None:
+    """Log the contacts that have closed or opened for good before the next event at ``t``.
+
+    Within one instant, or one accumulation, a contact may open and close many times.
+    """
+    clock = world.clock[0]
+    clock.unlogged = 0
+    for j in range(world.settings[0].pairs):
+        pair = world.pairs[j]
+        if pair.held == pair.logged:
+            continue
+        later = time_between(t, t_low, pair.change_t, pair.change_t_low)
+        if later > pair.delay + SAME_INSTANT * abs(t):
+            _log_contact(world, j, pair)
+            pair.logged = pair.held
+        else:
+            clock.unlogged = 1
+
+
+@kernel
+def _log_contact(world: World, j: int, pair: PairData) -> None:
+    clock = world.clock[0]
+    row = world.touches[clock.contact_rows]
+    a, b = flights_of(world, pair)
+    row.t = pair.change_t
+    row.t_low = pair.change_t_low
+    row.delay = pair.delay
+    row.a = pair.a
+    row.b = pair.b
+    row.opened = 1 - pair.held
+    row.piece_a = a.piece
+    row.piece_b = b.piece
+    row.b_s = b.s
+    row.b_c = b.c
+    row.speed = b.p * track_of(world, pair.b).speed_factor
+    clock.contact_rows += 1
+    clock.contacts += pair.held

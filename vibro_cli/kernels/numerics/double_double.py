@@ -12,19 +12,7 @@ SPLITTER = 134217729.0  # 2^27 + 1: splits the 53 bits of a double in two halves
 
 @kernel
 def add_to_time(high: float, low: float, step: float) -> tuple[float, float]:
-    """Add a step to a time held in two doubles (Knuth's two-sum).
-
-    Parameters
-    ----------
-    high, low
-        The time, s; ``high + low`` unevaluated.
-    step
-        What is added, s.
-
-    Returns
-    -------
-    The new time as two doubles, s.
-    """
+    """Add a step to a time (s) in two doubles, ``high + low`` unevaluated (Knuth's two-sum)."""
     term = step + low
     total = high + term
     part = total - high

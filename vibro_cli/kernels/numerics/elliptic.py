@@ -15,8 +15,54 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import Lanes, choose, has_bit, kernel
-from vibro_cli.kernels.numerics.constants import ThetaConstants
+from vibro_cli.compile.kernel import Lanes, choose, has_bit, kernel, struct
+
+
+@struct
+class ThetaConstants:
+    """What the theta series of one parameter need (fields of a flight)."""
+
+    parameter: float  # m
+    root_complement: float  # sign(1 - m) sqrt|1 - m|
+    form: int  # TRIGONOMETRIC, HYPERBOLIC, HYPERBOLIC_TINY
+    reciprocal: int  # 1: m > 1, so cn and dn change places
+    argument_scale: float  # z = u scale (trigonometric), z = u + u scale (hyperbolic)
+    even_0: float
+    even_2: float
+    even_4: float
+    odd_1: float
+    odd_3: float
+    sum_0: float
+    sum_2: float
+    difference_1: float
+    difference_3: float
+    sine_scale: float
+    cosine_scale: float
+    delta_scale: float
+    two_nome: float
+    root_nome: float  # square root of the complementary nome (hyperbolic)
+    half_period: float  # -ln(complementary nome), high part
+    half_period_low: float  # and low part
+
+
+@struct
+class QuarticConstants(ThetaConstants):
+    """What the motion under one quartic needs (fields of a flight)."""
+
+    quartic_0: float  # a0
+    quartic_1: float  # a1
+    quartic_2: float  # a2
+    quartic_3: float  # a3
+    start_rate: float  # u' at the start: its square is a4
+    lattice: int  # RECTANGULAR or RHOMBIC
+    turns_over: int  # 1: u passes infinity
+    root: float  # z of the greatest real root (rectangular), of the real one (rhombic)
+    second: float  # e1 - e2; rhombic: real part of e1 - e2
+    third: float  # e1 - e3; rhombic: imaginary part of e1 - e2
+    rate_scale: float  # argument of the theta functions for one unit of time
+    back: float  # u'^2 z where it comes back to the start
+    returns_early: int  # 1: it does so within half a period
+
 
 TWO_OVER_PI = 2.0 / math.pi
 # pi/2 in two parts; the first has 33 bits, so that its product with a quadrant number is exact.
@@ -63,6 +109,24 @@ def sine_cosine_in_lanes(x: Lanes) -> tuple[Lanes, Lanes]:
     cosine = choose(odd, s, c)
     turned = choose(has_bit(quadrant, 2), -sine, sine)
     return turned, choose(has_bit(quadrant + 1.0, 2), -cosine, cosine)
+
+
+@kernel
+def angle_sum(s: float, c: float, by_s: float, by_c: float) -> tuple[float, float]:
+    """Sine and cosine of the sum of two angles, given theirs."""
+    return s * by_c + c * by_s, c * by_c - s * by_s
+
+
+@kernel
+def angle_difference(s: float, c: float, from_s: float, from_c: float) -> tuple[float, float]:
+    """Sine and cosine of an angle less another one, given theirs."""
+    return s * from_c - c * from_s, c * from_c + s * from_s
+
+
+@kernel
+def twice_angle(s: float, c: float) -> tuple[float, float]:
+    """Sine and cosine of twice an angle, given its own."""
+    return 2.0 * s * c, (c - s) * (c + s)
 
 
 @kernel

@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
-from vibro_cli.kernels.numerics.constants import QuarticConstants
 from vibro_cli.kernels.numerics.elliptic import (
+    QuarticConstants,
     carlson_rf,
     quarter_period,
     set_theta_constants,

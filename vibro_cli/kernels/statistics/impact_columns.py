@@ -1,6 +1,10 @@
-"""The kernel that turns the log of impacts into the columns of their table, row by row.
+"""The columns of the table of impacts, from their log row by row; regimes and figure eights.
 
-Single runs and grids share it, so that their rows are the same to the bit.
+Single runs and grids share them, so that their rows are the same to the bit. Without impacts a body
+oscillates where hills on both sides are higher than its energy; else it would come to an end of the
+trace, or roll round a closed one: it progresses. Ends are those of the trace, whether or not a wall
+stands there, as in portraits. A saddle with a hill as high on either side has a figure eight for
+its separatrix; below the saddle's energy a body is within one loop of it.
 """
 
 from __future__ import annotations
@@ -12,18 +16,270 @@ from typing import NamedTuple
 
 from vibro_cli.compile.kernel import BoolMatrix, FloatMatrix, IntMatrix, kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
+from vibro_cli.kernels.flow.rotating_flight import potential_head
 from vibro_cli.kernels.impact.laws import LAW_NAMES, TRANSLATIONAL
-from vibro_cli.kernels.statistics.regimes import (
-    EIGHTS,
-    REGIMES,
-    regime_of,
-    side_of_eight,
-    survey,
-)
 from vibro_cli.kernels.statistics.run_statistics import residual_gap
-from vibro_cli.kernels.world import ImpactRow, PieceData, World
+from vibro_cli.kernels.world import ImpactRow, PieceData, TrackData, World, track_on
+
+REGIMES = ("oscillating", "progressive")
+EIGHTS = ("none", "left loop", "right loop", "on it", "outside")
+
+# What is known of the hills of a body, and of its figure eights, a row each: hills from left to
+# right with their places (arc length, m), heights (energy over weight, m), the greatest heights up
+# to them and from them on, and whether a level line leads to them from the left; figure eights with
+# their saddle, the hills that turn the separatrix, and its height.
+_PLACE, _HEIGHT, _LEFT, _RIGHT, _KIND = 0, 1, 2, 3, 4
+_FROM, _SADDLE, _TO, _HEIGHT_OF_EIGHT, _COUNTS = 5, 6, 7, 8, 9
+_END, _AFTER_LEVEL, _CREST = 0.0, 1.0, 2.0
+"""Kinds of hills: an end of a piece, the right one of a level line, a crest within a piece."""
+ROWS = 10
+"""Rows of the table of hills for each body; its columns are three for each piece, and two."""
 
 _EPSILON = 2.0**-52
+_EQUAL = 1.0e-12  # heights closer than this fraction are those of one separatrix
+_PI, _TAU = math.pi, math.tau
+
+
+@kernel
+def survey(world: World, hills: FloatMatrix) -> None:
+    """Find the hills and figure eights of every body: ``ROWS`` rows for each."""
+    for body in range(len(world.bodies)):
+        count = _find_hills(world, body, hills)
+        hills[body * ROWS + _COUNTS, 0] = float(count)
+        hills[body * ROWS + _COUNTS, 1] = float(_find_eights(world, body, count, hills))
+
+
+@kernel
+def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
+    """Note where the potential may be greatest: ends of pieces, and crests within; their number."""
+    settings = world.settings[0]
+    kappa = world.bodies[body].kappa
+    top = body * ROWS
+    count = 0
+    for number in range(len(world.pieces)):
+        piece = world.pieces[number]
+        track = track_on(world, body, number)
+        if number == 0:
+            s, c = _half_angle(piece, piece.angle_start)
+            head = potential_head(track, settings.gravity, kappa, s, c)
+            count = _note(hills, top, count, _END, piece.start_s, head)
+        turns = settings.turning_square > 0.0
+        crests, first, other = _crests(piece, track) if not turns else _turned(piece, track)
+        for crest in range(crests):
+            place = first if crest == 0 else other
+            s, c = _half_angle(piece, place)
+            head = potential_head(track, settings.gravity, kappa, s, c)
+            count = _note(hills, top, count, _CREST, _along(piece, place), head)
+        s, c = _half_angle(piece, piece.angle_end)
+        head = potential_head(track, settings.gravity, kappa, s, c)
+        level = piece.sign == 0.0 and track.line_rise == 0.0 and not turns
+        kind = _AFTER_LEVEL if level else _END
+        count = _note(hills, top, count, kind, _along(piece, piece.angle_end), head)
+    for hill in range(count):
+        back = count - 1 - hill
+        height, other = hills[top + _HEIGHT, hill], hills[top + _HEIGHT, back]
+        hills[top + _LEFT, hill] = (
+            height if hill == 0 else max(hills[top + _LEFT, hill - 1], height)
+        )
+        hills[top + _RIGHT, back] = (
+            other if hill == 0 else max(hills[top + _RIGHT, back + 1], other)
+        )
+    return count
+
+
+@kernel
+def _note(
+    hills: FloatMatrix, top: int, count: int, kind: float, place: float, height: float
+) -> int:
+    hills[top + _PLACE, count] = place
+    hills[top + _HEIGHT, count] = height
+    hills[top + _KIND, count] = kind
+    return count + 1
+
+
+@kernel
+def _along(piece: PieceData, place: float) -> float:
+    """Arc length (m) of an angle on an arc, or of a distance on a line."""
+    if piece.sign == 0.0:
+        return piece.start_s + place
+    return piece.start_s + piece.radius * (place - piece.angle_start)
+
+
+@kernel
+def _half_angle(piece: PieceData, place: float) -> tuple[float, float]:
+    """``(S, C)`` of an angle phi or psi; on a line the distance."""
+    if piece.sign == 0.0:
+        return place, 0.0
+    half = 0.5 * place + (0.5 * _PI if piece.sign < 0.0 else 0.0)
+    return math.sin(half), math.cos(half)
+
+
+@kernel
+def _crests(piece: PieceData, track: TrackData) -> tuple[int, float, float]:
+    """Crests strictly within a piece at rest: tops of loops, or of humps; number and angles."""
+    if piece.sign == 0.0:
+        return 0, 0.0, 0.0
+    top = 0.0 if piece.sign < 0.0 else _PI
+    near = 4.0 * _EPSILON
+    count = 0
+    first = other = 0.0
+    angle = top + _TAU * math.floor((piece.angle_start - top) / _TAU)
+    while angle < piece.angle_end:
+        size = max(1.0, abs(angle))
+        if angle > piece.angle_start + near * size and angle < piece.angle_end - near * size:
+            if count == 0:
+                first = angle
+            other = angle
+            count += 1
+        angle += _TAU
+    return min(count, 2), first, other
+
+
+@kernel
+def _turned(piece: PieceData, track: TrackData) -> tuple[int, float, float]:
+    """Crests strictly within a piece that turns about a vertical; number and places."""
+    if piece.sign == 0.0:
+        square = track.line_growth * track.line_growth
+        if square == 0.0:
+            return 0, 0.0, 0.0
+        place = -track.line_acceleration / square
+        return (1 if place > 0.0 and place < piece.length else 0), place, place
+    first = _whole_angle(piece, track.crest_s, track.crest_c)
+    if track.crests < 2:
+        return track.crests, first, first
+    other = _whole_angle(piece, track.other_crest_s, track.other_crest_c)
+    return 2, min(first, other), max(first, other)
+
+
+@kernel
+def _whole_angle(piece: PieceData, s: float, c: float) -> float:
+    """Angle phi or psi (rad) on the piece of a half angle's sine and cosine."""
+    angle = 2.0 * (math.atan2(-c, s) if piece.sign < 0.0 else math.atan2(s, c))
+    return angle + _TAU * math.ceil((piece.angle_start - angle) / _TAU)
+
+
+@kernel
+def _find_eights(world: World, body: int, count: int, hills: FloatMatrix) -> int:
+    """Note the figure eights of a body, from left to right; their number."""
+    closed = world.settings[0].closed == 1
+    top = body * ROWS
+    found = 0
+    around = hills[top + _PLACE, count - 1] - hills[top + _PLACE, 0]
+    number = count - 1 if closed else count
+    for hill in range(number):
+        if not _is_summit(hills, top, number, hill, closed):
+            continue
+        left = _barrier(world, hills, top, number, hill, -1)
+        right = _barrier(world, hills, top, number, hill, 1)
+        if left < 0 or right < 0:
+            continue
+        at = hills[top + _PLACE, hill]
+        low, high = hills[top + _PLACE, left], hills[top + _PLACE, right]
+        hills[top + _FROM, found] = low - (around if low >= at else 0.0)
+        hills[top + _SADDLE, found] = at
+        hills[top + _TO, found] = high + (around if high <= at else 0.0)
+        hills[top + _HEIGHT_OF_EIGHT, found] = hills[top + _HEIGHT, hill]
+        found += 1
+    return found
+
+
+@kernel
+def _is_summit(hills: FloatMatrix, top: int, number: int, hill: int, closed: bool) -> bool:
+    """Whether a hill is a saddle: a crest, or where pieces meet higher than the hills beside it."""
+    if hills[top + _KIND, hill] == _CREST:
+        return True
+    if not closed and (hill == 0 or hill == number - 1):
+        return False
+    height = hills[top + _HEIGHT, hill]
+    before = hills[top + _HEIGHT, (hill - 1) % number]
+    beside = max(before, hills[top + _HEIGHT, (hill + 1) % number])
+    higher: bool = height > beside
+    return higher
+
+
+@kernel
+def _barrier(world: World, hills: FloatMatrix, top: int, number: int, hill: int, step: int) -> int:
+    """The next hill at least as high as a saddle, to the left or right, where the separatrix turns.
+
+    -1 where it does not turn, where it runs to another saddle of just that height, and where a
+    level line takes the place of the centre.
+    """
+    closed = world.settings[0].closed == 1
+    height = hills[top + _HEIGHT, hill]
+    rounding = 4.0 * _EPSILON * (abs(height) + hills[top + _PLACE, number - 1])
+    at = hill
+    falling = True
+    for _ in range(number):
+        if not closed and (at + step < 0 or at + step >= number):
+            return -1
+        before = at
+        at = (at + step) % number
+        if at == hill:
+            return -1
+        falling = falling and hills[top + _HEIGHT, at] <= hills[top + _HEIGHT, before] + rounding
+        if falling and hills[top + _KIND, at if step > 0 else before] == _AFTER_LEVEL:
+            return -1
+        if hills[top + _HEIGHT, at] >= height - rounding:
+            equal = abs(hills[top + _HEIGHT, at] - height) <= _EQUAL * height
+            saddle = _is_summit(hills, top, number, at, closed) or _is_level_end(world, at, number)
+            return -1 if equal and saddle else at
+    return -1
+
+
+@kernel
+def _is_level_end(world: World, hill: int, number: int) -> bool:
+    """Whether a hill is an end of an open trace at rest whose tangent is level: singular too."""
+    settings = world.settings[0]
+    if settings.closed == 1 or settings.turning_square > 0.0:
+        return False
+    if hill != 0 and hill != number - 1:
+        return False
+    piece = world.pieces[0 if hill == 0 else len(world.pieces) - 1]
+    if piece.sign == 0.0:
+        return piece.tangent_y == 0.0
+    angle = piece.angle_start if hill == 0 else piece.angle_end
+    turn = math.floor(angle / _PI + 0.5) * _PI
+    return abs(angle - turn) <= 4.0 * _EPSILON * max(1.0, abs(angle))
+
+
+@kernel
+def regime_of(world: World, hills: FloatMatrix, body: int, s: float, head: float) -> int:
+    """Number in ``REGIMES`` of a body at an arc length (m) with an energy over weight (m)."""
+    top = body * ROWS
+    count = int(hills[top + _COUNTS, 0])
+    if world.settings[0].closed == 1:
+        return 0 if head < hills[top + _LEFT, count - 1] else 1
+    hill = 0
+    while hill + 2 < count and hills[top + _PLACE, hill + 1] <= s:
+        hill += 1
+    enclosed = head < hills[top + _LEFT, hill] and head < hills[top + _RIGHT, hill + 1]
+    return 0 if enclosed else 1
+
+
+@kernel
+def side_of_eight(world: World, hills: FloatMatrix, body: int, s: float, head: float) -> int:
+    """Number in ``EIGHTS``: of the first figure eight from the left that the body is within."""
+    top = body * ROWS
+    count = int(hills[top + _COUNTS, 1])
+    around = 0.0
+    if world.settings[0].closed == 1:
+        around = hills[top + _PLACE, int(hills[top + _COUNTS, 0]) - 1]
+    for eight in range(count):
+        place = s
+        if place < hills[top + _FROM, eight]:
+            place += around
+        elif place > hills[top + _TO, eight]:
+            place -= around
+        if place < hills[top + _FROM, eight] or place > hills[top + _TO, eight]:
+            continue
+        height = hills[top + _HEIGHT_OF_EIGHT, eight]
+        if abs(head - height) <= _EQUAL * height:
+            return 3
+        if head < height:
+            return 1 if place < hills[top + _SADDLE, eight] else 2
+    return 4 if count > 0 else 0
+
+
 # An impact whose overlap, had it not happened, would have stayed below this many units in the last
 # place of the positions cannot be told from a passing touch.
 _GRAZING_UNITS = 16.0
@@ -98,7 +354,7 @@ class Runs(NamedTuple):
     masses: FloatMatrix
     """[run, body], kg"""
     hills: FloatMatrix
-    """Scratch: what the trace is to each body, see ``kernels.statistics.regimes``."""
+    """Scratch: what the trace is to each body, see ``kernels.statistics.impact_columns``."""
 
 
 @kernel
@@ -107,20 +363,8 @@ def fill_columns(
 ) -> int:
     """Fill the columns of some runs of one system, which may differ in their masses.
 
-    Parameters
-    ----------
-    world
-        The system's records.
-    log, runs
-        Impacts, run by run.
-    columns
-        Filled in.
-    around
-        Length (m) of a closed trace with two bodies, which may meet on two sides; else 0.
-
-    Returns
-    -------
-    Number of rows.
+    The log has the impacts run by run. ``around`` is the length (m) of a closed trace with two
+    bodies, which may meet on two sides; else 0. Returns the number of rows.
     """
     row = 0
     for run in range(len(runs.counts)):
@@ -196,30 +440,21 @@ def _fill_row(
     _flag(columns, 2, at, row.simultaneous == 1)
     _flag(columns, 4, at, row.contact == 1)
     # Two bodies on a closed trace are 1 and 2, whichever pair found the contact.
-    end_a = 0
-    if around > 0.0 and row.a == 1:
-        end_a = 1
+    end_a = 1 if around > 0.0 and row.a == 1 else 0
     mass_a, mass_b = runs.masses[run, row.a], runs.masses[run, row.b]
     end_b = 1 - end_a
     s_a, size_a, pull_a = _fill_body(
-        world, columns, at, end_a, row.a, row.piece_a, row.a_s, row.a_c, mass_a,
+        world, runs.hills, columns, at, end_a, row.a, mass_a, (row.piece_a, row.a_s, row.a_c),
         (row.speed_a_pre, row.speed_a_post), (row.head_a_pre, row.head_a_post),
     )  # fmt: skip
     s_b, size_b, pull_b = _fill_body(
-        world, columns, at, end_b, row.b, row.piece_b, row.b_s, row.b_c, mass_b,
+        world, runs.hills, columns, at, end_b, row.b, mass_b, (row.piece_b, row.b_s, row.b_c),
         (row.speed_b_pre, row.speed_b_post), (row.head_b_pre, row.head_b_post),
     )  # fmt: skip
-    _fill_phases(
-        world, runs.hills, columns, at, end_a, row.a, s_a, (row.head_a_pre, row.head_a_post)
-    )
-    _fill_phases(
-        world, runs.hills, columns, at, end_b, row.b, s_b, (row.head_b_pre, row.head_b_post)
-    )
-    change = (
-        row.speed_b_post - row.speed_b_pre if end_b == 1 else row.speed_a_post - row.speed_a_pre
-    )
-    mass = mass_b if end_b == 1 else mass_a
-    _number(columns, _IMPULSE, at, mass * change if row.law == TRANSLATIONAL else math.nan)
+    impulse = mass_a * (row.speed_a_post - row.speed_a_pre)
+    if end_b == 1:
+        impulse = mass_b * (row.speed_b_post - row.speed_b_pre)
+    _number(columns, _IMPULSE, at, impulse if row.law == TRANSLATIONAL else math.nan)
     overlap = approach * approach / (2.0 * (pull_a + pull_b))
     _flag(columns, 3, at, overlap < _GRAZING_UNITS * _EPSILON * (size_a + size_b))
     if around > 0.0:
@@ -240,31 +475,31 @@ def _side(row: ImpactRow, near: bool) -> int:
 @kernel
 def _fill_body(
     world: World,
+    hills: FloatMatrix,
     columns: Columns,
     at: int,
     end: int,
     body: int,
-    piece: int,
-    s: float,
-    c: float,
     mass: float,
+    place: tuple[int, float, float],
     speeds: tuple[float, float],
     heads: tuple[float, float],
 ) -> tuple[float, float, float]:
-    """Fill the columns of one body.
+    """Fill the columns of one body at its place, piece and ``(S, C)``, before and after.
 
     Returns the arc length (m) of its contact point, the size of its centre's coordinates (m), and
     a bound on its acceleration (m/s^2).
     """
+    piece, s, c = place
     data = world.pieces[piece]
-    track = world.tracks[body * world.settings[0].pieces + piece]
-    place = place_on(data, s, c)
+    track = track_on(world, body, piece)
+    along = place_on(data, s, c)
     line = data.sign == 0.0
-    arc_length = data.start_s + (place if line else data.radius * (place - data.angle_start))
+    arc_length = _along(data, along)
     x, y = centre_position(data, track, s, c)
     _integer(columns, 2 + end, at, body + 1)
     _integer(columns, 4 + end, at, piece + 1)
-    _number(columns, _ANGLE + end, at, math.nan if line else place)
+    _number(columns, _ANGLE + end, at, math.nan if line else along)
     _number(columns, _S + end, at, arc_length)
     _number(columns, _X + end, at, x)
     _number(columns, _Y + end, at, y)
@@ -280,29 +515,15 @@ def _fill_body(
         _number(columns, _ENERGY + later, at, weight * heads[when])
         kinetic = 0.5 * world.bodies[body].kappa * mass * speed * speed
         _number(columns, _KINETIC + later, at, kinetic)
+        regime = regime_of(world, hills, body, arc_length, heads[when])
+        _integer(columns, _REGIME + later, at, regime)
+        eight = side_of_eight(world, hills, body, arc_length, heads[when])
+        _integer(columns, _EIGHT + later, at, eight)
     if end == 1:
         inertia = world.bodies[body].kappa * mass * radius
         _number(columns, 4, at, inertia * (speeds[1] - speeds[0]))
     central = 0.0 if line else speeds[0] * speeds[0] / track.path_radius
     return arc_length, abs(x) + abs(y), track.gravity_rate + central
-
-
-@kernel
-def _fill_phases(
-    world: World,
-    hills: FloatMatrix,
-    columns: Columns,
-    at: int,
-    end: int,
-    body: int,
-    s: float,
-    heads: tuple[float, float],
-) -> None:
-    """Fill regime and side of the figure eight of one body, before and after the impact."""
-    for when in range(2):
-        later = end + _AFTER * when
-        _integer(columns, _REGIME + later, at, regime_of(world, hills, body, s, heads[when]))
-        _integer(columns, _EIGHT + later, at, side_of_eight(world, hills, body, s, heads[when]))
 
 
 @kernel

@@ -16,15 +16,15 @@ import math
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel, struct
-from vibro_cli.kernels.cluster.trace_forces import (
-    AT_TIME,
-    fit_forces,
-    is_pendulum,
-    set_forces,
-)
+from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, is_pendulum, set_forces
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
-from vibro_cli.kernels.flow.flow import flow
-from vibro_cli.kernels.flow.replay import energy_of_row, half_period, recall_flight
+from vibro_cli.kernels.flow.flow import (
+    energy_of_row,
+    flow,
+    group_of_body,
+    half_period,
+    recall_flight,
+)
 from vibro_cli.kernels.world import (
     END_INADMISSIBLE,
     NEVER,
@@ -37,6 +37,7 @@ from vibro_cli.kernels.world import (
     ImpactRow,
     PieceData,
     World,
+    track_on,
 )
 
 # A square below another one by this factor is so whatever the rounding of both.
@@ -92,21 +93,11 @@ def tally(
 ) -> None:
     """Fill in the outcome of a run, and the final state of every body.
 
-    Parameters
-    ----------
-    world
-        After the run, with all its rows in the logs (their numbers are those of the clock).
-    known
-        0, or the number of bodies for a part of a run that is not the first: the log then begins
-        with the present flight of every body, and the outcome tells of the parts before.
-    cause, end_t, end_t_low
-        Why and when (two doubles, s) the run ended; ``RUNNING`` if it has not, for a part of it.
-    outcomes, number
-        Outcomes of runs, and which is that of this one; filled in.
-    finals
-        A row for each body, run by run; filled in.
-    scratch
-        A flight to work with.
+    The logs hold all rows of the run. If ``known`` is not 0 but the number of bodies, it is a part
+    of a run that is not the first: the log then begins with the present flight of every body, and
+    the outcome tells of the parts before. The run has ended at ``end_t`` (two doubles, s) because
+    of ``cause``, or has not and that is ``RUNNING``. Its outcome is that of ``number``; ``finals``
+    has a row for each body, run by run.
     """
     clock = world.clock[0]
     bodies = world.settings[0].bodies
@@ -180,9 +171,8 @@ def residual_gap(world: World, row: ImpactRow) -> float:
 @kernel
 def _half_angle_of_contact(world: World, row: ImpactRow) -> tuple[float, float]:
     """Sine and cosine of half the angle of contact on an arc, where both bodies are on it."""
-    pieces = world.settings[0].pieces
-    rho_a = world.tracks[row.a * pieces + row.piece_a].path_radius
-    rho_b = world.tracks[row.b * pieces + row.piece_b].path_radius
+    rho_a = track_on(world, row.a, row.piece_a).path_radius
+    rho_b = track_on(world, row.b, row.piece_b).path_radius
     if row.piece_a != row.piece_b or rho_a == 0.0:
         return 0.0, 1.0
     return half_angle_on_arc(rho_a * rho_b, world.bodies[row.a].radius, world.bodies[row.b].radius)
@@ -199,9 +189,8 @@ def half_angle_on_arc(product: float, radius_a: float, radius_b: float) -> tuple
 @kernel
 def _gap(world: World, row: ImpactRow, half_sine: float, half_cosine: float) -> float:
     """As :func:`residual_gap`, with half the angle of contact on the arc."""
-    pieces = world.settings[0].pieces
-    track_a = world.tracks[row.a * pieces + row.piece_a]
-    track_b = world.tracks[row.b * pieces + row.piece_b]
+    track_a = track_on(world, row.a, row.piece_a)
+    track_b = track_on(world, row.b, row.piece_b)
     radius_a = world.bodies[row.a].radius
     radius_b = world.bodies[row.b].radius
     reach = radius_a + radius_b
@@ -317,7 +306,7 @@ def tally_alone(
     row = world.log[number]
     body = world.bodies[row.body]
     piece = world.pieces[row.piece]
-    track = world.tracks[row.body * world.settings[0].pieces + row.piece]
+    track = track_on(world, row.body, row.piece)
     if track.path_radius == 0.0:
         outcome.least_force = min(outcome.least_force, body.weight * piece.tangent_x)
         demand = friction_demand(
@@ -416,18 +405,8 @@ def group_extremes(
 ) -> tuple[float, float]:
     """Least normal force (N) and greatest demand of friction of a group on one of its motions.
 
-    Parameters
-    ----------
-    world
-        With the logs of the run.
-    number
-        Row of the flight of the group's first body.
-    duration
-        Of the motion, s.
-    end
-        ``(S, C, P)`` of the first body at its end.
-    scratch
-        A flight to work with.
+    ``number`` is the row of the flight of its first body, whose state after the duration (s) is
+    ``end``.
     """
     row = world.log[number]
     recall_flight(world, row, number, scratch)
@@ -516,10 +495,8 @@ def pendulum_range(
     c = flight.flow_c
     p = flight.flow_p
     start = 2.0 * math.atan2(s, c)
-    stop = 2.0 * math.atan2(
-        end_s * flight.shift_c - end_c * flight.shift_s,
-        end_c * flight.shift_c + end_s * flight.shift_s,
-    )
+    stop_s, stop_c = group_of_body(flight, end_s, end_c)
+    stop = 2.0 * math.atan2(stop_s, stop_c)
     if p == 0.0:
         # From rest it moves downwards.
         p = -s * c

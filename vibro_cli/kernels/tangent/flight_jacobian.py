@@ -22,11 +22,14 @@ import math
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import FloatMatrix, IntMatrix, kernel, struct
-from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, acceleration_at
-from vibro_cli.kernels.flow.replay import recall_flight
-from vibro_cli.kernels.numerics.constants import ThetaConstants
+from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, acceleration_at, recall_flight
 from vibro_cli.kernels.numerics.double_double import time_between
-from vibro_cli.kernels.numerics.elliptic import TRIGONOMETRIC, sine_cosine, theta_functions
+from vibro_cli.kernels.numerics.elliptic import (
+    TRIGONOMETRIC,
+    ThetaConstants,
+    sine_cosine,
+    theta_functions,
+)
 from vibro_cli.kernels.world import START, Flight, World
 
 # Below this parameter the nome is a sixteenth of it.

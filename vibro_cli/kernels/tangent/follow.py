@@ -25,8 +25,7 @@ from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre_tangent
-from vibro_cli.kernels.flow.flow import acceleration_at
-from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.flow.flow import acceleration_at, recall_flight
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     TRANSLATIONAL,

@@ -23,8 +23,7 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.flow.flow import POLYNOMIAL
-from vibro_cli.kernels.flow.replay import recall_flight
+from vibro_cli.kernels.flow.flow import POLYNOMIAL, recall_flight
 from vibro_cli.kernels.flow.rotating_flow import TURNING_LINE, pull_of
 from vibro_cli.kernels.numerics.weierstrass_motion import quartic_motion
 from vibro_cli.kernels.tangent.frame import TERMS

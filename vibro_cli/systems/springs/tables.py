@@ -14,7 +14,7 @@ from vibro_cli.compile.kernel import dtype, interpreted_copies, interpreted_rows
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.springs.series import Found, Sample, sample_states
 from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED, SpringBody, StateRow
-from vibro_cli.kernels.statistics.regimes import EIGHTS, REGIMES
+from vibro_cli.kernels.statistics.impact_columns import EIGHTS, REGIMES
 from vibro_cli.systems.columns import (
     ENDS,
     KINETIC,

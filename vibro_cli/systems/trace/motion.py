@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.compile.kernel import Overrides
-from vibro_cli.kernels.flow.replay import Sample, sample_flights
+from vibro_cli.kernels.flow.flow import Sample, sample_flights
 from vibro_cli.kernels.world import (
     CAUSE_NAMES,
     RUNNING,

@@ -11,14 +11,16 @@ import numpy as np
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.ensemble.records import Stack, fill_stacked
 from vibro_cli.kernels.statistics.impact_columns import (
+    EIGHTS,
     FLAGS,
     INTEGERS,
     NUMBERS,
+    REGIMES,
+    ROWS,
     Columns,
     Runs,
     fill_columns,
 )
-from vibro_cli.kernels.statistics.regimes import EIGHTS, REGIMES, ROWS
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
 from vibro_cli.kernels.world import END_NAMES, NEVER, RUNNING, Flight, World
 from vibro_cli.mechanics.system import TraceSystem

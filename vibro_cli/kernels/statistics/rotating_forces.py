@@ -1,0 +1,361 @@
+"""Forces of a rotating trace along the flights of a log: where they pass limits, and extremes.
+
+On an arc a force passes its limit where a trigonometric polynomial of degree 2 in the angle from
+the start has a zero, on a line where a linear function of the way has one; each such place is
+passed once in a period with the rate that takes a body beyond. Friction is that along the trace:
+what holds a body in the trace's plane against the Coriolis force ``2 m Omega v cos(alpha)`` is
+taken to be smooth. The kernels stand in for those of ``kernels.events.liftoff_slip`` and
+``kernels.statistics.run_statistics``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.cluster.rotating_clusters import kept
+from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, set_ends, set_forces
+from vibro_cli.kernels.events.liftoff_slip import (
+    CAUTION,
+    Course,
+    Passage,
+    Span,
+    set_course,
+    set_sides,
+)
+from vibro_cli.kernels.flow.flow import flow, group_of_body, place_from_start, recall_flight
+from vibro_cli.kernels.flow.rotating_flight import (
+    fall_through_zero,
+    potential,
+    press_harmonics,
+    pull_harmonics,
+    scaled,
+)
+from vibro_cli.kernels.flow.rotating_flow import (
+    TURNING_LINE,
+    half_range,
+    half_way,
+    sides_turned,
+    time_on_line,
+    turn_on_line,
+)
+from vibro_cli.kernels.numerics.conservative_advancement import (
+    Harmonics,
+    combined,
+    greatest_quotient,
+    harmonic_size,
+    harmonic_slope,
+    harmonic_value,
+    least_value,
+    next_zero,
+    turned,
+)
+from vibro_cli.kernels.numerics.elliptic import (
+    angle_difference,
+    angle_sum,
+    sine_cosine,
+    twice_angle,
+)
+from vibro_cli.kernels.numerics.weierstrass_motion import period_of, squared_rate
+from vibro_cli.kernels.statistics.run_statistics import Outcome, friction_demand
+from vibro_cli.kernels.world import (
+    NEVER,
+    BodyData,
+    BodyForces,
+    Flight,
+    FlightRow,
+    TrackData,
+    World,
+    track_on,
+)
+
+# Places are looked for this far (rad) beyond where a flight has come: times decide.
+MARGIN = 1.0e-9
+# A polynomial of degree 2 has no more zeros in a turn.
+MOST_ZEROS = 4
+
+
+@kernel
+def rotates(flight: Flight) -> bool:
+    """Tell whether the full orbit of a flight on an arc takes it all the way round."""
+    return flight.turns_over == 1
+
+
+@kernel
+def orbit_period(flight: Flight) -> float:
+    """Period (s) of the full orbit of a flight on an arc that turns back."""
+    return period_of(flight) / flight.frequency
+
+
+@kernel
+def _state_after(flight: Flight, duration: float) -> tuple[float, float, float]:
+    """``(S, C, P)`` of the motion on an arc a time (s) after its start."""
+    s, c, p = flow(flight, duration)
+    if flight.grouped == 0:
+        return s, c, p
+    s, c = group_of_body(flight, s, c)
+    return s, c, p / flight.rate_ratio
+
+
+@kernel
+def turning_courses(flight: Flight, duration: float, courses: Sequence[Course]) -> int:
+    """Set the courses of the turning points that a flight has come to; return their number."""
+    if flight.form == TURNING_LINE:
+        way = turn_on_line(flight)
+        courses[0].after = time_on_line(flight, way, 0.0) if way * flight.flow_p > 0.0 else NEVER
+        courses[0].period = NEVER
+        return 1
+    if flight.turns_over == 1:
+        return 0
+    _, _, p = _state_after(flight, duration)
+    left, right = sides_turned(flight, p, duration)
+    count = 0
+    for number in range(2):
+        side = 1.0 if number == 0 else -1.0
+        if right if number == 0 else left:
+            sine, cosine = sine_cosine(side * half_way(flight, side))
+            _set_place(courses[count], flight, sine, cosine, 0.0, duration)
+            count += 1
+    return count
+
+
+@kernel
+def _set_place(
+    course: Course, flight: Flight, sine: float, cosine: float, p: float, duration: float
+) -> None:
+    """Set when a flight passes a place whose half angle from the start has this sine and cosine."""
+    s, c = place_from_start(flight, sine, cosine)
+    set_course(course, flight, s, c, p, duration)
+
+
+@kernel
+def _bounds_on_arc(world: World, row: FlightRow) -> tuple[float, float, float]:
+    """Bounds all over an arc of a flight of a body alone, as shares of its weight.
+
+    Of its normal force from below, of its friction from above, and what is rounding of the former.
+    """
+    sign = world.pieces[row.piece].sign
+    track = track_on(world, row.body, row.piece)
+    kappa = world.bodies[row.body].kappa
+    energy = row.p * row.p + potential(track, row.s, row.c)
+    least = track.least_press + sign * (4.0 / kappa) * energy
+    if sign > 0.0:
+        least = max(least, track.least_still)
+    most = track.most_angular / (track.frequency * track.frequency) * (1.0 - 1.0 / kappa)
+    return least, most, CAUTION * (1.0 + abs(track.tilt) + track.spread + 4.0 * abs(energy))
+
+
+@kernel
+def look_at_one(world: World, span: Span, friction: float, flight: Flight) -> tuple[bool, bool]:
+    """Set the forces on a body alone, if it may pass a limit; which ones it may."""
+    row = world.log[span.row]
+    lifts = True
+    slips = friction >= 0.0
+    if world.pieces[row.piece].sign != 0.0:
+        least, most, caution = _bounds_on_arc(world, row)
+        lifts = least <= caution
+        slips = slips and most >= friction * least - caution
+        if not lifts and not slips:
+            return False, False
+    recall_flight(world, row, span.row, flight)
+    set_ends(world, span.row, span.duration, flight)
+    fit_forces(world, span.row, flight)
+    set_sides(span, world.forces[world.settings[0].bodies], friction)
+    return lifts, slips
+
+
+@kernel
+def normal_of_one(world: World, number: int, found: Passage, flight: Flight) -> float:
+    """Normal force (N) of a body alone where it is in a passage."""
+    set_forces(world, number, AT_TIME, found.after, flight)
+    return world.forces[world.settings[0].bodies].normal
+
+
+@kernel
+def limit_courses(
+    one: BodyForces, friction: float, flight: Flight, duration: float, courses: Sequence[Course]
+) -> int:
+    """Set the courses at whose states a limit is passed: of friction, or negative, of lift-off."""
+    press = kept(one.press)
+    drag = kept(one.drag)
+    if friction >= 0.0 and harmonic_size(drag) == 0.0:
+        return 0
+    ways = 0.0, 0.0
+    if flight.form != TURNING_LINE:
+        ways = half_range(flight, _state_after(flight, duration), duration)
+    count = 0
+    for number in range(1 if friction < 0.0 else 2):
+        # What is left before the limit, and what must be positive there.
+        spare = press
+        beside = 1.0, 0.0, 0.0, 0.0, 0.0
+        if friction >= 0.0:
+            beside = scaled(1.0 if number == 0 else -1.0, drag)
+            spare = combined(scaled(friction, press), -1.0, beside)
+        if flight.form == TURNING_LINE:
+            _set_on_line(spare, beside, flight, courses[count])
+            count += 1
+        else:
+            count = _add_on_arc(spare, beside, ways, flight, duration, courses, count)
+    return count
+
+
+@kernel
+def _set_on_line(spare: Harmonics, beside: Harmonics, flight: Flight, course: Course) -> None:
+    """Set when a linear function of the way (m) falls through zero, where another is positive."""
+    force, growth, _, _, _ = spare
+    at, slope, _, _, _ = beside
+    course.period = NEVER
+    course.after = NEVER
+    if growth != 0.0 and at - slope * (force / growth) > 0.0:
+        course.after = fall_through_zero(flight, force, growth)
+
+
+@kernel
+def _add_on_arc(
+    spare: Harmonics,
+    beside: Harmonics,
+    ways: tuple[float, float],
+    flight: Flight,
+    duration: float,
+    courses: Sequence[Course],
+    count: int,
+) -> int:
+    """Set when a function of the angle falls through zero, where another one is positive."""
+    left, right = ways
+    slope = harmonic_slope(spare)
+    angle = 2.0 * left - MARGIN
+    for _ in range(MOST_ZEROS):
+        angle = next_zero(spare, angle, 2.0 * right + MARGIN)
+        if angle == math.inf:
+            return count
+        sine, cosine = sine_cosine(angle)
+        falls = -harmonic_value(slope, sine, cosine)
+        if harmonic_value(beside, sine, cosine) <= 0.0:
+            continue
+        sine, cosine = sine_cosine(0.5 * angle)
+        square = squared_rate(flight, sine, cosine)
+        p = math.copysign(math.sqrt(max(square, 0.0)), falls)
+        if square > 0.0 and (flight.turns_over == 0 or p * flight.flow_p > 0.0):
+            _set_place(courses[count], flight, sine, cosine, p, duration)
+            count += 1
+    return count
+
+
+@kernel
+def arc_share(track: TrackData, kappa: float, s: float, c: float, squared: float) -> float:
+    """``N/(m g)``, up to the sign of the arc, of a body at ``(S, C)`` with ``P^2 = squared``."""
+    sine, cosine = twice_angle(s, c)
+    return cosine + sine * (track.tilt + track.spread * sine) + 4.0 / kappa * squared
+
+
+@kernel
+def tally_alone(
+    world: World,
+    number: int,
+    duration: float,
+    end: tuple[float, float, float],
+    outcome: Outcome,
+    scratch: Flight,
+) -> None:
+    """Count in the normal forces and the demand of friction of a flight of a body by itself."""
+    row = world.log[number]
+    body = world.bodies[row.body]
+    track = track_on(world, row.body, row.piece)
+    sign = world.pieces[row.piece].sign
+    most = 0.0
+    if sign != 0.0:
+        bound, most, caution = _bounds_on_arc(world, row)
+        bound -= caution
+        known = outcome.most_demand == math.inf or outcome.most_demand * bound >= most
+        if body.weight * bound >= outcome.least_force and (most == 0.0 or known):
+            return  # it has surely neither less force nor more demand than known
+    recall_flight(world, row, number, scratch)
+    end_s, _, end_p = end
+    if track.path_radius == 0.0:
+        _tally_on_line(body, track, row.s, outcome)
+        _tally_on_line(body, track, end_s, outcome)
+        if row.p * end_p < 0.0:
+            _tally_on_line(body, track, row.s + turn_on_line(scratch), outcome)
+        return
+    low, high = half_range(scratch, end, duration)
+    least = math.inf
+    for place in range(track.extreme_count + 2):
+        half = low if place == 0 else high
+        if place > 1:
+            # Where it is extreme whatever the energy.
+            s = track.extremes[2 * place - 4]
+            c = track.extremes[2 * place - 3]
+            sine, cosine = angle_difference(s, c, row.s, row.c)
+            half = math.atan2(sine, cosine)
+        if low <= half <= high:
+            s, c = sine_cosine(half)
+            rate = squared_rate(scratch, s, c)
+            s, c = angle_sum(row.s, row.c, s, c)
+            least = min(least, sign * arc_share(track, body.kappa, s, c, rate))
+    outcome.least_force = min(outcome.least_force, body.weight * least)
+    if most == 0.0 or outcome.most_demand * least >= most:
+        # What is known is more than all that this flight can need.
+        return
+    if least <= 0.0:
+        outcome.most_demand = math.inf
+        return
+    press = scaled(sign, press_harmonics(scratch, track.tilt, track.spread, body.kappa))
+    pull = scaled(1.0 - 1.0 / body.kappa, pull_harmonics(scratch))
+    outcome.most_demand = _greatest(pull, press, 2.0 * low, 2.0 * high, outcome.most_demand)
+
+
+@kernel
+def _greatest(top: Harmonics, below: Harmonics, low: float, high: float, known: float) -> float:
+    """The greatest ``|top|/below`` between two angles (rad), or ``known`` if that is greater."""
+    sine, cosine = sine_cosine(low)
+    return greatest_quotient(
+        turned(top, sine, cosine), turned(below, sine, cosine), high - low, known
+    )
+
+
+@kernel
+def _tally_on_line(body: BodyData, track: TrackData, s: float, outcome: Outcome) -> None:
+    """Count in the forces at a place (m) of a line: both are linear between its ends."""
+    normal = body.weight * (track.line_press + track.line_press_growth * s)
+    pull = track.line_acceleration + track.line_growth * track.line_growth * s
+    demand = friction_demand((body.kappa - 1.0) * body.mass * abs(pull), normal)
+    outcome.least_force = min(outcome.least_force, normal)
+    outcome.most_demand = max(outcome.most_demand, demand)
+
+
+@kernel
+def pendulum_range(
+    world: World, number: int, duration: float, end: tuple[float, float, float], flight: Flight
+) -> tuple[float, float]:
+    """Least and greatest angle (rad) from its start that a group takes in."""
+    end_s, end_c, end_p = end
+    s, c = group_of_body(flight, end_s, end_c)
+    low, high = half_range(flight, (s, c, end_p / flight.rate_ratio), duration)
+    return 2.0 * low, 2.0 * high
+
+
+@kernel
+def extremes_on_arc(one: BodyForces, low: float, high: float) -> tuple[float, float]:
+    """Extremes of the normal force (N) and the demand of friction between two angles (rad)."""
+    press = kept(one.press)
+    drag = kept(one.drag)
+    sine, cosine = sine_cosine(low)
+    least = least_value(turned(press, sine, cosine), high - low)
+    if harmonic_size(drag) == 0.0:
+        return least, 0.0
+    if least <= 0.0:
+        return least, math.inf
+    return least, _greatest(drag, press, low, high, 0.0)
+
+
+@kernel
+def turning_time_on_line(flight: Flight, duration: float) -> float:
+    """Time (s) within a motion at which a group on a line turns back, or 0."""
+    if flight.form != TURNING_LINE or flight.at_rest == 1 or flight.flow_p == 0.0:
+        return 0.0
+    way = turn_on_line(flight)
+    if way * flight.flow_p <= 0.0:
+        return 0.0
+    after = time_on_line(flight, way, 0.0)
+    return after if after < duration else 0.0
