@@ -182,7 +182,8 @@ class Driver:
     def _emptied(self, name: str, rows: Any, count: int) -> Any:
         """The rows of a log, which is zero afterwards: the loop fills in nothing else."""
         if 16 * count > len(rows):  # handed over, without a copy
-            self.world = self.world._replace(**{name: np.zeros_like(rows)})
+            # Fresh pages: zeros_like would write every field of them.
+            self.world = self.world._replace(**{name: zeros(len(rows), self._loop.records[name])})
             return rows
         few = rows[:count].copy()  # which keep no whole log in memory
         rows[:count].view("u1").fill(0)
