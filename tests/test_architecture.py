@@ -4,7 +4,8 @@ import ast
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -256,6 +257,31 @@ def test_few_files_are_beside_each_other() -> None:
     """A folder is read at a glance; what has more topics has folders for them."""
     beside = Counter(path.parent for path in SOURCES if path.name != "__init__.py")
     assert {str(folder): count for folder, count in beside.items() if count > 15} == {}
+
+
+def test_chains_of_imports_are_short() -> None:
+    """Modules that are loaded one for another: no circles, and at most 15 on top of one another."""
+    modules = {_module_of(path): path for path in SOURCES}
+    below: dict[str, set[str]] = {}
+    for module, path in modules.items():
+        names = imports(path, at_module_level_only=True)
+        below[module] = {_nearest(name, modules) for name in names} - {""}
+    height: dict[str, int] = {}
+    for module in TopologicalSorter(below).static_order():  # raises where there is a circle
+        height[module] = 1 + max((height[one] for one in below.get(module, ())), default=0)
+    assert max(height.values()) <= 15, max(height, key=lambda module: height[module])
+
+
+def _module_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts).removesuffix(".__init__")
+
+
+def _nearest(name: str, modules: Collection[str]) -> str:
+    """The module that an imported name is in, empty for other packages'."""
+    while name and name not in modules:
+        name = name.rpartition(".")[0]
+    return name
 
 
 def _is_of_the_kernels(node: ast.stmt) -> bool:
