@@ -23,10 +23,10 @@ ROOT = Path(__file__).parents[2]
 PRELOAD = """
 import os, signal, time
 from pathlib import Path
-from vibro_cli.grids import cluster
+from vibro_cli.grids import workers
 
 # A preloaded file may be loaded more than once.
-cluster.real = real = getattr(cluster, "real", cluster.solve_chunk)
+workers.real = real = getattr(workers, "real", workers.solve_chunk)
 
 def poisoned(run, grid, chunks, chunk, folder, engine):
     if chunk == 1 and (Path(folder).parent / "poison").exists():
@@ -35,7 +35,7 @@ def poisoned(run, grid, chunks, chunk, folder, engine):
         time.sleep(0.3)
     return real(run, grid, chunks, chunk, folder, engine)
 
-cluster.solve_chunk = poisoned
+workers.solve_chunk = poisoned
 """
 
 

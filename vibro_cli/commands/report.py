@@ -327,5 +327,5 @@ def _write_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
 
     end = float(run.summary["end_time"])
     start, stop = wishes.bounds(end)
-    write_film(run, target, (start, stop), wishes.pace, wishes.fps)
+    write_film(run, run.scenario.name, target, (start, stop), wishes.pace, wishes.fps)
     say(f"film of {start:g} s to {stop:g} s (the run ends at {end:g} s) in {target}")

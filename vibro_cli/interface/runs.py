@@ -304,7 +304,7 @@ class Run:
             raise ValueError(
                 f"found {start:g} s to {stop:g} s, expected times from 0 to {last:g} s"
             )
-        write_film(self._shown, target, (start, stop), pace, fps)
+        write_film(self._shown, self.name, target, (start, stop), pace, fps)
         return target
 
     def report(self, file: str | Path) -> Path:
@@ -339,7 +339,9 @@ _SECONDS = 30.0
 """Length of a film (s) where no end is asked for."""
 
 
-def write_film(run: Any, target: Path, span: tuple[float, float], pace: float, fps: int) -> None:
+def write_film(
+    run: Any, name: str, target: Path, span: tuple[float, float], pace: float, fps: int
+) -> None:
     """Write the film of a run as figures take it, whole or not at all; raises as `Run.film`."""
     from vibro_cli.figures.film import frame_times, movie
     from vibro_cli.report.film_page import film_html
@@ -347,7 +349,7 @@ def write_film(run: Any, target: Path, span: tuple[float, float], pace: float, f
 
     shown, form = run.kind.film(run, frame_times(*span, pace, fps)), target.suffix.lower()[1:]
     if form == "html":
-        content = film_html(shown, fps, run.scenario.name, __version__)
+        content = film_html(shown, fps, name, __version__)
     else:
         content = movie(shown, fps, form)
     write_file(target, content)

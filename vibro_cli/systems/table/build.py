@@ -50,7 +50,7 @@ def _check_sizes(scenario: TableScenario, findings: Findings) -> None:
     lengths: list[Given] = []
     numbers: list[Given] = []
     if scenario.wall is not None:
-        keys = ("semi_axis_x", "semi_axis_y", "radius", "width", "depth")
+        keys: tuple[str, ...] = ("semi_axis_x", "semi_axis_y", "radius", "width", "depth")
         lengths += [(f"wall.{key}", getattr(scenario.wall, key)) for key in keys]
         numbers += [(f"wall.{key}", getattr(scenario.wall, key)) for key in "xy"]
         for number, corner in enumerate(scenario.wall.corners or (), 1):
