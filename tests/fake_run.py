@@ -8,13 +8,14 @@ import numpy as np
 
 from vibro_cli.storage import tables
 from vibro_cli.systems import system_named
+from vibro_cli.systems.columns import Column, Table
 from vibro_cli.systems.contract import System
 from vibro_cli.systems.trace import tables as of_trace
 
 _ROWS = 3
 
 
-def _column(column: tables.Column, position: int, rows: int) -> Any:
+def _column(column: Column, position: int, rows: int) -> Any:
     """Distinct, recognisable values of a column; nullable ones lack their first value."""
     numbers = np.arange(rows) + 100 * position
     if column.type == "string":
@@ -36,7 +37,7 @@ def _column(column: tables.Column, position: int, rows: int) -> Any:
     return values
 
 
-def columns_of(table: tables.Table, rows: int = _ROWS) -> dict[str, Any]:
+def columns_of(table: Table, rows: int = _ROWS) -> dict[str, Any]:
     """Columns that fit a table."""
     return {
         column.name: _column(column, position, rows)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.storage.files import json_bytes, manifest
-from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, summary, to_arrow
+from vibro_cli.storage.tables import Origin, parquet_bytes, summary, to_arrow
+from vibro_cli.systems.columns import Column, Table
 from vibro_cli.systems.trace.tables import collisions
 
 SCENARIO = {

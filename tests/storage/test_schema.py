@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from vibro_cli.storage import tables
+from vibro_cli.systems.columns import Table
 from vibro_cli.systems.trace import tables as of_trace
 
 PAGE = Path(__file__).parents[2] / "docs/reference-tables.md"
@@ -40,7 +41,7 @@ UNITS = {"", "s", "1/s", "m", "rad", "rad/s", "m/s", "J", "N", "N s", "N m s"}
     ],
     ids=["collisions", "summary", "events", "motion"],
 )
-def test_columns_are_those_promised_in_their_order(table: tables.Table, names: str) -> None:
+def test_columns_are_those_promised_in_their_order(table: Table, names: str) -> None:
     assert [column.name for column in table.columns] == re.findall(r"\w+", names)
 
 
@@ -51,7 +52,7 @@ def test_side_follows_the_pair_where_there_is_one() -> None:
 
 
 @pytest.mark.parametrize("table", tables.reference(), ids=lambda table: table.name)
-def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: tables.Table) -> None:
+def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: Table) -> None:
     assert len({column.name for column in table.columns}) == len(table.columns)
     for column in table.columns:
         assert column.description, column.name
@@ -70,7 +71,7 @@ def test_every_column_has_a_meaning_and_a_unit_of_the_system(table: tables.Table
         of_trace.motion(),
     ],
 )
-def test_a_table_is_found_from_the_names_of_its_columns(table: tables.Table) -> None:
+def test_a_table_is_found_from_the_names_of_its_columns(table: Table) -> None:
     assert tables.table_named(table.name, [column.name for column in table.columns]) == table
 
 

@@ -26,6 +26,7 @@ from vibro_cli.storage.tables import (
     stream,
     to_arrow,
 )
+from vibro_cli.systems.columns import Table
 from vibro_cli.systems.trace import tables as of_trace
 
 ROOT = Path(__file__).parents[2]
@@ -40,16 +41,16 @@ TABLES = [
 ]
 
 
-def file_of(table: tables.Table, columns: dict[str, Any] | None = None) -> bytes:
+def file_of(table: Table, columns: dict[str, Any] | None = None) -> bytes:
     return parquet_bytes(to_arrow(table, columns or columns_of(table), ORIGIN))
 
 
-def written(table: tables.Table, columns: dict[str, Any] | None = None) -> pa.Table:
+def written(table: Table, columns: dict[str, Any] | None = None) -> pa.Table:
     return read_parquet(io.BytesIO(file_of(table, columns)))
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: f"{table.name}-{len(table.columns)}")
-def test_file_keeps_names_types_units_descriptions_and_nullability(table: tables.Table) -> None:
+def test_file_keeps_names_types_units_descriptions_and_nullability(table: Table) -> None:
     found = written(table).schema
     assert found.names == [column.name for column in table.columns]
     for column in table.columns:
@@ -61,7 +62,7 @@ def test_file_keeps_names_types_units_descriptions_and_nullability(table: tables
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: f"{table.name}-{len(table.columns)}")
-def test_missing_values_are_null_and_the_others_keep_their_bits(table: tables.Table) -> None:
+def test_missing_values_are_null_and_the_others_keep_their_bits(table: Table) -> None:
     columns = columns_of(table)
     found = written(table, columns)
     for column in table.columns:

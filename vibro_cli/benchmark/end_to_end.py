@@ -48,8 +48,8 @@ from vibro_cli.grids.workers import expected_impacts, impact_density, solve_in_t
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.loading import any_scenario_of, scenario_of
 from vibro_cli.storage.files import available_cores, json_bytes
-from vibro_cli.storage.tables import Table
 from vibro_cli.stress.scenes import three_arcs
+from vibro_cli.systems.columns import Table
 from vibro_cli.systems.trace.ensemble import Batch, empty_results
 from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, impact_columns
 from vibro_cli.systems.trace.grid_solver import Task as Planned

@@ -21,7 +21,8 @@ import numpy as np
 from vibro_cli import __version__
 from vibro_cli.grids.solving import columns_of_records
 from vibro_cli.storage.files import available_cores
-from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, read_parquet, to_arrow
+from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, to_arrow
+from vibro_cli.systems.columns import Column, Table
 
 TABLE = Table(
     "benchmark",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason
-from vibro_cli.commands.shared.options import scenario_keys
+from vibro_cli.commands.shared.options import scenario_keys, set_option
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
@@ -30,14 +30,7 @@ class OrbitCommand:
     ]
     overrides: Annotated[
         list[str],
-        typer.Option(
-            "--set",
-            default_factory=list,
-            metavar="PATH=VALUE",
-            help="Override a value of the scenario, e.g. --set balls[2].mass=1.2; repeatable.",
-            show_default=False,
-            autocompletion=scenario_keys,
-        ),
+        set_option("Override a value of the scenario, e.g. --set balls[2].mass=1.2; repeatable."),
     ]
     impacts: Annotated[
         int | None,
@@ -281,14 +274,7 @@ class FitCommand:
     ] = None
     overrides: Annotated[
         list[str],
-        typer.Option(
-            "--set",
-            default_factory=list,
-            metavar="PATH=VALUE",
-            help="Override a value of the scenario; repeatable.",
-            show_default=False,
-            autocompletion=scenario_keys,
-        ),
+        set_option("Override a value of the scenario; repeatable."),
     ]
     output: Annotated[
         str | None,

@@ -31,7 +31,6 @@ from vibro_cli.grids.solving import (
 from vibro_cli.storage.files import BLOCK, entry, write_file
 from vibro_cli.storage.tables import (
     Origin,
-    Table,
     arrow_schema,
     numbers_in,
     parquet_options,
@@ -39,6 +38,7 @@ from vibro_cli.storage.tables import (
     record_batch,
     words_in,
 )
+from vibro_cli.systems.columns import Table
 
 # Bytes of a block of which pieces are cut; larger pieces have blocks of their own.
 _OF_PIECES = 1 << 25

@@ -26,8 +26,9 @@ from vibro_cli.scenario.problems import (
     shown,
     suggestion,
 )
-from vibro_cli.storage.tables import Column, table_named
+from vibro_cli.storage.tables import table_named
 from vibro_cli.systems import system_named
+from vibro_cli.systems.columns import Column
 
 _KEYS = ("name", "base", "scenario", "mode", "n", "seed", "axes", "keep", "chunk_points")
 _KEEP = ("collisions", "columns")

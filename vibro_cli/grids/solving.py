@@ -19,14 +19,9 @@ from vibro_cli.grids.document import Grid, document_at, reason_of
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
-from vibro_cli.storage.tables import (
-    Column,
-    Table,
-    record_batch,
-    summary,
-    table_named,
-)
+from vibro_cli.storage.tables import record_batch, summary, table_named
 from vibro_cli.systems import system_named
+from vibro_cli.systems.columns import Column, Table
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.tables import impacts_of_runs
 

@@ -28,7 +28,8 @@ from vibro_cli.report.words import (
     versions,
 )
 from vibro_cli.storage.stored import StoredRun
-from vibro_cli.storage.tables import Column, table_named
+from vibro_cli.storage.tables import table_named
+from vibro_cli.systems.columns import Column
 
 FIRST_ROWS = 100
 """Rows of the table of impacts that stand in the report."""

@@ -21,8 +21,9 @@ from vibro_cli.report.words import (
     versions,
 )
 from vibro_cli.storage.stored import StoredGrid
-from vibro_cli.storage.tables import Column, summary
+from vibro_cli.storage.tables import summary
 from vibro_cli.systems import system_named
+from vibro_cli.systems.columns import Column
 
 FIRST_ROWS = 200
 """Rows of the table of points that stand in the report."""

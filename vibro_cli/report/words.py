@@ -12,7 +12,7 @@ from urllib.parse import quote
 import numpy as np
 
 from vibro_cli.mechanics.system import DRY_FRICTION
-from vibro_cli.storage.tables import Column
+from vibro_cli.systems.columns import Column
 from vibro_cli.systems.contract import System
 
 END_CAUSES = {

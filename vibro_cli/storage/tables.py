@@ -26,8 +26,6 @@ import pyarrow.parquet as pq
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column, Table
 
-__all__ = ["Column", "Table"]
-
 
 def summary(balls: int, system: str = "trace", grown: bool = False) -> Table:
     """The table of summaries of runs of a system with `balls` bodies; `grown` with exponents."""

@@ -22,10 +22,11 @@ from vibro_cli.storage.files import (
     manifest,
     new_folder,
 )
-from vibro_cli.storage.tables import Column, Origin, Table, parquet_bytes, to_arrow
+from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.stress.scenes import Finding, Plan
 from vibro_cli.systems import NAMES as SYSTEMS
 from vibro_cli.systems import system_named
+from vibro_cli.systems.columns import Column, Table
 
 # The function ``check_NAME`` of each is in this module beside this one; the quick ones first. Those
 # of a system are ``check`` in the module ``stress`` of its folder.

@@ -123,16 +123,23 @@ scenario_argument = partial(
     show_default=False,
     autocompletion=scenario_files,
 )
-Overrides = Annotated[
-    list[str],
-    typer.Option(
+
+
+def set_option(words: str) -> Any:
+    """Return the option ``--set`` with its help."""
+    return typer.Option(
         "--set",
         default_factory=list,
         metavar="PATH=VALUE",
-        help="Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable.",
+        help=words,
         show_default=False,
         autocompletion=scenario_keys,
-    ),
+    )
+
+
+Overrides = Annotated[
+    list[str],
+    set_option("Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable."),
 ]
 Engine = Annotated[
     Literal["compiled", "python"],

@@ -26,11 +26,8 @@ from vibro_cli.kernels.statistics.impact_columns import WORDS
 from vibro_cli.kernels.world import LOG_FULL, NEVER, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import KeyPath
-from vibro_cli.storage.tables import (
-    Table,
-    Words,
-    record_batch,
-)
+from vibro_cli.storage.tables import Words, record_batch
+from vibro_cli.systems.columns import Table
 from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.tangents import exponent_columns
 from vibro_cli.systems.trace import simulate_system
