@@ -78,19 +78,15 @@ def struct(cls: StructClass) -> StructClass:
     for base in reversed(cls.__mro__):
         fields.update(getattr(base, "fields", {}))
     fields.update(cls.__annotations__)
-    names = tuple(fields)
-    scalars = [(name, 0 if kind == "int" else 0.0) for name, kind in fields.items()]
-    scalars = [(name, value) for name, value in scalars if fields[name] != "Series"]
-    series = [name for name, kind in fields.items() if kind == "Series"]
+    zeros: dict[str, Callable[[], Any]] = {"int": int, "Series": lambda: [0.0] * SERIES_LENGTH}
+    values = [(name, zeros.get(kind, float)) for name, kind in fields.items()]
 
     def initialise(self: object) -> None:
-        for name, value in scalars:
-            setattr(self, name, value)
-        for name in series:
-            setattr(self, name, [0.0] * SERIES_LENGTH)
+        for name, zero in values:
+            setattr(self, name, zero())
 
     body = {
-        "__slots__": names,
+        "__slots__": tuple(fields),
         "__init__": initialise,
         "__doc__": cls.__doc__,
         "__module__": cls.__module__,
@@ -122,16 +118,11 @@ def interpreted_rows(cls: type, count: int) -> list[Any]:
 
 def interpreted_copies(rows: Any, cls: type) -> list[Any]:
     """Return interpreted structs with the contents of a structured array."""
-    names = tuple(cls.fields)  # type: ignore[attr-defined]
-    series = [name for name, kind in cls.fields.items() if kind == "Series"]  # type: ignore[attr-defined]
-    copies = []
-    for values in rows.tolist():
-        copy = cls()
-        for name, value in zip(names, values, strict=True):
-            setattr(copy, name, value)
-        for name in series:
-            setattr(copy, name, list(getattr(copy, name)))
-        copies.append(copy)
+    fields = cls.fields.items()  # type: ignore[attr-defined]
+    copies = interpreted_rows(cls, len(rows))
+    for copy, values in zip(copies, rows.tolist(), strict=True):
+        for (name, kind), value in zip(fields, values, strict=True):
+            setattr(copy, name, list(value) if kind == "Series" else value)
     return copies
 
 

@@ -43,14 +43,9 @@ _WORDS = """alignas and asm auto bool break case catch char class const continue
     virtual void volatile while xor std math py"""
 _RESERVED = set(_WORDS.split())
 _OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.BitAnd: "&"}
-_COMPARISONS = {
-    ast.Lt: "<",
-    ast.LtE: "<=",
-    ast.Gt: ">",
-    ast.GtE: ">=",
-    ast.Eq: "==",
-    ast.NotEq: "!=",
-}
+_ORDER = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+_COMPARISONS = {**_ORDER, ast.Eq: "==", ast.NotEq: "!="}
+_PLAIN = {ast.Pass: ";", ast.Break: "break;", ast.Continue: "continue;"}
 
 
 class Value(NamedTuple):
@@ -338,14 +333,10 @@ class Function:
         self._depth -= 1
         self._write("}")
 
-    def _write_Pass(self, _: ast.Pass) -> None:
-        pass
+    def _write_plain(self, statement: ast.stmt) -> None:
+        self._write(_PLAIN[type(statement)])
 
-    def _write_Break(self, _: ast.Break) -> None:
-        self._write("break;")
-
-    def _write_Continue(self, _: ast.Continue) -> None:
-        self._write("continue;")
+    _write_Pass = _write_Break = _write_Continue = _write_plain
 
     def _write_Expr(self, statement: ast.Expr) -> None:
         self._write(f"{self._value(statement.value).code};")
