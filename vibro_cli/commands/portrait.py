@@ -159,7 +159,8 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
     """Numbers (SI) that are written with or without units at a path, and their SI unit."""
     from pydantic_core import PydanticCustomError
 
-    from vibro_cli.grids.axes import NotAnAxis, kind_of, read_number, unit_of
+    from vibro_cli.grids.axes import NotAnAxis, kind_of, read_number
+    from vibro_cli.scenario.fields import unit_of
     from vibro_cli.scenario.loading import OverrideError, given, parse_value
     from vibro_cli.scenario.quantities import Quantity
 
