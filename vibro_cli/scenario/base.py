@@ -135,7 +135,7 @@ class AnyScenario(Table):
         data
             Dictionaries, lists, texts and numbers, of Python or numpy. Numbers are in SI units and
             radians; texts may have units, such as ``"0.4 m"`` and ``"-60 deg"``. The key
-            ``system`` says what is solved, one of ``vibro_cli.systems.NAMES``; none is the first.
+            ``system`` says what is solved, one of ``vibro_cli.systems.NAMES``; without it a trace.
 
         Raises
         ------

@@ -288,7 +288,11 @@ class System(ABC):
         from vibro_cli.scenario.fields import settings
         from vibro_cli.systems.describe import lines_of
 
-        return lines_of(found, partial(settings, self.model))
+        return lines_of(found, partial(settings, self.model), self.body_lines)
+
+    def body_lines(self, body: dict[str, Any]) -> Iterator[str]:
+        """Return what more was understood of a body, as lines of text."""
+        return iter(())
 
     has_orbits: ClassVar[bool] = False
     """Whether periodic orbits are looked for, and numbers fitted, with its tangent maps."""

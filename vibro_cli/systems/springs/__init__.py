@@ -135,6 +135,11 @@ class BodiesOnSprings(System):
         bodies = zip(found["bodies"], swings(system), strict=True)
         return found | {"bodies": [body | {"swing": swing} for body, swing in bodies]}
 
+    def body_lines(self, body: dict[str, Any]) -> Iterator[str]:
+        from vibro_cli.systems.springs.portrait import swing_line
+
+        yield swing_line(body["swing"])
+
     def family_type(self, system: Any, ball: int) -> str:
         from vibro_cli.systems.springs.phase_plane import springs_record
 
