@@ -36,8 +36,20 @@ if TYPE_CHECKING:
 
 Rows = dict[str, Any]
 """Columns of equal length by their names."""
+Document = dict[str, Any]
+"""A scenario as a user writes it, as plain data."""
 Sink = Callable[[str, Rows], None]
 """Takes the name of a table and more columns of it; words are given by their numbers."""
+
+
+class TimedScene(NamedTuple):
+    """A scene whose run time `vibro bench` measures."""
+
+    document: Document
+    parts: tuple[str, ...] = ("systems",)
+    """Of the benchmark: the event loop alone in ``"systems"``, whole commands in ``"command"``."""
+    share: int = 1
+    """The impacts are divided by it where each takes long."""
 
 
 class NoPortrait(ValueError):
@@ -183,6 +195,11 @@ class System(ABC):
         from vibro_cli.grids.solving import RunSolver
 
         return RunSolver(grid, engine)
+
+    @property
+    def timed_scenes(self) -> Mapping[str, TimedScene]:
+        """Scenes whose run time is measured, by their names: vibro_cli/benchmark/."""
+        return {}
 
     # Tables: systems/columns.py declares columns.
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, Sink, System
+from vibro_cli.systems.contract import ImpactLog, Sink, System, TimedScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,6 +71,12 @@ class BallsOnTable(System):
         from vibro_cli.systems.table.system import make_world
 
         return make_world(system, limits)
+
+    @property
+    def timed_scenes(self) -> dict[str, TimedScene]:
+        from vibro_cli.systems.table.timed_scenes import TIMED_SCENES
+
+        return TIMED_SCENES
 
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.systems.columns import converging, with_growth
