@@ -42,6 +42,19 @@ Sink = Callable[[str, Rows], None]
 """Takes the name of a table and more columns of it; words are given by their numbers."""
 
 
+PaperRow = tuple[str, str, str, str]
+"""Where in a paper, what it says there, the command that shows it, and where it then stands."""
+
+
+class ShownOfPapers(NamedTuple):
+    """What of the papers a system shows: `vibro help papers`."""
+
+    rows: Mapping[str, Sequence[PaperRow]]
+    """By the letter of the paper, in its order."""
+    symbols: Sequence[tuple[str, str, str]] = ()
+    """Symbols of the papers, the words for them here, and their units."""
+
+
 class TimedScene(NamedTuple):
     """A scene whose run time `vibro bench` measures."""
 
@@ -283,6 +296,11 @@ class System(ABC):
 
     papers: ClassVar[tuple[str, ...]]
     """Letters of the papers that the system is from, see report/words.py."""
+
+    @property
+    def shown_of_papers(self) -> ShownOfPapers:
+        """What of the papers is shown by which command."""
+        return ShownOfPapers({})
 
     @abstractmethod
     def method(self, scenario: Mapping[str, Any]) -> str:

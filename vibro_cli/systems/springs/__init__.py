@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, Sink, System, TimedScene
+from vibro_cli.systems.contract import ImpactLog, ShownOfPapers, Sink, System, TimedScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,6 +128,12 @@ class BodiesOnSprings(System):
         from vibro_cli.systems.springs.figures import film_on_springs
 
         return film_on_springs(run, times)
+
+    @property
+    def shown_of_papers(self) -> ShownOfPapers:
+        from vibro_cli.systems.springs.papers import SHOWN
+
+        return SHOWN
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (

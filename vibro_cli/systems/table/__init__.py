@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, Sink, System, TimedScene
+from vibro_cli.systems.contract import ImpactLog, ShownOfPapers, Sink, System, TimedScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -135,6 +135,12 @@ class BallsOnTable(System):
         from vibro_cli.systems.table.figures import film_on_table
 
         return film_on_table(run, times)
+
+    @property
+    def shown_of_papers(self) -> ShownOfPapers:
+        from vibro_cli.systems.table.papers import SHOWN
+
+        return SHOWN
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (

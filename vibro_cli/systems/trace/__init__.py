@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import Sink, System
+from vibro_cli.systems.contract import ShownOfPapers, Sink, System
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -141,6 +141,12 @@ class Trace(System):
 
     def figure_width(self, system: Any) -> str:
         return "double" if len(system.trace.pieces) > 1 else "single"
+
+    @property
+    def shown_of_papers(self) -> ShownOfPapers:
+        from vibro_cli.systems.trace.papers import SHOWN
+
+        return SHOWN
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         if scenario["trace"].get("turning") is not None:
