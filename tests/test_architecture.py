@@ -1,6 +1,7 @@
 """The direction of imports, read from the source: every layer imports only from those below it."""
 
 import ast
+import re
 import sys
 import tomllib
 from collections import Counter
@@ -191,7 +192,7 @@ def test_what_every_command_line_loads_is_light(path: Path) -> None:
     if layer(path) == "commands" or ("/" not in relative and relative.startswith(LIGHT)):
         loaded = set(imports(path, at_module_level_only=True))
         assert not {name.split(".")[0] for name in loaded} & HEAVY
-        loaded -= {"vibro_cli.systems.NAMES"}
+        loaded -= {"vibro_cli.systems.NAMES", "vibro_cli.systems.PLURALS"}
         own = {name.split(".")[1] for name in loaded if name.startswith("vibro_cli.")}
         assert own <= {"commands", "__version__", "errors", "unsupported"}
 
@@ -227,8 +228,6 @@ def test_no_private_name_of_another_package_is_used(path: Path) -> None:
             assert not any(part.startswith("_") for part in parts), name
 
 
-# Documents of scenes, which name their system as a user does.
-SCENES = {"benchmark/scenes.py"}
 OUTSIDE = [
     path
     for path in SOURCES
@@ -249,8 +248,23 @@ def test_nobody_asks_for_a_system_by_name_or_type(path: Path) -> None:
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
             asked = ast.unparse(node.args[1]).rpartition(".")[2]
             assert asked not in {"System", "TraceSystem", "Scenario", "ImpactSystem"}, node.lineno
-        if isinstance(node, ast.Constant) and node.value in NAMES[2:]:
-            assert str(path.relative_to(PACKAGE)) in SCENES, node.lineno
+
+
+REGISTRY = PACKAGE / "systems" / "__init__.py"
+FOLDERS = {PACKAGE / home / name for name in NAMES[1:] for home in ("systems", "kernels")}
+TEXTS = [path for suffix in ("js", "css", "html", "hpp") for path in PACKAGE.rglob(f"*.{suffix}")]
+SHARED = [path for path in (*SOURCES, *sorted(TEXTS)) if not FOLDERS & set(path.parents)]
+# A trace and a table are also other things, but not as the system of a scenario.
+OTHERS = "|".join(NAMES[1:])
+NAMED = re.compile(rf'\bsprings?\b|"system": "({OTHERS})"', re.IGNORECASE)
+
+
+@pytest.mark.parametrize("path", SHARED, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_system_is_named_in_its_folders_and_in_the_registry_only(path: Path) -> None:
+    """In no code, text, comment or scene of another file: the springs are a plug-in."""
+    if path != REGISTRY:
+        found = NAMED.search(path.read_text(encoding="utf-8"))
+        assert found is None, found
 
 
 def test_few_files_are_beside_each_other() -> None:

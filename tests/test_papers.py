@@ -29,7 +29,7 @@ from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_any as assembled
 from vibro_cli.commands.app import run_command_line
-from vibro_cli.commands.shared.papers import A, B, C, D, commands
+from vibro_cli.commands.shared.papers import LETTERS, commands, rows_of
 from vibro_cli.figures import style
 from vibro_cli.report import content as report_content
 from vibro_cli.report.papers import time_between, turning_points
@@ -437,7 +437,7 @@ def test_every_command_of_the_page_runs(
     for command in commands():
         assert run_command_line(shlex.split(command)[1:]) == 0, command
     capsys.readouterr()
-    for _, _, command, shown in (*A, *B, *C, *D):
+    for _, _, command, shown in (row for letter in LETTERS for row in rows_of(letter)):
         words = shlex.split(command)
         for section in re.findall(r"“(.+)”", shown) if words[1] == "report" else ():
             page = (tmp_path / f"{words[2]}-report.html").read_text("utf-8")
@@ -516,8 +516,9 @@ def figures_of(where: str) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize(("letter", "rows"), [("A", A), ("B", B), ("C", C), ("D", D)])
-def test_every_figure_and_formula_has_its_row(letter: str, rows: Any) -> None:
+@pytest.mark.parametrize("letter", LETTERS)
+def test_every_figure_and_formula_has_its_row(letter: str) -> None:
+    rows = rows_of(letter)
     formulas = set().union(*(formulas_of(where) for where, *_ in rows))
     absent = {3, 70} if letter == "B" else set()
     assert formulas | absent == set(range(1, NUMBERED[letter] + 1))
@@ -526,6 +527,6 @@ def test_every_figure_and_formula_has_its_row(letter: str, rows: Any) -> None:
 
 
 def test_letters_are_of_the_papers() -> None:
-    for letter, rows in (("A", A), ("B", B), ("C", C), ("D", D)):
-        assert all(where.startswith(letter) for where, *_ in rows)
-    assert np.all([len(row) == 4 for row in (*A, *B, *C, *D)])
+    for letter in LETTERS:
+        assert all(where.startswith(letter) for where, *_ in rows_of(letter))
+        assert all(len(row) == 4 for row in rows_of(letter))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from vibro_cli.benchmark import end_to_end
-from vibro_cli.benchmark.end_to_end import DOCUMENTS, ROWS, SUMMARIES, measure_command, measure_grid
+from vibro_cli.benchmark.end_to_end import COMMANDS, ROWS, SUMMARIES, measure_command, measure_grid
 from vibro_cli.benchmark.measurement import (
     COMMAND,
     EVENT_LOOP,
@@ -177,7 +177,7 @@ def test_rows_come_back_from_the_table(tmp_path: Path) -> None:
 def test_commands_are_measured_beside_their_event_loops(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(end_to_end, "REPEATS", 1)
     names = ("rotating three arcs", "springs")
-    monkeypatch.setattr(end_to_end, "DOCUMENTS", {name: DOCUMENTS[name] for name in names})
+    monkeypatch.setattr(end_to_end, "COMMANDS", {name: COMMANDS[name] for name in names})
     rows = [row for found in measure_command(PLANS["quick"]) for row in found]
     assert [row.scene for row in rows] == [name for name in names for _ in range(4)]
     for alone, command in zip(rows[::2], rows[1::2], strict=True):

@@ -9,7 +9,7 @@ import pytest
 from tests.commands.conftest import Vibro
 from vibro_cli.commands.app import COMMANDS
 from vibro_cli.commands.help import LAWS, TOPICS
-from vibro_cli.commands.shared.papers import A
+from vibro_cli.commands.shared.papers import rows_of
 from vibro_cli.commands.shared.terminal import as_terminal_text
 from vibro_cli.scenario.fields import json_schema
 from vibro_cli.scenario.quantities import UNITS, to_si
@@ -80,7 +80,7 @@ def test_tables_are_broken_between_words(width: int) -> None:
 
 def test_a_command_of_the_papers_stands_on_a_line_of_its_own(vibro: Vibro) -> None:
     lines = vibro("help", "papers").text.splitlines()
-    for _, _, command, _ in A:
+    for _, _, command, _ in rows_of("A"):
         assert f"    {command}" in lines
 
 

@@ -9,11 +9,16 @@ from vibro_cli.systems import system_named
 
 
 def test_keys_have_words_and_units() -> None:
-    assert named("spring.stiffness", 6.0) == ("stiffness c of the spring", "6 N/m")
-    assert named("semi_axis_x", 1.5) == ("semi-axis along x", "1.5 m")
-    assert named("k", [0.9, 0.5]) == ("coefficient of restitution k", "0.9, 0.5")
-    assert named("time", 30.0) == ("time", "30 s")
-    assert named("corners[1][2]", -1.0) == ("corners[1][2]", "−1 m")
+    """Each is declared with the key; what has no words is shown as it is written."""
+    springs, table = (system_named(name).model for name in ("springs", "table"))
+    stiffness = ("stiffness c of the spring", "N/m")
+    assert named("balls", "spring.stiffness", springs) == stiffness
+    assert named("balls", "omega", springs) == ("omega", "rad/s")
+    assert named("wall", "semi_axis_x", table) == ("semi-axis along x", "m")
+    assert named("wall", "k", table) == ("coefficient of restitution k", "")
+    assert named("wall", "corners[1][2]", table) == ("corners[1][2]", "m")
+    assert named("stop", "time", table) == ("time", "s")
+    assert named("stop", "bounces", table) == ("impacts on the wall", "")
 
 
 def test_a_trace_that_turns_is_solved_by_other_functions() -> None:

@@ -41,9 +41,10 @@ from vibro_cli.benchmark.methods import installed_peers
 from vibro_cli.benchmark.methods.runner import Lost, Motion
 from vibro_cli.benchmark.methods.with_heyoka import NAME, TOLERANCES, Lanes
 from vibro_cli.benchmark.methods.with_vibro import DriverRunner, driver_of
-from vibro_cli.benchmark.scenes import BY_NAME, OTHER_SCENES, SLOW, VALLEY, Document, Scene, ball
+from vibro_cli.benchmark.scenes import BY_NAME, VALLEY, Scene, ball, timed_scenes
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.storage.files import available_cores, json_bytes
+from vibro_cli.systems.contract import Document
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, points_of
@@ -270,10 +271,10 @@ def measure_other_systems(plan: Plan) -> list[Row]:
     """Measure every scene by turns; an impact is one of two bodies, of a lone ball a bounce."""
     long = 5_000 if plan.form == "quick" else 200_000
     rows, tasks = [], []
-    for name, document in OTHER_SCENES.items():
-        impacts = long // 100 if name in SLOW else long
+    for name, scene in timed_scenes("systems").items():
+        impacts = long // scene.share
         rows.append(Row("systems", name, "vibro", impacts=impacts))
-        run = _SystemRun(document, impacts)
+        run = _SystemRun(scene.document, impacts)
         tasks.append((run.ready, run.go))
     return timed(rows, tasks, plan)
 

@@ -38,7 +38,7 @@ from vibro_cli.benchmark.measurement import (
     shared_out,
 )
 from vibro_cli.benchmark.methods.with_vibro import driver_of
-from vibro_cli.benchmark.scenes import BY_NAME, SLOW, WHOLE, Document, ball
+from vibro_cli.benchmark.scenes import BY_NAME, ball, timed_scenes
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.chunk_writer import Lease, Pieces
 from vibro_cli.grids.chunks import Chunks
@@ -50,6 +50,7 @@ from vibro_cli.scenario.loading import any_scenario_of, scenario_of
 from vibro_cli.storage.files import available_cores, json_bytes
 from vibro_cli.stress.scenes import three_arcs
 from vibro_cli.systems.columns import Table
+from vibro_cli.systems.contract import Document, TimedScene
 from vibro_cli.systems.trace.ensemble import Batch, empty_results
 from vibro_cli.systems.trace.grid_solver import Logged, LogSpace, impact_columns
 from vibro_cli.systems.trace.grid_solver import Task as Planned
@@ -200,26 +201,25 @@ _WANTED: dict[str, Document] = {
     ", turning points": {"output": {"turning_points": True}},
     ", exponents": {"analysis": {"lyapunov": True}},
 }
-DOCUMENTS: dict[str, Document] = {
+COMMANDS: dict[str, TimedScene] = {
     **{
-        name + wanted: BY_NAME[name].document | output
+        name + wanted: TimedScene(BY_NAME[name].document | output)
         for name in ("circle", "three_arcs")
         for wanted, output in _WANTED.items()
     },
-    "rotating three arcs": _rotating(),
-    "rotating three arcs, exponents": _rotating() | _WANTED[", exponents"],
-    **WHOLE,
+    "rotating three arcs": TimedScene(_rotating()),
+    "rotating three arcs, exponents": TimedScene(_rotating() | _WANTED[", exponents"]),
+    **timed_scenes(COMMAND_PART),
 }
 
 
 def measure_command(plan: Plan) -> Iterator[list[Row]]:
     """Measure scene by scene, without figures; the event loop by turns with the command."""
-    for name, document in DOCUMENTS.items():
+    for name, scene in COMMANDS.items():
         rows = []
         for size in SIZES[plan.form]:
-            # Springs are solved by series, and an impact takes as long as many elsewhere.
-            impacts = size // 100 if name in SLOW else size
-            rows += _measured(name, document | {"stop": {"collisions": impacts}}, impacts)
+            impacts = size // scene.share
+            rows += _measured(name, scene.document | {"stop": {"collisions": impacts}}, impacts)
         yield rows
 
 

@@ -1,4 +1,4 @@
-"""The scenes that every method is measured on, with their references; those of other systems.
+"""The scenes that every method is measured on, with their references; those of this solver alone.
 
 The times of first impacts are kept in the folder ``references``. They come from
 ``stress.oracles.reference_solver``, a Taylor integration in 50 digits fed with the very doubles
@@ -19,8 +19,8 @@ from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import CIRCLE, three_arcs, valley
-
-Document = dict[str, Any]
+from vibro_cli.systems import NAMES, system_named
+from vibro_cli.systems.contract import Document, TimedScene
 
 _STEEL, _ALUMINIUM, _LIGHT_STEEL, _GLASS = 7800.0, 2700.0, 6000.0, 2500.0
 VALLEY, THREE_ARCS = valley(160), three_arcs(150)
@@ -98,76 +98,27 @@ SCENES = (
 BY_NAME = {scene.name: scene for scene in SCENES}
 
 
-def _table(wall: Document, *balls: Document) -> Document:
-    return {
-        "system": "table", "wall": {"k": 1.0, **wall}, "balls": list(balls),
-        "collision": {"k": 1.0}, "stop": {"bounces": 1},
-    }  # fmt: skip
-
-
-def _ball_on_table(x: float, y: float, radius: float = 0.1) -> Document:
-    motion = {"x": x, "y": y, "velocity_x": 0.9 - x, "velocity_y": 0.7 + y}
-    body: Document = {"body": "particle"} if radius == 0.0 else {}
-    return {"radius": radius, "mass": 1.0, **motion, **body}
-
-
-def _disk(position: float, speed: float, mass: float, **spring: float) -> Document:
-    held = {"length": 5.0, **spring}
-    start = {"position": position, "speed": speed}
-    return {"body": "disk", "radius": 0.4, "mass": mass, **start, "spring": held}
-
-
-def _circle(**trace: Any) -> Document:
-    return {
+def _circle(**trace: Any) -> TimedScene:
+    document = {
         "gravity": 9.81, "trace": valley(90) | trace,
         "balls": [ball("-60 deg", _STEEL), ball("50 deg", _STEEL)],
         "collision": {"k": 1.0}, "stop": {"collisions": 1},
     }  # fmt: skip
+    return TimedScene(document)
 
 
-_ELLIPSE: Document = {"shape": "ellipse", "semi_axis_x": 2.0, "semi_axis_y": 1.2}
-_BOX: Document = {"shape": "rectangle", "width": 3.0, "depth": 2.0}
-OTHER_SCENES: dict[str, Document] = {
-    "wall: ellipse, r = 0": _table(_ELLIPSE, _ball_on_table(0.3, 0.1, 0.0)),
-    "wall: ellipse, r = 0.1": _table(_ELLIPSE, _ball_on_table(0.3, 0.1)),
-    "wall: circle": _table({"shape": "circle", "radius": 1.5}, _ball_on_table(0.3, 0.1)),
-    "wall: rectangle": _table(_BOX, _ball_on_table(0.3, 0.1)),
-    "30 balls in a box": _table(
-        _BOX, *(_ball_on_table(0.4 * (n % 6) - 1.0, 0.35 * (n // 6) - 0.7) for n in range(30))
-    ),
+_CIRCLES = {
     "circle at rest": _circle(),
     "circle turning about its axis": _circle(turning={"through_arc": 1, "rate": 2.5}),
-    "springs": {
-        "system": "springs", "collision": {"k": 1.0}, "stop": {"collisions": 1},
-        "balls": [
-            _disk(-4.0, 8.5, 1.0, stiffness=6.0, height=1.0, foot=0.0),
-            _disk(7.0, -2.0, 2.0, stiffness=9.0, height=1.5, foot=3.0),
-        ],
-    },
-}  # fmt: skip
+}
 
 
-WHOLE: dict[str, Document] = {
-    **{name: OTHER_SCENES[name] for name in ("30 balls in a box", "springs")},
-    "200 balls in a box": _table(
-        {"shape": "rectangle", "width": 12.0, "depth": 8.0},
-        *(_ball_on_table(0.55 * (n % 20) - 5.3, 0.7 * (n // 20) - 3.2) for n in range(200)),
-    ),
-    "springs, 200 disks": {
-        "system": "springs", "collision": {"k": 1.0}, "stop": {"collisions": 1},
-        "balls": [
-            _disk(
-                3.0 * n, 8.5 if n % 2 else -7.0, 1.0 + n % 3,
-                stiffness=6.0 + n % 5, height=1.0, foot=3.0 * n,
-            )
-            for n in range(200)
-        ],
-    },
-}  # fmt: skip
-"""Scenes measured as whole commands, with many bodies too."""
-
-SLOW = ("springs", "springs, 200 disks")
-"""Scenes that are solved step by step, of which fewer impacts are enough."""
+def timed_scenes(part: str) -> dict[str, TimedScene]:
+    """Return the scenes of a part of the benchmark that measures this solver alone."""
+    found = dict(_CIRCLES)
+    for name in NAMES:
+        found |= system_named(name).timed_scenes
+    return {name: scene for name, scene in found.items() if part in scene.parts}
 
 
 DIGITS = 40

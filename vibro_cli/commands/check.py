@@ -67,7 +67,7 @@ def _understood(
 
 def understood_grid(grid: "Grid") -> dict[str, Any]:
     """What a grid means, as plain values; of its points the first and the last are tried."""
-    from vibro_cli.grids.axes import unit_of
+    from vibro_cli.scenario.fields import unit_of
     from vibro_cli.scenario.problems import path_text
 
     axes = [

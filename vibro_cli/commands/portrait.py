@@ -5,6 +5,7 @@ One portrait, or a family: one number varied, or a few values of anything compar
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -92,58 +93,26 @@ Figures = dict[str, "Figure"]
 
 def varied(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
     """The types of a family, where they change, and the figure of its portraits."""
-    record, shown = _varied(source, vary, source.portrait, lambda one: one.type)
-    if not source.wishes.figures or not shown:
-        return record, {}
-    from vibro_cli.figures.portraits.trace_phase_plane import family
-
-    return record, {"family": family(_titled(record["path"], shown), source.wishes.width)}
-
-
-def varied_systems(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
-    """The same of a system that tells the type of a body's portrait (C, part 3: l ≶ b)."""
-    ball, kind = ball_of(vary), source.kind
-    record, shown = _varied(
-        source, vary, source.system, lambda one: str(kind.family_type(one, ball))
-    )
-    if not source.wishes.figures or not shown:
-        return record, {}
-    titled = _titled(record["path"], shown)
-    return record, {"family": kind.family_figure(titled, ball, source.wishes.width)}
-
-
-def _titled(path: str, shown: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
-    """Members with the number at a path in words as their titles."""
-    from vibro_cli.figures.maps import words_of
-
-    return [(f"{words_of(path)} = {value}", one) for value, one in shown]
-
-
-def _varied(
-    source: Source,
-    vary: str,
-    member: "Callable[[str, Any], Any]",
-    type_of_member: "Callable[[Any], str]",
-) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
-    """The types of a family and where they change; values and members that are possible."""
     from vibro_cli.analysis.singular import IMPOSSIBLE, changes
 
     path, *ends, number = parsed_range(vary)
-    (first, last), unit = _numbers(path, ends, source.kind.model)
+    ball, kind = ball_of(path), source.kind
+    (first, last), unit = _numbers(path, ends, kind.model)
     values = [first + (last - first) * step / (number - 1) for step in range(number)]
-    found = {value: _member(path, value, member) for value in values}
+    found = {value: _member(source, path, value) for value in values}
     reasons = {value: one for value, one in found.items() if isinstance(one, str)}
     members = {value: one for value, one in found.items() if value not in reasons}
     if not members:
         raise CommandError(f"vibro: --vary: no member is possible: {reasons[values[0]]}")
 
+    @cache
     def type_of(value: float) -> str:
-        one = found[value] if value in found else _member(path, value, member)
-        return IMPOSSIBLE if isinstance(one, str) else type_of_member(one)
+        one = found[value] if value in found else _member(source, path, value)
+        return IMPOSSIBLE if isinstance(one, str) else kind.family_type(one, ball)
 
     record = {
         "path": path,
-        "ball": ball_of(path),
+        "ball": ball,
         "members": [
             {"value": value, "type": type_of(value)}
             | ({"reason": reasons[value]} if value in reasons else {})
@@ -151,15 +120,23 @@ def _varied(
         ],
         "changes": [vars(change) for change in changes(type_of, sorted(values))],
     }
-    shown = [(f"{value:.6g} {unit}".rstrip(), one) for value, one in members.items()]
-    return record, shown
+    if not source.wishes.figures:
+        return record, {}
+    from vibro_cli.figures.maps import words_of
+
+    titled = [
+        (f"{words_of(path)} = {f'{value:.6g} {unit}'.rstrip()}", one)
+        for value, one in members.items()
+    ]
+    return record, {"family": kind.family_figure(titled, ball, source.wishes.width)}
 
 
 def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], str]:
     """Numbers (SI) that are written with or without units at a path, and their SI unit."""
     from pydantic_core import PydanticCustomError
 
-    from vibro_cli.grids.axes import NotAnAxis, kind_of, read_number, unit_of
+    from vibro_cli.grids.axes import NotAnAxis, kind_of, read_number
+    from vibro_cli.scenario.fields import unit_of
     from vibro_cli.scenario.loading import OverrideError, given, parse_value
     from vibro_cli.scenario.quantities import Quantity
 
@@ -177,12 +154,12 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
         raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error
 
 
-def _member(path: str, value: float, member: "Callable[[str, Any], Any]") -> Any:
-    """The member at a value, or in words why it is not possible."""
+def _member(source: Source, path: str, value: float) -> Any:
+    """The system at a value, or in words why it is not possible."""
     from vibro_cli.scenario.problems import ScenarioError
 
     try:
-        return member(path, repr(value))
+        return source.system(path, repr(value))
     except ScenarioError as error:
         first = error.problems[0]
         return f"{first.path}: found {first.found}, expected {first.expected}"
@@ -316,10 +293,12 @@ def _analysed(
     from vibro_cli.systems.contract import NoPortrait
 
     kind = system_named(scenario.system)
-    if wishes.compare and not kind.has_families:
-        raise CommandError(f"vibro: {scenario.name}: --compare is of traces")
-    if wishes.vary and not kind.has_families and kind.family_type(system, 1) is None:
-        raise CommandError(f"vibro: {scenario.name}: --vary is of traces and springs")
+    if wishes.compare and not kind.has_comparisons:
+        fit = _those(lambda one: one.has_comparisons)
+        raise CommandError(f"vibro: {scenario.name}: --compare is of {fit}")
+    if wishes.vary and not kind.has_families:
+        fit = _those(lambda one: one.has_families)
+        raise CommandError(f"vibro: {scenario.name}: --vary is of {fit}")
     try:
         table, figures = kind.portrait(system, wishes.width, wishes.figures)
     except NoPortrait as error:
@@ -328,13 +307,19 @@ def _analysed(
     drawn = dict(figures)
     source = Source(wishes, kind)
     if wishes.vary is not None:
-        of_kind = varied if kind.has_families else varied_systems
-        found["family"], more = of_kind(source, wishes.vary)
+        found["family"], more = varied(source, wishes.vary)
         drawn |= more
     if wishes.compare is not None:
         found["comparison"], more = compared(source, wishes.compare)
         drawn |= more
     return found, pictures(drawn)
+
+
+def _those(fit: "Callable[[System], bool]") -> str:
+    """The systems that fit, in words."""
+    from vibro_cli.systems import PLURALS, system_named
+
+    return " and ".join(word for name, word in PLURALS.items() if fit(system_named(name)))
 
 
 def _lines(scenario: "AnyScenario", found: dict[str, Any]) -> Iterator[str]:

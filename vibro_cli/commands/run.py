@@ -36,6 +36,7 @@ from vibro_cli.commands.shared.options import (
     scenario_argument,
 )
 from vibro_cli.commands.shared.terminal import RunProgress, json_text, say
+from vibro_cli.systems import PLURALS
 
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from vibro_cli.systems.run import Streamed
 
 _NONE = ("0", "false", "none")
+_OTHERS = " and ".join([*PLURALS.values()][1:])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +83,8 @@ class RunCommand:
             metavar="all|NAME,…",
             envvar="VIBRO_FIGURES",
             help="Draw these kinds of figures, or all there are; vibro help figures names them. "
-            "default: for traces the phase portraits, for tables and springs what shows the "
-            "motion; 0: none.",
+            f"default: for traces the phase portraits, for {_OTHERS} what shows the motion; "
+            "0: none.",
         ),
     ] = None
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw nothing.")] = False

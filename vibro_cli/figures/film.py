@@ -45,7 +45,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Link:
-    """A spring: a polyline from its foot to the centre of its body."""
+    """What holds a body: a polyline from its foot to the centre of the body."""
 
     foot: tuple[float, float]
     """Place of its foot (m)"""
@@ -78,7 +78,7 @@ class Ground:
     panel: Panel | None
     """None where the points move on the plan itself"""
     links: tuple[Link, ...] = ()
-    """The springs of the bodies"""
+    """What holds the bodies, one for each, or none"""
 
 
 @dataclass(frozen=True)
@@ -299,10 +299,10 @@ class Film(Stage):
         disk = Circle((0.0, 0.0), self.drawn_radii[body], **look)
         self.plan.add_patch(disk)
         (spoke,) = self.plan.plot([], [], color="white", linewidth=1.0)
-        (spring,) = self.plan.plot([], [], color=colour, linewidth=0.8)
+        (link,) = self.plan.plot([], [], color=colour, linewidth=0.8)
         (line,) = self.plane.plot([], [], color=colour, linewidth=0.8, linestyle=dashes)
         (point,) = self.plane.plot([], [], marker="o", markersize=4.0, color=colour)
-        return _Moving(disk, spoke, spring, line, point)
+        return _Moving(disk, spoke, link, line, point)
 
     def _past(self, frame: int, body: int) -> tuple[Array, Array]:
         """Return the last part of a body's trail (m, m/s)."""
@@ -322,7 +322,7 @@ class Film(Stage):
             for moving in self._moving:
                 for axes, artist in (
                     (self.plane, moving.line),
-                    (self.plan, moving.spring),
+                    (self.plan, moving.link),
                     (self.plan, moving.disk),
                     (self.plan, moving.spoke),
                     (self.plane, moving.point),
@@ -333,7 +333,7 @@ class Film(Stage):
         return picture
 
     def _move(self, frame: int, body: int, moving: _Moving) -> None:
-        """Bring a body, its spring, its point and its trail to a frame."""
+        """Bring a body, its link, its point and its trail to a frame."""
         states = self.frames
         x, y = states.x[frame, body], states.y[frame, body]
         moving.disk.set_center((x, y))
@@ -342,7 +342,7 @@ class Film(Stage):
             ends = [x, x + reach * math.sin(turned)], [y, y + reach * math.cos(turned)]
             moving.spoke.set_data(*ends)
         if self.ground.links:
-            moving.spring.set_data(*self.ground.links[body].points(x, y).T)
+            moving.link.set_data(*self.ground.links[body].points(x, y).T)
         moving.line.set_data(*self._past(frame, body))
         if self.plane is not self.plan:
             moving.point.set_data([states.across[frame, body]], [states.up[frame, body]])
@@ -353,7 +353,7 @@ class _Moving(NamedTuple):
 
     disk: Circle
     spoke: Line2D
-    spring: Line2D
+    link: Line2D
     line: Line2D
     point: Line2D
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 from pydantic_core import PydanticCustomError
 
 from vibro_cli.scenario import fields
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.fields import unknown_key
+from vibro_cli.scenario.fields import Model, unknown_key
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
     Fault,
@@ -30,8 +29,6 @@ from vibro_cli.scenario.problems import (
 
 # What a grid's tables do not depend on.
 _WITHOUT_EFFECT = ("name", "output")
-
-Model = type[BaseModel]
 
 
 class NotAnAxis(Exception):
@@ -58,35 +55,19 @@ def kind_of(path: KeyPath, root: Model = Scenario) -> kinds.Kind:
         raise NotAnAxis(Fault(path, path_text(path), expected))
     if path[:2] == ("collision", "k") and len(path) in (2, 3):
         return kinds.RESTITUTION
-    entries = next((n for n, part in enumerate(reversed(path)) if isinstance(part, str)), 0)
-    table, key = path[: len(path) - entries - 1], path[len(path) - entries - 1]
-    model = fields.model_at(table, root)
-    if model is None or not isinstance(key, str) or key not in model.model_fields:
-        raise NotAnAxis(_unknown(path, model, root))
-    field = model.model_fields[key]
-    for part in _kinds_within(field.annotation) if entries else field.metadata:
-        if isinstance(part, kinds.Kind):
-            return part
+    kind = fields.kind_at(path, root)
+    if kind is not None:
+        return kind
+    if fields.field_at(path, root) is None:
+        raise NotAnAxis(_unknown(path, root))
     expected = "one value: a number, a word, true or false"
     raise NotAnAxis(Fault(path, f"{path_text(path)} as a whole", expected))
 
 
-def _kinds_within(annotation: Any) -> Iterator[Any]:
-    """What the annotations of a list's entries, and of theirs, say."""
-    for part in get_args(annotation):
-        yield from getattr(part, "__metadata__", ())
-        yield from _kinds_within(part)
-
-
-def _unknown(path: KeyPath, model: Model | None, root: Model) -> Fault:
-    if model is None or isinstance(path[-1], int):
+def _unknown(path: KeyPath, root: Model) -> Fault:
+    if isinstance(path[-1], int) or fields.model_at(path[:-1], root) is None:
         return Fault(path, path_text(path), "a value of a scenario, such as balls[1].angle")
     return unknown_key(path, root)
-
-
-def unit_of(kind: kinds.Kind) -> str:
-    """Return the unit in which values of a kind stand in tables, "" for plain numbers."""
-    return kind.unit if isinstance(kind, kinds.Quantity) else ""
 
 
 def type_of(kind: kinds.Kind) -> Any:

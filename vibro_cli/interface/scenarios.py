@@ -69,7 +69,7 @@ def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Dra
     Parameters
     ----------
     scenario
-        Of a trace, of springs, or of a table within an ellipse or a circle.
+        Of any system; of a table, one within an ellipse or a circle.
     body
         The body, from 1.
     width

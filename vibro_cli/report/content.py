@@ -16,7 +16,6 @@ from vibro_cli.report.html import GENERATOR, figures_of_run, rendered
 from vibro_cli.report.papers import analogy, series_rows
 from vibro_cli.report.words import (
     END_CAUSES,
-    KEYS,
     LAWS,
     cell,
     flat,
@@ -27,6 +26,7 @@ from vibro_cli.report.words import (
     validity,
     versions,
 )
+from vibro_cli.scenario.base import BodyTable
 from vibro_cli.storage.stored import StoredRun
 from vibro_cli.storage.tables import table_named
 from vibro_cli.systems.columns import Column
@@ -233,37 +233,45 @@ def _body(run: StoredRun, index: int) -> list[str]:
 def _setting(stored: StoredRun) -> list[tuple[str, str]]:
     data, system = stored.scenario.resolved(), stored.run.system
     found: list[tuple[str, str]] = [("System", stored.scenario.system)]
-    wall = [named(key, value) for key, value in flat(data.get("wall", {})).items()]
-    found += [(f"Wall, {words}", value) for words, value in wall]
+    found += _settings(stored, "wall", data.get("wall", {}))
     if len(system.bodies) > 1:
+        restitution = flat(data["collision"]["k"]).values()  # of every pair, or of each
         found += [
             ("Impact law", f"{system.law}: {LAWS[system.law]}"),
-            ("Coefficient of restitution k", named("k", data["collision"]["k"])[1]),
+            ("Coefficient of restitution k", ", ".join(map(number, restitution))),
             ("Inadmissible impacts", system.inadmissible),
         ]
-    stops = [named(key, value) for key, value in data["stop"].items()]
-    return [*found, *((f"Stop, {words}", value) for words, value in stops)]
+    return [*found, *_settings(stored, "stop", data["stop"])]
+
+
+def _settings(stored: StoredRun, table: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The settings of a table of the scenario, in the words of their keys."""
+    found = []
+    for key, value in flat(values).items():
+        words, unit = named(table, key, type(stored.scenario))
+        found.append((f"{table.capitalize()}, {words}", number(value, unit)))
+    return found
 
 
 def _bodies(stored: StoredRun, name: str) -> tuple[str, list[str], list[list[str]]]:
     """Caption, heads and rows of the table of bodies: what they are, and how they start."""
-    given = [flat(_started(ball)) for ball in stored.scenario.resolved()["balls"]]
+    given = [flat(_beside_the_body(ball)) for ball in stored.scenario.resolved()["balls"]]
     keys = list(dict.fromkeys(key for ball in given for key in ball))
     rows = [
         [*body_cells(index, body), *(number(ball.get(key)) for key in keys)]
         for index, (body, ball) in enumerate(zip(stored.run.system.bodies, given, strict=True))
     ]
+    model = type(stored.scenario)
     heads = [
         f"{words} [{unit}]" if unit else words
-        for words, unit in (KEYS.get(key, (key, "")) for key in keys)
+        for words, unit in (named("balls", key, model) for key in keys)
     ]
     return f"Bodies of {name}, and how they start", [*BODY_HEADS, *heads], rows
 
 
-def _started(ball: dict[str, Any]) -> dict[str, Any]:
-    """What a scenario says of a body's start, and of its spring."""
-    body = ("body", "radius", "mass", "density", "inertia_ratio", "thickness")
-    return {key: value for key, value in ball.items() if key not in body}
+def _beside_the_body(ball: dict[str, Any]) -> dict[str, Any]:
+    """What a scenario says of a body beside what it is: its start, and what holds it."""
+    return {key: value for key, value in ball.items() if key not in BodyTable.model_fields}
 
 
 BODY_HEADS = ("Body", "Kind", "Radius", "Mass", "κ", "J_P")

@@ -12,6 +12,8 @@ from urllib.parse import quote
 import numpy as np
 
 from vibro_cli.mechanics.system import DRY_FRICTION
+from vibro_cli.scenario.fields import Model, field_at, unit_at
+from vibro_cli.scenario.problems import parsed_path
 from vibro_cli.systems.columns import Column
 from vibro_cli.systems.contract import System
 
@@ -53,37 +55,16 @@ REFERENCES = {
     "along curvilinear trace of series of circle arcs: phase trajectory portraits, some analogies "
     "and vibro-impacts (D)",
 }
-KEYS = {
-    "x": ("x", "m"),
-    "y": ("y", "m"),
-    "position": ("position", "m"),
-    "speed": ("speed", "m/s"),
-    "direction": ("direction", "rad"),
-    "velocity_x": ("velocity along x", "m/s"),
-    "velocity_y": ("velocity along y", "m/s"),
-    "spring.stiffness": ("stiffness c of the spring", "N/m"),
-    "spring.length": ("natural length l", "m"),
-    "spring.height": ("height b of its foot", "m"),
-    "spring.foot": ("place of its foot", "m"),
-    "semi_axis_x": ("semi-axis along x", "m"),
-    "semi_axis_y": ("semi-axis along y", "m"),
-    "radius": ("radius", "m"),
-    "width": ("width", "m"),
-    "depth": ("depth", "m"),
-    "k": ("coefficient of restitution k", ""),
-    "time": ("time", "s"),
-    "collisions": ("impacts", ""),
-    "bounces": ("impacts on the wall", ""),
-}
-"""Keys of springs and tables in words, with their units."""
 
 
-def named(key: str, value: Any) -> tuple[str, str]:
-    """Return a key of a scenario in words and its value with the unit; an unknown key as it is."""
-    words, unit = KEYS.get(key, (key, "m" if key.startswith("corners") else ""))
-    if isinstance(value, list | tuple):
-        return words, ", ".join(number(one, unit) for one in value)
-    return words, number(value, unit)
+def named(table: str, key: str, root: Model) -> tuple[str, str]:
+    """Return the words of a key of a scenario's table, itself where it has none, and its unit.
+
+    `root` is the model of the scenario.
+    """
+    path = parsed_path(f"{table}.{key}")
+    field = None if isinstance(path[-1], int) else field_at(path, root)
+    return (field and field.title) or key, unit_at(path, root)
 
 
 def method_of(kind: System, scenario: Mapping[str, Any]) -> tuple[str, ...]:

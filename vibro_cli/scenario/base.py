@@ -26,6 +26,30 @@ from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.problems import Fault, KeyPath, Place, Source, shown
 from vibro_cli.systems import NAMES, system_named
 
+# Keys of one table of which at most one may be given.
+MASS = ("density", "mass")
+KIND = ("body", "inertia_ratio")
+SAMPLES = ("step", "times")
+
+Rule = dict[str, Any]
+"""A rule between the keys of one table, as JSON Schema says it."""
+
+
+def exactly_one(*keys: str) -> Rule:
+    """Return the rule that a table has one of these keys, and no other of them."""
+    return {"oneOf": [{"required": [key]} for key in keys]}
+
+
+def at_least_one(*keys: str) -> Rule:
+    """Return the rule that a table has one of these keys, or several."""
+    return {"anyOf": [{"required": [key]} for key in keys]}
+
+
+def at_most_one(*keys: str) -> Rule:
+    """Return the rule that a table has one of these keys, or none."""
+    pairs = [[a, b] for i, a in enumerate(keys) for b in keys[i + 1 :]]
+    return {"not": {"anyOf": [{"required": pair} for pair in pairs]}}
+
 
 def as_tuple(value: object) -> object:
     """Return a list of a file as a tuple, which does not change."""
@@ -46,6 +70,9 @@ class Table(BaseModel):
         allow_inf_nan=False,
         defer_build=True,
     )
+
+    rules: ClassVar[tuple[Rule, ...]] = ()
+    """The rules between its keys, as far as JSON Schema can say them."""
 
 
 class AnyScenario(Table):
@@ -108,7 +135,7 @@ class AnyScenario(Table):
         data
             Dictionaries, lists, texts and numbers, of Python or numpy. Numbers are in SI units and
             radians; texts may have units, such as ``"0.4 m"`` and ``"-60 deg"``. The key
-            ``system`` says what is solved: ``"trace"`` (or none), ``"table"``, ``"springs"``.
+            ``system`` says what is solved, one of ``vibro_cli.systems.NAMES``; without it a trace.
 
         Raises
         ------
@@ -250,6 +277,12 @@ def _as_times(value: object) -> object:
 class BodyTable(Table):
     """What a body is: its kind, its radius and its mass."""
 
+    rules: ClassVar[tuple[Rule, ...]] = (
+        exactly_one(*MASS),
+        at_most_one(*KIND),
+        at_most_one("inertia_ratio", "density"),
+    )
+
     body: Annotated[
         BodyKind | None, kinds.Word(("ball", "disk", "hollow_ball", "hoop", "particle"))
     ] = Field(default=None, json_schema_extra={"default": "ball"})
@@ -269,6 +302,8 @@ class BodyTable(Table):
 
 class Sampling(Table):
     """Sampled motion, if wanted."""
+
+    rules = (at_most_one(*SAMPLES),)
 
     step: Annotated[float | None, kinds.TIME] = None
     """Time step of the sampled motion in s."""

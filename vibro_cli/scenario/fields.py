@@ -15,18 +15,19 @@ from itertools import pairwise
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from vibro_cli.scenario.base import AnyScenario, model_named
-from vibro_cli.scenario.models import AXIS, KIND, MASS, MOTION, SAMPLES, START, Scenario
+from vibro_cli.scenario.base import Table, model_named
+from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, similar, suggestion
-from vibro_cli.scenario.quantities import Quantity
+from vibro_cli.scenario.quantities import Kind, Quantity
 
-Model = type[BaseModel]
+Model = type[Table]
 
 
 def _models_in(annotation: Any) -> Iterator[Model]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if isinstance(annotation, type) and issubclass(annotation, Table):
         yield annotation
     for part in get_args(annotation):
         yield from _models_in(part)
@@ -46,12 +47,38 @@ def model_at(path: KeyPath, root: Model = Scenario) -> Model | None:
     return model
 
 
+def field_at(path: KeyPath, root: Model = Scenario) -> FieldInfo | None:
+    """Return the field of the key that a path ends with, or of the list whose entry it leads to."""
+    while path and isinstance(path[-1], int):
+        path = path[:-1]
+    model = model_at(path[:-1], root) if path else None
+    return None if model is None else model.model_fields.get(str(path[-1]))
+
+
+def kind_at(path: KeyPath, root: Model = Scenario) -> Kind | None:
+    """Return the kind of the one value at a path; None where a table or a list is, or nothing."""
+    field = field_at(path, root)
+    if field is None:
+        return None
+    found = _kinds_within(field.annotation) if isinstance(path[-1], int) else field.metadata
+    return next((kind for kind in found if isinstance(kind, Kind)), None)
+
+
+def _kinds_within(annotation: Any) -> Iterator[Any]:
+    """What the annotations of a list's entries, and of theirs, say."""
+    for part in get_args(annotation):
+        yield from getattr(part, "__metadata__", ())
+        yield from _kinds_within(part)
+
+
+def unit_of(kind: Kind | None) -> str:
+    """Return the unit of the numbers of a kind, an empty text where they have none."""
+    return kind.unit if isinstance(kind, Quantity) else ""
+
+
 def unit_at(path: KeyPath, root: Model = Scenario) -> str:
     """Return the unit of the number at a path, an empty text where it has none."""
-    model = model_at(path[:-1], root)
-    field = None if model is None else model.model_fields.get(str(path[-1]))
-    kinds = () if field is None else field.metadata
-    return next((kind.unit for kind in kinds if isinstance(kind, Quantity)), "")
+    return unit_of(kind_at(path, root))
 
 
 @cache
@@ -119,7 +146,7 @@ _EXPECTED = {
 }
 
 
-def faults(error: ValidationError, root: type[BaseModel]) -> list[Fault]:
+def faults(error: ValidationError, root: Model) -> list[Fault]:
     """Return the faults of a scenario, each once; a mistyped key is not missing as well."""
     details = error.errors(include_url=False)
     found = dict.fromkeys(_fault(item, root) for item in details)
@@ -130,7 +157,7 @@ def faults(error: ValidationError, root: type[BaseModel]) -> list[Fault]:
     return [fault for fault in found if fault.found != "nothing" or fault.loc not in mistyped]
 
 
-def _fault(details: ErrorDetails, root: type[BaseModel]) -> Fault:
+def _fault(details: ErrorDetails, root: Model) -> Fault:
     context: Mapping[str, Any] = details.get("ctx", {})
     kind, value, given = details["type"], details["input"], details["loc"]
     # tags of unions, such as "<wall>", are no part of the path; an unknown key may look like one
@@ -148,13 +175,13 @@ def _fault(details: ErrorDetails, root: type[BaseModel]) -> Fault:
     )
 
 
-def _needed(loc: KeyPath, root: type[BaseModel]) -> str:
+def _needed(loc: KeyPath, root: Model) -> str:
     words = description(loc, root)
     key = f'the key "{loc[-1]}"'
     return f"{key}: {words[:1].lower()}{words[1:]}" if words else key
 
 
-def unknown_key(loc: KeyPath, root: type[BaseModel] = Scenario) -> Fault:
+def unknown_key(loc: KeyPath, root: Model = Scenario) -> Fault:
     """Return the fault of a key that no table has, with a suggestion."""
     table, key = loc[:-1], str(loc[-1])
     known = known_keys(table, root)
@@ -192,59 +219,13 @@ def identifier(name: str) -> str:
     return f"urn:vibro:schema:{name}"
 
 
-def exactly_one(*keys: str) -> dict[str, Any]:
-    """Return the rule that a table has one of these keys, and no other of them."""
-    return {"oneOf": [{"required": [key]} for key in keys]}
-
-
-def _at_most_one(*keys: str) -> dict[str, Any]:
-    pairs = [[a, b] for i, a in enumerate(keys) for b in keys[i + 1 :]]
-    return {"not": {"anyOf": [{"required": pair} for pair in pairs]}}
-
-
-def _shape(words: list[str], needed: list[str], unfit: list[str]) -> dict[str, Any]:
-    then = {"required": needed, "not": {"anyOf": [{"required": [key]} for key in unfit]}}
-    return {"if": {"properties": {"shape": {"enum": words}}}, "then": then}
-
-
-_BODY = [
-    exactly_one(*MASS),
-    _at_most_one(*KIND),
-    _at_most_one("inertia_ratio", "density"),
-]
-_RULES: dict[str, list[dict[str, Any]]] = {
-    "Arc": [
-        _shape(["line"], ["length"], ["radius", "end_slope"]),
-        _shape(["valley", "hump"], ["radius", "end_slope"], ["length"]),
-    ],
-    "Ball": [
-        *_BODY,
-        exactly_one(*START),
-        _at_most_one(*MOTION),
-    ],
-    "Turning": [exactly_one(*AXIS)],
-    "Stop": [{"anyOf": [{"required": ["time"]}, {"required": ["collisions"]}]}],
-    "Output": [_at_most_one(*SAMPLES)],
-    "Sampling": [_at_most_one(*SAMPLES)],
-    "TableBall": _BODY,
-    "TableStop": [
-        {"anyOf": [{"required": [key]} for key in ("time", "collisions", "bounces")]},
-    ],
-    "SpringBall": [
-        *_BODY,
-        exactly_one("position", "touching"),
-        _at_most_one("speed", "omega"),
-    ],
-}
-"""The rules between the keys of one table, as far as JSON Schema can say them."""
-
-
 def json_schema(system: str = "trace") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a system's scenarios as plain data."""
-    schema: dict[str, Any] = _cleaned(_described(model_named(system)))
-    for table, rules in _RULES.items():
-        if table in schema["$defs"]:
-            schema["$defs"][table]["allOf"] = rules
+    root = model_named(system)
+    schema: dict[str, Any] = _cleaned(_described(root))
+    for _, model in tables(root, ""):
+        if model.rules:
+            schema["$defs"][model.__name__]["allOf"] = list(model.rules)
     for table, key in (("", "name"), ("", "collision"), ("Collision", "k")):
         part = schema["$defs"].get(table) if table else schema
         if part is not None:
@@ -253,7 +234,7 @@ def json_schema(system: str = "trace") -> dict[str, Any]:
     return {**head, **schema, **SCHEMA_KEY, "title": "vibro scenario"}
 
 
-def _described(root: type[AnyScenario]) -> dict[str, Any]:
+def _described(root: Model) -> dict[str, Any]:
     """Return the schema of a model and those below it, with the descriptions of their fields."""
     schema = root.model_json_schema()
     for _, model in tables(root, ""):

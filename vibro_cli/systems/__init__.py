@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from vibro_cli.systems.contract import System
 
-NAMES = ("trace", "table", "springs")
-"""The systems there are, by their folders: a new one is registered here, and nowhere else.
+PLURALS = {"trace": "traces", "table": "tables", "springs": "springs"}
+"""The systems there are, by their folders, with the word for several of a kind.
 
-The first one is meant by scenarios that name none.
+A new one is registered here, and nowhere else. The first one is meant by scenarios that name none.
 """
+NAMES = tuple(PLURALS)
 
 
 def system_named(name: str) -> System:

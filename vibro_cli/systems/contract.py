@@ -36,8 +36,33 @@ if TYPE_CHECKING:
 
 Rows = dict[str, Any]
 """Columns of equal length by their names."""
+Document = dict[str, Any]
+"""A scenario as a user writes it, as plain data."""
 Sink = Callable[[str, Rows], None]
 """Takes the name of a table and more columns of it; words are given by their numbers."""
+
+
+PaperRow = tuple[str, str, str, str]
+"""Where in a paper, what it says there, the command that shows it, and where it then stands."""
+
+
+class ShownOfPapers(NamedTuple):
+    """What of the papers a system shows: `vibro help papers`."""
+
+    rows: Mapping[str, Sequence[PaperRow]]
+    """By the letter of the paper, in its order."""
+    symbols: Sequence[tuple[str, str, str]] = ()
+    """Symbols of the papers, the words for them here, and their units."""
+
+
+class TimedScene(NamedTuple):
+    """A scene whose run time `vibro bench` measures."""
+
+    document: Document
+    parts: tuple[str, ...] = ("systems",)
+    """Of the benchmark: the event loop alone in ``"systems"``, whole commands in ``"command"``."""
+    share: int = 1
+    """The impacts are divided by it where each takes long."""
 
 
 class NoPortrait(ValueError):
@@ -184,6 +209,11 @@ class System(ABC):
 
         return RunSolver(grid, engine)
 
+    @property
+    def timed_scenes(self) -> Mapping[str, TimedScene]:
+        """Scenes whose run time is measured, by their names: vibro_cli/benchmark/."""
+        return {}
+
     # Tables: systems/columns.py declares columns.
 
     impact_tables: ClassVar[tuple[str, ...]] = ("collisions",)
@@ -267,6 +297,11 @@ class System(ABC):
     papers: ClassVar[tuple[str, ...]]
     """Letters of the papers that the system is from, see report/words.py."""
 
+    @property
+    def shown_of_papers(self) -> ShownOfPapers:
+        """What of the papers is shown by which command."""
+        return ShownOfPapers({})
+
     @abstractmethod
     def method(self, scenario: Mapping[str, Any]) -> str:
         """Return how a scenario (its plain values) is solved, in a sentence or two."""
@@ -288,16 +323,22 @@ class System(ABC):
         from vibro_cli.scenario.fields import settings
         from vibro_cli.systems.describe import lines_of
 
-        return lines_of(found, partial(settings, self.model))
+        return lines_of(found, partial(settings, self.model), self.body_lines)
+
+    def body_lines(self, body: dict[str, Any]) -> Iterator[str]:
+        """Return what more was understood of a body, as lines of text."""
+        return iter(())
 
     has_orbits: ClassVar[bool] = False
     """Whether periodic orbits are looked for, and numbers fitted, with its tangent maps."""
+    has_comparisons: ClassVar[bool] = False
+    """Whether portraits of a few values of a parameter are drawn over one another."""
     has_families: ClassVar[bool] = False
     """Whether portraits can be drawn over a range of a parameter."""
 
-    def family_type(self, system: Any, ball: int) -> str | None:
-        """Return the type of a body's portrait (from 1); None where there are no families."""
-        return None
+    def family_type(self, system: Any, ball: int) -> str:
+        """Return the type of a body's portrait (from 1)."""
+        raise NotImplementedError
 
     def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
         """Return the portraits of a body in some systems, each under its title."""

@@ -8,6 +8,7 @@ from typing import Any
 from vibro_cli.mechanics.system import Body
 
 Settings = Callable[[Mapping[str, Any], tuple[str | int, ...]], str]
+BodyLines = Callable[[dict[str, Any]], Iterator[str]]
 
 
 def understood(scenario: Any, system: Any, warnings: tuple[str, ...]) -> dict[str, Any]:
@@ -44,8 +45,11 @@ def body_line(body: dict[str, Any]) -> str:
     )
 
 
-def lines_of(found: dict[str, Any], settings: Settings) -> Iterator[str]:
-    """Return what was understood, as text; `settings` writes those of a table at a path."""
+def lines_of(found: dict[str, Any], settings: Settings, body_lines: BodyLines) -> Iterator[str]:
+    """Return what was understood, as text.
+
+    `settings` writes those of a table at a path, `body_lines` what more is told of a body.
+    """
     scenario = found["scenario"]
     yield f"{found['name']}: valid"
     yield f"  system {scenario['system']}"
@@ -54,8 +58,7 @@ def lines_of(found: dict[str, Any], settings: Settings) -> Iterator[str]:
     for body, given in zip(found["bodies"], scenario["balls"], strict=True):
         start = {key: value for key, value in given.items() if key not in _OF_THE_BODY}
         yield f"{body_line(body)}; {settings(start, ('balls', 0))}"
-        if "swing" in body:
-            yield _swing_line(body["swing"])
+        yield from body_lines(body)
     yield f"  law {found['law']}; inadmissible impacts: {found['inadmissible']}"
     if "k" in scenario["collision"]:
         k = scenario["collision"]["k"]
@@ -63,18 +66,6 @@ def lines_of(found: dict[str, Any], settings: Settings) -> Iterator[str]:
     yield f"  stop {settings(scenario['stop'], ('stop',))}"
     for warning in found["warnings"]:
         yield f"  warning: {warning}"
-
-
-def _swing_line(swing: dict[str, float | None]) -> str:
-    """The constants of a swing on a spring, C (4)."""
-    small, own = (
-        "none" if swing[key] is None else f"{swing[key]:.9g} s"
-        for key in ("small_period", "period")
-    )
-    return (
-        f"          ω₀ = {swing['omega_0']:.9g} 1/s; period of small swings {small}, "
-        f"of this one {own}"
-    )
 
 
 _OF_THE_BODY = ("body", "radius", "mass", "density", "inertia_ratio", "thickness")

@@ -1,4 +1,4 @@
-"""The tables of a run on a table or of springs, stretch by stretch, and its summary."""
+"""The tables of a run of any system but the trace, stretch by stretch, and its summary."""
 
 from __future__ import annotations
 

@@ -62,8 +62,8 @@ class Tangents(NamedTuple):
     turning: FloatMatrix
     """[pair, ...] scratch: what the rows of a joint impact need, see kernels.tangent.follow"""
     series: FloatMatrix
-    """scratch of flights on a trace that turns, see kernels.tangent.rotating_jacobian, and on
-    springs, see kernels.springs.tangent: SERIES_ROWS, and one for each body"""
+    """[SERIES_ROWS and one for each body, power] scratch where motion is followed by power series:
+    on a trace that turns, see kernels.tangent.rotating_jacobian, and in other systems"""
     amplification: FloatMatrix
     """[0, impact] filled in: growth of one rounding of the start"""
     smooth: IntMatrix

@@ -17,11 +17,11 @@ const actors = film.bodies.map((body) => {
     fill: "none", stroke: colour, "stroke-width": 1.2, "stroke-dasharray": body.dashes,
   });
   const radius = body.radius * film.plan[1];
-  const spring = add("path", { fill: "none", stroke: colour, "stroke-width": 1.2 });
+  const link = add("path", { fill: "none", stroke: colour, "stroke-width": 1.2 });
   const disk = add("circle", { r: radius, fill: colour, stroke: "#000000", "stroke-width": 0.8 });
   const mark = add("line", { stroke: "#ffffff", "stroke-width": body.turn ? 1.4 : 0 });
   const point = add("circle", { r: body.point ? 3 : 0, fill: colour });
-  return { body, trail, spring, disk, mark, point, radius };
+  return { body, trail, link, disk, mark, point, radius };
 });
 
 const path = ([times, places, speeds], from, to) => {
@@ -46,7 +46,7 @@ const coil = ({ foot, coil }, x, y) => {
 
 const show = (frame) => {
   const from = Math.max(film.time[Math.max(0, frame - film.past)], film.time[frame] - film.span);
-  for (const { body, trail, spring, disk, mark, point, radius } of actors) {
+  for (const { body, trail, link, disk, mark, point, radius } of actors) {
     const [x, y] = onPlan(body.x[frame], body.y[frame]);
     disk.setAttribute("cx", x);
     disk.setAttribute("cy", y);
@@ -56,7 +56,7 @@ const show = (frame) => {
       mark.setAttribute("x2", x + 0.85 * radius * Math.sin(body.turn[frame]));
       mark.setAttribute("y2", y - 0.85 * radius * Math.cos(body.turn[frame]));
     }
-    if (body.foot) spring.setAttribute("d", coil(body, body.x[frame], body.y[frame]));
+    if (body.foot) link.setAttribute("d", coil(body, body.x[frame], body.y[frame]));
     const [across, along] = onPlane(body.across[frame], body.up[frame]);
     point.setAttribute("cx", across);
     point.setAttribute("cy", along);

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, Sink, System
+from vibro_cli.systems.contract import ImpactLog, ShownOfPapers, Sink, System, TimedScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,6 +31,7 @@ class BodiesOnSprings(System):
     papers = ("A", "B", "C")
     exponents = 2
     default_figures = ("portrait", "motion", "energy")
+    has_families = True
 
     @property
     def model(self) -> type[AnyScenario]:
@@ -66,6 +67,12 @@ class BodiesOnSprings(System):
         from vibro_cli.systems.springs.system import make_world
 
         return make_world(system, limits)
+
+    @property
+    def timed_scenes(self) -> dict[str, TimedScene]:
+        from vibro_cli.systems.springs.timed_scenes import TIMED_SCENES
+
+        return TIMED_SCENES
 
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.systems.columns import converging, with_growth
@@ -122,6 +129,12 @@ class BodiesOnSprings(System):
 
         return film_on_springs(run, times)
 
+    @property
+    def shown_of_papers(self) -> ShownOfPapers:
+        from vibro_cli.systems.springs.papers import SHOWN
+
+        return SHOWN
+
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (
             "Between impacts the bodies move by Taylor series of order 24 within proved radii; "
@@ -134,6 +147,11 @@ class BodiesOnSprings(System):
         found = super().understood(scenario, system)
         bodies = zip(found["bodies"], swings(system), strict=True)
         return found | {"bodies": [body | {"swing": swing} for body, swing in bodies]}
+
+    def body_lines(self, body: dict[str, Any]) -> Iterator[str]:
+        from vibro_cli.systems.springs.portrait import swing_line
+
+        yield swing_line(body["swing"])
 
     def family_type(self, system: Any, ball: int) -> str:
         from vibro_cli.systems.springs.phase_plane import springs_record

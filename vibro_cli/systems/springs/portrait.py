@@ -422,6 +422,18 @@ def swings(system: SpringsSystem) -> Iterator[dict[str, float | None]]:
         yield {"omega_0": system.frequency(ball - 1), "small_period": small, "period": own}
 
 
+def swing_line(swing: dict[str, float | None]) -> str:
+    """Return the constants of a swing on a spring, C (4), as text."""
+    small, own = (
+        "none" if swing[key] is None else f"{swing[key]:.9g} s"
+        for key in ("small_period", "period")
+    )
+    return (
+        f"          ω₀ = {swing['omega_0']:.9g} 1/s; period of small swings {small}, "
+        f"of this one {own}"
+    )
+
+
 def portrait(
     system: SpringsSystem, width: str, drawn: bool
 ) -> tuple[dict[str, Any], dict[str, Figure]]:

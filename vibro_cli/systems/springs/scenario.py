@@ -11,11 +11,19 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
-from vibro_cli.scenario.models import (
+from vibro_cli.scenario.base import (
     KIND,
     MASS,
     SAMPLES,
+    AnyScenario,
+    BodyTable,
+    Sampling,
+    Table,
+    as_tuple,
+    at_most_one,
+    exactly_one,
+)
+from vibro_cli.scenario.models import (
     Collision,
     Data,
     Growth,
@@ -35,18 +43,24 @@ from vibro_cli.scenario.problems import Fault, shown
 class Spring(Table):
     """The spring between a body's centre and its foot above the line of the centres."""
 
-    stiffness: Annotated[float, kinds.STIFFNESS]
+    stiffness: Annotated[float, kinds.STIFFNESS, Field(title="stiffness c of the spring")]
     """Stiffness c in N/m."""
-    length: Annotated[float, kinds.LENGTH]
+    length: Annotated[float, kinds.LENGTH, Field(title="natural length l")]
     """Natural length l in m."""
-    height: Annotated[float, kinds.LENGTH]
+    height: Annotated[float, kinds.LENGTH, Field(title="height b of its foot")]
     """Height b of the foot above the line of the body's centre in m."""
-    foot: Annotated[float, kinds.POSITION]
+    foot: Annotated[float, kinds.POSITION, Field(title="place of its foot")]
     """Place of the foot along the line in m."""
 
 
 class SpringBall(BodyTable):
     """A body on the line, held by its spring."""
+
+    rules = (
+        *BodyTable.rules,
+        exactly_one("position", "touching"),
+        at_most_one("speed", "omega"),
+    )
 
     position: Annotated[float | None, kinds.POSITION] = None
     """Place of the centre along the line in m, on the axis on which the feet are given."""

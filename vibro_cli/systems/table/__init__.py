@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, Sink, System
+from vibro_cli.systems.contract import ImpactLog, ShownOfPapers, Sink, System, TimedScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,6 +72,12 @@ class BallsOnTable(System):
 
         return make_world(system, limits)
 
+    @property
+    def timed_scenes(self) -> dict[str, TimedScene]:
+        from vibro_cli.systems.table.timed_scenes import TIMED_SCENES
+
+        return TIMED_SCENES
+
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.systems.columns import converging, with_growth
         from vibro_cli.systems.table.tables import BOUNCES, COLLISIONS, MOTION, summary
@@ -129,6 +135,12 @@ class BallsOnTable(System):
         from vibro_cli.systems.table.figures import film_on_table
 
         return film_on_table(run, times)
+
+    @property
+    def shown_of_papers(self) -> ShownOfPapers:
+        from vibro_cli.systems.table.papers import SHOWN
+
+        return SHOWN
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (

@@ -11,11 +11,18 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
-from vibro_cli.scenario.models import (
+from vibro_cli.scenario.base import (
     KIND,
     MASS,
     SAMPLES,
+    AnyScenario,
+    BodyTable,
+    Sampling,
+    Table,
+    as_tuple,
+    at_least_one,
+)
+from vibro_cli.scenario.models import (
     Data,
     Growth,
     Inadmissible,
@@ -57,15 +64,15 @@ class Wall(Table):
     """ellipse (axes along x and y), circle, rectangle (sides along x and y) or polygon."""
     side: Annotated[Side, kinds.Word(("inside", "outside"))] = "inside"
     """On which side of the wall the balls are."""
-    k: Annotated[float, kinds.RESTITUTION]
+    k: Annotated[float, kinds.RESTITUTION, Field(title="coefficient of restitution k")]
     """Coefficient of restitution of the wall, from 0 to 1, on the component across it."""
     x: Annotated[float, kinds.POSITION] = 0.0
     """Place of the centre of an ellipse, a circle or a rectangle in m."""
     y: Annotated[float, kinds.POSITION] = 0.0
     """The same along y, in m."""
-    semi_axis_x: Annotated[float | None, kinds.LENGTH] = None
+    semi_axis_x: Annotated[float | None, kinds.LENGTH, Field(title="semi-axis along x")] = None
     """Semi-axis of an ellipse along x in m."""
-    semi_axis_y: Annotated[float | None, kinds.LENGTH] = None
+    semi_axis_y: Annotated[float | None, kinds.LENGTH, Field(title="semi-axis along y")] = None
     """Semi-axis of an ellipse along y in m."""
     radius: Annotated[float | None, kinds.LENGTH] = None
     """Radius of a circle in m."""
@@ -90,9 +97,9 @@ class TableBall(BodyTable):
     """Speed of the centre in m/s, with its direction; else velocity_x and velocity_y."""
     direction: Annotated[float | None, kinds.ANGLE] = None
     """Direction of the velocity in rad, from the x axis towards the y axis."""
-    velocity_x: Annotated[float | None, kinds.SPEED] = None
+    velocity_x: Annotated[float | None, kinds.SPEED, Field(title="velocity along x")] = None
     """Component of the velocity in m/s; a ball without a velocity is at rest."""
-    velocity_y: Annotated[float | None, kinds.SPEED] = None
+    velocity_y: Annotated[float | None, kinds.SPEED, Field(title="velocity along y")] = None
     """Component of the velocity in m/s."""
 
 
@@ -111,7 +118,9 @@ class TableCollision(Table):
 class TableStop(Stop):
     """When the run ends: whichever comes first."""
 
-    bounces: Annotated[int | None, kinds.COUNT] = None
+    rules = (at_least_one("time", "collisions", "bounces"),)
+
+    bounces: Annotated[int | None, kinds.COUNT, Field(title="impacts on the wall")] = None
     """The run ends with this impact on the wall."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import Sink, System
+from vibro_cli.systems.contract import ShownOfPapers, Sink, System
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,6 +35,7 @@ class Trace(System):
     name = "trace"
     papers = ("A", "B", "D")
     default_figures = ("portrait",)
+    has_comparisons = True
     has_families = True
     has_orbits = True
     exponents = 2
@@ -141,6 +142,12 @@ class Trace(System):
     def figure_width(self, system: Any) -> str:
         return "double" if len(system.trace.pieces) > 1 else "single"
 
+    @property
+    def shown_of_papers(self) -> ShownOfPapers:
+        from vibro_cli.systems.trace.papers import SHOWN
+
+        return SHOWN
+
     def method(self, scenario: Mapping[str, Any]) -> str:
         if scenario["trace"].get("turning") is not None:
             return (
@@ -168,6 +175,20 @@ class Trace(System):
         from vibro_cli.systems.trace.describe import understood_lines
 
         return understood_lines(found)
+
+    def family_type(self, system: Any, ball: int) -> str:
+        from vibro_cli.analysis.levels import Landscape
+        from vibro_cli.analysis.singular import portrait_of
+
+        return portrait_of(Landscape.of(system, ball)).type
+
+    def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
+        from vibro_cli.analysis.levels import Landscape
+        from vibro_cli.analysis.singular import portrait_of
+        from vibro_cli.figures.portraits.trace_phase_plane import family
+
+        portraits = [(title, portrait_of(Landscape.of(one, ball))) for title, one in members]
+        return family(portraits, width)
 
     def portrait(
         self, system: Any, width: str, drawn: bool
