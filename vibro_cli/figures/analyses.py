@@ -21,7 +21,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import BAND, count_axis, log_axis, stacked, value_axis
 from vibro_cli.figures.labels import Entry
 from vibro_cli.figures.maps import Categories, Lattice, Swept, category_map, ended, lattice
-from vibro_cli.figures.ticks import number_ticks
+from vibro_cli.figures.ticks import label_axis, number_ticks
 
 _FIT_HEIGHTS = {"single": 24.0, "double": 32.0}
 _POINT: dict[str, Any] = {
@@ -133,11 +133,10 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
                 unit,
             )
             low, high = float(np.min(value)), float(np.max(value))
-            axes.set_xlim(low, high if high > low else low + 1.0)
-            ticks = number_ticks(low, high if high > low else low + 1.0, widths[0])
-            last = axes is panels[-1]
-            axes.set_xticks(ticks.places, ticks.labels if last else [""] * len(ticks.places))
-        panels[-1].set_xlabel(label)
+            span = low, high if high > low else low + 1.0
+            axes.set_xlim(span)
+            ticks = number_ticks(*span, widths[0])
+            label_axis(axes.xaxis, ticks, label, "", axes is panels[-1])
     return figure
 
 

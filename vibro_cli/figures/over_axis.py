@@ -97,10 +97,7 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
         ):
             _dots(axes, shown, values, endings)
             _value(axes, values, high, symbol, unit)
-            set_axis(axes, shown.coordinates[0], wide, vertical=False)
-            if axes is not drawn[-1]:
-                axes.set_xlabel("")
-                axes.set_xticklabels([])
+            set_axis(axes.xaxis, shown.coordinates[0], wide, labelled=axes is drawn[-1])
         wrapped_legend(figure, endings.entries(), WIDTHS[width])
     return figure
 
@@ -188,7 +185,7 @@ def _impacts_over(
     with style.journal():
         figure, (axes,), across = stacked(width, [_DIAGRAM[width]])
         value_axis(axes, float(np.min(every)), float(np.max(every)), _DIAGRAM[width], symbol, unit)
-        set_axis(axes, shown.coordinates[0], across[0], vertical=False)
+        set_axis(axes.xaxis, shown.coordinates[0], across[0])
         size = float(np.clip(6000.0 / len(values), 0.15, 4.0))
         norm = Normalize(float(np.min(number)), float(np.max(number)))
         along = shown.coordinates[0].place[row]
@@ -368,10 +365,8 @@ def bifurcation(
         figure, drawn, wide = stacked(width, [_HIGH[width]] * len(panels), 2.0)
         for axes, panel, inner in zip(drawn, panels, wide, strict=True):
             values = np.asarray(impacts[panel[0]], dtype=np.float64)[chosen]
-            _draw_over(axes, across, across.place[row][chosen], values, panel, (inner, width))
-            if axes is not drawn[-1]:
-                axes.set_xlabel("")
-                axes.set_xticklabels([])
+            set_axis(axes.xaxis, across, inner, labelled=axes is drawn[-1])
+            _draw_over(axes, across.place[row][chosen], values, panel, width)
     return figure
 
 
@@ -404,26 +399,18 @@ def poincare(
     along = Coordinate(name, unit, x, (), symbol)
     with style.journal():
         figure, (axes,), (inner,) = stacked(width, [_SQUARE[width]], 2.0)
-        _draw_over(axes, along, x, y, quantities[1], (inner, width))
+        set_axis(axes.xaxis, along, inner)
+        _draw_over(axes, x, y, quantities[1], width)
         low, high = axes.get_xlim()
         axes.set_xlim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
     return figure
 
 
-def _draw_over(
-    axes: Axes,
-    across: Coordinate,
-    places: Array,
-    values: Array,
-    quantity: Quantity,
-    room: tuple[float, str],
-) -> None:
-    """Draw values as dots over places; `room` is the width of the panel (mm) and its name."""
+def _draw_over(axes: Axes, places: Array, values: Array, quantity: Quantity, width: str) -> None:
+    """Draw values as dots over places, along an axis that is set."""
     _, symbol, unit = quantity
     finite = values[np.isfinite(values)]
     low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
-    inner, width = room
     value_axis(axes, low, high, _HIGH[width], symbol, unit)
-    set_axis(axes, across, inner, vertical=False)
     black, size = ListedColormap([style.BLACK]), float(np.clip(6000 / len(values), 0.15, 4))
     draw_dots(axes, places, values, np.ones(len(values)), black, Normalize(0, 1), size)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from matplotlib.axis import Axis, YAxis
 from matplotlib.ticker import MaxNLocator
 
 _SIDES = {"pre": " before", "post": " after"}
@@ -163,6 +164,21 @@ def _power(largest: float) -> int:
 def with_power(unit: str, ticks: Ticks) -> str:
     """Return the unit of an axis with the power of ten of its labels: `10⁻³ m`."""
     return rf"$10^{{{ticks.power}}}$ {unit}".rstrip() if ticks.power else unit
+
+
+def label_axis(
+    axis: Axis, ticks: Ticks, name: str, unit: str, labelled: bool = True, after: str = ""
+) -> None:
+    """Set the ticks of an axis with their labels, and its name with the unit, if it has one.
+
+    Without `labelled` there are ticks alone. `after` is what is said behind the unit.
+    """
+    axis.set_ticks(ticks.places, ticks.labels if labelled else [""] * len(ticks.labels))
+    if isinstance(axis, YAxis):
+        axis.labelpad = 1.0
+    if labelled:
+        scaled = with_power(unit, ticks)
+        axis.set_label_text((f"{name} [{scaled}]" if scaled else name) + after)
 
 
 def _round_numbers(

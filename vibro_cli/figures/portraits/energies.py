@@ -26,7 +26,7 @@ from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows, 
 from vibro_cli.figures.portraits.trace_phase_plane import EIGHT, JUNCTION, both_ways, curves_of
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
+from vibro_cli.figures.ticks import label_axis, number_ticks, vertical_ticks
 from vibro_cli.mechanics.trace import LINE as STRAIGHT
 from vibro_cli.mechanics.trace import Piece, Trace
 
@@ -36,8 +36,14 @@ _TOP = 4.5
 """Room for the first line of the legend (mm)."""
 
 
-def panels_over(width: str, window: Window, lines: int) -> tuple[Figure, Panel, Panel]:
-    """Return a figure with the portrait and, below it, the energies."""
+def panels_over(
+    width: str, window: Window, lines: int, place: str, speed: str, after: str = ""
+) -> tuple[Figure, Panel, Panel]:
+    """Return a figure with the portrait and, below it, the energies.
+
+    `lines` are those of the legend, `place` (m) and `speed` (m/s) the symbols of the axes, `after`
+    is said behind the unit of the place.
+    """
     above = _TOP + LINE * (lines - 1)
     figure, (upper, lower), across = stacked(width, _HIGH, above)
     panels = [
@@ -45,10 +51,11 @@ def panels_over(width: str, window: Window, lines: int) -> tuple[Figure, Panel, 
         for row, (axes, wide, high) in enumerate(zip((upper, lower), across, _HIGH, strict=True))
     ]
     upper.set_ylim(-window.top, window.top)
-    for axes, wide, labelled in zip((upper, lower), across, (False, True), strict=True):
+    label_axis(upper.yaxis, vertical_ticks(-window.top, window.top, _HIGH[0]), speed, "m/s")
+    for axes, wide in zip((upper, lower), across, strict=True):
         axes.set_xlim(window.low, window.high)
         ticks = number_ticks(window.low, window.high, wide)
-        axes.set_xticks(ticks.places, ticks.labels if labelled else ("",) * len(ticks.labels))
+        label_axis(axes.xaxis, ticks, place, "m", axes is lower, after)
     return figure, panels[0], panels[1]
 
 
@@ -56,10 +63,7 @@ def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
     """Set the axis of the energies (J)."""
     top = highest if highest > lowest else lowest + 1.0
     lower.axes.set_ylim(lowest, top)
-    ticks = vertical_ticks(lowest, top, lower.height)
-    lower.axes.set_yticks(ticks.places, ticks.labels)
-    scaled = with_power("J", ticks)
-    lower.axes.set_ylabel(f"$E$ [{scaled}]", labelpad=1.0)
+    label_axis(lower.axes.yaxis, vertical_ticks(lowest, top, lower.height), "$E$", "J")
 
 
 def draw_energies(lower: Panel, path: Trajectory, energies: Array, until: float | None) -> None:
@@ -123,7 +127,8 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
         entries.insert(0, ("figure eight", EIGHT))
     with style.journal():
         rows = legend_rows(path, behind, width, entries)
-        figure, upper, lower = panels_over(width, window, len(rows))
+        named = rf"$s_{{{ball}}}$", rf"$v_{{{ball}}}$"
+        figure, upper, lower = panels_over(width, window, len(rows), *named)
         draw_motion([upper], path, behind)
         _draw_eights(upper, eights)
         places, values = _potential(landscape)
@@ -133,7 +138,6 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
             for panel in (upper, lower):
                 panel.axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
         limit_energies(lower, *_limits(energies, below, 1e-3 * float(np.max(values))))
-        _label(upper, lower, ball)
         draw_legend(figure, rows, None if few(path) else last_time(path))
     return figure
 
@@ -265,11 +269,3 @@ def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
         (np.nan, np.nan), 0.0, trace.length,
     )  # fmt: skip
     return Window(line, low, high, _MARGIN * (max(reached, through) or 1.0))
-
-
-def _label(upper: Panel, lower: Panel, ball: int) -> None:
-    ticks = vertical_ticks(-upper.window.top, upper.window.top, upper.height)
-    upper.axes.set_yticks(ticks.places, ticks.labels)
-    upper.axes.set_ylabel(rf"$v_{{{ball}}}$ [{with_power('m/s', ticks)}]", labelpad=1.0)
-    unit = with_power("m", number_ticks(*lower.axes.get_xlim(), lower.width))
-    lower.axes.set_xlabel(rf"$s_{{{ball}}}$ [{unit}]")

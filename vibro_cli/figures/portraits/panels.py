@@ -18,9 +18,9 @@ from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,
+    label_axis,
     number_ticks,
     vertical_ticks,
-    with_power,
     without_overlaps,
 )
 from vibro_cli.mechanics.trace import HUMP, VALLEY, Piece
@@ -215,9 +215,8 @@ def _horizontal(row: Sequence[Panel], ball: int | str) -> None:
     places = [(one.left, one.width, ticks) for one, ticks in zip(row, proposed, strict=True)]
     spans = [one.span for one in row]
     for one, ticks in zip(row, without_overlaps(places, spans), strict=True):
-        one.axes.set_xticks(ticks.places, ticks.labels)
         symbol, unit = (_SYMBOL[one.piece.shape], "rad") if not one.piece.is_line else ("s", "m")
-        one.axes.set_xlabel(rf"${symbol}_{{{ball}}}$ [{with_power(unit, ticks)}]")
+        label_axis(one.axes.xaxis, ticks, rf"${symbol}_{{{ball}}}$", unit)
 
 
 def _horizontal_ticks(one: Panel) -> Ticks:
@@ -229,12 +228,8 @@ def _horizontal_ticks(one: Panel) -> Ticks:
 def _vertical(row: Sequence[Panel], ball: int | str) -> None:
     for one in row:
         ticks = vertical_ticks(-one.window.top, one.window.top, one.height)
-        shown = ticks.labels if one.labelled else ("",) * len(ticks.labels)
-        one.axes.set_yticks(ticks.places, shown)
-        if one.labelled:
-            unit = "m/s" if one.piece.is_line else "rad/s"
-            scaled = with_power(unit, ticks)
-            one.axes.set_ylabel(f"{_rate_symbol(row, one, ball)} [{scaled}]", labelpad=1.0)
+        unit = "m/s" if one.piece.is_line else "rad/s"
+        label_axis(one.axes.yaxis, ticks, _rate_symbol(row, one, ball), unit, one.labelled)
 
 
 def _rate_symbol(row: Sequence[Panel], one: Panel, ball: int | str) -> str:

@@ -55,7 +55,6 @@ from vibro_cli.figures.runs.over_time import (
 from vibro_cli.figures.runs.velocities import draw_disc
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, with_power
 from vibro_cli.mechanics.system import PARTICLE
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
@@ -140,19 +139,9 @@ def _courses(run: Run) -> tuple[float, EnergyLines]:
 
 def springs_impact_map(run: Run, width: str = "single") -> Figure | None:
     """Return approach speed against place of every impact, None with fewer than two."""
-    table = run.collisions
-    if len(table["n"]) < 2:
+    if len(run.collisions["n"]) < 2:
         return None
-
-    def places(axes: Axes, place: Array, across: float) -> None:
-        room = 0.08 * float(np.ptp(place)) or 0.5
-        low, high = float(np.min(place)) - room, float(np.max(place)) + room
-        axes.set_xlim(low, high)
-        ticks = number_ticks(low, high, across)
-        axes.set_xticks(ticks.places, ticks.labels)
-        axes.set_xlabel(f"$x$ of the left body [{with_power('m', ticks)}]")
-
-    return speed_map(table, np.asarray(table["x_a"], dtype=np.float64), width, places)
+    return speed_map(run.collisions, "x_a", ("$x$", "m"), 0.5, width)
 
 
 def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from vibro_cli.analysis.levels import LevelCurve
 from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import LEFT
+from vibro_cli.figures.chart import LEFT, number_plane
 from vibro_cli.figures.labels import Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.energies import draw_energies, limit_energies, panels_over
@@ -45,8 +45,7 @@ from vibro_cli.figures.portraits.trajectory import (
     points_each,
 )
 from vibro_cli.figures.source import Array, Integers
-from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
+from vibro_cli.figures.style import MM, width_of
 from vibro_cli.mechanics.trace import LINE as STRAIGHT
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.systems.run import Run
@@ -233,13 +232,12 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     with style.journal():
         others = [*_eight_entry(behind), ("spring's energy", SPRING)]
         rows = legend_rows(path, _without_eight(behind), width, others)
-        figure, upper, lower = panels_over(width, window, len(rows))
+        figure, upper, lower = panels_over(width, window, len(rows), *_named(ball))
         draw_motion([upper], path, _without_eight(behind))
         _draw_eight(upper, behind)
         _draw_spring_energy(lower, run.system, ball - 1, window)
         draw_energies(lower, path, energies, None if few(path) else last_time(path))
         limit_energies(lower, 1.15 * float(np.max(energies)))
-        _label(upper, lower, ball)
         draw_legend(figure, rows, None if few(path) else last_time(path))
     return figure
 
@@ -254,8 +252,8 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
     window = _whole(behind)
     entries = [*behind_entries(_without_eight(behind)), *_eight_entry(behind)]
     with style.journal():
-        rows = rows_of([*entries, ("spring's energy", SPRING)], WIDTHS[width])
-        figure, upper, lower = panels_over(width, window, len(rows))
+        rows = rows_of([*entries, ("spring's energy", SPRING)], width_of(width))
+        figure, upper, lower = panels_over(width, window, len(rows), *_named(ball))
         layers.draw_background(upper, _without_eight(behind))
         _draw_eight(upper, behind)
         _draw_spring_energy(lower, system, ball - 1, window)
@@ -271,7 +269,6 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
             marker = layers.MARKER[point.kind]
             lower.axes.plot(point.position, point.energy, marker=marker, **layers.POINT)
         limit_energies(lower, max(spring.energy(window.low), spring.energy(window.high)))
-        _label(upper, lower, ball)
         draw_legend(figure, rows)
     return figure
 
@@ -287,7 +284,7 @@ def springs_family(
     shown = members[:: math.ceil(len(members) / MOST_MEMBERS)]
     columns = min({"single": 1, "double": 2}[width], len(shown))
     rows, cell = math.ceil(len(shown) / columns), _TITLE + _MEMBER + BOTTOM
-    wide, high = WIDTHS[width], rows * cell
+    wide, high = width_of(width), rows * cell
     behind = [_at_rest(system, ball - 1) for _, system in shown]
     windows = [_whole(one) for one in behind]
     low, end = min(one.low for one in windows), max(one.high for one in windows)
@@ -303,11 +300,10 @@ def springs_family(
             panel = Panel(figure.add_axes(box), window, True, across, _MEMBER, left, row)
             panel.axes.set_xlim(low, end)
             panel.axes.set_ylim(-window.top, window.top)
-            ticks = number_ticks(low, end, across)
-            panel.axes.set_xticks(ticks.places, ticks.labels)
+            place, speed, after = _named(ball)
+            number_plane(panel.axes, (across, _MEMBER), (place, "m"), (speed, "m/s"), after=after)
             layers.draw_background(panel, _without_eight(one))
             _draw_eight(panel, one)
-            _label(panel, panel, ball)
             kind = TYPES[len(singular_points(system.springs[ball - 1]))]
             over = (bottom + _MEMBER + 1.0) / high
             figure.text(left / wide, over, kind, fontsize=style.SMALL, va="baseline")
@@ -398,12 +394,9 @@ def _window(low: float, high: float, top: float) -> Window:
     return Window(line, low, high, _MARGIN * (top or 1.0))
 
 
-def _label(upper: Panel, lower: Panel, ball: int) -> None:
-    ticks = vertical_ticks(-upper.window.top, upper.window.top, upper.height)
-    upper.axes.set_yticks(ticks.places, ticks.labels)
-    upper.axes.set_ylabel(rf"$\dot{{x}}_{{{ball}}}$ [{with_power('m/s', ticks)}]", labelpad=1.0)
-    unit = with_power("m", number_ticks(*lower.axes.get_xlim(), lower.width))
-    lower.axes.set_xlabel(rf"$x_{{{ball}}}$ [{unit}], from the foot of its spring")
+def _named(ball: int) -> tuple[str, str, str]:
+    """Return the symbols of place and speed of a body, and what the place is."""
+    return rf"$x_{{{ball}}}$", rf"$\dot{{x}}_{{{ball}}}$", ", from the foot of its spring"
 
 
 def _draw_spring_energy(lower: Panel, system: SpringsSystem, body: int, window: Window) -> None:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.ticks import angle_ticks, vertical_ticks
+from vibro_cli.figures.ticks import angle_ticks, label_axis, vertical_ticks
 from vibro_cli.systems.contract import NoPortrait
 from vibro_cli.systems.run import simulate
 from vibro_cli.systems.table import SYSTEM
@@ -142,10 +142,8 @@ def wall_portrait(system: TableSystem, ball: int, width: str = "single") -> Figu
         axes.set_ylim(-1.0, 1.0)
         across = angle_ticks(-math.pi, math.pi, millimetres - _LEFT - _RIGHT)
         along = vertical_ticks(-1.0, 1.0, high - _BOTTOM - _TOP)
-        axes.set_xticks(across.places, across.labels)
-        axes.set_yticks(along.places, along.labels)
-        axes.set_xlabel("direction of the wall's normal [rad]")
-        axes.set_ylabel("component of the unit velocity along the wall")
+        label_axis(axes.xaxis, across, "direction of the wall's normal", "rad")
+        label_axis(axes.yaxis, along, "component of the unit velocity along the wall", "")
         words = f"bounces of ball {ball}, r = {radius:g} m, at k = 1{named}"
         axes.set_title(words, pad=2.0, color=style.FRAME_GREY)
     return figure
