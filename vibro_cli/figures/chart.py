@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -86,6 +86,42 @@ class Sheet:
         axes.set_xticks([])
         axes.set_yticks([])
         return axes
+
+
+class Cell(NamedTuple):
+    """A panel that stands beside and under others, with the room around it (mm)."""
+
+    wide: float
+    high: float
+    over: float
+    """Room over it, for words."""
+    under: float
+    beside: float
+    """Room between it and the next one."""
+
+
+def in_rows(
+    cell: Cell,
+    number: int,
+    columns: int,
+    wide: float,
+    left: float,
+    above: float,
+    below: float = 0.0,
+) -> tuple[Sheet, list[tuple[float, float]]]:
+    """Return a sheet for so many panels in rows, and their lower left corners (mm).
+
+    `wide` is the width of the sheet, `left` the room at its left edge, `above` and `below` that
+    over and under all of them.
+    """
+    row = cell.over + cell.high + cell.under
+    total = above + math.ceil(number / columns) * row + below
+    corners = []
+    for place in range(number):
+        line, column = divmod(place, columns)
+        bottom = total - above - line * row - cell.over - cell.high
+        corners.append((left + column * (cell.wide + cell.beside), bottom))
+    return Sheet(wide, total), corners
 
 
 def panel_size(axes: Axes) -> tuple[float, float]:

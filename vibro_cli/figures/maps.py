@@ -23,7 +23,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, draw_dots
 from vibro_cli.figures.labels import LINE, text_width, wrapped_legend
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import MM, width_of
 from vibro_cli.figures.ticks import (
     LEAST,
     Ticks,
@@ -405,10 +405,10 @@ def ending_map(grid: Swept, width: str = "single") -> Figure | None:
 def category_map(shown: Lattice, width: str, found: Categories) -> Figure:
     """Return a map over two axes with a colour for each category, named above it."""
     with style.journal():
-        lines = wrapped_legend(None, found.entries(), WIDTHS[width])
+        lines = wrapped_legend(None, found.entries(), width_of(width))
         figure, axes = _panel(shown, width, lines * LINE, _RIGHT)
         _fill(axes, shown, found.code.astype(np.float64), found.colours(), found.norm())
-        wrapped_legend(figure, found.entries(), WIDTHS[width])
+        wrapped_legend(figure, found.entries(), width_of(width))
     return figure
 
 
@@ -452,7 +452,7 @@ def _norm(values: Array, least_log: float) -> Normalize:
 
 def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Figure, Axes]:
     """Return a figure with its one panel, labelled, `right` mm left free beside it."""
-    wide, high = WIDTHS[width], _HIGH[width]
+    wide, high = width_of(width), _HIGH[width]
     across, along = shown.coordinates
     edges = along.edges()
     ticks = along.ticks(float(edges[0]), float(edges[-1]), high, vertical=True)

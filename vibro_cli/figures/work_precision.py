@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet
+from vibro_cli.figures.chart import Cell, in_rows
 from vibro_cli.figures.labels import handles_of
-from vibro_cli.figures.style import WIDTHS
+from vibro_cli.figures.style import width_of
 
 _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _TITLE = 12.0, 2.5, 4.0, 9.0, 5.0
 _HIGH = {"double": 42.0, "single": 40.0}
@@ -104,15 +104,11 @@ def _sheet(
     each other (mm), `top` the room above all.
     """
     above, high, gap = heights
-    wide, cell = WIDTHS[width], above + high + _BOTTOM
-    total = top + math.ceil(count / columns) * cell
+    wide = width_of(width)
     inner = (wide - _LEFT - _RIGHT - (columns - 1) * gap) / columns
-    sheet, panels = Sheet(wide, total), []
-    for number in range(count):
-        line, column = divmod(number, columns)
-        bottom = total - top - (line + 1) * cell + _BOTTOM
-        panels.append(sheet.panel(_LEFT + column * (inner + gap), bottom, inner, high))
-    return sheet.figure, panels
+    cell = Cell(inner, high, above, _BOTTOM, gap)
+    sheet, corners = in_rows(cell, count, columns, wide, _LEFT, top)
+    return sheet.figure, [sheet.panel(*corner, inner, high) for corner in corners]
 
 
 def _draw(panel: Axes, rows: Sequence[Row], methods: Sequence[str]) -> None:

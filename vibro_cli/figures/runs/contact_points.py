@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet, body_look, panel_size
+from vibro_cli.figures.chart import Cell, body_look, in_rows, panel_size
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.runs.velocities import (
     CENTRE,
@@ -152,21 +152,17 @@ def _sheet(width: str, bodies: Sequence[Rolling], top: float) -> tuple[Figure, l
     wide = width_of(width)
     views = 1 if all(one.is_flat for one in bodies) else 2
     beside = min(2 if width == "single" else 4, views * len(bodies))
-    rows = math.ceil(views * len(bodies) / beside)
-    cell = (wide - _GAP) / (4 if width == "double" else 2) - _GAP
-    edge = 0.5 * (wide + _GAP - beside * (cell + _GAP))
-    total = top + rows * (_WORDS + _HIGH + _GAP) + _BOTTOM
-    sheet = Sheet(wide, total)
+    inner = (wide - _GAP) / (4 if width == "double" else 2) - _GAP
+    edge = 0.5 * (wide + _GAP - beside * (inner + _GAP))
+    cell = Cell(inner, _HIGH, _WORDS, _GAP, _GAP)
+    sheet, corners = in_rows(cell, views * len(bodies), beside, wide, edge, top, _BOTTOM)
     panels: list[list[Axes]] = [[] for _ in bodies]
-    for place in range(views * len(bodies)):
+    for place, corner in enumerate(corners):
         body, view = divmod(place, views)
         if view == 1 and bodies[body].is_flat:
             continue
-        row, column = divmod(place, beside)
-        left = edge + column * (cell + _GAP)
-        bottom = total - top - (row + 1) * (_WORDS + _HIGH) - row * _GAP
-        axes = sheet.blank(left, bottom, cell, _HIGH)
-        across = _AROUND * cell / _HIGH
+        axes = sheet.blank(*corner, inner, _HIGH)
+        across = _AROUND * inner / _HIGH
         axes.set_xlim(-across, across)
         axes.set_ylim(-_AROUND, _AROUND)
         panels[body].append(axes)

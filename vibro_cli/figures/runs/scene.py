@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet, body_look, plane_axes
+from vibro_cli.figures.chart import Cell, Sheet, body_look, in_rows, plane_axes
 from vibro_cli.figures.labels import HALO, Named, line_of_entries, write_names
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
@@ -408,20 +408,17 @@ def _plan_sheet(
     extent = high - low
     columns = min(_COLUMNS[width], number)
     wide = width_of(width)
-    cell = (wide - _GAP) / columns - _GAP
-    scale = min(cell / extent[0], _TALLEST / extent[1])
+    room = (wide - _GAP) / columns - _GAP
+    scale = min(room / extent[0], _TALLEST / extent[1])
     across, along = scale * extent
     along = max(along, _SHORTEST)
-    rows = math.ceil(number / columns)
-    total = _PLAN_TOP + rows * (_TITLE + along + _GAP) + _PLAN_BOTTOM
-    sheet = Sheet(wide, total)
+    cell = Cell(room, along, _TITLE, _GAP, _GAP)
+    left = _GAP + 0.5 * (room - across)
+    sheet, corners = in_rows(cell, number, columns, wide, left, _PLAN_TOP, _PLAN_BOTTOM)
     panels = []
     middle = 0.5 * (low[1] + high[1])
-    for place in range(number):
-        row, column = divmod(place, columns)
-        left = _GAP + column * (cell + _GAP) + 0.5 * (cell - across)
-        bottom = total - _PLAN_TOP - (row + 1) * (_TITLE + along) - row * _GAP
-        axes = sheet.blank(left, bottom, across, along)
+    for corner in corners:
+        axes = sheet.blank(*corner, across, along)
         axes.set_axis_off()
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(middle - 0.5 * along / scale, middle + 0.5 * along / scale)

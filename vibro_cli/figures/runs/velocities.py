@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet, body_look, panel_size
+from vibro_cli.figures.chart import Cell, body_look, in_rows, panel_size
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
 from vibro_cli.figures.source import Array, Recorded, first_of
-from vibro_cli.figures.style import WIDTHS, width_of
+from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import Piece
 
@@ -124,14 +124,14 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     along the line of centres. Arcs around the centres are angular velocities. None without an
     impact. Raises ValueError for a width that is neither `single` nor `double`.
     """
-    width_of(width)
+    wide = width_of(width)
     rows = range(min(_IMPACTS[width], len(run.collisions["n"])))
     if not rows:
         return None
     width = "single" if len(rows) == 1 else width
     pairs = [striking(run, row) for row in rows]
     with style.journal():
-        lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, WIDTHS[width])
+        lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, wide)
         figure, panels = sheet(width, len(rows), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
         surface = _surface(run)
         for row, pair in zip(rows, pairs, strict=True):
@@ -205,19 +205,11 @@ def sheet(
 
     Heights in mm: ``top`` above all panels, ``high`` of a panel, ``words`` above each.
     """
-    beside = min(_BESIDE[width], impacts)
-    rows = math.ceil(impacts / beside)
-    wide = width_of(width)
-    cell = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
-    total = top + rows * (words + high + _GAP) + _BOTTOM
-    sheet = Sheet(wide, total)
-    panels = []
-    for place in range(2 * impacts):
-        row, column = divmod(place, 2 * beside)
-        left = _GAP + column * (cell + _GAP)
-        bottom = total - top - (row + 1) * (words + high) - row * _GAP
-        panels.append(sheet.blank(left, bottom, cell, high))
-    return sheet.figure, panels
+    wide, beside = width_of(width), min(_BESIDE[width], impacts)
+    inner = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
+    cell = Cell(inner, high, words, _GAP, _GAP)
+    sheet, corners = in_rows(cell, 2 * impacts, 2 * beside, wide, _GAP, top, _BOTTOM)
+    return sheet.figure, [sheet.blank(*corner, inner, high) for corner in corners]
 
 
 def _surface(run: Recorded) -> Array:

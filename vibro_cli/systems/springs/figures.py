@@ -20,10 +20,12 @@ from vibro_cli.figures.chart import (
     MANY,
     MOST_LOOKS,
     MOST_VECTOR_POINTS,
+    Cell,
     band_entry,
     body_entries,
     body_look,
     draw_contacts,
+    in_rows,
     joined,
     plane_axes,
     stacked,
@@ -54,7 +56,7 @@ from vibro_cli.figures.runs.over_time import (
 )
 from vibro_cli.figures.runs.velocities import draw_disc
 from vibro_cli.figures.source import Array, kept
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.system import PARTICLE
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
@@ -293,25 +295,21 @@ def springs_scene(run: Run, width: str = "single") -> Figure:
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    wide = width_of(width)
     shown = _instants(run)
     low, high = _extent(run, shown)
-    inner = WIDTHS[width] - LEFT - _RIGHT
+    inner = wide - LEFT - _RIGHT
     scale = min(inner / float(high[0] - low[0]), _HIGHEST / float(high[1] - low[1]))
     tall = scale * float(high[1] - low[1])
-    total = len(shown) * (_TITLE + tall + _GAP) + _BOTTOM
     with style.journal():
-        figure = Figure(figsize=(WIDTHS[width] * MM, total * MM))
-        for number, one in enumerate(shown):
-            bottom = total - (number + 1) * (_TITLE + tall) - number * _GAP
-            box = (LEFT / WIDTHS[width], bottom / total, inner / WIDTHS[width], tall / total)
-            axes = figure.add_axes(box)
-            last = number == len(shown) - 1
-            _set_axes(axes, low, high, (inner, tall), scale, last)
+        cell = Cell(inner, tall, _TITLE, _GAP, 0.0)
+        sheet, corners = in_rows(cell, len(shown), 1, wide, LEFT, 0.0, _BOTTOM)
+        for corner, one in zip(corners, shown, strict=True):
+            axes = sheet.panel(*corner, inner, tall)
+            _set_axes(axes, low, high, (inner, tall), scale, one is shown[-1])
             axes.set_title(one.title, pad=2.0, color=style.FRAME_GREY)
             _draw(axes, run, one, (inner, tall), scale)
-    return figure
+    return sheet.figure
 
 
 def _instants(run: Run) -> list[Instant]:

@@ -34,7 +34,7 @@ from vibro_cli.figures.runs.velocities import (
     sheet,
 )
 from vibro_cli.figures.source import Array, kept
-from vibro_cli.figures.style import WIDTHS
+from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall, table_plan, wall_corners
 
@@ -114,13 +114,12 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    wide = width_of(width)
     impacts = impacts_of(run, _IMPACTS[width])
     if not impacts:
         return None
     with style.journal():
-        lines = rows_of(_LEGEND, WIDTHS[width])
+        lines = rows_of(_LEGEND, wide)
         figure, panels = sheet(width, len(impacts), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
         for number, one in enumerate(impacts):
             for when in (0, 1):

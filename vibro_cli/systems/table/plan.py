@@ -13,9 +13,10 @@ from matplotlib.patches import Circle, Ellipse, Polygon
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import LEFT, body_look, plane_axes
+from vibro_cli.figures.chart import LEFT, Sheet, body_look, plane_axes
 from vibro_cli.figures.labels import leader, place_numbers
 from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
 
@@ -44,10 +45,12 @@ def table_plan(run: Run, width: str = "single") -> Figure:
     paths = [_path(run, ball) for ball in range(len(run.system.bodies))]
     low, high = _extent(run, paths)
     low, high = _fitted(low, high)
-    size = (style.WIDTHS[width] - LEFT - _RIGHT) * np.array([1.0, 1.0])
-    size[1] *= (high[1] - low[1]) / (high[0] - low[0])
+    wide = width_of(width)
+    size = (wide - LEFT - _RIGHT) * np.array([1.0, (high[1] - low[1]) / (high[0] - low[0])])
     with style.journal():
-        figure, axes = _panel(width, low, high, size)
+        sheet = Sheet(wide, _BOTTOM + float(size[1]) + _TOP)
+        axes = sheet.panel(LEFT, _BOTTOM, float(size[0]), float(size[1]))
+        plane_axes(axes, low, high, size)
         if run.system.wall is not None:
             draw_wall(axes, run.system.wall)
         for ball, path in enumerate(paths):
@@ -56,7 +59,7 @@ def table_plan(run: Run, width: str = "single") -> Figure:
         _draw_velocities(axes, run, _ARROW * (high[0] - low[0]))
         _draw_numbers(axes, run, paths, (float(size[0]), float(size[1])))
         axes.set_title(_title(run, paths), pad=2.0, color=style.FRAME_GREY)
-    return figure
+    return sheet.figure
 
 
 def _fitted(low: Floats, high: Floats) -> tuple[Floats, Floats]:
@@ -66,16 +69,6 @@ def _fitted(low: Floats, high: Floats) -> tuple[Floats, Floats]:
     wanted = np.maximum(extent, [extent[1] / shape, extent[0] * shape])
     middle = 0.5 * (low + high)
     return middle - 0.5 * wanted, middle + 0.5 * wanted
-
-
-def _panel(width: str, low: Floats, high: Floats, size: Floats) -> tuple[Figure, Axes]:
-    """Return a figure with a panel of a size (mm), to scale."""
-    wide, tall = style.WIDTHS[width], _BOTTOM + float(size[1]) + _TOP
-    figure = Figure(figsize=(wide * style.MM, tall * style.MM))
-    box = (LEFT / wide, _BOTTOM / tall, float(size[0]) / wide, float(size[1]) / tall)
-    axes = figure.add_axes(box)
-    plane_axes(axes, low, high, size)
-    return figure, axes
 
 
 def _path(run: Run, ball: int) -> Floats:
