@@ -87,6 +87,11 @@ class Sheet:
         axes.set_yticks([])
         return axes
 
+    def write(self, left: float, bottom: float, text: str, **look: Any) -> None:
+        """Write a text that begins so far from the corner of the figure (mm)."""
+        width, height = self.size
+        self.figure.text(left / width, bottom / height, text, **look)
+
 
 class Cell(NamedTuple):
     """A panel that stands beside and under others, with the room around it (mm)."""

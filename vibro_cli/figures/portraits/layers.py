@@ -27,7 +27,6 @@ from vibro_cli.figures.labels import HALO, Entry, leader, place_numbers
 from vibro_cli.figures.portraits.panels import Panel, Window
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
-from vibro_cli.mechanics.trace import Piece
 
 
 def legend_of(
@@ -52,6 +51,8 @@ def legend_of(
 def behind_entries(behind: Background) -> list[Entry]:
     """Return names and looks of what stands behind the branches."""
     entries: list[Entry] = []
+    if behind.eights:
+        entries.append(("figure eight", EIGHT))
     if behind.separatrices:
         entries.append(("separatrix", SEPARATRIX))
     if behind.arc_separatrices:
@@ -85,12 +86,14 @@ _FRACTIONS = (1.0 / 3.0, 2.0 / 3.0)
 class Background:
     """Curves behind the branches, each list for the whole trace."""
 
-    separatrices: tuple[LevelCurve, ...]
-    """Level curves through the saddles of the trace."""
-    arc_separatrices: tuple[LevelCurve, ...]
-    """On a trace without a saddle, those of the full circles of which the arcs are parts."""
     levels: tuple[LevelCurve, ...]
     points: tuple[SingularPoint, ...]
+    separatrices: tuple[LevelCurve, ...] = ()
+    """Level curves through the saddles of the trace."""
+    eights: tuple[LevelCurve, ...] = ()
+    """Those that are a figure eight, where they are told apart."""
+    arc_separatrices: tuple[LevelCurve, ...] = ()
+    """On a trace without a saddle, those of the full circles of which the arcs are parts."""
 
 
 def background(landscape: Landscape, highest: float) -> Background:
@@ -106,12 +109,13 @@ def background(landscape: Landscape, highest: float) -> Background:
             for curve in separatrix_curves(landscape, energy, saddles_of(points, energy))
         ),
         arc_separatrices=tuple(curve for curve in own if curve is not None),
-        levels=_curves(landscape, level_energies(points, highest)),
+        levels=curves_at(landscape, level_energies(points, highest)),
         points=points,
     )
 
 
-def _curves(landscape: Landscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
+def curves_at(landscape: Landscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
+    """Return the level curves of some energies (J), piece by piece."""
     return tuple(
         curve
         for energy in energies
@@ -167,11 +171,6 @@ def both_halves(curve: LevelCurve) -> list[Array]:
     return [upper, lower]
 
 
-def on_piece(curves: Sequence[LevelCurve], piece: Piece) -> list[LevelCurve]:
-    """Return the curves of one piece."""
-    return [curve for curve in curves if curve.piece == piece.index]
-
-
 _HAIR = 0.008
 """How far a curve that is drawn may lie from the true one (mm)."""
 _MARK = 0.7
@@ -189,6 +188,7 @@ SEPARATRIX: dict[str, Any] = {
     "linewidth": 0.6,
     "linestyle": (0, (6.0, 2.0)),
 }
+EIGHT: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.0, "linestyle": "solid"}
 LEVEL: dict[str, Any] = {"color": style.LEVEL_GREY, "linewidth": 0.45, "linestyle": "solid"}
 ARC_SEPARATRIX: dict[str, Any] = {
     "color": style.SEPARATRIX_GREY,
@@ -250,21 +250,33 @@ def fainter(lines: int) -> float:
 
 def draw_background(one: Panel, behind: Background) -> None:
     """Draw separatrices, level curves and singular points of one piece."""
-    shift = np.array([one.shift, 0.0])
     for curves, look, order in (
         (behind.levels, LEVEL, 1.0),
         (behind.arc_separatrices, ARC_SEPARATRIX, 1.1),
         (behind.separatrices, SEPARATRIX, 1.2),
+        (behind.eights, EIGHT, 1.25),
     ):
-        lines = [
-            line + shift for curve in on_piece(curves, one.piece) for line in both_halves(curve)
-        ]
-        if lines:
-            one.axes.add_collection(LineCollection(lines, zorder=order, **look), autolim=False)
-    for point in behind.points:
+        draw_curves(one, curves, order, look)
+    draw_points(one, behind.points, 1.3)
+
+
+def draw_curves(
+    one: Panel, curves: Sequence[LevelCurve], order: float, look: dict[str, Any]
+) -> None:
+    """Draw those level curves that are on one piece; `order` is their height over others."""
+    shift = np.array([one.shift, 0.0])
+    own = [curve for curve in curves if curve.piece == one.piece.index]
+    lines = [line + shift for curve in own for line in both_halves(curve)]
+    if lines:
+        one.axes.add_collection(LineCollection(lines, zorder=order, **look), autolim=False)
+
+
+def draw_points(one: Panel, points: Sequence[SingularPoint], order: float) -> None:
+    """Mark those singular points that are on one piece."""
+    for point in points:
         if point.piece == one.piece.index and point.kind in MARKER:
-            marker = MARKER[point.kind]
-            one.axes.plot(point.position, 0.0, marker=marker, zorder=1.3, **POINT)
+            place, marker = point.position + one.shift, MARKER[point.kind]
+            one.axes.plot(place, 0.0, marker=marker, zorder=order, **POINT)
 
 
 def draw_branches(one: Panel, path: Trajectory, until: float | None) -> None:

@@ -444,7 +444,6 @@ def _draw_body(axes: Axes, one: Configuration, index: int, radius: float, least:
 
 def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
     """Draw a bar of round length below the panels, with its length."""
-    wide, high = sheet.size
     power = 10.0 ** math.floor(math.log10(0.45 * extent))
     length = next(f * power for f in (5.0, 2.0, 1.0) if f * power <= 0.45 * extent)
     left, bottom = _GAP + 1.0, 3.0
@@ -453,5 +452,5 @@ def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(-1.0, 1.0)
     axes.plot([0, 0, 0, 1, 1, 1], [-1, 1, 0, 0, 1, -1], clip_on=False, **_PLAN_SURFACE)
-    after = (left + length * scale + 1.5) / wide
-    sheet.figure.text(after, (bottom + 0.5) / high, f"{length:g} m", va="center", **_PLAN_SAY)
+    after = left + length * scale + 1.5
+    sheet.write(after, bottom + 0.5, f"{length:g} m", va="center", **_PLAN_SAY)
