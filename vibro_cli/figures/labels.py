@@ -28,10 +28,10 @@ _CHARACTER = 1.25
 """Mean width of a character of a legend (mm)."""
 _HANDLE = 6.7
 """Width of a mark of a legend with the room around it (mm)."""
-_WIDELY = 5
-"""So many entries stand in one line with room between them."""
 HALO = [patheffects.withStroke(linewidth=1.4, foreground="white")]
 """Around what is written over lines."""
+SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
+"""The look of words over and under panels."""
 LINE = 3.4
 """Height of a line of a legend (mm)."""
 _BAR = (16.0, 1.6)
@@ -117,45 +117,6 @@ def draw_legend(
         _draw_time(figure, width, height, until)
 
 
-def line_of_entries(figure: Figure, entries: Sequence[Entry]) -> None:
-    """Draw a legend of names and looks in one line over the panels; of many, closer together."""
-    many = len(entries) > _WIDELY
-    figure.legend(
-        handles=handles_of(entries),
-        loc="upper center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=max(len(entries), 1),
-        borderaxespad=0.15,
-        borderpad=0.15,
-        handlelength=1.4 if many else 1.8,
-        handletextpad=0.25 if many else 0.4,
-        columnspacing=0.6 if many else 1.1,
-    )
-
-
-def wrapped_legend(figure: Figure | None, entries: Sequence[Entry], width: float) -> int:
-    """Draw marks and names over the panels in lines of a width (mm); return how many lines.
-
-    Without a figure nothing is drawn, but the lines are counted.
-    """
-    widest = max(len(text) for text, _ in entries) * _CHARACTER + _HANDLE
-    columns = min(len(entries), max(1, int(width / widest)))
-    if figure is not None:
-        figure.legend(
-            handles=handles_of(entries),
-            loc="upper center",
-            bbox_to_anchor=(0.5, 1.0),
-            ncols=columns,
-            borderaxespad=0.15,
-            borderpad=0.15,
-            handlelength=1.0,
-            handletextpad=0.4,
-            columnspacing=1.0,
-            labelspacing=0.25,
-        )
-    return -(-len(entries) // columns)
-
-
 def _draw_time(figure: Figure, width: float, height: float, until: float) -> None:
     """Draw the bar of time at the right."""
     end = short_number(until)
@@ -174,12 +135,18 @@ def _draw_time(figure: Figure, width: float, height: float, until: float) -> Non
 
 
 def short_number(value: float, digits: int = 4) -> str:
-    """Return a number with a few digits as text."""
+    """Return a number with a few digits as text, the minus sign a minus."""
     plain = f"{value:.{digits}g}"
     if "e" not in plain:
-        return plain
+        return plain.replace("-", "−")
     factor, power = plain.split("e")
     return rf"${factor}\times 10^{{{int(power)}}}$"
+
+
+def ring(points: int) -> Array:
+    """Return points of the circle of radius 1 around the origin, shape (points, 2)."""
+    angles = np.linspace(0.0, 2.0 * np.pi, points)
+    return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 _HIGH = 2.5

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, draw_dots
-from vibro_cli.figures.labels import LINE, text_width, wrapped_legend
+from vibro_cli.figures.labels import LINE, draw_legend, rows_of, text_width
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import MM, width_of
 from vibro_cli.figures.ticks import (
@@ -405,10 +405,10 @@ def ending_map(grid: Swept, width: str = "single") -> Figure | None:
 def category_map(shown: Lattice, width: str, found: Categories) -> Figure:
     """Return a map over two axes with a colour for each category, named above it."""
     with style.journal():
-        lines = wrapped_legend(None, found.entries(), width_of(width))
-        figure, axes = _panel(shown, width, lines * LINE, _RIGHT)
+        rows = rows_of(found.entries(), width_of(width))
+        figure, axes = _panel(shown, width, len(rows) * LINE, _RIGHT)
         _fill(axes, shown, found.code.astype(np.float64), found.colours(), found.norm())
-        wrapped_legend(figure, found.entries(), width_of(width))
+        draw_legend(figure, rows)
     return figure
 
 

@@ -25,7 +25,6 @@ from vibro_cli.figures.chart import (
     stacked,
     value_axis,
 )
-from vibro_cli.figures.labels import LINE, wrapped_legend
 from vibro_cli.figures.maps import (
     Coordinate,
     Endings,
@@ -36,7 +35,6 @@ from vibro_cli.figures.maps import (
     set_axis,
 )
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.mechanics.trace import HUMP, VALLEY
 from vibro_cli.scenario.problems import suggestion
@@ -89,16 +87,14 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
     panels = [one for one in panels if np.any(np.isfinite(one[0]))]
     panels = [one for one in panels if np.nanmin(one[0]) < np.nanmax(one[0])] or panels[:1]
     with style.journal():
-        lines = wrapped_legend(None, endings.entries(), width_of(width))
         heights = _ROW[width][: len(panels)]
-        figure, drawn, across = stacked(width, heights, 2.0 + lines * LINE)
+        figure, drawn, across = stacked(width, heights, entries=endings.entries())
         for axes, (values, symbol, unit), wide, high in zip(
             drawn, panels, across, _ROW[width], strict=False
         ):
             _dots(axes, shown, values, endings)
             _value(axes, values, high, symbol, unit)
             set_axis(axes.xaxis, shown.coordinates[0], wide, labelled=axes is drawn[-1])
-        wrapped_legend(figure, endings.entries(), width_of(width))
     return figure
 
 

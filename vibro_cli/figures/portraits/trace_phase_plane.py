@@ -26,7 +26,7 @@ from vibro_cli.analysis.levels import (
 from vibro_cli.analysis.singular import FIGURE_EIGHT, SADDLE, Portrait, SingularPoint, condition
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, body_look
-from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of
+from vibro_cli.figures.labels import LINE, SAY, Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
 from vibro_cli.figures.portraits.layers import (
     Background,
@@ -95,10 +95,9 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
         panel = _panel_below(sheet, width, _whole(portrait, along))
         _draw_along(panel, portrait, along)
         name_points(panel, portrait.names, along)
-        look: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
         for number, line in enumerate(reversed(words)):
             height = BOTTOM + _HIGH[width] + 1.2 + number * _LINE
-            sheet.write(LEFT, height, line, va="baseline", **look)
+            sheet.write(LEFT, height, line, va="baseline", **SAY)
         draw_legend(sheet.figure, rows)
     return sheet.figure
 

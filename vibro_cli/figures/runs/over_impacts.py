@@ -26,7 +26,7 @@ from vibro_cli.figures.chart import (
     told_apart,
     value_axis,
 )
-from vibro_cli.figures.labels import Entry, line_of_entries
+from vibro_cli.figures.labels import Entry
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, kept, made
@@ -136,14 +136,14 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
     if len(number) < 2:
         return None
     between = np.array(table["dt"], dtype=np.float64)
+    together = int(np.sum(between == 0.0))
+    without = f" ({together} that are 0 not shown)" if together else ""
+    entries: list[Entry] = [(f"time since the impact before{without}", DOT)]
     with style.journal():
-        figure, (axes,), across = stacked(width, [_HIGH[width]])
+        figure, (axes,), across = stacked(width, [_HIGH[width]], entries=entries)
         positive_axis(axes, between, _HIGH[width], r"$\Delta t$", "s")
         count_axis(axes, number, across[0], labelled=True)
         _draw_dots(axes, number, np.where(between > 0.0, between, math.nan))
-        together = int(np.sum(between == 0.0))
-        text = f"time since the impact before ({together} that are 0 not shown)" if together else ""
-        line_of_entries(figure, [(text or "time since the impact before", DOT)])
     return figure
 
 
@@ -161,8 +161,10 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
     end = float(np.max(run.flights()["t_end"]))
     if not len(gap) + flights:
         return None
+    entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
     with style.journal():
-        figure, panels, across = stacked(width, [_SMALL[width]] * (bool(len(gap)) + bool(flights)))
+        heights = [_SMALL[width]] * (bool(len(gap)) + bool(flights))
+        figure, panels, across = stacked(width, heights, entries=entries[: 1 + bool(flights)])
         for axes, inner in zip(panels, across, strict=True):
             time_axis(axes, end, inner, labelled=axes is panels[-1])
         if len(gap):
@@ -170,8 +172,6 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
         if flights:
             _residuals(panels[-1], time, error, r"$|\delta E|/E_0$", "", flights)
             panels[-1].axhline(EPSILON, zorder=1.0, **ROUNDING)
-        entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
-        line_of_entries(figure, entries[: 1 + bool(flights)])
     return figure
 
 

@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, Sheet, body_look, in_rows, plane_axes
-from vibro_cli.figures.labels import HALO, Named, line_of_entries, write_names
+from vibro_cli.figures.labels import HALO, SAY, Named, draw_legend, ring, rows_of, write_names
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.potential import Turning
@@ -57,7 +57,7 @@ _RADIUS: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.35}
 _UPRIGHT: dict[str, Any] = _RADIUS | {"linestyle": (0, (6.0, 1.5, 1.0, 1.5))}
 _LETTERED = 3
 """Bodies up to which centres, contact points and angles are named."""
-_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 24)) for f in (np.cos, np.sin)])
+_RING = ring(24)
 Extent = tuple[Array, Array]
 """Lower left and upper right corner (m)."""
 _SAY: dict[str, Any] = {"fontsize": style.SMALL, "ha": "center", "va": "center"}
@@ -282,7 +282,6 @@ _PART = 0.4
 """Bodies within this share of the trace are shown close."""
 _PLAN_SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7, "linestyle": "solid"}
 WALL: dict[str, Any] = {"color": style.BLACK, "linewidth": 2.0, "solid_capstyle": "butt"}
-_PLAN_SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 
 
 @dataclass(frozen=True)
@@ -331,12 +330,12 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
             draw_ends(axes, run.system, 2.5 / scale)
             for index, radius in enumerate(radii):
                 _draw_body(axes, one, index, radius, 0.45 / scale)
-            axes.set_title(one.title, pad=1.5, **_PLAN_SAY)
+            axes.set_title(one.title, pad=1.5, **SAY)
         _draw_bar(sheet, float(high[0] - low[0]), scale)
         number = len(radii)
         if number > 1:
             entries = [(f"body {n}", _dot(n)) for n in range(1, min(number, 5) + 1)]
-            line_of_entries(sheet.figure, entries)
+            draw_legend(sheet.figure, rows_of(entries, width_of(width)))
     return sheet.figure
 
 
@@ -453,4 +452,4 @@ def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
     axes.set_ylim(-1.0, 1.0)
     axes.plot([0, 0, 0, 1, 1, 1], [-1, 1, 0, 0, 1, -1], clip_on=False, **_PLAN_SURFACE)
     after = left + length * scale + 1.5
-    sheet.write(after, bottom + 0.5, f"{length:g} m", va="center", **_PLAN_SAY)
+    sheet.write(after, bottom + 0.5, f"{length:g} m", va="center", **SAY)

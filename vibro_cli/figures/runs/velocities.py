@@ -14,7 +14,17 @@ from matplotlib.patches import Circle, Polygon
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Cell, body_look, in_rows, panel_size
-from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
+from vibro_cli.figures.labels import (
+    LINE,
+    SAY,
+    Entry,
+    Named,
+    draw_legend,
+    ring,
+    rows_of,
+    short_number,
+    write_names,
+)
 from vibro_cli.figures.source import Array, Recorded, first_of
 from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.system import Body
@@ -50,7 +60,7 @@ _HEAD = 0.05
 """Length of an arrow's head, as a share of the panel."""
 _SCALE = 8.0
 """Length of the arrow of the scale at most (mm)."""
-_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 90)) for f in (np.cos, np.sin)])
+_RING = ring(90)
 _SLIM = 0.36
 """Half its width, as a share of its length."""
 _BUTT: dict[str, Any] = {"solid_capstyle": "butt", "dash_capstyle": "butt"}
@@ -79,7 +89,6 @@ _LEGEND: list[Entry] = [
 ]
 _SLIDING = [_LEGEND[0], _LEGEND[-1]]
 """The legend where both bodies are in translation along the line of centres."""
-_SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 
 
 @dataclass(frozen=True)
@@ -310,7 +319,7 @@ def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
     side = np.array([0.0, 0.55 / high])
     corners = np.array([tip[0], tip[1] + side, tip[1] - side])
     axes.add_patch(Polygon(corners, linewidth=0.0, **look))
-    axes.text(1.0, level, text, ha="right", va="center", transform=axes.transAxes, **_SAY)
+    axes.text(1.0, level, text, ha="right", va="center", transform=axes.transAxes, **SAY)
 
 
 def _frame(axes: Axes, middle: Array, largest: float) -> None:
@@ -376,36 +385,27 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
     if when == 1 and not made:
         sides = "after (inadmissible)"
     title = f"impact {number}, {time:.4g} s: {sides}" if when == 0 else sides
-    _write(axes, 0.0, 2, title)
+    write_over(axes, 0.0, 2, title)
     for line, symbol, unit in ((1, "v", "m/s"), (0, r"\omega", "rad/s")):
         for one, left in zip(pair, _COLUMNS, strict=True):
             value = one.speed[when] if symbol == "v" else one.omega[when]
             if math.isnan(value):  # a particle slides
                 continue
-            _write(axes, left, line, f"${symbol}_{{{one.number}}}$")
+            write_over(axes, left, line, f"${symbol}_{{{one.number}}}$")
             after = f" {unit}" if one is pair[1] else ""
-            _write(axes, left + _SYMBOL, line, f"= {_number(value)}{after}")
+            write_over(axes, left + _SYMBOL, line, f"= {short_number(value, 3)}{after}")
 
     impulse = float(run.collisions["impulse"][row])
     if when == 1 and all(one.slides for one in pair) and not math.isnan(impulse):
-        _write(axes, 0.0, 0, "$K$")
-        _write(axes, _SYMBOL, 0, f"= {_number(impulse)} N s")
+        write_over(axes, 0.0, 0, "$K$")
+        write_over(axes, _SYMBOL, 0, f"= {short_number(impulse, 3)} N s")
 
 
-def _write(axes: Axes, left: float, line: int, text: str) -> None:
+def write_over(axes: Axes, left: float, line: int, text: str) -> None:
     """Write above a panel, `left` mm from its edge, in a line counted from below.
 
     Symbols stand alone: a formula takes long to set, and equal ones are set once.
     """
-    wide, _ = panel_size(axes)
-    high = 1.0 + (0.9 + 3.3 * line) / _HIGH
-    axes.text(left / wide, high, text, transform=axes.transAxes, va="baseline", **_SAY)
-
-
-def _number(value: float) -> str:
-    """Return a number with three digits, the minus a minus."""
-    digits, _, power = f"{value:.3g}".replace("-", "−").partition("e")
-    if not power:
-        return digits
-    exponent = int(power.replace("−", "-"))
-    return rf"${digits} \times 10^{{{exponent}}}$".replace("−", "-")
+    wide, high = panel_size(axes)
+    level = 1.0 + (0.9 + 3.3 * line) / high
+    axes.text(left / wide, level, text, transform=axes.transAxes, va="baseline", **SAY)

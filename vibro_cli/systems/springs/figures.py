@@ -43,7 +43,7 @@ from vibro_cli.figures.film import (
     trail,
 )
 from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
-from vibro_cli.figures.labels import Named, write_names
+from vibro_cli.figures.labels import Named, ring, write_names
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (
     HIGH,
@@ -51,6 +51,7 @@ from vibro_cli.figures.runs.over_time import (
     MOST_FLIGHTS,
     MOST_PERIODS,
     EnergyLines,
+    draw_impacts,
     energy_chart,
     energy_lines,
 )
@@ -231,7 +232,7 @@ def springs_places(run: Run, width: str = "single") -> Figure:
             axes.axhline(spring.foot, zorder=0.9, **_foot(ball))
             low = min(low, float(np.min(place)), spring.foot)
             top = max(top, float(np.max(place)), spring.foot)
-        _draw_impacts(axes, run, until)
+        draw_impacts(axes, run, "x", until)
         time_axis(axes, until, across[0], labelled=True, whole=run.end_time)
         value_axis(axes, low, top, high, "$x$", "m")
     return figure
@@ -247,16 +248,6 @@ def springs_place(run: Run, ball: int, found: Motions, until: float) -> tuple[Ar
     parts = [springs_course(run, ball, found, row, until) for row in rows]
     times, places = (np.concatenate([part[n] for part in parts]) for n in range(2))
     return times, places + run.system.springs[ball - 1].foot
-
-
-def _draw_impacts(axes: Any, run: Run, until: float) -> None:
-    """Mark both bodies at each impact, as long as the marks can be told apart."""
-    rows = run.collisions
-    shown = rows["t"] <= until
-    size = float(np.clip(30.0 / max(np.sqrt(np.sum(shown)), 1.0), 1.0, IMPACT["markersize"]))
-    for end in "ab":
-        look = IMPACT | {"markersize": size}
-        axes.plot(rows["t"][shown], rows[f"x_{end}"][shown], zorder=2.3, **look)
 
 
 _IMPACTS = 2
@@ -276,7 +267,7 @@ _ARROW: dict[str, Any] = {
     "arrowstyle": "-|>", "color": style.BLACK, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0,
     "mutation_scale": 7.0,
 }  # fmt: skip
-_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 24)) for f in (np.cos, np.sin)])
+_RING = ring(24)
 
 
 @dataclass(frozen=True)
