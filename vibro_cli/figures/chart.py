@@ -15,7 +15,7 @@ from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
-from vibro_cli.figures.labels import LINE, Entry, draw_legend, handles_of, rows_of, short_number
+from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, short_number
 from vibro_cli.figures.source import Array, Integers, Recorded
 from vibro_cli.figures.style import MM, width_of
 from vibro_cli.figures.ticks import (
@@ -266,26 +266,6 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     axes.set_yticks([10.0**power for power in powers], [rf"$10^{{{power}}}$" for power in powers])
     axes.yaxis.minorticks_off()
     axes.set_ylabel(f"{symbol} [{unit}]" if unit else symbol, labelpad=1.0)
-
-
-def number_bar(figure: Figure, last: int, beside: Sequence[Entry] = ()) -> None:
-    """Draw the bar of colours over the panels, from the first impact to the last.
-
-    `beside` is the legend of other marks, at its left.
-    """
-    wide, high = figure.get_size_inches() / MM
-    width, thick, middle = 0.25, 1.6 / high, 1.0 - 2.4 / high
-    axes = figure.add_axes((0.42, middle - 0.5 * thick, width, thick))
-    axes.imshow(np.arange(256)[None, :], aspect="auto", cmap=style.time_colours())
-    axes.set_xticks([])
-    axes.set_yticks([])
-    look: dict[str, Any] = {"va": "center_baseline", "fontsize": style.SMALL}
-    figure.text(0.42 - 1.0 / wide, middle, "impact 1", ha="right", **look)
-    figure.text(0.42 + width + 1.0 / wide, middle, str(last), ha="left", **look)
-    if beside:
-        handles = handles_of(beside)
-        figure.legend(handles=handles, loc="center left", bbox_to_anchor=(0.0, middle),
-                      borderaxespad=0.15, handlelength=1.0, handletextpad=0.4)  # fmt: skip
 
 
 def contact_times(run: Recorded) -> list[tuple[float, float]]:

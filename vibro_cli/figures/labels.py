@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import patheffects
@@ -38,7 +38,6 @@ _BAR = (16.0, 1.6)
 """Width and height of the bar of colours (mm)."""
 _RIGHT = 2.5
 """Room at the right of the bar (mm)."""
-_BAR_WORDS = "$t$ [s]: 0"
 
 _SHARES = (0.9, 0.8, 0.7, 0.6)
 """Of the width, that rows of a legend are tried in."""
@@ -47,14 +46,32 @@ Entry = tuple[str, dict[str, Any]]
 """What is written, and the looks of its line or mark."""
 
 
-def rows_of(entries: Sequence[Entry], width: float, bar: float = 0.0) -> list[list[Entry]]:
-    """Return entries in as many rows as a width (mm) asks for, `bar` mm of the first taken.
+class Bar(NamedTuple):
+    """What the bar of colours says: what is drawn in the first of them, and in the last."""
+
+    first: str
+    last: str
+
+    @staticmethod
+    def of_time(until: float) -> Bar:
+        """Return that of the time from 0 to an instant (s)."""
+        return Bar("$t$ [s]: 0", short_number(until))
+
+    @property
+    def width(self) -> float:
+        """The room that it takes in the first row of a legend (mm)."""
+        return 2.0 * _RIGHT + _BAR[0] + text_width(self.first) + text_width(self.last)
+
+
+def rows_of(entries: Sequence[Entry], width: float, bar: Bar | None = None) -> list[list[Entry]]:
+    """Return entries in as many rows as a width (mm) asks for, with `bar` beside the first.
 
     The rows are as even as can be.
     """
-    rows = _filled(entries, width - bar, width)
+    room = width - (0.0 if bar is None else bar.width)
+    rows = _filled(entries, room, width)
     for share in _SHARES:
-        narrower = _filled(entries, min(share * width, width - bar), share * width)
+        narrower = _filled(entries, min(share * width, room), share * width)
         rows = narrower if len(narrower) == len(rows) else rows
     return rows
 
@@ -86,21 +103,11 @@ def text_width(text: str) -> float:
     return points * 25.4 / 72.0
 
 
-def bar_width(until: float) -> float:
-    """Return the room that the bar of time, up to an instant (s), takes in the first row (mm)."""
-    return 2.0 * _RIGHT + _BAR[0] + text_width(_BAR_WORDS) + text_width(short_number(until))
-
-
-def draw_legend(
-    figure: Figure, rows: Sequence[Sequence[Entry]], until: float | None = None
-) -> None:
-    """Draw the rows of a legend over the panels.
-
-    At the right of the first is the bar of time from 0 to an instant (s), if there is one.
-    """
+def draw_legend(figure: Figure, rows: Sequence[Sequence[Entry]], bar: Bar | None = None) -> None:
+    """Draw the rows of a legend over the panels, and at the right of the first one the bar."""
     width, height = figure.get_size_inches() / MM
     for number, row in enumerate(rows):
-        beside = until is not None and number == 0
+        beside = bar is not None and number == 0
         middle = _MIDDLE + number * LINE
         figure.legend(
             handles=handles_of(row),
@@ -113,14 +120,13 @@ def draw_legend(
             handletextpad=0.4,
             columnspacing=0.7,
         )
-    if until is not None:
-        _draw_time(figure, width, height, until)
+    if bar is not None:
+        _draw_bar(figure, width, height, bar)
 
 
-def _draw_time(figure: Figure, width: float, height: float, until: float) -> None:
-    """Draw the bar of time at the right."""
-    end = short_number(until)
-    left = width - _RIGHT - _BAR[0] - text_width(end) - 1.0
+def _draw_bar(figure: Figure, width: float, height: float, words: Bar) -> None:
+    """Draw the bar of colours at the right."""
+    left = width - _RIGHT - _BAR[0] - text_width(words.last) - 1.0
     middle = height - _MIDDLE
     bar = figure.add_axes(
         (left / width, (middle - 0.5 * _BAR[1]) / height, _BAR[0] / width, _BAR[1] / height)
@@ -129,9 +135,9 @@ def _draw_time(figure: Figure, width: float, height: float, until: float) -> Non
     bar.set_xticks([])
     bar.set_yticks([])
     before: dict[str, Any] = {"ha": "right", "va": "center_baseline", "fontsize": style.SMALL}
-    figure.text((left - 0.8) / width, middle / height, _BAR_WORDS, **before)
+    figure.text((left - 0.8) / width, middle / height, words.first, **before)
     after = before | {"ha": "left"}
-    figure.text((left + _BAR[0] + 0.8) / width, middle / height, end, **after)
+    figure.text((left + _BAR[0] + 0.8) / width, middle / height, words.last, **after)
 
 
 def short_number(value: float, digits: int = 4) -> str:

@@ -21,10 +21,10 @@ from vibro_cli.figures.chart import (
     MOST_VECTOR_POINTS,
     draw_dots,
     log_axis,
-    number_bar,
     stacked,
     value_axis,
 )
+from vibro_cli.figures.labels import Bar, draw_legend
 from vibro_cli.figures.maps import (
     Coordinate,
     Endings,
@@ -188,7 +188,8 @@ def _impacts_over(
         draw_dots(axes, along, values, number, style.time_colours(), norm, size)
         if len(ends):
             axes.plot(places, ends, **ENDED)
-        number_bar(figure, int(np.max(number)), [("run ended", ENDED)] if len(ends) else [])
+        entries = [[("run ended", ENDED)]] if len(ends) else []
+        draw_legend(figure, entries, Bar("impact 1", str(int(np.max(number)))))
     return figure
 
 

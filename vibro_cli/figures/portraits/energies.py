@@ -20,9 +20,9 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS, stacked
 from vibro_cli.figures.labels import LINE, draw_legend
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.layers import Background, last_time
+from vibro_cli.figures.portraits.layers import Background, coloured_until
 from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, plane, straight
-from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows, seen
+from vibro_cli.figures.portraits.portrait import draw_motion, legend_rows, seen
 from vibro_cli.figures.portraits.trace_phase_plane import behind_along, draw_junctions
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
@@ -113,17 +113,17 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     window = _window(landscape.trace, path, behind)
     behind = seen(behind, [window])
     with style.journal():
-        rows = legend_rows(path, behind, width, [("potential energy", POTENTIAL)])
+        rows, bar = legend_rows(path, behind, width, [("potential energy", POTENTIAL)])
         symbols = Symbols(rf"$s_{{{ball}}}$", rf"$v_{{{ball}}}$")
         figure, upper, lower = panels_over(width, window, len(rows), symbols)
         draw_motion([upper], path, behind)
         places, values = _potential(landscape)
         lower.axes.plot(places, values, zorder=1.5, **POTENTIAL)
-        draw_energies(lower, path, energies, None if few(path) else last_time(path))
+        draw_energies(lower, path, energies, coloured_until(path))
         for panel in (upper, lower):
             draw_junctions(panel, landscape.trace)
         limit_energies(lower, *_limits(energies, below, 1e-3 * float(np.max(values))))
-        draw_legend(figure, rows, None if few(path) else last_time(path))
+        draw_legend(figure, rows, bar)
     return figure
 
 

@@ -25,15 +25,13 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS
 from vibro_cli.figures.labels import HALO, Entry, leader, place_numbers
 from vibro_cli.figures.portraits.panels import Panel, Window
-from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory
+from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
 
 
-def legend_of(
-    path: Trajectory, behind: Background, marked: bool, others: Sequence[Entry] = ()
-) -> list[Entry]:
+def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry] = ()) -> list[Entry]:
     """Return names and looks of everything on a portrait, `others` after what is of the run."""
-    jumps = path.jumps
+    jumps, marked = path.jumps, coloured_until(path) is None
     entries = [("start", START)]
     if np.any(path.first.made):
         first = "" if marked else f" 1–{path.first.number[-1]}"
@@ -68,8 +66,13 @@ def point_entries(points: Sequence[SingularPoint]) -> list[Entry]:
     return [(kind, POINT | {"marker": marker}) for kind, marker in MARKER.items() if kind in kinds]
 
 
-def last_time(path: Trajectory) -> float:
-    """Return the time (s) with which the colours of time end: of the body's last impact."""
+def coloured_until(path: Trajectory) -> float | None:
+    """Return the time (s) with which the colours of time end: of the body's last impact.
+
+    None for so few impacts that they are numbered and marked one by one: then there is one colour.
+    """
+    if len(path.jumps.number) <= MOST_NUMBERS:
+        return None
     made = path.jumps.time[path.jumps.made]
     return float(np.max(made)) if len(made) else path.end
 

@@ -10,16 +10,11 @@ from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import Landscape, LevelCurve
 from vibro_cli.figures import style
-from vibro_cli.figures.labels import LINE, Entry, bar_width, draw_legend, rows_of
+from vibro_cli.figures.labels import LINE, Bar, Entry, draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.layers import (
-    Background,
-    background,
-    last_time,
-    legend_of,
-)
+from vibro_cli.figures.portraits.layers import Background, background, coloured_until, legend_of
 from vibro_cli.figures.portraits.panels import RIGHT, Panel, Window, label, lay_out
-from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Trajectory, trajectory
+from vibro_cli.figures.portraits.trajectory import Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.trace import Piece
@@ -155,26 +150,21 @@ def phase_portrait(run: Recorded, ball: int, width: str = "single", focus: str =
     behind = _behind(run, ball, path)
     shown = windows(run.system.trace.pieces, path, behind, focus)
     with style.journal():
-        rows = legend_rows(path, seen(behind, shown), width)
+        rows, bar = legend_rows(path, seen(behind, shown), width)
         sheet, panels = lay_out(shown, width, legend=LINE * (len(rows) - 1))
         draw_motion(panels, path, behind)
         label(panels, ball)
-        draw_legend(sheet.figure, rows, None if few(path) else last_time(path))
+        draw_legend(sheet.figure, rows, bar)
     return sheet.figure
 
 
 def legend_rows(
     path: Trajectory, behind: Background, width: str, others: Sequence[Entry] = ()
-) -> list[list[Entry]]:
-    """Return the rows of the legend of a portrait; the first has room for the bar of time."""
-    entries = legend_of(path, behind, few(path), others)
-    bar = 0.0 if few(path) else bar_width(last_time(path))
-    return rows_of(entries, width_of(width) - RIGHT, bar)
-
-
-def few(path: Trajectory) -> bool:
-    """Return whether there are so few impacts that they are numbered and marked one by one."""
-    return len(path.jumps.number) <= MOST_NUMBERS
+) -> tuple[list[list[Entry]], Bar | None]:
+    """Return the rows of the legend of a portrait, and the bar of time if there is one."""
+    until = coloured_until(path)
+    bar = None if until is None else Bar.of_time(until)
+    return rows_of(legend_of(path, behind, others), width_of(width) - RIGHT, bar), bar
 
 
 def _behind(run: Recorded, ball: int, path: Trajectory) -> Background:
@@ -190,14 +180,13 @@ def _behind(run: Recorded, ball: int, path: Trajectory) -> Background:
 
 def draw_motion(panels: Sequence[Panel], path: Trajectory, behind: Background) -> None:
     """Draw what a body ran through on the panels of a portrait, over what stands behind it."""
-    marked = few(path)
-    until = None if marked else last_time(path)
+    until = coloured_until(path)
     start_piece, position, rate = path.start
     for one in panels:
         layers.draw_background(one, behind)
         layers.draw_branches(one, path, until)
         close = not one.window.overview
-        if not (marked and close):
+        if until is not None or not close:
             layers.draw_jumps(one, path.jumps, marked=False)
         if close:
             layers.draw_jumps(one, path.first, marked=True)

@@ -19,14 +19,13 @@ from vibro_cli.figures.chart import (
     count_axis,
     draw_marks,
     log_axis,
-    number_bar,
     positive_axis,
     stacked,
     time_axis,
     told_apart,
     value_axis,
 )
-from vibro_cli.figures.labels import Entry
+from vibro_cli.figures.labels import Bar, Entry, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, kept, made
@@ -110,7 +109,7 @@ def speed_map(
             axes.axvline(line, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
         if len(number) > MOST_VECTOR_POINTS:
             draw_marks(axes, place, speed, math.sqrt(size), style.time_colours())
-        number_bar(figure, len(number))
+        draw_legend(figure, [], Bar("impact 1", str(len(number))))
     return figure
 
 

@@ -323,13 +323,10 @@ def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
 
 
 def _frame(axes: Axes, middle: Array, largest: float) -> None:
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    box = axes.get_position()
-    shape = box.height * figure.get_figheight() / (box.width * figure.get_figwidth())
+    wide, high = panel_size(axes)
     reach = _AROUND * largest
     axes.set_xlim(middle[0] - reach, middle[0] + reach)
-    axes.set_ylim(middle[1] - reach * shape, middle[1] + reach * shape)
+    axes.set_ylim(middle[1] - reach * high / wide, middle[1] + reach * high / wide)
 
 
 def _draw_trace(axes: Axes, surface: Array) -> None:

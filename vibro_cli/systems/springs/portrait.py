@@ -26,19 +26,19 @@ from vibro_cli.figures.portraits.layers import (
     EIGHT,
     Background,
     behind_entries,
-    last_time,
+    coloured_until,
     level_energies,
     saddle_energies,
 )
 from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, straight
-from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
+from vibro_cli.figures.portraits.portrait import draw_motion, legend_rows
 from vibro_cli.figures.portraits.trajectory import (
     MOST_BRANCHES,
-    MOST_NUMBERS,
     Branches,
     Flags,
-    Jumps,
+    Own,
     Trajectory,
+    jumps_of,
     points_each,
 )
 from vibro_cli.figures.source import Array, Integers
@@ -169,31 +169,8 @@ def springs_trajectory(run: Run, ball: int) -> Trajectory:
     branches = Branches(place, speed, shown.start, shown.contact)
     first = run.system.initial[body]
     at = first.position - run.system.springs[body].foot
-    jumps = springs_jumps(run, ball)
-    some, firsts = jumps.some(slice(None, None, every)), jumps.some(slice(0, MOST_NUMBERS))
-    return Trajectory((branches,), some, firsts, (0, at, first.speed), run.end_time, every)
-
-
-def springs_jumps(run: Run, ball: int) -> Jumps:
-    """Return the jumps of a body (from 1) at its impacts, in the order of time."""
-    table = run.collisions
-    rows = {side: np.flatnonzero(np.asarray(table[f"ball_{side}"]) == ball) for side in "ab"}
-    order = np.argsort(np.concatenate([rows["a"], rows["b"]]), kind="stable")
-
-    def merged(name: str, when: str = "") -> Array:
-        parts = [np.asarray(table[f"{name}_{side}{when}"])[rows[side]] for side in "ab"]
-        return np.concatenate(parts)[order]
-
-    def common(name: str) -> Any:
-        values = np.asarray(table[name])[np.concatenate([rows["a"], rows["b"]])][order]
-        return values
-
-    number = common("n").astype(np.int64)
-    made = np.logical_or(common("admissible"), common("substituted"))
-    places = merged("displacement")
-    before, after = merged("speed", "_pre"), merged("speed", "_post")
-    piece = np.zeros(len(number), dtype=np.int64)
-    return Jumps(number, piece, places, before, after, common("t"), made)
+    jumps = jumps_of(run.collisions, ball, every, _states)
+    return Trajectory((branches,), *jumps, (0, at, first.speed), run.end_time, every)
 
 
 _MARGIN = 1.08
@@ -221,13 +198,13 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     behind = springs_background(run.system, ball - 1, float(np.max(energies)))
     window = _around(path, behind)
     with style.journal():
-        rows = legend_rows(path, behind, width, [("spring's energy", SPRING)])
+        rows, bar = legend_rows(path, behind, width, [("spring's energy", SPRING)])
         figure, upper, lower = panels_over(width, window, len(rows), _symbols(ball))
         draw_motion([upper], path, behind)
         _draw_spring_energy(lower, run.system, ball - 1, window)
-        draw_energies(lower, path, energies, None if few(path) else last_time(path))
+        draw_energies(lower, path, energies, coloured_until(path))
         limit_energies(lower, 1.15 * float(np.max(energies)))
-        draw_legend(figure, rows, None if few(path) else last_time(path))
+        draw_legend(figure, rows, bar)
     return figure
 
 
@@ -288,6 +265,12 @@ def _at_rest(system: SpringsSystem, body: int) -> Background:
     saddles = [spring.energy(at) for at, kind in singular_points(spring) if kind == "saddle"]
     highest = _ABOVE * max([*saddles, spring.energy(1.7 * spring.height)])
     return springs_background(system, body, highest)
+
+
+def _states(own: Own) -> tuple[Array, Array, Array, Array]:
+    """Return piece, displacement, and speeds before and after impacts of a body."""
+    place = own("displacement")
+    return np.zeros(len(place)), place, own("speed", "_pre"), own("speed", "_post")
 
 
 def springs_background(system: SpringsSystem, body: int, highest: float) -> Background:
