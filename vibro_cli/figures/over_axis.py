@@ -166,16 +166,13 @@ def _impacts_over(
     if shown_column is None or shown is None or "n" not in grid.impact_columns():
         return None
     name, symbol, unit = shown_column
-    scenarios = grid.summary["scenario"][shown.rows]
-    impacts = grid.impacts(["scenario", "n", name], scenarios)
+    impacts, row = _impacts_of(grid, shown, ["n", name])
     number = np.asarray(impacts["n"], dtype=np.float64)
     values = np.asarray(impacts[name], dtype=np.float64)
     kept = np.isfinite(values) & (number <= (np.inf if most is None else most))
     if not np.any(kept):
         return None
-    order = np.argsort(scenarios)
-    row = order[np.searchsorted(scenarios, impacts["scenario"][kept], sorter=order)]
-    number, values = number[kept], values[kept]
+    number, values, row = number[kept], values[kept], row[kept]
     places, ends = _early_ends(grid, shown, most) if name == "t" else (np.empty(0), np.empty(0))
     every = np.concatenate([values, ends])
     with style.journal():
@@ -191,6 +188,16 @@ def _impacts_over(
         entries = [[("run ended", ENDED)]] if len(ends) else []
         draw_legend(figure, entries, Bar("impact 1", str(int(np.max(number)))))
     return figure
+
+
+def _impacts_of(
+    grid: Swept, shown: Lattice, columns: Sequence[str]
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
+    """Return columns of the impacts of the points that are shown, and the point of each impact."""
+    scenarios = grid.summary["scenario"][shown.rows]
+    impacts = grid.impacts(list(dict.fromkeys(["scenario", *columns])), scenarios)
+    order = np.argsort(scenarios)
+    return impacts, order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
 
 
 def _early_ends(grid: Swept, shown: Lattice, most: int | None) -> tuple[Array, Array]:
@@ -346,11 +353,8 @@ def bifurcation(
         raise NothingToShow("no axis of numbers changes")
     if not panels:
         raise NothingToShow("the grid kept neither places nor speeds of its impacts")
-    scenarios = grid.summary["scenario"][shown.rows]
-    wanted = ["scenario", "n", *section.columns, *(name for name, _, _ in panels)]
-    impacts = grid.impacts(list(dict.fromkeys(wanted)), scenarios)
-    order = np.argsort(scenarios)
-    row = order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
+    wanted = ["n", *section.columns, *(name for name, _, _ in panels)]
+    impacts, row = _impacts_of(grid, shown, wanted)
     sorting = np.lexsort((impacts["n"], row))
     impacts, row = {name: column[sorting] for name, column in impacts.items()}, row[sorting]
     chosen = section.chosen(impacts, row)

@@ -16,6 +16,7 @@ from vibro_cli.figures.chart import Cell, Sheet, body_look, in_rows, plane_axes
 from vibro_cli.figures.labels import HALO, SAY, Named, draw_legend, ring, rows_of, write_names
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
+from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import PARTICLE, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
@@ -443,8 +444,7 @@ def _draw_body(axes: Axes, one: Configuration, index: int, radius: float, least:
 
 def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
     """Draw a bar of round length below the panels, with its length."""
-    power = 10.0 ** math.floor(math.log10(0.45 * extent))
-    length = next(f * power for f in (5.0, 2.0, 1.0) if f * power <= 0.45 * extent)
+    length = round_below(0.45 * extent)
     left, bottom = _GAP + 1.0, 3.0
     axes = sheet.blank(left, bottom, length * scale, 1.0)
     axes.set_axis_off()

@@ -27,6 +27,7 @@ from vibro_cli.figures.labels import (
 )
 from vibro_cli.figures.source import Array, Recorded, first_of
 from vibro_cli.figures.style import width_of
+from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import Piece
 
@@ -307,8 +308,7 @@ def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
     wide, high = panel_size(axes)
     low, end = axes.get_xlim()
     each = scale * wide / (end - low)  # mm for 1 m/s
-    power = 10.0 ** math.floor(math.log10(_SCALE / each))
-    speed = next(f * power for f in (5.0, 2.0, 1.0) if f * power * each <= _SCALE)
+    speed = round_below(_SCALE / each)
     text = f"{speed:g} m/s"
     right = wide - 1.4 * len(text) - 0.5
     level = 1.0 + (1.9 + 3.3 * line) / high

@@ -37,10 +37,7 @@ from vibro_cli.figures.film import (
     Ground,
     Link,
     Panel,
-    sampled,
-    struck,
-    times_between,
-    trail,
+    trails_of,
 )
 from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
 from vibro_cli.figures.labels import Named, ring, write_names
@@ -63,8 +60,6 @@ from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
 from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait
 
-_PER_PERIOD = 64
-"""Points of a trail in a period of the fastest body."""
 _BEAM = 0.02
 """Half of what a spring hangs from, and how far its coils swing, as shares of half the width."""
 _ROOM = 0.04
@@ -75,21 +70,7 @@ def film_on_springs(run: Any, times: Array) -> Frames:
     """Return the states of all bodies at the times of frames (s), each exact at its time."""
     bodies, times = run.system.bodies, np.asarray(times)
     periods = [2.0 * math.pi / run.system.frequency(body) for body in range(len(bodies))]
-    span = max(periods)
-    more = times_between(times, min(periods) / _PER_PERIOD, span)
-    x, speed = sampled(run, times, "x")
-    between = sampled(run, more, "x")
-    trails = tuple(
-        trail(
-            times, span,
-            [
-                (times, x[:, n], speed[:, n], 2),
-                (more, between[0][:, n], between[1][:, n], 2),
-                *struck(run, n, "x"),
-            ],
-        )
-        for n in range(len(bodies))
-    )  # fmt: skip
+    x, speed, trails, span = trails_of(run, times, "x", periods)
     rolls = [0.0 if body.kind == PARTICLE else 1.0 / body.radius for body in bodies]
     ground = _ground(run, x)
     return Frames(ground, times, x, np.zeros_like(x), (x - x[0]) * rolls, x, speed, trails, span)
