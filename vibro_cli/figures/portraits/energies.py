@@ -22,7 +22,7 @@ from vibro_cli.figures.labels import LINE, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.portraits.layers import Background, coloured_until
 from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, plane, straight
-from vibro_cli.figures.portraits.portrait import draw_motion, legend_rows, seen
+from vibro_cli.figures.portraits.portrait import draw_motion, greatest_rate, legend_rows, seen
 from vibro_cli.figures.portraits.trace_phase_plane import behind_along, draw_junctions
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
@@ -217,10 +217,7 @@ def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
 
     Of a motion on a small part of it, that part, with room on both sides.
     """
-    (branches,) = path.branches
-    jumps = path.jumps
-    rates = [branches.rate.ravel(), jumps.before, jumps.after[jumps.made]]
-    reached = float(max(np.max(np.abs(rate), initial=0.0) for rate in rates))
+    (branches,), reached = path.branches, greatest_rate(path, [0])
     through = max((float(np.max(curve.rate)) for curve in behind.separatrices), default=0.0)
     low, high, extent = 0.0, trace.length, float(np.ptp(branches.position))
     if 0.0 < extent < _SMALL * trace.length:

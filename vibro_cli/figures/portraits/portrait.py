@@ -88,7 +88,7 @@ def _is_small(piece: Piece, path: Trajectory, behind: Background) -> bool:
     extent = float(np.ptp(path.branches[piece.index].position))
     if extent == 0.0:
         return False
-    reached, separatrix = _reached(path, [piece.index]), _separatrix(behind, [piece.index])
+    reached, separatrix = greatest_rate(path, [piece.index]), _separatrix(behind, [piece.index])
     across = extent / (piece.angle_end - piece.angle_start)
     return across * min(1.0, reached / separatrix if separatrix else 1.0) < _SMALL
 
@@ -106,19 +106,19 @@ def _around(piece: Piece, path: Trajectory) -> Window:
     low, high = float(np.min(position)) - room, float(np.max(position)) + room
     if room == 0.0:
         low, high = piece.angle_start, piece.angle_end
-    top = _MARGIN * (_reached(path, [piece.index]) or 1.0)
+    top = _MARGIN * (greatest_rate(path, [piece.index]) or 1.0)
     return Window(piece, max(low, piece.angle_start), min(high, piece.angle_end), top)
 
 
 def _top(pieces: Sequence[Piece], path: Trajectory, behind: Background, lines: bool) -> float:
     """Return the greatest rate to show on the arcs, or the greatest speed on the lines."""
     members = [piece.index for piece in pieces if piece.is_line == lines]
-    reached = _reached(path, members)
+    reached = greatest_rate(path, members)
     separatrix = _separatrix(behind, members)
     return _MARGIN * (max(reached, min(separatrix, _FAR * reached)) or separatrix or 1.0)
 
 
-def _reached(path: Trajectory, members: Sequence[int]) -> float:
+def greatest_rate(path: Trajectory, members: Sequence[int]) -> float:
     """Return the greatest rate of the body on some pieces."""
     there = np.isin(path.jumps.piece, members)
     jumps = [path.jumps.before[there], path.jumps.after[there & path.jumps.made]]

@@ -20,7 +20,12 @@ from vibro_cli.analysis.singular import SADDLE, SingularPoint
 from vibro_cli.figures import style
 from vibro_cli.figures.labels import draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.energies import draw_energies, limit_energies, panels_over
+from vibro_cli.figures.portraits.energies import (
+    POTENTIAL,
+    draw_energies,
+    limit_energies,
+    panels_over,
+)
 from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
 from vibro_cli.figures.portraits.layers import (
     EIGHT,
@@ -31,7 +36,7 @@ from vibro_cli.figures.portraits.layers import (
     saddle_energies,
 )
 from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, straight
-from vibro_cli.figures.portraits.portrait import draw_motion, legend_rows
+from vibro_cli.figures.portraits.portrait import draw_motion, greatest_rate, legend_rows
 from vibro_cli.figures.portraits.trajectory import (
     MOST_BRANCHES,
     Branches,
@@ -180,7 +185,6 @@ _ABOVE = 1.35
 """Without a run level curves go up to this multiple of the saddle's energy."""
 _COUNT = 129
 """Points of a level curve between turning points and crests."""
-SPRING: dict[str, Any] = {"color": style.GREEN, "linewidth": 1.0}
 
 
 def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
@@ -198,7 +202,7 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     behind = springs_background(run.system, ball - 1, float(np.max(energies)))
     window = _around(path, behind)
     with style.journal():
-        rows, bar = legend_rows(path, behind, width, [("spring's energy", SPRING)])
+        rows, bar = legend_rows(path, behind, width, [("spring's energy", POTENTIAL)])
         figure, upper, lower = panels_over(width, window, len(rows), _symbols(ball))
         draw_motion([upper], path, behind)
         _draw_spring_energy(lower, run.system, ball - 1, window)
@@ -216,7 +220,7 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
     spring = system.springs[ball - 1]
     behind = _at_rest(system, ball - 1)
     window = _whole(behind)
-    entries = [("spring's energy", SPRING), *behind_entries(behind)]
+    entries = [("spring's energy", POTENTIAL), *behind_entries(behind)]
     with style.journal():
         rows = rows_of(entries, width_of(width))
         figure, upper, lower = panels_over(width, window, len(rows), _symbols(ball))
@@ -296,10 +300,7 @@ def _curves(hills: SpringsLandscape, energies: Sequence[float]) -> tuple[LevelCu
 
 def _around(path: Trajectory, behind: Background) -> Window:
     """Return the window on the motion and the singular points, with a separatrix not too far."""
-    (branches,) = path.branches
-    jumps = path.jumps
-    rates = [branches.rate.ravel(), jumps.before, jumps.after[jumps.made]]
-    reached = float(max(np.max(np.abs(rate), initial=0.0) for rate in rates))
+    (branches,), reached = path.branches, greatest_rate(path, [0])
     points = [point.position for point in behind.points]
     low = min(float(np.min(branches.position)), *points)
     high = max(float(np.max(branches.position)), *points)
@@ -333,7 +334,7 @@ def _draw_spring_energy(lower: Panel, system: SpringsSystem, body: int, window: 
     spring = system.springs[body]
     x = np.linspace(window.low, window.high, 600)
     stored = 0.5 * spring.stiffness * (np.hypot(spring.height, x) - spring.length) ** 2
-    lower.axes.plot(x, stored, zorder=1.5, **SPRING)
+    lower.axes.plot(x, stored, zorder=1.5, **POTENTIAL)
 
 
 def swings(system: SpringsSystem) -> Iterator[dict[str, float | None]]:
