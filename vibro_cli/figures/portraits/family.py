@@ -41,7 +41,6 @@ _HIGH = 27.0
 _TITLE = 7.4
 _LINE = 3.0
 
-
 Shown = TypeVar("Shown")
 
 
@@ -55,6 +54,7 @@ class Member:
     behind: Background
     names: tuple[str, ...]
     """Of its singular points."""
+    window: Window
 
 
 def shown_of(members: Sequence[Shown]) -> Sequence[Shown]:
@@ -63,20 +63,15 @@ def shown_of(members: Sequence[Shown]) -> Sequence[Shown]:
 
 
 def draw_family(
-    members: Sequence[tuple[Member, Window]],
-    width: str,
-    symbols: Symbols,
-    others: Sequence[Entry] = (),
+    members: Sequence[Member], width: str, symbols: Symbols, others: Sequence[Entry] = ()
 ) -> tuple[Figure, list[Panel]]:
-    """Return the portraits of some members, each in its window, and their panels.
+    """Return the portraits of some members and their panels.
 
     `others` are further entries of the legend.
     """
     wide = width_of(width)
-    every = Background(
-        *(sum((getattr(one.behind, part) for one, _ in members), ()) for part in _PARTS)
-    )
-    rows = rows_of([*behind_entries(every), *others], wide - RIGHT)
+    entries = [*behind_entries(*(one.behind for one in members)), *others]
+    rows = rows_of(entries, wide - RIGHT)
     columns = min(_COLUMNS[width], len(members))
     size = wide / columns - LEFT - RIGHT, _HIGH
     with style.journal():
@@ -84,8 +79,8 @@ def draw_family(
         sheet, corners = in_rows(cell, len(members), columns, wide, LEFT, LINE * len(rows) + 1.0)
         draw_legend(sheet.figure, rows)
         panels = []
-        for (member, window), (left, bottom) in zip(members, corners, strict=True):
-            panel = plane(sheet.panel(left, bottom, *size), window, size, symbols)
+        for member, (left, bottom) in zip(members, corners, strict=True):
+            panel = plane(sheet.panel(left, bottom, *size), member.window, size, symbols)
             draw_background(panel, member.behind)
             name_points(panel, member.names, member.behind)
             over = bottom + _HIGH + 1.0
@@ -93,9 +88,6 @@ def draw_family(
             sheet.write(left, over + _LINE, member.title, fontsize=style.TEXT, va="baseline")
             panels.append(panel)
     return sheet.figure, panels
-
-
-_PARTS = tuple(Background.__dataclass_fields__)
 
 
 def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:

@@ -46,24 +46,22 @@ def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry] = ()
     return [*entries, *others, *behind_entries(behind)]
 
 
-def behind_entries(behind: Background) -> list[Entry]:
-    """Return names and looks of what stands behind the branches."""
-    entries: list[Entry] = []
-    if behind.eights:
-        entries.append(("figure eight", EIGHT))
-    if behind.separatrices:
-        entries.append(("separatrix", SEPARATRIX))
-    if behind.arc_separatrices:
-        entries.append(("separatrix of the full circle", ARC_SEPARATRIX))
-    if behind.levels:
-        entries.append(("level", LEVEL))
-    return [*entries, *point_entries(behind.points)]
-
-
-def point_entries(points: Sequence[SingularPoint]) -> list[Entry]:
-    """Return names and looks of those kinds of singular points that there are."""
-    kinds = {point.kind for point in points}
-    return [(kind, POINT | {"marker": marker}) for kind, marker in MARKER.items() if kind in kinds]
+def behind_entries(*behind: Background) -> list[Entry]:
+    """Return names and looks of what stands behind the branches, of one panel or of several."""
+    curves = (
+        (any(one.eights for one in behind), ("figure eight", EIGHT)),
+        (any(one.separatrices for one in behind), ("separatrix", SEPARATRIX)),
+        (
+            any(one.arc_separatrices for one in behind),
+            ("separatrix of the full circle", ARC_SEPARATRIX),
+        ),
+        (any(one.levels for one in behind), ("level", LEVEL)),
+    )
+    kinds = {point.kind for one in behind for point in one.points}
+    return [
+        *(entry for is_drawn, entry in curves if is_drawn),
+        *((kind, POINT | {"marker": mark}) for kind, mark in MARKER.items() if kind in kinds),
+    ]
 
 
 def coloured_until(path: Trajectory) -> float | None:

@@ -23,7 +23,14 @@ from vibro_cli.analysis.levels import (
     speed_curves,
     through_saddles,
 )
-from vibro_cli.analysis.singular import FIGURE_EIGHT, SADDLE, Portrait, SingularPoint, condition
+from vibro_cli.analysis.singular import (
+    FIGURE_EIGHT,
+    SADDLE,
+    Portrait,
+    SingularPoint,
+    Trigger,
+    condition,
+)
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, body_look
 from vibro_cli.figures.labels import LINE, SAY, Entry, draw_legend, rows_of
@@ -93,7 +100,8 @@ def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Fi
             draw_background(one, behind)
         label(panels, bodies)
         panel = _panel_below(sheet, width, _whole(portrait, along))
-        _draw_along(panel, portrait, along)
+        draw_background(panel, along)
+        _draw_trace(panel, portrait)
         name_points(panel, portrait.names, along)
         for number, line in enumerate(reversed(words)):
             height = BOTTOM + _HIGH[width] + 1.2 + number * _LINE
@@ -122,7 +130,7 @@ def _behind(portrait: Portrait) -> Background:
     return replace(behind, eights=tuple(found), separatrices=separatrices)
 
 
-def _eight_triggers(portrait: Portrait) -> list[Any]:
+def _eight_triggers(portrait: Portrait) -> list[Trigger]:
     return [trigger for trigger in portrait.triggers if trigger.orbit == FIGURE_EIGHT]
 
 
@@ -246,20 +254,15 @@ def _along_window(trace: Trace, curves: Sequence[LevelCurve]) -> Window:
     return straight(0.0, trace.length, _MARGIN_ALONG * top)
 
 
-def _draw_along(panel: Panel, portrait: Portrait, along: Background) -> None:
-    """Draw what there is along the trace: junctions, curves and points, level lines."""
-    draw_junctions(panel, portrait.landscape.trace)
-    draw_background(panel, along)
-    _draw_rest(panel, portrait)
-
-
 def draw_junctions(panel: Panel, trace: Trace) -> None:
     """Draw the junctions of the pieces of a trace on a panel along it."""
     for piece in trace.pieces[1:]:
         panel.axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
 
 
-def _draw_rest(panel: Panel, portrait: Portrait) -> None:
+def _draw_trace(panel: Panel, portrait: Portrait) -> None:
+    """Draw junctions and level lines on a panel along the trace."""
+    draw_junctions(panel, portrait.landscape.trace)
     for point in portrait.points:
         if point.extent:
             panel.axes.plot([point.s, point.s + point.extent], [0.0, 0.0], zorder=1.3, **REST)
@@ -331,18 +334,15 @@ def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Fi
     if not members:
         raise ValueError("a family needs at least one portrait")
     shown = shown_of(members)
-    drawn = [
-        Member(title, _named_points(portrait), behind_along(portrait, 65), portrait.names)
-        for title, portrait in shown
-    ]
+    drawn = []
+    for title, portrait in shown:
+        along = behind_along(portrait, 65)
+        window = _whole(portrait, along)
+        drawn.append(Member(title, _named_points(portrait), along, portrait.names, window))
     portraits = [portrait for _, portrait in shown]
-    with_windows = [
-        (one, _whole(portrait, one.behind)) for one, portrait in zip(drawn, portraits, strict=True)
-    ]
-    figure, panels = draw_family(with_windows, width, _SYMBOLS, _rest_entry(portraits))
+    figure, panels = draw_family(drawn, width, _SYMBOLS, _rest_entry(portraits))
     for panel, portrait in zip(panels, portraits, strict=True):
-        draw_junctions(panel, portrait.landscape.trace)
-        _draw_rest(panel, portrait)
+        _draw_trace(panel, portrait)
     return figure
 
 

@@ -245,21 +245,16 @@ def springs_family(
     All have one frame, so that the saddle is seen to part from the centre (C, part 3: l ≶ b).
     `members` are titles and systems; of many an even choice is drawn.
     """
-    drawn = [
-        Member(
-            title, TYPES[len(singular_points(system.springs[ball - 1]))],
-            _at_rest(system, ball - 1), point_names(system, ball - 1),
-        )
-        for title, system in shown_of(members)
-    ]  # fmt: skip
-    windows = [_whole(one.behind) for one in drawn]
-    low, high, top = (
-        min(w.low for w in windows),
-        max(w.high for w in windows),
-        max(w.top for w in windows),
-    )
-    window = straight(low, high, top)
-    figure, _ = draw_family([(one, window) for one in drawn], width, _symbols(ball))
+    shown = shown_of(members)
+    behind = [_at_rest(system, ball - 1) for _, system in shown]
+    windows = [_whole(one) for one in behind]
+    low, high = min(one.low for one in windows), max(one.high for one in windows)
+    window = straight(low, high, max(one.top for one in windows))
+    drawn = []
+    for (title, system), one in zip(shown, behind, strict=True):
+        names = point_names(system, ball - 1)
+        drawn.append(Member(title, TYPES[len(names)], one, names, window))
+    figure, _ = draw_family(drawn, width, _symbols(ball))
     return figure
 
 
