@@ -134,14 +134,14 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     along the line of centres. Arcs around the centres are angular velocities. None without an
     impact. Raises ValueError for a width that is neither `single` nor `double`.
     """
-    wide = width_of(width)
+    width_of(width)
     rows = range(min(_IMPACTS[width], len(run.collisions["n"])))
     if not rows:
         return None
     width = "single" if len(rows) == 1 else width
     pairs = [striking(run, row) for row in rows]
     with style.journal():
-        lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, wide)
+        lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, width_of(width))
         figure, panels = sheet(width, len(rows), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
         surface = _surface(run)
         for row, pair in zip(rows, pairs, strict=True):
