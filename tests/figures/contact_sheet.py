@@ -26,8 +26,7 @@ from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.figures.film import Film, frame_times
 from vibro_cli.figures.kinds import draw_all, draw_grid
-from vibro_cli.figures.portraits.portrait import comparison, structure
-from vibro_cli.figures.portraits.trace_phase_plane import family
+from vibro_cli.figures.portraits.trace_phase_plane import comparison, family, structure
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.stored import open_grid

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tests.analysis.traces import BALL, circle, landscape, line, three_arcs, valley
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.analysis.singular import Portrait, portrait_of
-from vibro_cli.figures.portraits.portrait import comparison
+from vibro_cli.figures.portraits.trace_phase_plane import comparison
 
 PARTICLE = replace(BALL, kind="particle", inertia_ratio=0.0)
 DISK = replace(BALL, kind="disk", inertia_ratio=0.5, mass=7.0)

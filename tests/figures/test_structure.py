@@ -17,8 +17,12 @@ from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.assemble import build_system
 from vibro_cli.figures.labels import LEADER
 from vibro_cli.figures.portraits.layers import background
-from vibro_cli.figures.portraits.portrait import structure
-from vibro_cli.figures.portraits.trace_phase_plane import curves_of, family, highest_energy
+from vibro_cli.figures.portraits.trace_phase_plane import (
+    behind_along,
+    family,
+    highest_energy,
+    structure,
+)
 from vibro_cli.figures.style import MM
 from vibro_cli.scenario import load_scenario
 
@@ -97,11 +101,11 @@ def test_a_separatrix_goes_through_a_saddle() -> None:
     portrait = portrait_of(Landscape.of(build_system(load_scenario(path)), 1))
     saddles = np.array([point.s for point in portrait.points if point.kind == "saddle"])
     assert len(saddles) == 2
-    curves = curves_of(portrait)
+    curves = behind_along(portrait)
     drawn = [*curves.separatrices, *curves.eights]
     assert drawn
     for curve in drawn:
-        assert np.any((saddles >= curve.s[0]) & (saddles <= curve.s[-1]))
+        assert np.any((saddles >= curve.position[0]) & (saddles <= curve.position[-1]))
     behind = background(portrait.landscape, highest_energy(portrait))
     crest = max(point.energy for point in portrait.points if point.kind == "saddle")
     (first, *_) = portrait.landscape.trace.pieces

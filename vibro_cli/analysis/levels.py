@@ -220,21 +220,11 @@ class LevelCurve:
     """The upper half of a level curve on one piece; the lower half is its mirror image."""
 
     piece: int
-    """Index of the piece, from 0."""
+    """Index of the piece, from 0; 0 of one along the whole trace."""
     position: Array
-    """φ or ψ (rad), distance on a line (m); shape (n,), rising."""
+    """φ or ψ (rad), distance on a line, arc length along the trace (m); shape (n,), rising."""
     rate: Array
-    """φ̇ or ψ̇ (rad/s), speed on a line (m/s); shape (n,), not negative."""
-
-
-@dataclass(frozen=True)
-class SpeedCurve:
-    """The upper half of a connected level curve along the trace."""
-
-    s: Array
-    """Arc length of the contact point from the left end (m); shape (n,), rising."""
-    speed: Array
-    """Speed of the centre (m/s); shape (n,), not negative."""
+    """φ̇ or ψ̇ (rad/s), speed on a line or along the trace (m/s); shape (n,), not negative."""
 
 
 def reaches(landscape: Landscape, piece: Piece, energy: float) -> tuple[Reach, ...]:
@@ -424,7 +414,7 @@ def separatrix_curves(
     )
 
 
-def speed_curves(landscape: Landscape, energy: float, count: int = 121) -> tuple[SpeedCurve, ...]:
+def speed_curves(landscape: Landscape, energy: float, count: int = 121) -> tuple[LevelCurve, ...]:
     """Return the level curves of an energy (J) along the whole trace, `count` points on each piece.
 
     The centre's speed against the arc length of the contact point; continuous at the junctions.
@@ -434,7 +424,7 @@ def speed_curves(landscape: Landscape, energy: float, count: int = 121) -> tuple
     )
 
 
-def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int) -> SpeedCurve:
+def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int) -> LevelCurve:
     places, speeds = [], []
     for part in run:
         position, rate = _sampled(landscape, part, energy, count)
@@ -442,7 +432,7 @@ def _along(landscape: Landscape, run: Sequence[Reach], energy: float, count: int
         along = position if piece.is_line else piece.radius * (position - piece.angle_start)
         places.append(piece.start_s + along)
         speeds.append(landscape.path_scale(piece) * rate)
-    return SpeedCurve(np.concatenate(places), np.concatenate(speeds))
+    return LevelCurve(0, np.concatenate(places), np.concatenate(speeds))
 
 
 def _sampled(landscape: Landscape, part: Reach, energy: float, count: int) -> tuple[Array, Array]:

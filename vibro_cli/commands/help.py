@@ -249,7 +249,7 @@ def environment() -> str:
 
 def figures() -> str:
     """The kinds of figures of runs of each system, and of grids."""
-    from vibro_cli.figures.kinds import GRID_KINDS, NEEDS
+    from vibro_cli.figures.kinds import GRID_KINDS
     from vibro_cli.systems import system_named
 
     kinds: dict[str, tuple[str, list[str]]] = {}
@@ -258,7 +258,7 @@ def figures() -> str:
             title = re.sub(r" body$", " each body", kind.title)
             kinds.setdefault(key, (title, []))[1].append(name)
     of_runs = [(f"`{key}`", title, ", ".join(of)) for key, (title, of) in kinds.items()]
-    of_grids = [(f"`{key}`", kind.title, NEEDS[key]) for key, kind in GRID_KINDS.items()]
+    of_grids = [(f"`{key}`", kind.title, kind.needs) for key, kind in GRID_KINDS.items()]
     run = table(("figure", "shows", "of"), of_runs)
     grid = table(("figure", "shows", "drawn if"), of_grids)
     return f"Of a run:\n\n{run}\n\nOf a grid:\n\n{grid}\n"

@@ -185,7 +185,7 @@ def compared(source: Source, compare: str) -> tuple[dict[str, Any], Figures]:
     }
     if not source.wishes.figures:
         return record, {}
-    from vibro_cli.figures.portraits.portrait import comparison
+    from vibro_cli.figures.portraits.trace_phase_plane import comparison
 
     return record, {"comparison": comparison(list(members.items()), source.wishes.width)}
 

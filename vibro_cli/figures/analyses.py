@@ -21,11 +21,11 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import BAND, count_axis, log_axis, stacked, value_axis
 from vibro_cli.figures.labels import Entry
 from vibro_cli.figures.maps import Categories, Lattice, Swept, category_map, ended, lattice
-from vibro_cli.figures.ticks import number_ticks
+from vibro_cli.figures.ticks import label_axis, number_ticks
 
 _FIT_HEIGHTS = {"single": 24.0, "double": 32.0}
 _POINT: dict[str, Any] = {
-    "marker": "o", "markersize": 2.2, "linestyle": "none", "color": style.BLUE, "elinewidth": 0.6,
+    "marker": "o", "markersize": 2.2, "linestyle": "none", "color": style.BLUE,
 }  # fmt: skip
 _BEFORE = _POINT | {"marker": "s", "color": style.VERMILLION, "fillstyle": "none"}
 _SPREAD = 2.0
@@ -47,11 +47,9 @@ def fit_figure(found: dict[str, Any], width: str) -> Figure:
     """
     number = np.asarray(found["n"])
     noise = 1e3 * np.asarray(found["noise"])
-    points = {key: value for key, value in _POINT.items() if key != "elinewidth"}
-    before = {key: value for key, value in _BEFORE.items() if key != "elinewidth"}
     entries: list[Entry] = [
-        ("before the fit", before),
-        ("after it", points),
+        ("before the fit", _BEFORE),
+        ("after it", _POINT),
         (
             r"$\pm 2\sigma$",
             {"color": BAND["color"], "linewidth": 4.0, "solid_capstyle": "butt"},
@@ -66,7 +64,7 @@ def fit_figure(found: dict[str, Any], width: str) -> Figure:
             wide = np.concatenate([spread[:1], spread, spread[-1:]])
             axes.fill_between(around, -wide, wide, step="mid", **BAND)
             axes.axhline(0.0, color=style.FRAME_GREY, linewidth=0.4)
-            axes.errorbar(number, late, noise, **look)
+            axes.errorbar(number, late, noise, elinewidth=0.6, **look)
             low = float(np.nanmin([*(late - noise), *-spread]))
             high = float(np.nanmax([*(late + noise), *spread]))
             value_axis(axes, low, high, _FIT_HEIGHTS[width], r"$t_{n}-T_{n}$", "ms")
@@ -133,11 +131,10 @@ def branch_figure(found: dict[str, Any], label: str, width: str) -> Figure:
                 unit,
             )
             low, high = float(np.min(value)), float(np.max(value))
-            axes.set_xlim(low, high if high > low else low + 1.0)
-            ticks = number_ticks(low, high if high > low else low + 1.0, widths[0])
-            last = axes is panels[-1]
-            axes.set_xticks(ticks.places, ticks.labels if last else [""] * len(ticks.places))
-        panels[-1].set_xlabel(label)
+            span = low, high if high > low else low + 1.0
+            axes.set_xlim(span)
+            ticks = number_ticks(*span, widths[0])
+            label_axis(axes.xaxis, ticks, label, "", axes is panels[-1])
     return figure
 
 

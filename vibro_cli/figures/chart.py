@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,16 +15,16 @@ from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
-from vibro_cli.figures.labels import LINE, Entry, draw_legend, handles_of, rows_of, short_number
+from vibro_cli.figures.labels import LINE, Entry, draw_legend, rows_of, short_number
 from vibro_cli.figures.source import Array, Integers, Recorded
 from vibro_cli.figures.style import MM, width_of
 from vibro_cli.figures.ticks import (
     CHARACTER,
     Ticks,
+    label_axis,
     number_ticks,
     vertical_angle_ticks,
     vertical_ticks,
-    with_power,
 )
 
 LEFT = 13.0
@@ -86,6 +87,47 @@ class Sheet:
         axes.set_yticks([])
         return axes
 
+    def write(self, left: float, bottom: float, text: str, **look: Any) -> None:
+        """Write a text that begins so far from the corner of the figure (mm)."""
+        width, height = self.size
+        self.figure.text(left / width, bottom / height, text, **look)
+
+
+class Cell(NamedTuple):
+    """A panel that stands beside and under others, with the room around it (mm)."""
+
+    wide: float
+    high: float
+    over: float
+    """Room over it, for words."""
+    under: float
+    beside: float
+    """Room between it and the next one."""
+
+
+def in_rows(
+    cell: Cell,
+    number: int,
+    columns: int,
+    wide: float,
+    left: float,
+    above: float,
+    below: float = 0.0,
+) -> tuple[Sheet, list[tuple[float, float]]]:
+    """Return a sheet for so many panels in rows, and their lower left corners (mm).
+
+    `wide` is the width of the sheet, `left` the room at its left edge, `above` and `below` that
+    over and under all of them.
+    """
+    row = cell.over + cell.high + cell.under
+    total = above + math.ceil(number / columns) * row + below
+    corners = []
+    for place in range(number):
+        line, column = divmod(place, columns)
+        bottom = total - above - line * row - cell.over - cell.high
+        corners.append((left + column * (cell.wide + cell.beside), bottom))
+    return Sheet(wide, total), corners
+
 
 def panel_size(axes: Axes) -> tuple[float, float]:
     """Return width and height of a panel (mm)."""
@@ -127,11 +169,9 @@ def time_axis(
     """
     end = end if end > 0.0 else 1.0
     axes.set_xlim(0.0, end)
-    ticks = number_ticks(0.0, end, width)
-    _number(axes, ticks, (0.0, end), width, labelled)
-    if labelled:
-        part = "" if whole is None or end >= whole else f", {_first_part(end, whole)}"
-        axes.set_xlabel(f"$t$ [{with_power('s', ticks)}]{part}")
+    ticks = _clear_of_edge(number_ticks(0.0, end, width), (0.0, end), width)
+    part = "" if whole is None or end >= whole else f", {_first_part(end, whole)}"
+    label_axis(axes.xaxis, ticks, "$t$", "s", labelled, part)
 
 
 def _first_part(end: float, whole: float) -> str:
@@ -139,15 +179,13 @@ def _first_part(end: float, whole: float) -> str:
     return f"the first {short_number(end, 3)} s of {short_number(whole, 4)} s"
 
 
-def _number(
-    axes: Axes, ticks: Ticks, span: tuple[float, float], width: float, labelled: bool
-) -> None:
-    """Write the numbers of a horizontal axis, without those that would reach over the edge."""
+def _clear_of_edge(ticks: Ticks, span: tuple[float, float], width: float) -> Ticks:
+    """Return ticks of a horizontal axis without the labels that would reach over the edge."""
     labels = []
     for place, text in zip(ticks.places, ticks.labels, strict=True):
         room = (span[1] - place) / (span[1] - span[0]) * width + RIGHT
-        labels.append(text if labelled and room > 0.6 * CHARACTER * len(text) else "")
-    axes.set_xticks(ticks.places, labels)
+        labels.append(text if room > 0.6 * CHARACTER * len(text) else "")
+    return replace(ticks, labels=tuple(labels))
 
 
 def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
@@ -155,12 +193,12 @@ def count_axis(axes: Axes, numbers: Any, width: float, labelled: bool) -> None:
     low, high = (0.5, float(np.max(numbers)) + 0.5) if len(numbers) else (0.5, 1.5)
     axes.set_xlim(low, high)
     if high - low < 8.0:
-        places = tuple(float(n) for n in range(1, int(high + 0.5)))
-        axes.set_xticks(places, [f"{place:.0f}" if labelled else "" for place in places])
+        numbers = range(1, int(high + 0.5))
+        ticks = Ticks(tuple(map(float, numbers)), tuple(map(str, numbers)))
     else:
-        _number(axes, number_ticks(low, high, width, whole=True), (low, high), width, labelled)
-    if labelled:
-        axes.set_xlabel("impact $n$")
+        ticks = number_ticks(low, high, width, whole=True)
+        ticks = _clear_of_edge(ticks, (low, high), width)
+    label_axis(axes.xaxis, ticks, "impact $n$", "", labelled)
 
 
 def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, unit: str) -> None:
@@ -173,10 +211,7 @@ def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, 
     room = 0.06 * (high - low)
     axes.set_ylim(low - room, high + room)
     ticked = vertical_angle_ticks if unit == "rad" else vertical_ticks
-    ticks = ticked(low - room, high + room, height)
-    axes.set_yticks(ticks.places, ticks.labels)
-    scaled = with_power(unit, ticks)
-    axes.set_ylabel(f"{symbol} [{scaled}]" if scaled else symbol, labelpad=1.0)
+    label_axis(axes.yaxis, ticked(low - room, high + room, height), symbol, unit)
 
 
 def plane_axes(axes: Axes, low: Array, high: Array, size: Array, labelled: bool = True) -> None:
@@ -195,20 +230,14 @@ def number_plane(
     across: tuple[str, str],
     along: tuple[str, str],
     labelled: bool = True,
+    after: str = "",
 ) -> None:
     """Write numbers and names at both axes of a plane whose limits are set; `size` in mm.
 
-    `across` and `along` are symbols and units.
+    `across` and `along` are symbols and units, `after` is said behind the first.
     """
-    places, heights = (
-        number_ticks(*axes.get_xlim(), size[0]),
-        vertical_ticks(*axes.get_ylim(), size[1]),
-    )
-    axes.set_xticks(places.places, places.labels if labelled else [""] * len(places.labels))
-    axes.set_yticks(heights.places, heights.labels)
-    if labelled:
-        axes.set_xlabel(f"{across[0]} [{with_power(across[1], places)}]")
-    axes.set_ylabel(f"{along[0]} [{with_power(along[1], heights)}]", labelpad=1.0)
+    label_axis(axes.xaxis, number_ticks(*axes.get_xlim(), size[0]), *across, labelled, after)
+    label_axis(axes.yaxis, vertical_ticks(*axes.get_ylim(), size[1]), *along)
 
 
 def positive_axis(axes: Axes, values: Array, height: float, symbol: str, unit: str) -> None:
@@ -237,26 +266,6 @@ def log_axis(axes: Axes, values: Array, symbol: str, unit: str) -> None:
     axes.set_yticks([10.0**power for power in powers], [rf"$10^{{{power}}}$" for power in powers])
     axes.yaxis.minorticks_off()
     axes.set_ylabel(f"{symbol} [{unit}]" if unit else symbol, labelpad=1.0)
-
-
-def number_bar(figure: Figure, last: int, beside: Sequence[Entry] = ()) -> None:
-    """Draw the bar of colours over the panels, from the first impact to the last.
-
-    `beside` is the legend of other marks, at its left.
-    """
-    wide, high = figure.get_size_inches() / MM
-    width, thick, middle = 0.25, 1.6 / high, 1.0 - 2.4 / high
-    axes = figure.add_axes((0.42, middle - 0.5 * thick, width, thick))
-    axes.imshow(np.arange(256)[None, :], aspect="auto", cmap=style.time_colours())
-    axes.set_xticks([])
-    axes.set_yticks([])
-    look: dict[str, Any] = {"va": "center_baseline", "fontsize": style.SMALL}
-    figure.text(0.42 - 1.0 / wide, middle, "impact 1", ha="right", **look)
-    figure.text(0.42 + width + 1.0 / wide, middle, str(last), ha="left", **look)
-    if beside:
-        handles = handles_of(beside)
-        figure.legend(handles=handles, loc="center left", bbox_to_anchor=(0.0, middle),
-                      borderaxespad=0.15, handlelength=1.0, handletextpad=0.4)  # fmt: skip
 
 
 def contact_times(run: Recorded) -> list[tuple[float, float]]:

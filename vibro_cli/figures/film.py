@@ -10,7 +10,7 @@ import math
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import pairwise
@@ -191,6 +191,34 @@ def _within(times: Array, span: float, states: States) -> States:
     return time[here], across[here], up[here], order
 
 
+def trails_of(
+    run: Any,
+    times: Array,
+    place: str,
+    periods: Sequence[float],
+    more: Callable[[Any, int], Iterable[States]] = lambda run, body: (),
+    seam: float = math.inf,
+) -> tuple[Array, Array, tuple[Trail, ...], float]:
+    """Return places (m) and speeds (m/s) at frames (`times`, s), trails, and how long they are (s).
+
+    Of centres that move along a line or trace: `place` is the column of their places, `periods` are
+    those of small oscillations (s), `more` gives further states of a body (from 0), `seam` is as
+    for :func:`trail`.
+    """
+    span = max(periods)
+    between = times_between(times, min(periods) / _PER_PERIOD, span)
+    at_frames, added = sampled(run, times, place), sampled(run, between, place)
+    trails = []
+    for body in range(len(run.system.bodies)):
+        states = [
+            (instants, x[:, body], v[:, body], 2)
+            for instants, (x, v) in ((times, at_frames), (between, added))
+        ]
+        parts = [*states, *struck(run, body, place), *more(run, body)]
+        trails.append(trail(times, span, parts, seam))
+    return *at_frames, tuple(trails), span
+
+
 def sampled(run: Any, times: Array, place: str) -> tuple[Array, Array]:
     """Return places (m), a column of the motion, and speeds (m/s), shape (times, bodies)."""
     shape = len(times), len(run.system.bodies)
@@ -202,6 +230,8 @@ def sampled(run: Any, times: Array, place: str) -> tuple[Array, Array]:
     return across, up
 
 
+_PER_PERIOD = 64
+"""Points of a trail in the shortest period."""
 SIZE = (6.4, 3.6)
 """Width and height (inches)."""
 TRAIL = 50

@@ -46,6 +46,10 @@ class Kind(Generic[Source]):
     """From a run or grid and a width; None where it has nothing to show."""
     title: str
     caption: str
+    needs: str = ""
+    """Of a grid: when it has something to show."""
+    dimensions: int = 2
+    """Of a grid: over how many of its axes it is."""
 
     def drawn(self, name: str, run: Source, width: str) -> Iterator[Drawn]:
         """Draw it, if it shows anything."""
@@ -188,37 +192,48 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
         ending_map,
         "How the runs end",
         f"{_OVER_TWO}: the cause that ended each run, in brackets for how many points.",
+        needs="two axes change, and runs end in different ways",
     ),
     "impacts": Kind(
         _impacts,
         "Number of impacts",
         f"{_OVER_TWO}: the impacts of each run, white where there was none.",
+        needs="two axes change, and there are impacts",
     ),
     "bounces": Kind(
         partial(_impacts, counted="bounces"),
         "Number of impacts on the wall",
         f"{_OVER_TWO}: the impacts of each run on the wall, white where there was none.",
+        needs="two axes change, and there are impacts on a wall",
     ),
     "energy": Kind(
-        _energy, "Energy left", f"{_OVER_TWO}: energy at the end as a share of that at the start."
+        _energy,
+        "Energy left",
+        f"{_OVER_TWO}: energy at the end as a share of that at the start.",
+        needs="two axes change",
     ),
     "contact": Kind(
         _contact,
         "Last impact before contact",
         f"{_OVER_TWO}: the time of the last impact of each run in which lasting contact began, "
         "which is when it began, unless bodies part again; white where it never began.",
+        needs="two axes change, and lasting contact begins",
     ),
     "curves": Kind(
         curves,
         "Runs over one axis",
         "Impacts, share of the energy left and time of the first impact of each run, in the colour "
         "of the cause that ended it; what is the same for all of them is left out.",
+        needs="an axis of numbers changes",
+        dimensions=1,
     ),
     "diagram": Kind(
         diagram,
         "Places of the impacts",
         "Where the left body of each impact is, over one axis: every impact of every run, coloured "
         "by its number.",
+        needs="an axis of numbers changes, and impacts were kept with their places",
+        dimensions=1,
     ),
     "times": Kind(
         first_times,
@@ -226,26 +241,17 @@ GRID_KINDS: dict[str, Kind[Swept]] = {
         f"Times of the first {FIRST} impacts of each run, over one axis, coloured by the number of "
         "the impact; crosses are ends of runs that were cut short before so many impacts, by an "
         "inadmissible one, the end of the trace, lift-off, a wall or an accumulation.",
+        needs="an axis of numbers changes, and impacts were kept with their times",
+        dimensions=1,
     ),
     "bifurcation": Kind(
         _bifurcation,
         "The last impacts",
         f"Place and speed of the left body at the last {LAST} impacts of each run, over one axis.",
+        needs=f"as `diagram`, and runs have more than {LAST} impacts",
+        dimensions=1,
     ),
 }
-NEEDS = {
-    "endings": "two axes change, and runs end in different ways",
-    "impacts": "two axes change, and there are impacts",
-    "bounces": "two axes change, and there are impacts on a wall",
-    "energy": "two axes change",
-    "contact": "two axes change, and lasting contact begins",
-    "curves": "an axis of numbers changes",
-    "diagram": "an axis of numbers changes, and impacts were kept with their places",
-    "times": "an axis of numbers changes, and impacts were kept with their times",
-    "bifurcation": f"as `diagram`, and runs have more than {LAST} impacts",
-}
-"""When a kind of figure has something to show."""
-_DIMENSIONS = {"curves": 1, "diagram": 1, "times": 1, "bifurcation": 1}
 
 
 def draw_grid_kind(grid: Swept, name: str, width: str = "double") -> Figure | None:
@@ -277,7 +283,6 @@ def draw_grid(grid: Swept, width: str = "double", columns: Sequence[str] = ()) -
         figure = kind.draw(grid, width)
         if figure is None:
             continue
-        one = _DIMENSIONS.get(name, 2)
-        shown = lattice(grid, one, numbers_first=one == 1)
+        shown = lattice(grid, kind.dimensions, numbers_first=kind.dimensions == 1)
         held = f" Held: {shown.held}." if shown is not None and shown.fixed else ""
         yield Drawn(name, kind.title, kind.caption + held, figure)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import patheffects
@@ -28,17 +28,16 @@ _CHARACTER = 1.25
 """Mean width of a character of a legend (mm)."""
 _HANDLE = 6.7
 """Width of a mark of a legend with the room around it (mm)."""
-_WIDELY = 5
-"""So many entries stand in one line with room between them."""
 HALO = [patheffects.withStroke(linewidth=1.4, foreground="white")]
 """Around what is written over lines."""
+SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
+"""The look of words over and under panels."""
 LINE = 3.4
 """Height of a line of a legend (mm)."""
 _BAR = (16.0, 1.6)
 """Width and height of the bar of colours (mm)."""
 _RIGHT = 2.5
 """Room at the right of the bar (mm)."""
-_BAR_WORDS = "$t$ [s]: 0"
 
 _SHARES = (0.9, 0.8, 0.7, 0.6)
 """Of the width, that rows of a legend are tried in."""
@@ -47,14 +46,32 @@ Entry = tuple[str, dict[str, Any]]
 """What is written, and the looks of its line or mark."""
 
 
-def rows_of(entries: Sequence[Entry], width: float, bar: float = 0.0) -> list[list[Entry]]:
-    """Return entries in as many rows as a width (mm) asks for, `bar` mm of the first taken.
+class Bar(NamedTuple):
+    """What the bar of colours says: what is drawn in the first of them, and in the last."""
+
+    first: str
+    last: str
+
+    @staticmethod
+    def of_time(until: float) -> Bar:
+        """Return that of the time from 0 to an instant (s)."""
+        return Bar("$t$ [s]: 0", short_number(until))
+
+    @property
+    def width(self) -> float:
+        """The room that it takes in the first row of a legend (mm)."""
+        return 2.0 * _RIGHT + _BAR[0] + text_width(self.first) + text_width(self.last)
+
+
+def rows_of(entries: Sequence[Entry], width: float, bar: Bar | None = None) -> list[list[Entry]]:
+    """Return entries in as many rows as a width (mm) asks for, with `bar` beside the first.
 
     The rows are as even as can be.
     """
-    rows = _filled(entries, width - bar, width)
+    room = width - (0.0 if bar is None else bar.width)
+    rows = _filled(entries, room, width)
     for share in _SHARES:
-        narrower = _filled(entries, min(share * width, width - bar), share * width)
+        narrower = _filled(entries, min(share * width, room), share * width)
         rows = narrower if len(narrower) == len(rows) else rows
     return rows
 
@@ -86,21 +103,11 @@ def text_width(text: str) -> float:
     return points * 25.4 / 72.0
 
 
-def bar_width(until: float) -> float:
-    """Return the room that the bar of time, up to an instant (s), takes in the first row (mm)."""
-    return 2.0 * _RIGHT + _BAR[0] + text_width(_BAR_WORDS) + text_width(short_number(until))
-
-
-def draw_legend(
-    figure: Figure, rows: Sequence[Sequence[Entry]], until: float | None = None
-) -> None:
-    """Draw the rows of a legend over the panels.
-
-    At the right of the first is the bar of time from 0 to an instant (s), if there is one.
-    """
+def draw_legend(figure: Figure, rows: Sequence[Sequence[Entry]], bar: Bar | None = None) -> None:
+    """Draw the rows of a legend over the panels, and at the right of the first one the bar."""
     width, height = figure.get_size_inches() / MM
     for number, row in enumerate(rows):
-        beside = until is not None and number == 0
+        beside = bar is not None and number == 0
         middle = _MIDDLE + number * LINE
         figure.legend(
             handles=handles_of(row),
@@ -113,53 +120,13 @@ def draw_legend(
             handletextpad=0.4,
             columnspacing=0.7,
         )
-    if until is not None:
-        _draw_time(figure, width, height, until)
+    if bar is not None:
+        _draw_bar(figure, width, height, bar)
 
 
-def line_of_entries(figure: Figure, entries: Sequence[Entry]) -> None:
-    """Draw a legend of names and looks in one line over the panels; of many, closer together."""
-    many = len(entries) > _WIDELY
-    figure.legend(
-        handles=handles_of(entries),
-        loc="upper center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=max(len(entries), 1),
-        borderaxespad=0.15,
-        borderpad=0.15,
-        handlelength=1.4 if many else 1.8,
-        handletextpad=0.25 if many else 0.4,
-        columnspacing=0.6 if many else 1.1,
-    )
-
-
-def wrapped_legend(figure: Figure | None, entries: Sequence[Entry], width: float) -> int:
-    """Draw marks and names over the panels in lines of a width (mm); return how many lines.
-
-    Without a figure nothing is drawn, but the lines are counted.
-    """
-    widest = max(len(text) for text, _ in entries) * _CHARACTER + _HANDLE
-    columns = min(len(entries), max(1, int(width / widest)))
-    if figure is not None:
-        figure.legend(
-            handles=handles_of(entries),
-            loc="upper center",
-            bbox_to_anchor=(0.5, 1.0),
-            ncols=columns,
-            borderaxespad=0.15,
-            borderpad=0.15,
-            handlelength=1.0,
-            handletextpad=0.4,
-            columnspacing=1.0,
-            labelspacing=0.25,
-        )
-    return -(-len(entries) // columns)
-
-
-def _draw_time(figure: Figure, width: float, height: float, until: float) -> None:
-    """Draw the bar of time at the right."""
-    end = short_number(until)
-    left = width - _RIGHT - _BAR[0] - text_width(end) - 1.0
+def _draw_bar(figure: Figure, width: float, height: float, words: Bar) -> None:
+    """Draw the bar of colours at the right."""
+    left = width - _RIGHT - _BAR[0] - text_width(words.last) - 1.0
     middle = height - _MIDDLE
     bar = figure.add_axes(
         (left / width, (middle - 0.5 * _BAR[1]) / height, _BAR[0] / width, _BAR[1] / height)
@@ -168,18 +135,24 @@ def _draw_time(figure: Figure, width: float, height: float, until: float) -> Non
     bar.set_xticks([])
     bar.set_yticks([])
     before: dict[str, Any] = {"ha": "right", "va": "center_baseline", "fontsize": style.SMALL}
-    figure.text((left - 0.8) / width, middle / height, _BAR_WORDS, **before)
+    figure.text((left - 0.8) / width, middle / height, words.first, **before)
     after = before | {"ha": "left"}
-    figure.text((left + _BAR[0] + 0.8) / width, middle / height, end, **after)
+    figure.text((left + _BAR[0] + 0.8) / width, middle / height, words.last, **after)
 
 
 def short_number(value: float, digits: int = 4) -> str:
-    """Return a number with a few digits as text."""
+    """Return a number with a few digits as text, the minus sign a minus."""
     plain = f"{value:.{digits}g}"
     if "e" not in plain:
-        return plain
+        return plain.replace("-", "−")
     factor, power = plain.split("e")
     return rf"${factor}\times 10^{{{int(power)}}}$"
+
+
+def ring(points: int) -> Array:
+    """Return points of the circle of radius 1 around the origin, shape (points, 2)."""
+    angles = np.linspace(0.0, 2.0 * np.pi, points)
+    return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 _HIGH = 2.5

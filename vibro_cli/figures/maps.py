@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis, YAxis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
@@ -20,17 +21,17 @@ from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, draw_dots
-from vibro_cli.figures.labels import LINE, text_width, wrapped_legend
+from vibro_cli.figures.labels import LINE, draw_legend, rows_of, text_width
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.style import MM, width_of
 from vibro_cli.figures.ticks import (
     LEAST,
     Ticks,
     angle_ticks,
+    label_axis,
     number_ticks,
     vertical_angle_ticks,
     vertical_ticks,
-    with_power,
 )
 
 Column = NDArray[Any]
@@ -258,23 +259,14 @@ def _coordinate(grid: Swept, path: str, rows: NDArray[np.int64]) -> Coordinate:
     return Coordinate(path, unit, place, tuple(map(str, words[order][:_MOST_WORDS])))
 
 
-def set_axis(axes: Axes, one: Coordinate, length: float, vertical: bool) -> Ticks:
-    """Set limits, ticks and label of an axis of a figure, of a length (mm)."""
+def set_axis(axis: Axis, one: Coordinate, length: float, labelled: bool = True) -> None:
+    """Set limits, ticks and, if `labelled`, the label of an axis of a figure, of a length (mm)."""
     edges = one.edges()
     low, high = float(edges[0]), float(edges[-1])
+    vertical = isinstance(axis, YAxis)
+    (axis.axes.set_ylim if vertical else axis.axes.set_xlim)(low, high)
     ticks = one.ticks(low, high, length, vertical)
-    unit = with_power(one.unit, ticks)
-    label = one.symbol or words_of(one.path)
-    text = f"{label} [{unit}]" if unit else label
-    if vertical:
-        axes.set_ylim(low, high)
-        axes.set_yticks(ticks.places, ticks.labels)
-        axes.set_ylabel(text)
-    else:
-        axes.set_xlim(low, high)
-        axes.set_xticks(ticks.places, ticks.labels)
-        axes.set_xlabel(text)
-    return ticks
+    label_axis(axis, ticks, one.symbol or words_of(one.path), one.unit, labelled)
 
 
 COLOURS = {
@@ -413,10 +405,10 @@ def ending_map(grid: Swept, width: str = "single") -> Figure | None:
 def category_map(shown: Lattice, width: str, found: Categories) -> Figure:
     """Return a map over two axes with a colour for each category, named above it."""
     with style.journal():
-        lines = wrapped_legend(None, found.entries(), WIDTHS[width])
-        figure, axes = _panel(shown, width, lines * LINE, _RIGHT)
+        rows = rows_of(found.entries(), width_of(width))
+        figure, axes = _panel(shown, width, len(rows) * LINE, _RIGHT)
         _fill(axes, shown, found.code.astype(np.float64), found.colours(), found.norm())
-        wrapped_legend(figure, found.entries(), WIDTHS[width])
+        draw_legend(figure, rows)
     return figure
 
 
@@ -460,7 +452,7 @@ def _norm(values: Array, least_log: float) -> Normalize:
 
 def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Figure, Axes]:
     """Return a figure with its one panel, labelled, `right` mm left free beside it."""
-    wide, high = WIDTHS[width], _HIGH[width]
+    wide, high = width_of(width), _HIGH[width]
     across, along = shown.coordinates
     edges = along.edges()
     ticks = along.ticks(float(edges[0]), float(edges[-1]), high, vertical=True)
@@ -469,8 +461,8 @@ def _panel(shown: Lattice, width: str, legend: float, right: float) -> tuple[Fig
     total = _TOP + legend + high + _BOTTOM
     sheet = Sheet(wide, total)
     axes = sheet.panel(left, _BOTTOM, inner, high)
-    set_axis(axes, across, inner, vertical=False)
-    set_axis(axes, along, high, vertical=True)
+    set_axis(axes.xaxis, across, inner)
+    set_axis(axes.yaxis, along, high)
     return sheet.figure, axes
 
 

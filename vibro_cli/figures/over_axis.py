@@ -21,11 +21,10 @@ from vibro_cli.figures.chart import (
     MOST_VECTOR_POINTS,
     draw_dots,
     log_axis,
-    number_bar,
     stacked,
     value_axis,
 )
-from vibro_cli.figures.labels import LINE, wrapped_legend
+from vibro_cli.figures.labels import Bar, draw_legend
 from vibro_cli.figures.maps import (
     Coordinate,
     Endings,
@@ -36,7 +35,6 @@ from vibro_cli.figures.maps import (
     set_axis,
 )
 from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import WIDTHS
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.mechanics.trace import HUMP, VALLEY
 from vibro_cli.scenario.problems import suggestion
@@ -89,19 +87,14 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
     panels = [one for one in panels if np.any(np.isfinite(one[0]))]
     panels = [one for one in panels if np.nanmin(one[0]) < np.nanmax(one[0])] or panels[:1]
     with style.journal():
-        lines = wrapped_legend(None, endings.entries(), WIDTHS[width])
         heights = _ROW[width][: len(panels)]
-        figure, drawn, across = stacked(width, heights, 2.0 + lines * LINE)
+        figure, drawn, across = stacked(width, heights, entries=endings.entries())
         for axes, (values, symbol, unit), wide, high in zip(
             drawn, panels, across, _ROW[width], strict=False
         ):
             _dots(axes, shown, values, endings)
             _value(axes, values, high, symbol, unit)
-            set_axis(axes, shown.coordinates[0], wide, vertical=False)
-            if axes is not drawn[-1]:
-                axes.set_xlabel("")
-                axes.set_xticklabels([])
-        wrapped_legend(figure, endings.entries(), WIDTHS[width])
+            set_axis(axes.xaxis, shown.coordinates[0], wide, labelled=axes is drawn[-1])
     return figure
 
 
@@ -173,30 +166,38 @@ def _impacts_over(
     if shown_column is None or shown is None or "n" not in grid.impact_columns():
         return None
     name, symbol, unit = shown_column
-    scenarios = grid.summary["scenario"][shown.rows]
-    impacts = grid.impacts(["scenario", "n", name], scenarios)
+    impacts, row = _impacts_of(grid, shown, ["n", name])
     number = np.asarray(impacts["n"], dtype=np.float64)
     values = np.asarray(impacts[name], dtype=np.float64)
     kept = np.isfinite(values) & (number <= (np.inf if most is None else most))
     if not np.any(kept):
         return None
-    order = np.argsort(scenarios)
-    row = order[np.searchsorted(scenarios, impacts["scenario"][kept], sorter=order)]
-    number, values = number[kept], values[kept]
+    number, values, row = number[kept], values[kept], row[kept]
     places, ends = _early_ends(grid, shown, most) if name == "t" else (np.empty(0), np.empty(0))
     every = np.concatenate([values, ends])
     with style.journal():
         figure, (axes,), across = stacked(width, [_DIAGRAM[width]])
         value_axis(axes, float(np.min(every)), float(np.max(every)), _DIAGRAM[width], symbol, unit)
-        set_axis(axes, shown.coordinates[0], across[0], vertical=False)
+        set_axis(axes.xaxis, shown.coordinates[0], across[0])
         size = float(np.clip(6000.0 / len(values), 0.15, 4.0))
         norm = Normalize(float(np.min(number)), float(np.max(number)))
         along = shown.coordinates[0].place[row]
         draw_dots(axes, along, values, number, style.time_colours(), norm, size)
         if len(ends):
             axes.plot(places, ends, **ENDED)
-        number_bar(figure, int(np.max(number)), [("run ended", ENDED)] if len(ends) else [])
+        entries = [[("run ended", ENDED)]] if len(ends) else []
+        draw_legend(figure, entries, Bar("impact 1", str(int(np.max(number)))))
     return figure
+
+
+def _impacts_of(
+    grid: Swept, shown: Lattice, columns: Sequence[str]
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
+    """Return columns of the impacts of the points that are shown, and the point of each impact."""
+    scenarios = grid.summary["scenario"][shown.rows]
+    impacts = grid.impacts(list(dict.fromkeys(["scenario", *columns])), scenarios)
+    order = np.argsort(scenarios)
+    return impacts, order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
 
 
 def _early_ends(grid: Swept, shown: Lattice, most: int | None) -> tuple[Array, Array]:
@@ -352,11 +353,8 @@ def bifurcation(
         raise NothingToShow("no axis of numbers changes")
     if not panels:
         raise NothingToShow("the grid kept neither places nor speeds of its impacts")
-    scenarios = grid.summary["scenario"][shown.rows]
-    wanted = ["scenario", "n", *section.columns, *(name for name, _, _ in panels)]
-    impacts = grid.impacts(list(dict.fromkeys(wanted)), scenarios)
-    order = np.argsort(scenarios)
-    row = order[np.searchsorted(scenarios, impacts["scenario"], sorter=order)]
+    wanted = ["n", *section.columns, *(name for name, _, _ in panels)]
+    impacts, row = _impacts_of(grid, shown, wanted)
     sorting = np.lexsort((impacts["n"], row))
     impacts, row = {name: column[sorting] for name, column in impacts.items()}, row[sorting]
     chosen = section.chosen(impacts, row)
@@ -368,10 +366,8 @@ def bifurcation(
         figure, drawn, wide = stacked(width, [_HIGH[width]] * len(panels), 2.0)
         for axes, panel, inner in zip(drawn, panels, wide, strict=True):
             values = np.asarray(impacts[panel[0]], dtype=np.float64)[chosen]
-            _draw_over(axes, across, across.place[row][chosen], values, panel, (inner, width))
-            if axes is not drawn[-1]:
-                axes.set_xlabel("")
-                axes.set_xticklabels([])
+            set_axis(axes.xaxis, across, inner, labelled=axes is drawn[-1])
+            _draw_over(axes, across.place[row][chosen], values, panel, width)
     return figure
 
 
@@ -404,26 +400,18 @@ def poincare(
     along = Coordinate(name, unit, x, (), symbol)
     with style.journal():
         figure, (axes,), (inner,) = stacked(width, [_SQUARE[width]], 2.0)
-        _draw_over(axes, along, x, y, quantities[1], (inner, width))
+        set_axis(axes.xaxis, along, inner)
+        _draw_over(axes, x, y, quantities[1], width)
         low, high = axes.get_xlim()
         axes.set_xlim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
     return figure
 
 
-def _draw_over(
-    axes: Axes,
-    across: Coordinate,
-    places: Array,
-    values: Array,
-    quantity: Quantity,
-    room: tuple[float, str],
-) -> None:
-    """Draw values as dots over places; `room` is the width of the panel (mm) and its name."""
+def _draw_over(axes: Axes, places: Array, values: Array, quantity: Quantity, width: str) -> None:
+    """Draw values as dots over places, along an axis that is set."""
     _, symbol, unit = quantity
     finite = values[np.isfinite(values)]
     low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
-    inner, width = room
     value_axis(axes, low, high, _HIGH[width], symbol, unit)
-    set_axis(axes, across, inner, vertical=False)
     black, size = ListedColormap([style.BLACK]), float(np.clip(6000 / len(values), 0.15, 4))
     draw_dots(axes, places, values, np.ones(len(values)), black, Normalize(0, 1), size)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from matplotlib.axis import Axis, YAxis
 from matplotlib.ticker import MaxNLocator
 
 _SIDES = {"pre": " before", "post": " after"}
@@ -92,12 +93,8 @@ def angle_ticks(low: float, high: float, width: float) -> Ticks:
     parts of π get decimal numbers.
     """
     chosen = Ticks((), ())
-    for part in _PARTS_OF_PI:
-        step = float(part) * math.pi
-        numbers = range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
-        labels = tuple(part_of_pi(part * number) for number in numbers)
-        ticks = Ticks(tuple(number * step for number in numbers), labels)
-        if not _fits(labels, step * width / (high - low)):
+    for step, ticks in _parts_of_pi(low, high):
+        if not _fits(ticks.labels, step * width / (high - low)):
             break
         chosen = ticks
         if len(ticks.places) >= _ENOUGH:
@@ -112,17 +109,22 @@ def vertical_angle_ticks(low: float, high: float, height: float) -> Ticks:
     """
     edge = _EDGE / height * (high - low)
     chosen = Ticks((), ())
-    for part in _PARTS_OF_PI:
-        step = float(part) * math.pi
+    for step, ticks in _parts_of_pi(low + edge, high):
         if step / (high - low) * height < _LINE:
             break
-        first, last = math.ceil((low + edge) / step), math.floor(high / step + 1e-9)
-        numbers = range(first, last + 1)
-        labels = tuple(part_of_pi(part * number) for number in numbers)
-        chosen = Ticks(tuple(number * step for number in numbers), labels)
+        chosen = ticks
         if len(chosen.places) >= _ENOUGH:
             break
     return chosen if len(chosen.places) > 1 else vertical_ticks(low, high, height)
+
+
+def _parts_of_pi(low: float, high: float) -> Iterator[tuple[float, Ticks]]:
+    """Yield steps of an axis (rad), ever smaller parts of π, with its ticks at their multiples."""
+    for part in _PARTS_OF_PI:
+        step = float(part) * math.pi
+        numbers = range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+        labels = tuple(part_of_pi(part * number) for number in numbers)
+        yield step, Ticks(tuple(number * step for number in numbers), labels)
 
 
 def number_ticks(low: float, high: float, width: float, whole: bool = False) -> Ticks:
@@ -165,6 +167,21 @@ def with_power(unit: str, ticks: Ticks) -> str:
     return rf"$10^{{{ticks.power}}}$ {unit}".rstrip() if ticks.power else unit
 
 
+def label_axis(
+    axis: Axis, ticks: Ticks, name: str, unit: str, labelled: bool = True, after: str = ""
+) -> None:
+    """Set the ticks of an axis with their labels, and its name with the unit, if it has one.
+
+    Without `labelled` there are ticks alone. `after` is what is said behind the unit.
+    """
+    axis.set_ticks(ticks.places, ticks.labels if labelled else [""] * len(ticks.labels))
+    if isinstance(axis, YAxis):
+        axis.labelpad = 1.0
+    if labelled:
+        scaled = with_power(unit, ticks)
+        axis.set_label_text((f"{name} [{scaled}]" if scaled else name) + after)
+
+
 def _round_numbers(
     low: float, high: float, bins: int, whole: bool = False, power: int = 0
 ) -> Ticks:
@@ -172,6 +189,12 @@ def _round_numbers(
     values = locator.tick_values(low, high)
     places = tuple(float(value) for value in values if low <= value <= high)
     return Ticks(places, decimals([place / 10.0**power for place in places]), power)
+
+
+def round_below(value: float) -> float:
+    """Return the greatest of 1, 2, 5, 10, 20, … and of 0.5, 0.2, … that is not above a number."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(factor * power for factor in (5.0, 2.0, 1.0) if factor * power <= value)
 
 
 def decimals(values: Sequence[float]) -> tuple[str, ...]:

@@ -12,15 +12,13 @@ from matplotlib.figure import Figure
 from vibro_cli.benchmark.measurement import Row
 from vibro_cli.benchmark.scenes import BY_NAME
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet
-from vibro_cli.figures.labels import handles_of
-from vibro_cli.figures.style import WIDTHS
+from vibro_cli.figures.chart import Cell, in_rows
+from vibro_cli.figures.labels import LINE, draw_legend, rows_of
+from vibro_cli.figures.style import width_of
 
 _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _TITLE = 12.0, 2.5, 4.0, 9.0, 5.0
 _HIGH = {"double": 42.0, "single": 40.0}
-_LEGEND_LINE = 3.6
 _COLUMNS = {"double": 3, "single": 1}
-_LEGEND_COLUMNS = {"double": 5, "single": 3}
 _LEAST = 1e-17
 """Errors below this, and none at all, are drawn here."""
 _GREY = "#5a5a5a"
@@ -68,8 +66,11 @@ def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
         raise ValueError("no method got through any scene: there is nothing to draw")
     scenes = list(dict.fromkeys(row.scene for row in drawn))
     methods = list(dict.fromkeys(row.method for row in drawn))
+    legend = rows_of([(method, look(method)) for method in methods], width_of(width))
     with style.journal():
-        figure, axes = _panels(len(scenes), width, len(methods))
+        columns = min(_COLUMNS[width], len(scenes))
+        heights = _TITLE, _HIGH[width], _BETWEEN
+        figure, axes = _sheet(len(scenes), width, columns, heights, 1.5 + LINE * len(legend))
         powers = [math.log10(row.per_impact * 1e6) for row in drawn if row.per_impact]
         low, high = min(powers) - _MARK, max(powers) + _MARK
         ends = 10.0 ** math.floor(low), 10.0 ** math.ceil(high)
@@ -77,22 +78,12 @@ def work_precision(rows: Sequence[Row], width: str = "double") -> Figure:
             _draw(panel, [row for row in drawn if row.scene == scene], methods)
             panel.set_ylim(*ends)
             panel.set_title(BY_NAME[scene].title, loc="left", pad=2.5)
-            first = number % min(_COLUMNS[width], len(scenes)) == 0
+            first = number % columns == 0
             panel.set_ylabel("time per impact [µs]" if first else "")
             panel.tick_params(labelleft=first)
             panel.set_xlabel("relative error of the times")
-        figure.legend(
-            handles=handles_of((method, look(method)) for method in methods),
-            loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=_LEGEND_COLUMNS[width],
-            borderaxespad=0.2, handlelength=1.6, handletextpad=0.4, columnspacing=1.2,
-        )  # fmt: skip
+        draw_legend(figure, legend)
     return figure
-
-
-def _panels(count: int, width: str, entries: int) -> tuple[Figure, list[Axes]]:
-    top = 1.5 + _LEGEND_LINE * math.ceil(entries / _LEGEND_COLUMNS[width])
-    columns = min(_COLUMNS[width], count)
-    return _sheet(count, width, columns, (_TITLE, _HIGH[width], _BETWEEN), top)
 
 
 def _sheet(
@@ -104,15 +95,11 @@ def _sheet(
     each other (mm), `top` the room above all.
     """
     above, high, gap = heights
-    wide, cell = WIDTHS[width], above + high + _BOTTOM
-    total = top + math.ceil(count / columns) * cell
+    wide = width_of(width)
     inner = (wide - _LEFT - _RIGHT - (columns - 1) * gap) / columns
-    sheet, panels = Sheet(wide, total), []
-    for number in range(count):
-        line, column = divmod(number, columns)
-        bottom = total - top - (line + 1) * cell + _BOTTOM
-        panels.append(sheet.panel(_LEFT + column * (inner + gap), bottom, inner, high))
-    return sheet.figure, panels
+    cell = Cell(inner, high, above, _BOTTOM, gap)
+    sheet, corners = in_rows(cell, count, columns, wide, _LEFT, top)
+    return sheet.figure, [sheet.panel(*corner, inner, high) for corner in corners]
 
 
 def _draw(panel: Axes, rows: Sequence[Row], methods: Sequence[str]) -> None:

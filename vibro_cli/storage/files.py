@@ -6,13 +6,6 @@ interruption at any moment leaves what was there before or what was to be there,
 A manifest names the kind of the folder, the program and the libraries it was made with, and every
 file with its size and SHA-256. Nothing of the host or of the time stands in it, so that equal
 input gives an equal manifest.
-
-A file is written beside its place, flushed to the disk and renamed; a folder likewise, so that an
-interruption at any moment leaves what was there before or what was to be there, never a part.
-
-A manifest names the kind of the folder, the program and the libraries it was made with, and every
-file with its size and SHA-256. Nothing of the host or of the time stands in it, so that equal
-input gives an equal manifest.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from vibro_cli.storage.files import (
     read_manifest,
 )
 from vibro_cli.storage.tables import GrowingTable, Origin, parquet_bytes, table_named, to_arrow
-from vibro_cli.systems.columns import Column, Table, count, flag, number
+from vibro_cli.systems.columns import Table, count, flag, number, word
 
 if TYPE_CHECKING:
     import pyarrow
@@ -256,10 +256,8 @@ def orbits(balls: int) -> Table:
     ]
     columns = (
         number("value", "", "number of the scenario that was varied (null for one orbit)", True),
-        Column(
+        word(
             "special",
-            "string",
-            "",
             "doubling, fold, exchange, or how the family ends: bound, grazing, coincidence, …",
             nullable=True,
         ),
@@ -269,7 +267,7 @@ def orbits(balls: int) -> Table:
         number("multiplier", "", "size of the largest multiplier"),
         flag("stable", "whether no multiplier is larger than one"),
         number("least_speed", "m/s", "least speed of approach of an impact or at a wall"),
-        Column("word", "string", "", "events of a period, in order"),
+        word("word", "events of a period, in order"),
         *states,
     )
     return Table("orbits", "one periodic orbit", columns)

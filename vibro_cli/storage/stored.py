@@ -262,12 +262,10 @@ class StoredGrid:
 
         Raises ``KeyError`` where the grid has none of that name.
         """
-        import pyarrow.dataset as dataset
-
-        parts = [str(part) for part in _parts(self.folder / name)]
+        parts = _parts(self.folder / name)
         if not parts:
             raise KeyError(f"the grid {self.name} kept no table {name}")
-        return dataset.dataset(parts, format="parquet").to_table()
+        return _read(parts)
 
     def impact_columns(self) -> tuple[str, ...]:
         """Return the columns of the table of impacts, none where none was kept."""
@@ -288,12 +286,9 @@ class StoredGrid:
     def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
         """Return some columns of the impacts of some scenarios, in their order."""
         import pyarrow.compute as compute
-        import pyarrow.dataset as dataset
 
-        parts = [str(part) for part in _parts(self.folder / "collisions")]
         wanted = compute.field("scenario").isin(scenarios.tolist())
-        data = dataset.dataset(parts, format="parquet").to_table(list(columns), filter=wanted)
-        return _columns(data)
+        return _columns(_read(_parts(self.folder / "collisions"), list(columns), filter=wanted))
 
 
 def is_grid(folder: Path) -> bool:
@@ -307,8 +302,6 @@ def open_grid(folder: Path) -> StoredGrid:
     Raises `NotAGrid` when it is none of ours, holds no finished point, or when a file of it is
     missing or not as it was written.
     """
-    import pyarrow.dataset as dataset
-
     try:
         definition = json.loads((folder / GRID_NAME).read_bytes())
     except (OSError, ValueError) as error:
@@ -316,12 +309,12 @@ def open_grid(folder: Path) -> StoredGrid:
     manifest = read_manifest(folder)
     if manifest is None or not str(manifest["schema"]).startswith("vibro-grid/"):
         raise NotAGrid(f"{folder} holds no grid of vibro; expected its manifest")
-    parts = [str(part) for part in _parts(folder / "summary")]
+    parts = _parts(folder / "summary")
     if not parts:
         raise NotAGrid(f"{folder} holds no finished point of its grid")
     for damage in check_files(folder, manifest["files"]):
         raise NotAGrid(f"{folder}/{damage}; vibro grid GRID --repair solves it again")
-    data = dataset.dataset(parts, format="parquet").to_table()
+    data = _read(parts)
     names = data.column_names
     return StoredGrid(
         folder=folder,
@@ -335,6 +328,14 @@ def open_grid(folder: Path) -> StoredGrid:
 
 def _parts(folder: Path) -> list[Path]:
     return sorted(folder.glob("part-*.parquet"))
+
+
+def _read(parts: Sequence[Path], *columns: Any, **wanted: Any) -> pyarrow.Table:
+    """Return the rows of the files of a table, one after another; else as pyarrow's `to_table`."""
+    import pyarrow.dataset as dataset
+
+    files = [str(part) for part in parts]
+    return dataset.dataset(files, format="parquet").to_table(*columns, **wanted)
 
 
 def _unit(field: pyarrow.Field) -> str:

@@ -133,25 +133,41 @@ def impact_head() -> Iterator[Column]:
     yield number("dt", "s", text, True, lambda rows: rows.between)
 
 
-def impact_tail() -> Iterator[Column]:
-    """What every impact of two bodies ends with, besides the trace's."""
-    text = "energy lost in the impact"
-    yield number("energy_loss", "J", text, value=of_log("loss"))
+def before_and_after(
+    name: str,
+    unit: str,
+    text: str,
+    nullable: bool = False,
+    value: Callable[[str, str], Value] | None = None,
+) -> Iterator[Column]:
+    """The same quantity of both bodies, before and after the impact; `value` as for `phases`."""
+    for end, when, words in ENDS:
+        own = None if value is None else value(end, when)
+        what = f"{text}, {words} the impact, of body {end}"
+        yield number(f"{name}_{end}_{when}", unit, what, nullable, own)
+
+
+def impact_tail(
+    loss: str = "energy lost in the impact",
+    gap: str = "horizontal distance of the centres beyond that of touching",
+    simultaneous: str = "whether the event before it was at the same instant, or others are solved "
+    "with it",
+) -> Iterator[Column]:
+    """What every impact of two bodies ends with, with what three columns mean."""
+    yield number("energy_loss", "J", loss, value=of_log("loss"))
     text = "J_Pb (ω_b⁺ − ω_b⁻), the moment of the impulse"
     yield number("impulse_moment", "N m s", text, value=lambda rows: rows.impulse_moment)
     text = "speed of approach along the line of centres, before"
     yield number("approach_speed", "m/s", text, value=lambda rows: rows.approach_speed)
     text = "speed of separation along the line of centres, after"
     yield number("separation_speed", "m/s", text, value=lambda rows: rows.separation_speed)
-    text = "horizontal distance of the centres beyond that of touching"
-    yield number("gap", "m", text, value=of_log("gap"))
+    yield number("gap", "m", gap, value=of_log("gap"))
     yield LAW
     text = "whether the bodies separate after the law of the scenario"
     yield flag("admissible", text, is_one("admissible"))
     text = "whether the normal-impulse law stood in for an inadmissible impact"
     yield flag("substituted", text, is_one("substituted"))
-    text = "whether the event before it was at the same instant, or others are solved with it"
-    yield flag("simultaneous", text, is_one("simultaneous"))
+    yield flag("simultaneous", simultaneous, is_one("simultaneous"))
     yield grazing()
 
 
@@ -201,22 +217,24 @@ def of_clock(name: str) -> Value:
     return lambda totals: int(totals.clock[name])
 
 
-def summary_balance() -> Iterator[Column]:
-    """Times, energies and gaps of every summary, besides the trace's."""
-    text = "time of the first impact of two bodies"
+def summary_balance(
+    impact: str = "impact of two bodies",
+    drift: str = "relative change of the energy, where it should be kept",
+    gap: str = "largest distance left between bodies at an impact",
+) -> Iterator[Column]:
+    """Times, energies and gaps of every summary; `drift` and `gap` are what two columns mean."""
+    text = f"time of the first {impact}"
     yield number("first_collision_time", "s", text, True, lambda totals: totals.first_time)
-    text = "time of the last impact of two bodies"
+    text = f"time of the last {impact}"
     yield number("last_collision_time", "s", text, True, lambda totals: totals.last_time)
     text = "energy of all bodies at the start"
     yield number("energy_start", "J", text, True, lambda totals: totals.energy_start)
     text = "energy of all bodies at the end"
     yield number("energy_end", "J", text, True, lambda totals: totals.energy_end)
-    text = "relative change of the energy, where it should be kept"
-    yield number("energy_drift", "", text, True, lambda totals: totals.energy_drift)
+    yield number("energy_drift", "", drift, True, lambda totals: totals.energy_drift)
     text = "sum of the corrections that keep the energy, absolute"
     yield number("energy_correction", "J", text, True, lambda t: t.clock["energy_correction"])
-    text = "largest distance left between bodies at an impact"
-    yield number("max_gap", "m", text, True, lambda totals: totals.largest_gap)
+    yield number("max_gap", "m", gap, True, lambda totals: totals.largest_gap)
 
 
 GROWTH = (

@@ -170,7 +170,7 @@ class System(ABC):
         """Whether bodies may lift off what they roll on."""
         return False
 
-    # The solver: systems/driver.py, systems/run.py, systems/run.py.
+    # The solver: systems/driver.py, systems/run.py.
 
     @property
     @abstractmethod

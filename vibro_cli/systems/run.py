@@ -3,9 +3,6 @@
 Of one that is told of, stretches of its logs become rows of its tables. Nothing is kept but what
 the rest of the run needs, so that memory does not grow with it. The solver goes on in one thread
 while another makes the columns, and a third one writes them.
-
-Nothing is kept but what the rest of the run needs, so that memory does not grow with it. The
-solver goes on in one thread while another makes the columns, and a third one writes them.
 """
 
 from __future__ import annotations

@@ -14,20 +14,19 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from vibro_cli.analysis.levels import Landscape, LevelCurve, SpeedCurve
-from vibro_cli.analysis.singular import Portrait, portrait_of
+from vibro_cli.analysis.levels import Landscape
+from vibro_cli.analysis.singular import portrait_of
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import LEFT, MOST_VECTOR_POINTS, stacked
+from vibro_cli.figures.chart import MOST_VECTOR_POINTS, stacked
 from vibro_cli.figures.labels import LINE, draw_legend
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.layers import Background, last_time
-from vibro_cli.figures.portraits.panels import Panel, Window
-from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows, seen
-from vibro_cli.figures.portraits.trace_phase_plane import EIGHT, JUNCTION, both_ways, curves_of
+from vibro_cli.figures.portraits.layers import Background, coloured_until
+from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, plane, straight
+from vibro_cli.figures.portraits.portrait import draw_motion, greatest_rate, legend_rows, seen
+from vibro_cli.figures.portraits.trace_phase_plane import behind_along, draw_junctions
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
-from vibro_cli.mechanics.trace import LINE as STRAIGHT
+from vibro_cli.figures.ticks import label_axis, vertical_ticks
 from vibro_cli.mechanics.trace import Piece, Trace
 
 _HIGH = (58.0, 36.0)
@@ -36,30 +35,25 @@ _TOP = 4.5
 """Room for the first line of the legend (mm)."""
 
 
-def panels_over(width: str, window: Window, lines: int) -> tuple[Figure, Panel, Panel]:
-    """Return a figure with the portrait and, below it, the energies."""
+def panels_over(
+    width: str, window: Window, lines: int, symbols: Symbols
+) -> tuple[Figure, Panel, Panel]:
+    """Return a figure with the portrait and, below it, the energies.
+
+    `lines` are those of the legend.
+    """
     above = _TOP + LINE * (lines - 1)
-    figure, (upper, lower), across = stacked(width, _HIGH, above)
-    panels = [
-        Panel(axes, window, True, wide, high, LEFT, row)
-        for row, (axes, wide, high) in enumerate(zip((upper, lower), across, _HIGH, strict=True))
-    ]
-    upper.set_ylim(-window.top, window.top)
-    for axes, wide, labelled in zip((upper, lower), across, (False, True), strict=True):
-        axes.set_xlim(window.low, window.high)
-        ticks = number_ticks(window.low, window.high, wide)
-        axes.set_xticks(ticks.places, ticks.labels if labelled else ("",) * len(ticks.labels))
-    return figure, panels[0], panels[1]
+    figure, (upper, lower), (wide, _) = stacked(width, _HIGH, above)
+    portrait = plane(upper, window, (wide, _HIGH[0]), symbols, labelled=False)
+    energies = plane(lower, window, (wide, _HIGH[1]), symbols)
+    return figure, portrait, energies
 
 
 def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
     """Set the axis of the energies (J)."""
     top = highest if highest > lowest else lowest + 1.0
     lower.axes.set_ylim(lowest, top)
-    ticks = vertical_ticks(lowest, top, lower.height)
-    lower.axes.set_yticks(ticks.places, ticks.labels)
-    scaled = with_power("J", ticks)
-    lower.axes.set_ylabel(f"$E$ [{scaled}]", labelpad=1.0)
+    label_axis(lower.axes.yaxis, vertical_ticks(lowest, top, lower.height), "$E$", "J")
 
 
 def draw_energies(lower: Panel, path: Trajectory, energies: Array, until: float | None) -> None:
@@ -115,26 +109,21 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
     energies = 0.5 * landscape.body.kappa * landscape.body.mass * branches.rate**2
     below = _potential_at(landscape, branches.position)
     energies += below
-    behind, eights = _behind(portrait)
+    behind = behind_along(portrait)
     window = _window(landscape.trace, path, behind)
     behind = seen(behind, [window])
-    entries = [("potential energy", POTENTIAL)]
-    if any(np.any((one.s > window.low) & (one.s < window.high)) for one in eights):
-        entries.insert(0, ("figure eight", EIGHT))
     with style.journal():
-        rows = legend_rows(path, behind, width, entries)
-        figure, upper, lower = panels_over(width, window, len(rows))
+        rows, bar = legend_rows(path, behind, width, [("potential energy", POTENTIAL)])
+        symbols = Symbols(rf"$s_{{{ball}}}$", rf"$v_{{{ball}}}$")
+        figure, upper, lower = panels_over(width, window, len(rows), symbols)
         draw_motion([upper], path, behind)
-        _draw_eights(upper, eights)
         places, values = _potential(landscape)
         lower.axes.plot(places, values, zorder=1.5, **POTENTIAL)
-        draw_energies(lower, path, energies, None if few(path) else last_time(path))
-        for piece in landscape.trace.pieces[1:]:
-            for panel in (upper, lower):
-                panel.axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
+        draw_energies(lower, path, energies, coloured_until(path))
+        for panel in (upper, lower):
+            draw_junctions(panel, landscape.trace)
         limit_energies(lower, *_limits(energies, below, 1e-3 * float(np.max(values))))
-        _label(upper, lower, ball)
-        draw_legend(figure, rows, None if few(path) else last_time(path))
+        draw_legend(figure, rows, bar)
     return figure
 
 
@@ -210,21 +199,6 @@ def _potential_at(landscape: Landscape, s: Array) -> Array:
     return found
 
 
-def _behind(portrait: Portrait) -> tuple[Background, tuple[SpeedCurve, ...]]:
-    """Return what stands behind the branches, and the figure eights."""
-    curves = curves_of(portrait)
-
-    def levels(group: tuple[SpeedCurve, ...]) -> tuple[LevelCurve, ...]:
-        return tuple(LevelCurve(0, curve.s, curve.speed) for curve in group)
-
-    points = tuple(replace(point, piece=0, position=point.s) for point in portrait.points)
-    behind = Background(
-        separatrices=levels(curves.separatrices), arc_separatrices=(),
-        levels=levels(curves.levels), points=points,
-    )  # fmt: skip
-    return behind, curves.eights
-
-
 def _limits(energies: Array, potential: Array, least: float) -> tuple[float, float]:
     """Return the ends of the axis of energies (J), the upper first, which is `least` at least.
 
@@ -238,38 +212,16 @@ def _limits(energies: Array, potential: Array, least: float) -> tuple[float, flo
     return 1.15 * max(high, least), 0.0
 
 
-def _draw_eights(upper: Panel, eights: tuple[SpeedCurve, ...]) -> None:
-    upper.axes.add_collection(
-        LineCollection(both_ways(eights), zorder=1.25, **EIGHT), autolim=False
-    )
-
-
 def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
     """Return the whole trace, as high as the motion and the separatrices.
 
     Of a motion on a small part of it, that part, with room on both sides.
     """
-    (branches,) = path.branches
-    jumps = path.jumps
-    rates = [branches.rate.ravel(), jumps.before, jumps.after[jumps.made]]
-    reached = float(max(np.max(np.abs(rate), initial=0.0) for rate in rates))
+    (branches,), reached = path.branches, greatest_rate(path, [0])
     through = max((float(np.max(curve.rate)) for curve in behind.separatrices), default=0.0)
     low, high, extent = 0.0, trace.length, float(np.ptp(branches.position))
     if 0.0 < extent < _SMALL * trace.length:
         low = max(low, float(np.min(branches.position)) - _BESIDE * extent)
         high = min(high, float(np.max(branches.position)) + _BESIDE * extent)
         through = 0.0
-    first, last = trace.pieces[0], trace.pieces[-1]
-    line = Piece(
-        0, STRAIGHT, 0.0, np.inf, 0.0, 0.0, trace.length, 0.0, first.start, last.end,
-        (np.nan, np.nan), 0.0, trace.length,
-    )  # fmt: skip
-    return Window(line, low, high, _MARGIN * (max(reached, through) or 1.0))
-
-
-def _label(upper: Panel, lower: Panel, ball: int) -> None:
-    ticks = vertical_ticks(-upper.window.top, upper.window.top, upper.height)
-    upper.axes.set_yticks(ticks.places, ticks.labels)
-    upper.axes.set_ylabel(rf"$v_{{{ball}}}$ [{with_power('m/s', ticks)}]", labelpad=1.0)
-    unit = with_power("m", number_ticks(*lower.axes.get_xlim(), lower.width))
-    lower.axes.set_xlabel(rf"$s_{{{ball}}}$ [{unit}]")
+    return straight(low, high, _MARGIN * (max(reached, through) or 1.0))

@@ -25,16 +25,13 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import MOST_VECTOR_POINTS
 from vibro_cli.figures.labels import HALO, Entry, leader, place_numbers
 from vibro_cli.figures.portraits.panels import Panel, Window
-from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory
+from vibro_cli.figures.portraits.trajectory import MOST_NUMBERS, Branches, Jumps, Trajectory
 from vibro_cli.figures.source import Array
-from vibro_cli.mechanics.trace import Piece
 
 
-def legend_of(
-    path: Trajectory, behind: Background, marked: bool, others: Sequence[Entry] = ()
-) -> list[Entry]:
+def legend_of(path: Trajectory, behind: Background, others: Sequence[Entry] = ()) -> list[Entry]:
     """Return names and looks of everything on a portrait, `others` after what is of the run."""
-    jumps = path.jumps
+    jumps, marked = path.jumps, coloured_until(path) is None
     entries = [("start", START)]
     if np.any(path.first.made):
         first = "" if marked else f" 1–{path.first.number[-1]}"
@@ -49,26 +46,31 @@ def legend_of(
     return [*entries, *others, *behind_entries(behind)]
 
 
-def behind_entries(behind: Background) -> list[Entry]:
-    """Return names and looks of what stands behind the branches."""
-    entries: list[Entry] = []
-    if behind.separatrices:
-        entries.append(("separatrix", SEPARATRIX))
-    if behind.arc_separatrices:
-        entries.append(("separatrix of the full circle", ARC_SEPARATRIX))
-    if behind.levels:
-        entries.append(("level", LEVEL))
-    return [*entries, *point_entries(behind.points)]
+def behind_entries(*behind: Background) -> list[Entry]:
+    """Return names and looks of what stands behind the branches, of one panel or of several."""
+    curves = (
+        (any(one.eights for one in behind), ("figure eight", EIGHT)),
+        (any(one.separatrices for one in behind), ("separatrix", SEPARATRIX)),
+        (
+            any(one.arc_separatrices for one in behind),
+            ("separatrix of the full circle", ARC_SEPARATRIX),
+        ),
+        (any(one.levels for one in behind), ("level", LEVEL)),
+    )
+    kinds = {point.kind for one in behind for point in one.points}
+    return [
+        *(entry for is_drawn, entry in curves if is_drawn),
+        *((kind, POINT | {"marker": mark}) for kind, mark in MARKER.items() if kind in kinds),
+    ]
 
 
-def point_entries(points: Sequence[SingularPoint]) -> list[Entry]:
-    """Return names and looks of those kinds of singular points that there are."""
-    kinds = {point.kind for point in points}
-    return [(kind, POINT | {"marker": marker}) for kind, marker in MARKER.items() if kind in kinds]
+def coloured_until(path: Trajectory) -> float | None:
+    """Return the time (s) with which the colours of time end: of the body's last impact.
 
-
-def last_time(path: Trajectory) -> float:
-    """Return the time (s) with which the colours of time end: of the body's last impact."""
+    None for so few impacts that they are numbered and marked one by one: then there is one colour.
+    """
+    if len(path.jumps.number) <= MOST_NUMBERS:
+        return None
     made = path.jumps.time[path.jumps.made]
     return float(np.max(made)) if len(made) else path.end
 
@@ -85,12 +87,14 @@ _FRACTIONS = (1.0 / 3.0, 2.0 / 3.0)
 class Background:
     """Curves behind the branches, each list for the whole trace."""
 
-    separatrices: tuple[LevelCurve, ...]
-    """Level curves through the saddles of the trace."""
-    arc_separatrices: tuple[LevelCurve, ...]
-    """On a trace without a saddle, those of the full circles of which the arcs are parts."""
     levels: tuple[LevelCurve, ...]
     points: tuple[SingularPoint, ...]
+    separatrices: tuple[LevelCurve, ...] = ()
+    """Level curves through the saddles of the trace."""
+    eights: tuple[LevelCurve, ...] = ()
+    """Those that are a figure eight, where they are told apart."""
+    arc_separatrices: tuple[LevelCurve, ...] = ()
+    """On a trace without a saddle, those of the full circles of which the arcs are parts."""
 
 
 def background(landscape: Landscape, highest: float) -> Background:
@@ -106,12 +110,13 @@ def background(landscape: Landscape, highest: float) -> Background:
             for curve in separatrix_curves(landscape, energy, saddles_of(points, energy))
         ),
         arc_separatrices=tuple(curve for curve in own if curve is not None),
-        levels=_curves(landscape, level_energies(points, highest)),
+        levels=curves_at(landscape, level_energies(points, highest)),
         points=points,
     )
 
 
-def _curves(landscape: Landscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
+def curves_at(landscape: Landscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
+    """Return the level curves of some energies (J), piece by piece."""
     return tuple(
         curve
         for energy in energies
@@ -167,11 +172,6 @@ def both_halves(curve: LevelCurve) -> list[Array]:
     return [upper, lower]
 
 
-def on_piece(curves: Sequence[LevelCurve], piece: Piece) -> list[LevelCurve]:
-    """Return the curves of one piece."""
-    return [curve for curve in curves if curve.piece == piece.index]
-
-
 _HAIR = 0.008
 """How far a curve that is drawn may lie from the true one (mm)."""
 _MARK = 0.7
@@ -189,6 +189,7 @@ SEPARATRIX: dict[str, Any] = {
     "linewidth": 0.6,
     "linestyle": (0, (6.0, 2.0)),
 }
+EIGHT: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.0, "linestyle": "solid"}
 LEVEL: dict[str, Any] = {"color": style.LEVEL_GREY, "linewidth": 0.45, "linestyle": "solid"}
 ARC_SEPARATRIX: dict[str, Any] = {
     "color": style.SEPARATRIX_GREY,
@@ -250,21 +251,33 @@ def fainter(lines: int) -> float:
 
 def draw_background(one: Panel, behind: Background) -> None:
     """Draw separatrices, level curves and singular points of one piece."""
-    shift = np.array([one.shift, 0.0])
     for curves, look, order in (
         (behind.levels, LEVEL, 1.0),
         (behind.arc_separatrices, ARC_SEPARATRIX, 1.1),
         (behind.separatrices, SEPARATRIX, 1.2),
+        (behind.eights, EIGHT, 1.25),
     ):
-        lines = [
-            line + shift for curve in on_piece(curves, one.piece) for line in both_halves(curve)
-        ]
-        if lines:
-            one.axes.add_collection(LineCollection(lines, zorder=order, **look), autolim=False)
-    for point in behind.points:
+        draw_curves(one, curves, order, look)
+    draw_points(one, behind.points, 1.3)
+
+
+def draw_curves(
+    one: Panel, curves: Sequence[LevelCurve], order: float, look: dict[str, Any]
+) -> None:
+    """Draw those level curves that are on one piece; `order` is their height over others."""
+    shift = np.array([one.shift, 0.0])
+    own = [curve for curve in curves if curve.piece == one.piece.index]
+    lines = [line + shift for curve in own for line in both_halves(curve)]
+    if lines:
+        one.axes.add_collection(LineCollection(lines, zorder=order, **look), autolim=False)
+
+
+def draw_points(one: Panel, points: Sequence[SingularPoint], order: float) -> None:
+    """Mark those singular points that are on one piece."""
+    for point in points:
         if point.piece == one.piece.index and point.kind in MARKER:
-            marker = MARKER[point.kind]
-            one.axes.plot(point.position, 0.0, marker=marker, zorder=1.3, **POINT)
+            place, marker = point.position + one.shift, MARKER[point.kind]
+            one.axes.plot(place, 0.0, marker=marker, zorder=order, **POINT)
 
 
 def draw_branches(one: Panel, path: Trajectory, until: float | None) -> None:

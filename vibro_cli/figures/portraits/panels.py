@@ -6,24 +6,24 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet
+from vibro_cli.figures.chart import Sheet, number_plane
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,
+    label_axis,
     number_ticks,
     vertical_ticks,
-    with_power,
     without_overlaps,
 )
-from vibro_cli.mechanics.trace import HUMP, VALLEY, Piece
+from vibro_cli.mechanics.trace import HUMP, LINE, VALLEY, Piece
 
 LEFT = 11.0
 """Room for a vertical axis' label and numbers (mm)."""
@@ -94,6 +94,11 @@ class Panel:
         """Ends of the horizontal axis."""
         return self.window.low + self.shift, self.window.high + self.shift
 
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height (mm)."""
+        return self.width, self.height
+
     def millimetres(self, position: Array, rate: Array) -> Array:
         """Return points in mm from the lower left corner of the panel, shape (n, 2)."""
         window = self.window
@@ -108,10 +113,46 @@ class Panel:
         return across, (2.0 * place[1] / self.height - 1.0) * self.window.top
 
 
+def straight(low: float, high: float, top: float) -> Window:
+    """Return the window of a phase plane that is one panel: places (m), and speeds (m/s) up to one.
+
+    What it shows is drawn as on a line that begins at 0.
+    """
+    nowhere = math.nan, math.nan
+    line = Piece(
+        0, LINE, 0.0, math.inf, 0.0, 0.0, high - low, 0.0, nowhere, nowhere, nowhere, low, high
+    )
+    return Window(line, low, high, top)
+
+
+class Symbols(NamedTuple):
+    """How the axes of a phase plane are named."""
+
+    place: str
+    """Its symbol (m)."""
+    speed: str
+    """Its symbol (m/s)."""
+    after: str = ""
+    """What is said behind the unit of the place."""
+
+
+def plane(
+    axes: Axes, window: Window, size: tuple[float, float], symbols: Symbols, labelled: bool = True
+) -> Panel:
+    """Return a panel of speed against place of a size (mm), with its limits, numbers and names.
+
+    Without `labelled` the horizontal axis has neither numbers nor a name.
+    """
+    axes.set_xlim(window.low, window.high)
+    axes.set_ylim(-window.top, window.top)
+    number_plane(axes, size, (symbols.place, "m"), (symbols.speed, "m/s"), labelled, symbols.after)
+    return Panel(axes, window, True, *size, left=0.0, row=0)
+
+
 def lay_out(
     windows: Sequence[Window], width: str, below: float = 0.0, legend: float = 0.0
-) -> tuple[Figure, tuple[Panel, ...]]:
-    """Return an empty figure with a panel for each window, in the order given.
+) -> tuple[Sheet, tuple[Panel, ...]]:
+    """Return an empty sheet with a panel for each window, in the order given.
 
     `width` is `single` (85 mm) or `double` (170 mm). The panels are as wide as their arcs are in
     angle; neighbours stand close together, with room between where the unit changes (arc to line).
@@ -133,7 +174,7 @@ def lay_out(
             axes.set_xlim(panel.span)
             axes.set_ylim(-window.top, window.top)
             panels.append(panel)
-    return sheet.figure, tuple(panels)
+    return sheet, tuple(panels)
 
 
 def _rows(windows: Sequence[Window], width: float) -> list[Sequence[Window]]:
@@ -215,9 +256,8 @@ def _horizontal(row: Sequence[Panel], ball: int | str) -> None:
     places = [(one.left, one.width, ticks) for one, ticks in zip(row, proposed, strict=True)]
     spans = [one.span for one in row]
     for one, ticks in zip(row, without_overlaps(places, spans), strict=True):
-        one.axes.set_xticks(ticks.places, ticks.labels)
         symbol, unit = (_SYMBOL[one.piece.shape], "rad") if not one.piece.is_line else ("s", "m")
-        one.axes.set_xlabel(rf"${symbol}_{{{ball}}}$ [{with_power(unit, ticks)}]")
+        label_axis(one.axes.xaxis, ticks, rf"${symbol}_{{{ball}}}$", unit)
 
 
 def _horizontal_ticks(one: Panel) -> Ticks:
@@ -229,12 +269,8 @@ def _horizontal_ticks(one: Panel) -> Ticks:
 def _vertical(row: Sequence[Panel], ball: int | str) -> None:
     for one in row:
         ticks = vertical_ticks(-one.window.top, one.window.top, one.height)
-        shown = ticks.labels if one.labelled else ("",) * len(ticks.labels)
-        one.axes.set_yticks(ticks.places, shown)
-        if one.labelled:
-            unit = "m/s" if one.piece.is_line else "rad/s"
-            scaled = with_power(unit, ticks)
-            one.axes.set_ylabel(f"{_rate_symbol(row, one, ball)} [{scaled}]", labelpad=1.0)
+        unit = "m/s" if one.piece.is_line else "rad/s"
+        label_axis(one.axes.yaxis, ticks, _rate_symbol(row, one, ball), unit, one.labelled)
 
 
 def _rate_symbol(row: Sequence[Panel], one: Panel, ball: int | str) -> str:

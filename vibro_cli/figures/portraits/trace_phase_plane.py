@@ -1,64 +1,183 @@
-"""The phase plane along the whole trace: speed of the centre against arc length.
+"""Phase portraits without a run: of a body on its trace, of several bodies, of a family.
 
-A family has such portraits side by side, for values of a parameter.
+Of one body, and of several on one trace one over the other (particle, disk and ball), branch by
+branch and along the whole trace: speed of the centre against arc length. A family has the latter
+side by side, for values of a parameter.
 """
 
 from __future__ import annotations
 
-import math
+import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from vibro_cli.analysis.levels import SpeedCurve, speed_curves, through_saddles
-from vibro_cli.analysis.singular import FIGURE_EIGHT, Portrait
+from vibro_cli.analysis.levels import (
+    Landscape,
+    LevelCurve,
+    level_curves,
+    speed_curves,
+    through_saddles,
+)
+from vibro_cli.analysis.singular import (
+    FIGURE_EIGHT,
+    SADDLE,
+    Portrait,
+    SingularPoint,
+    Trigger,
+    condition,
+)
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import number_plane
-from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
-from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.layers import level_energies, saddle_energies, saddles_of
-from vibro_cli.figures.portraits.panels import BOTTOM, LEFT, RIGHT
-from vibro_cli.figures.source import Array
-from vibro_cli.figures.style import MM, WIDTHS
+from vibro_cli.figures.chart import Sheet, body_look
+from vibro_cli.figures.labels import LINE, SAY, Entry, draw_legend, rows_of
+from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
+from vibro_cli.figures.portraits.layers import (
+    Background,
+    background,
+    behind_entries,
+    curves_at,
+    draw_background,
+    draw_curves,
+    draw_points,
+    level_energies,
+    saddle_energies,
+    saddles_of,
+)
+from vibro_cli.figures.portraits.panels import (
+    BOTTOM,
+    LEFT,
+    RIGHT,
+    Panel,
+    Symbols,
+    Window,
+    label,
+    lay_out,
+    plane,
+    straight,
+)
+from vibro_cli.figures.style import width_of
+from vibro_cli.mechanics.trace import Trace
 
 _ABOVE = 1.35
 """Level curves go up to this multiple of the highest saddle or end of the trace."""
-_MARGIN = 1.04
-_DARK = 6
-"""How much rather a name covers a level curve than a separatrix."""
-_NEVER = 20
-"""How much rather a name covers a level curve than the mark of a point."""
-_STEP = 0.4
-"""Distance of the points of a curve that names keep clear of (mm)."""
-_MARK = 0.6
-"""Half the size of such a mark (mm)."""
-SPEED_AGAINST_PLACE = ("$s$", "m"), ("$v$", "m/s")
-EIGHT: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.0, "linestyle": "solid"}
+_MARGIN = 1.08
+_MARGIN_ALONG = 1.04
+_SYMBOLS = Symbols("$s$", "$v$")
 JUNCTION: dict[str, Any] = {"color": style.LEVEL_GREY, "linewidth": 0.4, "linestyle": (0, (1, 2))}
 REST: dict[str, Any] = {"color": style.SEPARATRIX_GREY, "linewidth": 1.6, "linestyle": "solid"}
 """A level line: the body stays at rest anywhere on it."""
+_HIGH = {"single": 44.0, "double": 50.0}
+"""Height of the panel along the trace (mm)."""
+_LINE = 3.1
+"""Height of a line of words (mm)."""
+_CHARACTER = 1.03
+"""Mean width of a character of the words (mm)."""
+_MOST_LINES = 6
 
 
-@dataclass(frozen=True)
-class Curves:
-    """Level curves along the trace."""
+def structure(portrait: Portrait, width: str = "single", bodies: str = "") -> Figure:
+    """Return the phase portrait of a body on the whole trace, in both coordinates.
 
-    levels: tuple[SpeedCurve, ...]
-    separatrices: tuple[SpeedCurve, ...]
-    eights: tuple[SpeedCurve, ...]
-    """The separatrices that are a figure eight."""
+    Above, branch by branch as in the papers: φ̇ against φ, ψ̇ against ψ, speed against arc length on
+    lines. Below, speed against arc length along the trace, over it the values E/(m g) of centres
+    and saddles. `bodies` stands as index of the symbols. Raises ValueError for an unknown width.
+    """
+    inner = width_of(width) - LEFT - RIGHT
+    behind, along = _behind(portrait), behind_along(portrait)
+    words = _words(portrait, inner)
+    entries = [*behind_entries(behind), *_rest_entry([portrait])]
+    rows = rows_of(entries, width_of(width) - RIGHT)
+    with style.journal():
+        curves = (*behind.levels, *behind.separatrices, *behind.eights)
+        below = _HIGH[width] + BOTTOM + _LINE * len(words) + 1.0
+        shown = _windows(portrait.landscape.trace, curves)
+        sheet, panels = lay_out(shown, width, below, LINE * (len(rows) - 1))
+        for one in panels:
+            draw_background(one, behind)
+        label(panels, bodies)
+        panel = _panel_below(sheet, width, _whole(portrait, along))
+        draw_background(panel, along)
+        _draw_trace(panel, portrait)
+        name_points(panel, portrait.names, along)
+        for number, line in enumerate(reversed(words)):
+            height = BOTTOM + _HIGH[width] + 1.2 + number * _LINE
+            sheet.write(LEFT, height, line, va="baseline", **SAY)
+        draw_legend(sheet.figure, rows)
+    return sheet.figure
 
-    @property
-    def top(self) -> float:
-        """The greatest speed on any of them (m/s)."""
-        curves = (*self.levels, *self.separatrices, *self.eights)
-        return max((float(np.max(curve.speed)) for curve in curves), default=1.0) or 1.0
+
+def _behind(portrait: Portrait) -> Background:
+    """Return curves and points of a portrait piece by piece, figure eights apart."""
+    landscape, eights = portrait.landscape, _eight_triggers(portrait)
+    behind = background(landscape, highest_energy(portrait))
+    on_eight = [one.saddle for one in eights]
+    others = [point for point in portrait.points if point.kind == SADDLE and point not in on_eight]
+    found = []
+    for trigger in eights:
+        left, right = trigger.turning_left, trigger.turning_right
+        assert left is not None
+        assert right is not None
+        for piece in landscape.trace.pieces:
+            for curve in level_curves(landscape, piece, trigger.saddle.energy):
+                middle = 0.5 * float(curve.position[0] + curve.position[-1])
+                if left <= piece.arc_length(middle) <= right:
+                    found.append(curve)
+    separatrices = behind.separatrices if others else ()
+    return replace(behind, eights=tuple(found), separatrices=separatrices)
+
+
+def _eight_triggers(portrait: Portrait) -> list[Trigger]:
+    return [trigger for trigger in portrait.triggers if trigger.orbit == FIGURE_EIGHT]
+
+
+def _windows(trace: Trace, curves: Sequence[LevelCurve]) -> list[Window]:
+    """Return windows on all pieces, as high as curves on arcs and on lines are."""
+    tops = {False: 0.0, True: 0.0}
+    for curve in curves:
+        is_line = trace.pieces[curve.piece].is_line
+        tops[is_line] = max(tops[is_line], float(np.max(curve.rate)))
+    return [
+        Window(piece, piece.angle_start, piece.angle_end, _MARGIN * (tops[piece.is_line] or 1.0))
+        for piece in trace.pieces
+    ]
+
+
+def _panel_below(sheet: Sheet, width: str, window: Window) -> Panel:
+    """Return the panel along the trace, under those of the pieces."""
+    size = width_of(width) - LEFT - RIGHT, _HIGH[width]
+    return plane(sheet.panel(LEFT, BOTTOM, *size), window, size, _SYMBOLS)
+
+
+def _words(portrait: Portrait, width: float) -> list[str]:
+    """Return what is said of the triggers, in lines of a width (mm)."""
+    said = []
+    for trigger in portrait.triggers:
+        names = "–".join(portrait.name(p) for p in (trigger.left, trigger.saddle, trigger.right))
+        said.append(f"{names}: trigger of coupled singular points, {_named(trigger.orbit)}")
+        said.append(condition(portrait, trigger))
+    said = said or ["no trigger of coupled singular points"]
+    named = zip(portrait.names, portrait.points, strict=True)
+    heights = ", ".join(f"{name} {portrait.height(point.energy):.4g} m" for name, point in named)
+    meant = "height above the lowest place"
+    if portrait.landscape.turning is not None:
+        meant = "effective potential above its least value"
+    values = [f"E/(m g), {meant}: {heights}"] if heights else []
+    return [*_wrapped(said, width), *_wrapped(values, width)]
+
+
+def _wrapped(said: Sequence[str], width: float) -> list[str]:
+    """Return sentences in lines of a width (mm), not too many."""
+    characters = max(20, int(width / _CHARACTER))
+    lines = [line for one in said for line in textwrap.wrap(one, characters)]
+    return lines if len(lines) <= _MOST_LINES else [*lines[: _MOST_LINES - 1], "…"]
+
+
+def _named(orbit: str) -> str:
+    return {FIGURE_EIGHT: "homoclinic figure eight"}.get(orbit, f"{orbit} separatrix")
 
 
 def highest_energy(portrait: Portrait) -> float:
@@ -72,21 +191,15 @@ def highest_energy(portrait: Portrait) -> float:
     return _ABOVE * max(barriers) or 0.1 * scale or landscape.body.mass
 
 
-def curves_of(portrait: Portrait, count: int = 97) -> Curves:
-    """Return level curves, separatrices and figure eights of a portrait, `count` points a piece."""
+def behind_along(portrait: Portrait, count: int = 97) -> Background:
+    """Return curves and points of a portrait along the trace, `count` points of a curve a piece."""
     landscape = portrait.landscape
-
-    def all_of(energies: Sequence[float]) -> tuple[SpeedCurve, ...]:
-        return tuple(
-            curve for energy in energies for curve in speed_curves(landscape, energy, count)
-        )
-
-    eights = {one.saddle.energy: one for one in portrait.triggers if one.orbit == FIGURE_EIGHT}
+    eights = {one.saddle.energy: one for one in _eight_triggers(portrait)}
     on_eight = tuple(
         curve
         for energy, trigger in eights.items()
         for curve in speed_curves(landscape, energy, count)
-        if curve.s[0] <= trigger.saddle.s <= curve.s[-1]
+        if curve.position[0] <= trigger.saddle.s <= curve.position[-1]
     )
     singular = tuple(
         curve
@@ -96,126 +209,141 @@ def curves_of(portrait: Portrait, count: int = 97) -> Curves:
     others = tuple(
         curve for curve in singular if not any(_same(curve, eight) for eight in on_eight)
     )
-    levels = all_of(level_energies(portrait.points, highest_energy(portrait)))
-    return Curves(levels, others, on_eight)
+    levels = level_energies(portrait.points, highest_energy(portrait))
+    return Background(
+        levels=_curves_along(landscape, levels, count),
+        points=_points_along(portrait),
+        separatrices=others,
+        eights=on_eight,
+    )
 
 
-def _separatrices(portrait: Portrait, energy: float, count: int) -> list[SpeedCurve]:
+def _curves_along(
+    landscape: Landscape, energies: Sequence[float], count: int = 121
+) -> tuple[LevelCurve, ...]:
+    return tuple(curve for energy in energies for curve in speed_curves(landscape, energy, count))
+
+
+def _points_along(portrait: Portrait) -> tuple[SingularPoint, ...]:
+    """Return singular points with their places along the trace (m)."""
+    return tuple(replace(point, piece=0, position=point.s) for point in portrait.points)
+
+
+def _separatrices(portrait: Portrait, energy: float, count: int) -> list[LevelCurve]:
     """Return the curves of an energy (J) that go through a saddle of it."""
     curves = speed_curves(portrait.landscape, energy, count)
-    spans = [(float(curve.s[0]), float(curve.s[-1])) for curve in curves]
+    spans = [(float(curve.position[0]), float(curve.position[-1])) for curve in curves]
     saddles = saddles_of(portrait.points, energy)
     kept = through_saddles(portrait.landscape, spans, saddles)
     return [curve for curve, is_one in zip(curves, kept, strict=True) if is_one]
 
 
-def _same(one: SpeedCurve, other: SpeedCurve) -> bool:
-    return np.array_equal(one.s, other.s) and np.allclose(one.speed, other.speed, rtol=1e-6)
+def _same(one: LevelCurve, other: LevelCurve) -> bool:
+    alike = np.array_equal(one.position, other.position)
+    return alike and np.allclose(one.rate, other.rate, rtol=1e-6)
 
 
-def draw_along(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float, float]) -> None:
-    """Draw a portrait along the trace on axes of a size (mm), with its singular points named."""
-    length = portrait.landscape.trace.length
-    axes.set_xlim(0.0, length)
-    axes.set_ylim(-_MARGIN * curves.top, _MARGIN * curves.top)
-    for piece in portrait.landscape.trace.pieces[1:]:
-        axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
-    for group, look, order in (
-        (curves.levels, layers.LEVEL, 1.0),
-        (curves.separatrices, layers.SEPARATRIX, 1.2),
-        (curves.eights, EIGHT, 1.25),
-    ):
-        axes.add_collection(LineCollection(both_ways(group), zorder=order, **look), autolim=False)
+def _whole(portrait: Portrait, along: Background) -> Window:
+    """Return the window on the whole trace and all curves along it."""
+    curves = (*along.levels, *along.separatrices, *along.eights)
+    return _along_window(portrait.landscape.trace, curves)
+
+
+def _along_window(trace: Trace, curves: Sequence[LevelCurve]) -> Window:
+    top = max((float(np.max(curve.rate)) for curve in curves), default=1.0) or 1.0
+    return straight(0.0, trace.length, _MARGIN_ALONG * top)
+
+
+def draw_junctions(panel: Panel, trace: Trace) -> None:
+    """Draw the junctions of the pieces of a trace on a panel along it."""
+    for piece in trace.pieces[1:]:
+        panel.axes.axvline(piece.start_s, zorder=0.9, **JUNCTION)
+
+
+def _draw_trace(panel: Panel, portrait: Portrait) -> None:
+    """Draw junctions and level lines on a panel along the trace."""
+    draw_junctions(panel, portrait.landscape.trace)
     for point in portrait.points:
-        if point.kind in layers.MARKER:
-            axes.plot(point.s, 0.0, marker=layers.MARKER[point.kind], zorder=1.3, **layers.POINT)
-        elif point.extent:
-            axes.plot([point.s, point.s + point.extent], [0.0, 0.0], zorder=1.3, **REST)
-    number_plane(axes, size, *SPEED_AGAINST_PLACE)
+        if point.extent:
+            panel.axes.plot([point.s, point.s + point.extent], [0.0, 0.0], zorder=1.3, **REST)
 
 
-def both_ways(curves: Sequence[SpeedCurve]) -> list[Array]:
-    """Return curves along the trace to the right and to the left, each of shape (n, 2)."""
-    return [np.column_stack([one.s, way * one.speed]) for one in curves for way in (1, -1)]
+def _rest_entry(portraits: Sequence[Portrait]) -> list[Entry]:
+    extended = any(point.extent for portrait in portraits for point in portrait.points)
+    return [("level line", REST)] if extended else []
 
 
-def name_points(axes: Axes, portrait: Portrait, curves: Curves, size: tuple[float, float]) -> None:
-    """Write the name of each singular point beside it."""
-    scale = np.array([size[0], size[1]]) / [np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())]
-    points = zip(portrait.names, portrait.points, strict=True)
-    named = [Named(name, (point.s, 0.0)) for name, point in points if point.kind in layers.MARKER]
-    if not named:
-        return
-    dark = (*curves.eights, *curves.separatrices) * _DARK
-    lines = [line * scale for line in both_ways((*dark, *curves.levels))]
-    marks = np.array([one.point for one in named]) * scale
-    on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
-    obstacles = np.concatenate([*map(_evenly, lines), *on_marks * _NEVER])
-    write_names(axes, named, obstacles / scale, size)
+MOST = 6
+"""Bodies that can be told apart."""
 
 
-def _evenly(line: Array) -> Array:
-    """Return points of a line (mm) at even distances: how many it has is to say how long it is."""
-    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
-    at = np.arange(0.0, along[-1], _STEP)
-    return np.column_stack([np.interp(at, along, values) for values in line.T])
+def comparison(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Figure:
+    """Return curves of equal height E/(m g) of several bodies, in both coordinates.
+
+    For each body the separatrices, and a level curve below and one above them, in one line each.
+    Bodies that differ by κ alone have the same curves with rates as 1/√κ. `members` are names and
+    portraits on one trace. Raises ValueError for no member, for more than `MOST` and for an unknown
+    width.
+    """
+    if not 1 <= len(members) <= MOST:
+        raise ValueError(f"a comparison has 1 to {MOST} members, found {len(members)}")
+    first = members[0][1]
+    trace = first.landscape.trace
+    energies = [_energies(portrait, first) for _, portrait in members]
+    landscapes = [portrait.landscape for _, portrait in members]
+    curves = [curves_at(*each) for each in zip(landscapes, energies, strict=True)]
+    along = [_curves_along(*each) for each in zip(landscapes, energies, strict=True)]
+    entries = [
+        (f"{name}, $\\kappa = {portrait.landscape.body.kappa:.4g}$", body_look(number))
+        for number, (name, portrait) in enumerate(members, 1)
+    ]
+    rows = rows_of(entries, width_of(width) - RIGHT)
+    with style.journal():
+        below = _HIGH[width] + BOTTOM + 1.0
+        shown = _windows(trace, [*chain(*curves)])
+        sheet, panels = lay_out(shown, width, below, LINE * (len(rows) - 1))
+        panel = _panel_below(sheet, width, _along_window(trace, [*chain(*along)]))
+        for number, (_, portrait) in enumerate(members, 1):
+            for one in panels:
+                draw_curves(one, curves[number - 1], 2.0, body_look(number))
+                draw_points(one, portrait.points, 2.5)
+            draw_curves(panel, along[number - 1], 2.0, body_look(number))
+        label(panels, "")
+        draw_junctions(panel, trace)
+        draw_points(panel, _points_along(first), 2.5)
+        draw_legend(sheet.figure, rows)
+    return sheet.figure
 
 
-MOST_MEMBERS = 12
-_COLUMNS = {"single": 1, "double": 2}
-_HIGH = 27.0
-"""Height of a panel (mm)."""
-_TITLE = 7.4
-_LINE = 3.0
+def _energies(portrait: Portrait, first: Portrait) -> list[float]:
+    """Return the energies (J) of a body's curves: at the heights of the first body's, its own."""
+    saddles = saddle_energies(portrait.points)
+    tops = [first.height(energy) for energy in saddle_energies(first.points)]
+    highest = first.height(highest_energy(first))
+    heights = [0.5 * min(tops, default=highest), highest]
+    weight = portrait.landscape.body.mass * portrait.landscape.gravity
+    return [*saddles, *(weight * height for height in heights)]
 
 
 def family(members: Sequence[tuple[str, Portrait]], width: str = "single") -> Figure:
     """Return the portraits along the trace of a family, each under its title and its type.
 
-    `members` are titles (`r = 0.05`) and portraits; of more than `MOST_MEMBERS` an even choice is
-    drawn. Raises ValueError for no member.
+    `members` are titles (`r = 0.05`) and portraits; of many an even choice is drawn. Raises
+    ValueError for no member.
     """
     if not members:
         raise ValueError("a family needs at least one portrait")
-    step = math.ceil(len(members) / MOST_MEMBERS)
-    shown = members[::step]
-    drawn = [curves_of(portrait, 65) for _, portrait in shown]
-    legend = rows_of(_entries([portrait for _, portrait in shown], drawn), WIDTHS[width] - RIGHT)
-    columns = min(_COLUMNS[width], len(shown))
-    rows = math.ceil(len(shown) / columns)
-    cell = _TITLE + _HIGH + BOTTOM
-    above_all = LINE * len(legend) + 1.0
-    wide, high = WIDTHS[width], above_all + rows * cell
-    size = (wide / columns - LEFT - RIGHT, _HIGH)
-    with style.journal():
-        figure = Figure(figsize=(wide * MM, high * MM))
-        draw_legend(figure, legend)
-        for number, ((title, portrait), curves) in enumerate(zip(shown, drawn, strict=True)):
-            row, column = divmod(number, columns)
-            left = column * wide / columns + LEFT
-            bottom = high - above_all - row * cell - _TITLE - _HIGH
-            axes = figure.add_axes((left / wide, bottom / high, size[0] / wide, size[1] / high))
-            draw_along(axes, portrait, curves, size)
-            name_points(axes, portrait, curves, size)
-            over = (bottom + _HIGH + 1.0) / high
-            words = _named_points(portrait)
-            figure.text(left / wide, over, words, fontsize=style.SMALL, va="baseline")
-            above = over + _LINE / high
-            figure.text(left / wide, above, title, fontsize=style.TEXT, va="baseline")
+    shown = shown_of(members)
+    drawn = []
+    for title, portrait in shown:
+        along = behind_along(portrait, 65)
+        window = _whole(portrait, along)
+        drawn.append(Member(title, _named_points(portrait), along, portrait.names, window))
+    portraits = [portrait for _, portrait in shown]
+    figure, panels = draw_family(drawn, width, _SYMBOLS, _rest_entry(portraits))
+    for panel, portrait in zip(panels, portraits, strict=True):
+        _draw_trace(panel, portrait)
     return figure
-
-
-def _entries(portraits: Sequence[Portrait], drawn: Sequence[Curves]) -> list[Entry]:
-    """Return the legend of what is drawn in some panel."""
-    points = [point for portrait in portraits for point in portrait.points]
-    entries = [
-        (any(curves.eights for curves in drawn), ("figure eight", EIGHT)),
-        (any(curves.separatrices for curves in drawn), ("separatrix", layers.SEPARATRIX)),
-        (any(curves.levels for curves in drawn), ("level", layers.LEVEL)),
-        *((True, entry) for entry in layers.point_entries(points)),
-        (any(point.extent for point in points), ("level line", REST)),
-    ]
-    return [entry for is_drawn, entry in entries if is_drawn]
 
 
 def _named_points(portrait: Portrait) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from vibro_cli.analysis.levels import Landscape, free_branches
 from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept, values_at
-from vibro_cli.mechanics.trace import Piece
+from vibro_cli.mechanics.trace import Piece, Trace
 
 Flags = NDArray[np.bool_]
 
@@ -114,7 +115,8 @@ def trajectory(run: Recorded, ball: int) -> Trajectory:
         float(flights["rate_start"][mine[0]]),
     )
     end = float(np.max(flights["t_end"][mine]))
-    return Trajectory(branches, *jumps_of(run, ball, every), start, end, every)
+    jumps = jumps_of(run.collisions, ball, every, partial(_states_on, run.system.trace))
+    return Trajectory(branches, *jumps, start, end, every)
 
 
 def strands(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
@@ -245,37 +247,47 @@ def _chosen(points: Array, count: int) -> Array:
     return np.column_stack([np.interp(place, known, column) for column in points.T])
 
 
-def jumps_of(run: Recorded, ball: int, every: int = 1) -> tuple[Jumps, Jumps]:
-    """Return one in so many jumps of a body (from 1) at its impacts, and the first ones."""
-    table = run.collisions
-    left = np.asarray(table["ball_a"]) == ball
-    rows = np.flatnonzero(left | (np.asarray(table["ball_b"]) == ball))
-    some, firsts = rows[::every], rows[:MOST_NUMBERS]
-    rows = np.concatenate([some, firsts])
-    jumps = _jumps_at(run, rows, left[rows])
-    return jumps.some(slice(0, len(some))), jumps.some(slice(len(some), None))
+Own = Callable[..., Array]
+"""Gives the values of a column of the impacts at the body: from its name without the end of the
+pair, and what follows that."""
 
 
-def _jumps_at(run: Recorded, rows: Integers, left: Flags) -> Jumps:
-    """Return the jumps of a body at impacts, rows of their table, at which it may be the left."""
-    column = partial(values_at, run.collisions, rows=rows)
-
-    def own(name: str, after: str = "") -> Array:
-        return np.where(left, *(column(f"{name}_{side}{after}") for side in "ab"))
-
-    piece = own("arc").astype(np.int64) - 1
+def _states_on(trace: Trace, own: Own) -> tuple[Array, Array, Array, Array]:
+    """Return piece, position, and rates before and after impacts of a body on a trace."""
+    piece = own("arc") - 1
     position, before, after = own("angle"), own("rate", "_pre"), own("rate", "_post")
-    for line in (line for line in run.system.trace.pieces if line.is_line):
+    for line in (line for line in trace.pieces if line.is_line):
         on_line = piece == line.index  # the table has no angles there
         position[on_line] = own("s")[on_line] - line.start_s
         before[on_line] = own("speed", "_pre")[on_line]
         after[on_line] = own("speed", "_post")[on_line]
-    return Jumps(
+    return piece, position, before, after
+
+
+def jumps_of(
+    table: Table, ball: int, every: int, states: Callable[[Own], tuple[Array, Array, Array, Array]]
+) -> tuple[Jumps, Jumps]:
+    """Return one in so many jumps of a body (from 1) at its impacts, and the first ones.
+
+    `states` gives piece, position, and rates before and after.
+    """
+    left = np.asarray(table["ball_a"]) == ball
+    rows = np.flatnonzero(left | (np.asarray(table["ball_b"]) == ball))
+    some, firsts = rows[::every], rows[:MOST_NUMBERS]
+    rows = np.concatenate([some, firsts])
+    column = partial(values_at, table, rows=rows)
+
+    def own(name: str, after: str = "") -> Array:
+        return np.where(left[rows], *(column(f"{name}_{side}{after}") for side in "ab"))
+
+    piece, position, before, after = states(own)
+    jumps = Jumps(
         number=column("n").astype(np.int64),
-        piece=piece,
+        piece=piece.astype(np.int64),
         position=position,
         before=before,
         after=after,
         time=column("t").astype(np.float64),
         made=column("admissible").astype(np.bool_) | column("substituted").astype(np.bool_),
     )
+    return jumps.some(slice(0, len(some))), jumps.some(slice(len(some), None))

@@ -19,8 +19,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet, body_look, panel_size
-from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
+from vibro_cli.figures.chart import Cell, body_look, in_rows, panel_size
+from vibro_cli.figures.labels import (
+    LINE,
+    Entry,
+    Named,
+    draw_legend,
+    ring,
+    rows_of,
+    short_number,
+    write_names,
+)
 from vibro_cli.figures.runs.velocities import (
     CENTRE,
     ROLLING,
@@ -29,6 +38,7 @@ from vibro_cli.figures.runs.velocities import (
     draw_circle,
     striking,
     touching_point,
+    write_over,
 )
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
@@ -56,7 +66,6 @@ _THIN: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.4}
 _AXIS: dict[str, Any] = _THIN | {"linestyle": (0, (6, 1.5, 1, 1.5))}
 _HIDDEN: dict[str, Any] = _THIN | {"linestyle": (0, (2, 1.5))}
 _PLANE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.8}
-_SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 _LEGEND: list[Entry] = [
     (words, look | {"color": style.BLACK})
     for words, look in (
@@ -66,7 +75,7 @@ _LEGEND: list[Entry] = [
         ("tangent plane", _PLANE),
     )
 ]
-_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 120)) for f in (np.cos, np.sin)])
+_RING = ring(120)
 
 
 @dataclass(frozen=True)
@@ -152,21 +161,17 @@ def _sheet(width: str, bodies: Sequence[Rolling], top: float) -> tuple[Figure, l
     wide = width_of(width)
     views = 1 if all(one.is_flat for one in bodies) else 2
     beside = min(2 if width == "single" else 4, views * len(bodies))
-    rows = math.ceil(views * len(bodies) / beside)
-    cell = (wide - _GAP) / (4 if width == "double" else 2) - _GAP
-    edge = 0.5 * (wide + _GAP - beside * (cell + _GAP))
-    total = top + rows * (_WORDS + _HIGH + _GAP) + _BOTTOM
-    sheet = Sheet(wide, total)
+    inner = (wide - _GAP) / (4 if width == "double" else 2) - _GAP
+    edge = 0.5 * (wide + _GAP - beside * (inner + _GAP))
+    cell = Cell(inner, _HIGH, _WORDS, _GAP, _GAP)
+    sheet, corners = in_rows(cell, views * len(bodies), beside, wide, edge, top, _BOTTOM)
     panels: list[list[Axes]] = [[] for _ in bodies]
-    for place in range(views * len(bodies)):
+    for place, corner in enumerate(corners):
         body, view = divmod(place, views)
         if view == 1 and bodies[body].is_flat:
             continue
-        row, column = divmod(place, beside)
-        left = edge + column * (cell + _GAP)
-        bottom = total - top - (row + 1) * (_WORDS + _HIGH) - row * _GAP
-        axes = sheet.blank(left, bottom, cell, _HIGH)
-        across = _AROUND * cell / _HIGH
+        axes = sheet.blank(*corner, inner, _HIGH)
+        across = _AROUND * inner / _HIGH
         axes.set_xlim(-across, across)
         axes.set_ylim(-_AROUND, _AROUND)
         panels[body].append(axes)
@@ -204,9 +209,10 @@ def _draw_elevation(axes: Axes, one: Rolling, scale: float) -> None:
         named.append(Named(rf"$T_{{{one.number}2,{one.number}3}}$", points[1]))
     _dots(axes, np.array([name.point for name in named]))
     write_names(axes, named, np.concatenate([*drawn, _RING]), panel_size(axes))
-    radius = rf"$r_{{{one.number}}}$ = {_number(one.body.radius)} m"
-    _say(axes, [f"body {one.number} from the side, {radius}", rf"$v$ = {_number(one.speed)} m/s,"
-                rf" $\omega$ = {_number(one.omega)} rad/s"])  # fmt: skip
+    radius, speed, omega = (short_number(x, 3) for x in (one.body.radius, one.speed, one.omega))
+    number = one.number
+    write_over(axes, 0.0, 1, rf"body {number} from the side, $r_{{{number}}}$ = {radius} m")
+    write_over(axes, 0.0, 0, rf"$v$ = {speed} m/s, $\omega$ = {omega} rad/s")
 
 
 def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
@@ -240,8 +246,9 @@ def _draw_plan(axes: Axes, one: Rolling, scale: float) -> None:
     ]
     _dots(axes, np.append(points, [[0.0, 0.0]], axis=0))
     write_names(axes, named, np.concatenate(drawn), panel_size(axes))
-    reach = radius * math.cos(one.aside) * one.body.radius
-    _say(axes, ["from above", rf"$\alpha$ = {_number(aside)}°, to the axis {_number(reach)} m"])
+    reach = short_number(radius * math.cos(one.aside) * one.body.radius, 3)
+    write_over(axes, 0.0, 1, "from above")
+    write_over(axes, 0.0, 0, rf"$\alpha$ = {short_number(aside, 3)}°, to the axis {reach} m")
 
 
 def _draw_parts(
@@ -265,14 +272,3 @@ def _draw_parts(
 def _dots(axes: Axes, points: Array) -> None:
     axes.plot(*np.transpose(points), linestyle="none", marker="o", markersize=1.6,
               color=style.BLACK, zorder=4.0)  # fmt: skip
-
-
-def _say(axes: Axes, lines: Sequence[str]) -> None:
-    """Write lines above a panel."""
-    for line, text in enumerate(reversed(lines)):
-        high = 1.0 + (0.9 + 3.3 * line) / _HIGH
-        axes.text(0.0, high, text, transform=axes.transAxes, va="baseline", **_SAY)
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}".replace("-", "−")

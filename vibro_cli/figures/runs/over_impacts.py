@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,18 +19,17 @@ from vibro_cli.figures.chart import (
     count_axis,
     draw_marks,
     log_axis,
-    number_bar,
     positive_axis,
     stacked,
     time_axis,
     told_apart,
     value_axis,
 )
-from vibro_cli.figures.labels import Entry, line_of_entries
+from vibro_cli.figures.labels import Bar, Entry, draw_legend
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, kept, made
-from vibro_cli.figures.ticks import angle_ticks, number_ticks, with_power
+from vibro_cli.figures.ticks import angle_ticks, label_axis, number_ticks
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import VALLEY, Piece
 
@@ -54,13 +52,22 @@ def impact_map(run: Recorded, width: str = "single") -> Figure | None:
     """
     if len(run.collisions["n"]) < 2:
         return None
-    arc = _only_arc(run)
-    place = np.asarray(run.collisions["s_a" if arc is None else "angle_a"], dtype=np.float64)
-    return speed_map(run.collisions, place, width, partial(_place_axis, run=run, arc=arc))
+    arc, trace = _only_arc(run), run.system.trace
+    if arc is None:
+        junctions = [piece.start_s for piece in trace.pieces[1:]]
+        return speed_map(run.collisions, "s_a", ("$s$", "m"), 0.05 * trace.length, width, junctions)
+    symbol = r"$\varphi$" if arc.shape == VALLEY else r"$\psi$"
+    extent = arc.angle_end - arc.angle_start
+    return speed_map(run.collisions, "angle_a", (symbol, "rad"), 0.05 * extent, width)
 
 
 def speed_map(
-    table: Table, place: Array, width: str, set_places: Callable[[Axes, Array, float], None]
+    table: Table,
+    column: str,
+    named: tuple[str, str],
+    room: float,
+    width: str,
+    lines: Sequence[float] = (),
 ) -> Figure:
     """Return approach speed against the places of impacts, coloured by their numbers.
 
@@ -68,14 +75,17 @@ def speed_map(
     ----------
     table
         The impacts, at least one.
-    place
-        Of each, shape (impacts,).
+    column, named
+        Of the place of the left body; its symbol and its unit.
+    room
+        Left on both sides where all places are one.
     width
         ``"single"`` or ``"double"``.
-    set_places
-        Sets the horizontal axis, of a length in mm, for these places.
+    lines
+        Places of vertical lines.
     """
     number = np.asarray(table["n"])
+    place = np.asarray(table[column], dtype=np.float64)
     speed = np.asarray(table["approach_speed"], dtype=np.float64)
     happened = made(table)
     with style.journal():
@@ -89,10 +99,17 @@ def speed_map(
             )
             axes.legend(loc="best", borderpad=0.2, handletextpad=0.2)
         positive_axis(axes, speed, _HIGH[width], "approach speed", "m/s")
-        set_places(axes, place, across)
+        room = 0.08 * float(np.ptp(place)) or room
+        low, high = float(np.min(place)) - room, float(np.max(place)) + room
+        axes.set_xlim(low, high)
+        ticked = angle_ticks if named[1] == "rad" else number_ticks
+        symbol, unit = named
+        label_axis(axes.xaxis, ticked(low, high, across), f"{symbol} of the left body", unit)
+        for line in lines:
+            axes.axvline(line, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
         if len(number) > MOST_VECTOR_POINTS:
             draw_marks(axes, place, speed, math.sqrt(size), style.time_colours())
-        number_bar(figure, len(number))
+        draw_legend(figure, [], Bar("impact 1", str(len(number))))
     return figure
 
 
@@ -101,23 +118,6 @@ def _only_arc(run: Recorded) -> Piece | None:
     pieces = np.unique(run.collisions["arc_a"])
     piece = run.system.trace.pieces[int(pieces[0]) - 1]
     return None if len(pieces) > 1 or piece.is_line else piece
-
-
-def _place_axis(axes: Axes, place: Array, across: float, run: Recorded, arc: Piece | None) -> None:
-    """Set the horizontal axis of the places of impacts, of a length (mm)."""
-    extent = run.system.trace.length if arc is None else arc.angle_end - arc.angle_start
-    room = 0.08 * float(np.ptp(place)) or 0.05 * extent
-    low, high = float(np.min(place)) - room, float(np.max(place)) + room
-    axes.set_xlim(low, high)
-    ticks = number_ticks(low, high, across) if arc is None else angle_ticks(low, high, across)
-    axes.set_xticks(ticks.places, ticks.labels)
-    if arc is None:
-        axes.set_xlabel(f"$s$ of the left body [{with_power('m', ticks)}]")
-        for piece in run.system.trace.pieces[1:]:
-            axes.axvline(piece.start_s, color=style.LEVEL_GREY, linewidth=0.4, zorder=0.8)
-    else:
-        symbol = r"\varphi" if arc.shape == VALLEY else r"\psi"
-        axes.set_xlabel(f"${symbol}$ of the left body [{with_power('rad', ticks)}]")
 
 
 def _dot(number: int) -> float:
@@ -135,14 +135,14 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
     if len(number) < 2:
         return None
     between = np.array(table["dt"], dtype=np.float64)
+    together = int(np.sum(between == 0.0))
+    without = f" ({together} that are 0 not shown)" if together else ""
+    entries: list[Entry] = [(f"time since the impact before{without}", DOT)]
     with style.journal():
-        figure, (axes,), across = stacked(width, [_HIGH[width]])
+        figure, (axes,), across = stacked(width, [_HIGH[width]], entries=entries)
         positive_axis(axes, between, _HIGH[width], r"$\Delta t$", "s")
         count_axis(axes, number, across[0], labelled=True)
         _draw_dots(axes, number, np.where(between > 0.0, between, math.nan))
-        together = int(np.sum(between == 0.0))
-        text = f"time since the impact before ({together} that are 0 not shown)" if together else ""
-        line_of_entries(figure, [(text or "time since the impact before", DOT)])
     return figure
 
 
@@ -160,8 +160,10 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
     end = float(np.max(run.flights()["t_end"]))
     if not len(gap) + flights:
         return None
+    entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
     with style.journal():
-        figure, panels, across = stacked(width, [_SMALL[width]] * (bool(len(gap)) + bool(flights)))
+        heights = [_SMALL[width]] * (bool(len(gap)) + bool(flights))
+        figure, panels, across = stacked(width, heights, entries=entries[: 1 + bool(flights)])
         for axes, inner in zip(panels, across, strict=True):
             time_axis(axes, end, inner, labelled=axes is panels[-1])
         if len(gap):
@@ -169,8 +171,6 @@ def accuracy(run: Recorded, width: str = "single") -> Figure | None:
         if flights:
             _residuals(panels[-1], time, error, r"$|\delta E|/E_0$", "", flights)
             panels[-1].axhline(EPSILON, zorder=1.0, **ROUNDING)
-        entries = [("residual (0 at the lower edge)", DOT), (r"$2^{-52}$", ROUNDING)]
-        line_of_entries(figure, entries[: 1 + bool(flights)])
     return figure
 
 

@@ -405,19 +405,22 @@ def space_time(run: Recorded, width: str = "single") -> Figure | None:
             (drawn,) = axes.plot(line.time, line.s, zorder=2.0, **body_look(ball))
             drawn.set_rasterized(len(line.time) > MOST_VECTOR_POINTS)
             low, high_s = min(low, float(np.nanmin(line.s))), max(high_s, float(np.nanmax(line.s)))
-        _draw_impacts(axes, run, until)
+        draw_impacts(axes, run, "s", until)
         time_axis(axes, until, across[0], labelled=True, whole=_end(run))
         value_axis(axes, low, high_s, high, "$s$", "m")
     return figure
 
 
-def _draw_impacts(axes: Any, run: Recorded, until: float) -> None:
-    """Mark both bodies at each impact, as long as the marks can be told apart."""
+def draw_impacts(axes: Any, run: Any, column: str, until: float) -> None:
+    """Mark both bodies at each impact, the smaller the more there are until then (s).
+
+    `column` is that of their places, without the end of the pair.
+    """
     table = run.collisions
     times = np.asarray(table["t"], dtype=np.float64)
     shown = times <= until
     size = float(np.clip(30.0 / max(np.sqrt(np.sum(shown)), 1.0), 1.0, IMPACT["markersize"]))
     look = IMPACT | {"markersize": size, "markeredgewidth": 0.5 * size / IMPACT["markersize"]}
     for side in "ab":
-        places = np.asarray(table[f"s_{side}"], dtype=np.float64)
+        places = np.asarray(table[f"{column}_{side}"], dtype=np.float64)
         axes.plot(times[shown], places[shown], zorder=2.3, **look)

@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet, body_look, plane_axes
-from vibro_cli.figures.labels import HALO, Named, line_of_entries, write_names
+from vibro_cli.figures.chart import Cell, Sheet, body_look, in_rows, plane_axes
+from vibro_cli.figures.labels import HALO, SAY, Named, draw_legend, ring, rows_of, write_names
 from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.style import width_of
+from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.system import PARTICLE, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
@@ -57,7 +58,7 @@ _RADIUS: dict[str, Any] = {"color": style.FRAME_GREY, "linewidth": 0.35}
 _UPRIGHT: dict[str, Any] = _RADIUS | {"linestyle": (0, (6.0, 1.5, 1.0, 1.5))}
 _LETTERED = 3
 """Bodies up to which centres, contact points and angles are named."""
-_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 24)) for f in (np.cos, np.sin)])
+_RING = ring(24)
 Extent = tuple[Array, Array]
 """Lower left and upper right corner (m)."""
 _SAY: dict[str, Any] = {"fontsize": style.SMALL, "ha": "center", "va": "center"}
@@ -282,7 +283,6 @@ _PART = 0.4
 """Bodies within this share of the trace are shown close."""
 _PLAN_SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7, "linestyle": "solid"}
 WALL: dict[str, Any] = {"color": style.BLACK, "linewidth": 2.0, "solid_capstyle": "butt"}
-_PLAN_SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 
 
 @dataclass(frozen=True)
@@ -331,12 +331,12 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
             draw_ends(axes, run.system, 2.5 / scale)
             for index, radius in enumerate(radii):
                 _draw_body(axes, one, index, radius, 0.45 / scale)
-            axes.set_title(one.title, pad=1.5, **_PLAN_SAY)
+            axes.set_title(one.title, pad=1.5, **SAY)
         _draw_bar(sheet, float(high[0] - low[0]), scale)
         number = len(radii)
         if number > 1:
             entries = [(f"body {n}", _dot(n)) for n in range(1, min(number, 5) + 1)]
-            line_of_entries(sheet.figure, entries)
+            draw_legend(sheet.figure, rows_of(entries, width_of(width)))
     return sheet.figure
 
 
@@ -408,20 +408,17 @@ def _plan_sheet(
     extent = high - low
     columns = min(_COLUMNS[width], number)
     wide = width_of(width)
-    cell = (wide - _GAP) / columns - _GAP
-    scale = min(cell / extent[0], _TALLEST / extent[1])
+    room = (wide - _GAP) / columns - _GAP
+    scale = min(room / extent[0], _TALLEST / extent[1])
     across, along = scale * extent
     along = max(along, _SHORTEST)
-    rows = math.ceil(number / columns)
-    total = _PLAN_TOP + rows * (_TITLE + along + _GAP) + _PLAN_BOTTOM
-    sheet = Sheet(wide, total)
+    cell = Cell(room, along, _TITLE, _GAP, _GAP)
+    left = _GAP + 0.5 * (room - across)
+    sheet, corners = in_rows(cell, number, columns, wide, left, _PLAN_TOP, _PLAN_BOTTOM)
     panels = []
     middle = 0.5 * (low[1] + high[1])
-    for place in range(number):
-        row, column = divmod(place, columns)
-        left = _GAP + column * (cell + _GAP) + 0.5 * (cell - across)
-        bottom = total - _PLAN_TOP - (row + 1) * (_TITLE + along) - row * _GAP
-        axes = sheet.blank(left, bottom, across, along)
+    for corner in corners:
+        axes = sheet.blank(*corner, across, along)
         axes.set_axis_off()
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(middle - 0.5 * along / scale, middle + 0.5 * along / scale)
@@ -447,14 +444,12 @@ def _draw_body(axes: Axes, one: Configuration, index: int, radius: float, least:
 
 def _draw_bar(sheet: Sheet, extent: float, scale: float) -> None:
     """Draw a bar of round length below the panels, with its length."""
-    wide, high = sheet.size
-    power = 10.0 ** math.floor(math.log10(0.45 * extent))
-    length = next(f * power for f in (5.0, 2.0, 1.0) if f * power <= 0.45 * extent)
+    length = round_below(0.45 * extent)
     left, bottom = _GAP + 1.0, 3.0
     axes = sheet.blank(left, bottom, length * scale, 1.0)
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(-1.0, 1.0)
     axes.plot([0, 0, 0, 1, 1, 1], [-1, 1, 0, 0, 1, -1], clip_on=False, **_PLAN_SURFACE)
-    after = (left + length * scale + 1.5) / wide
-    sheet.figure.text(after, (bottom + 0.5) / high, f"{length:g} m", va="center", **_PLAN_SAY)
+    after = left + length * scale + 1.5
+    sheet.write(after, bottom + 0.5, f"{length:g} m", va="center", **SAY)

@@ -13,10 +13,21 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import Sheet, body_look, panel_size
-from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
+from vibro_cli.figures.chart import Cell, body_look, in_rows, panel_size
+from vibro_cli.figures.labels import (
+    LINE,
+    SAY,
+    Entry,
+    Named,
+    draw_legend,
+    ring,
+    rows_of,
+    short_number,
+    write_names,
+)
 from vibro_cli.figures.source import Array, Recorded, first_of
-from vibro_cli.figures.style import WIDTHS, width_of
+from vibro_cli.figures.style import width_of
+from vibro_cli.figures.ticks import round_below
 from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import Piece
 
@@ -50,7 +61,7 @@ _HEAD = 0.05
 """Length of an arrow's head, as a share of the panel."""
 _SCALE = 8.0
 """Length of the arrow of the scale at most (mm)."""
-_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 90)) for f in (np.cos, np.sin)])
+_RING = ring(90)
 _SLIM = 0.36
 """Half its width, as a share of its length."""
 _BUTT: dict[str, Any] = {"solid_capstyle": "butt", "dash_capstyle": "butt"}
@@ -79,7 +90,6 @@ _LEGEND: list[Entry] = [
 ]
 _SLIDING = [_LEGEND[0], _LEGEND[-1]]
 """The legend where both bodies are in translation along the line of centres."""
-_SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 
 
 @dataclass(frozen=True)
@@ -131,7 +141,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     width = "single" if len(rows) == 1 else width
     pairs = [striking(run, row) for row in rows]
     with style.journal():
-        lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, WIDTHS[width])
+        lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, width_of(width))
         figure, panels = sheet(width, len(rows), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
         surface = _surface(run)
         for row, pair in zip(rows, pairs, strict=True):
@@ -205,19 +215,11 @@ def sheet(
 
     Heights in mm: ``top`` above all panels, ``high`` of a panel, ``words`` above each.
     """
-    beside = min(_BESIDE[width], impacts)
-    rows = math.ceil(impacts / beside)
-    wide = width_of(width)
-    cell = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
-    total = top + rows * (words + high + _GAP) + _BOTTOM
-    sheet = Sheet(wide, total)
-    panels = []
-    for place in range(2 * impacts):
-        row, column = divmod(place, 2 * beside)
-        left = _GAP + column * (cell + _GAP)
-        bottom = total - top - (row + 1) * (words + high) - row * _GAP
-        panels.append(sheet.blank(left, bottom, cell, high))
-    return sheet.figure, panels
+    wide, beside = width_of(width), min(_BESIDE[width], impacts)
+    inner = (wide - _GAP) / (2 * _BESIDE[width]) - _GAP
+    cell = Cell(inner, high, words, _GAP, _GAP)
+    sheet, corners = in_rows(cell, 2 * impacts, 2 * beside, wide, _GAP, top, _BOTTOM)
+    return sheet.figure, [sheet.blank(*corner, inner, high) for corner in corners]
 
 
 def _surface(run: Recorded) -> Array:
@@ -306,8 +308,7 @@ def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
     wide, high = panel_size(axes)
     low, end = axes.get_xlim()
     each = scale * wide / (end - low)  # mm for 1 m/s
-    power = 10.0 ** math.floor(math.log10(_SCALE / each))
-    speed = next(f * power for f in (5.0, 2.0, 1.0) if f * power * each <= _SCALE)
+    speed = round_below(_SCALE / each)
     text = f"{speed:g} m/s"
     right = wide - 1.4 * len(text) - 0.5
     level = 1.0 + (1.9 + 3.3 * line) / high
@@ -318,17 +319,14 @@ def draw_scale(axes: Axes, scale: float, line: int = 2) -> None:
     side = np.array([0.0, 0.55 / high])
     corners = np.array([tip[0], tip[1] + side, tip[1] - side])
     axes.add_patch(Polygon(corners, linewidth=0.0, **look))
-    axes.text(1.0, level, text, ha="right", va="center", transform=axes.transAxes, **_SAY)
+    axes.text(1.0, level, text, ha="right", va="center", transform=axes.transAxes, **SAY)
 
 
 def _frame(axes: Axes, middle: Array, largest: float) -> None:
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    box = axes.get_position()
-    shape = box.height * figure.get_figheight() / (box.width * figure.get_figwidth())
+    wide, high = panel_size(axes)
     reach = _AROUND * largest
     axes.set_xlim(middle[0] - reach, middle[0] + reach)
-    axes.set_ylim(middle[1] - reach * shape, middle[1] + reach * shape)
+    axes.set_ylim(middle[1] - reach * high / wide, middle[1] + reach * high / wide)
 
 
 def _draw_trace(axes: Axes, surface: Array) -> None:
@@ -384,36 +382,27 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
     if when == 1 and not made:
         sides = "after (inadmissible)"
     title = f"impact {number}, {time:.4g} s: {sides}" if when == 0 else sides
-    _write(axes, 0.0, 2, title)
+    write_over(axes, 0.0, 2, title)
     for line, symbol, unit in ((1, "v", "m/s"), (0, r"\omega", "rad/s")):
         for one, left in zip(pair, _COLUMNS, strict=True):
             value = one.speed[when] if symbol == "v" else one.omega[when]
             if math.isnan(value):  # a particle slides
                 continue
-            _write(axes, left, line, f"${symbol}_{{{one.number}}}$")
+            write_over(axes, left, line, f"${symbol}_{{{one.number}}}$")
             after = f" {unit}" if one is pair[1] else ""
-            _write(axes, left + _SYMBOL, line, f"= {_number(value)}{after}")
+            write_over(axes, left + _SYMBOL, line, f"= {short_number(value, 3)}{after}")
 
     impulse = float(run.collisions["impulse"][row])
     if when == 1 and all(one.slides for one in pair) and not math.isnan(impulse):
-        _write(axes, 0.0, 0, "$K$")
-        _write(axes, _SYMBOL, 0, f"= {_number(impulse)} N s")
+        write_over(axes, 0.0, 0, "$K$")
+        write_over(axes, _SYMBOL, 0, f"= {short_number(impulse, 3)} N s")
 
 
-def _write(axes: Axes, left: float, line: int, text: str) -> None:
+def write_over(axes: Axes, left: float, line: int, text: str) -> None:
     """Write above a panel, `left` mm from its edge, in a line counted from below.
 
     Symbols stand alone: a formula takes long to set, and equal ones are set once.
     """
-    wide, _ = panel_size(axes)
-    high = 1.0 + (0.9 + 3.3 * line) / _HIGH
-    axes.text(left / wide, high, text, transform=axes.transAxes, va="baseline", **_SAY)
-
-
-def _number(value: float) -> str:
-    """Return a number with three digits, the minus a minus."""
-    digits, _, power = f"{value:.3g}".replace("-", "−").partition("e")
-    if not power:
-        return digits
-    exponent = int(power.replace("−", "-"))
-    return rf"${digits} \times 10^{{{exponent}}}$".replace("−", "-")
+    wide, high = panel_size(axes)
+    level = 1.0 + (0.9 + 3.3 * line) / high
+    axes.text(left / wide, level, text, transform=axes.transAxes, va="baseline", **SAY)

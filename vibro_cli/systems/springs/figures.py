@@ -20,10 +20,12 @@ from vibro_cli.figures.chart import (
     MANY,
     MOST_LOOKS,
     MOST_VECTOR_POINTS,
+    Cell,
     band_entry,
     body_entries,
     body_look,
     draw_contacts,
+    in_rows,
     joined,
     plane_axes,
     stacked,
@@ -35,13 +37,10 @@ from vibro_cli.figures.film import (
     Ground,
     Link,
     Panel,
-    sampled,
-    struck,
-    times_between,
-    trail,
+    trails_of,
 )
 from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, PORTRAIT, Kind, KindOfBody
-from vibro_cli.figures.labels import Named, write_names
+from vibro_cli.figures.labels import Named, ring, write_names
 from vibro_cli.figures.runs.over_impacts import speed_map
 from vibro_cli.figures.runs.over_time import (
     HIGH,
@@ -49,20 +48,18 @@ from vibro_cli.figures.runs.over_time import (
     MOST_FLIGHTS,
     MOST_PERIODS,
     EnergyLines,
+    draw_impacts,
     energy_chart,
     energy_lines,
 )
 from vibro_cli.figures.runs.velocities import draw_disc
 from vibro_cli.figures.source import Array, kept
-from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, with_power
+from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.system import PARTICLE
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import SpringsLandscape
 from vibro_cli.systems.springs.portrait import Motions, motions, springs_portrait
 
-_PER_PERIOD = 64
-"""Points of a trail in a period of the fastest body."""
 _BEAM = 0.02
 """Half of what a spring hangs from, and how far its coils swing, as shares of half the width."""
 _ROOM = 0.04
@@ -73,21 +70,7 @@ def film_on_springs(run: Any, times: Array) -> Frames:
     """Return the states of all bodies at the times of frames (s), each exact at its time."""
     bodies, times = run.system.bodies, np.asarray(times)
     periods = [2.0 * math.pi / run.system.frequency(body) for body in range(len(bodies))]
-    span = max(periods)
-    more = times_between(times, min(periods) / _PER_PERIOD, span)
-    x, speed = sampled(run, times, "x")
-    between = sampled(run, more, "x")
-    trails = tuple(
-        trail(
-            times, span,
-            [
-                (times, x[:, n], speed[:, n], 2),
-                (more, between[0][:, n], between[1][:, n], 2),
-                *struck(run, n, "x"),
-            ],
-        )
-        for n in range(len(bodies))
-    )  # fmt: skip
+    x, speed, trails, span = trails_of(run, times, "x", periods)
     rolls = [0.0 if body.kind == PARTICLE else 1.0 / body.radius for body in bodies]
     ground = _ground(run, x)
     return Frames(ground, times, x, np.zeros_like(x), (x - x[0]) * rolls, x, speed, trails, span)
@@ -140,19 +123,9 @@ def _courses(run: Run) -> tuple[float, EnergyLines]:
 
 def springs_impact_map(run: Run, width: str = "single") -> Figure | None:
     """Return approach speed against place of every impact, None with fewer than two."""
-    table = run.collisions
-    if len(table["n"]) < 2:
+    if len(run.collisions["n"]) < 2:
         return None
-
-    def places(axes: Axes, place: Array, across: float) -> None:
-        room = 0.08 * float(np.ptp(place)) or 0.5
-        low, high = float(np.min(place)) - room, float(np.max(place)) + room
-        axes.set_xlim(low, high)
-        ticks = number_ticks(low, high, across)
-        axes.set_xticks(ticks.places, ticks.labels)
-        axes.set_xlabel(f"$x$ of the left body [{with_power('m', ticks)}]")
-
-    return speed_map(table, np.asarray(table["x_a"], dtype=np.float64), width, places)
+    return speed_map(run.collisions, "x_a", ("$x$", "m"), 0.5, width)
 
 
 def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
@@ -240,7 +213,7 @@ def springs_places(run: Run, width: str = "single") -> Figure:
             axes.axhline(spring.foot, zorder=0.9, **_foot(ball))
             low = min(low, float(np.min(place)), spring.foot)
             top = max(top, float(np.max(place)), spring.foot)
-        _draw_impacts(axes, run, until)
+        draw_impacts(axes, run, "x", until)
         time_axis(axes, until, across[0], labelled=True, whole=run.end_time)
         value_axis(axes, low, top, high, "$x$", "m")
     return figure
@@ -256,16 +229,6 @@ def springs_place(run: Run, ball: int, found: Motions, until: float) -> tuple[Ar
     parts = [springs_course(run, ball, found, row, until) for row in rows]
     times, places = (np.concatenate([part[n] for part in parts]) for n in range(2))
     return times, places + run.system.springs[ball - 1].foot
-
-
-def _draw_impacts(axes: Any, run: Run, until: float) -> None:
-    """Mark both bodies at each impact, as long as the marks can be told apart."""
-    rows = run.collisions
-    shown = rows["t"] <= until
-    size = float(np.clip(30.0 / max(np.sqrt(np.sum(shown)), 1.0), 1.0, IMPACT["markersize"]))
-    for end in "ab":
-        look = IMPACT | {"markersize": size}
-        axes.plot(rows["t"][shown], rows[f"x_{end}"][shown], zorder=2.3, **look)
 
 
 _IMPACTS = 2
@@ -285,7 +248,7 @@ _ARROW: dict[str, Any] = {
     "arrowstyle": "-|>", "color": style.BLACK, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0,
     "mutation_scale": 7.0,
 }  # fmt: skip
-_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 24)) for f in (np.cos, np.sin)])
+_RING = ring(24)
 
 
 @dataclass(frozen=True)
@@ -304,25 +267,21 @@ def springs_scene(run: Run, width: str = "single") -> Figure:
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    wide = width_of(width)
     shown = _instants(run)
     low, high = _extent(run, shown)
-    inner = WIDTHS[width] - LEFT - _RIGHT
+    inner = wide - LEFT - _RIGHT
     scale = min(inner / float(high[0] - low[0]), _HIGHEST / float(high[1] - low[1]))
     tall = scale * float(high[1] - low[1])
-    total = len(shown) * (_TITLE + tall + _GAP) + _BOTTOM
     with style.journal():
-        figure = Figure(figsize=(WIDTHS[width] * MM, total * MM))
-        for number, one in enumerate(shown):
-            bottom = total - (number + 1) * (_TITLE + tall) - number * _GAP
-            box = (LEFT / WIDTHS[width], bottom / total, inner / WIDTHS[width], tall / total)
-            axes = figure.add_axes(box)
-            last = number == len(shown) - 1
-            _set_axes(axes, low, high, (inner, tall), scale, last)
+        cell = Cell(inner, tall, _TITLE, _GAP, 0.0)
+        sheet, corners = in_rows(cell, len(shown), 1, wide, LEFT, 0.0, _BOTTOM)
+        for corner, one in zip(corners, shown, strict=True):
+            axes = sheet.panel(*corner, inner, tall)
+            _set_axes(axes, low, high, (inner, tall), scale, one is shown[-1])
             axes.set_title(one.title, pad=2.0, color=style.FRAME_GREY)
             _draw(axes, run, one, (inner, tall), scale)
-    return figure
+    return sheet.figure
 
 
 def _instants(run: Run) -> list[Instant]:

@@ -9,46 +9,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib import patheffects
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from vibro_cli.analysis.levels import LevelCurve
-from vibro_cli.analysis.singular import CENTRE, SADDLE, SingularPoint
+from vibro_cli.analysis.singular import SADDLE, SingularPoint
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import LEFT
-from vibro_cli.figures.labels import Entry, draw_legend, rows_of
+from vibro_cli.figures.labels import draw_legend, rows_of
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.portraits.energies import draw_energies, limit_energies, panels_over
+from vibro_cli.figures.portraits.energies import (
+    POTENTIAL,
+    draw_energies,
+    limit_energies,
+    panels_over,
+)
+from vibro_cli.figures.portraits.family import Member, draw_family, name_points, shown_of
 from vibro_cli.figures.portraits.layers import (
+    EIGHT,
     Background,
     behind_entries,
-    both_halves,
-    last_time,
+    coloured_until,
     level_energies,
     saddle_energies,
 )
-from vibro_cli.figures.portraits.panels import BOTTOM, RIGHT, Panel, Window
-from vibro_cli.figures.portraits.portrait import draw_motion, few, legend_rows
-from vibro_cli.figures.portraits.trace_phase_plane import EIGHT
+from vibro_cli.figures.portraits.panels import Panel, Symbols, Window, straight
+from vibro_cli.figures.portraits.portrait import draw_motion, greatest_rate, legend_rows
 from vibro_cli.figures.portraits.trajectory import (
     MOST_BRANCHES,
-    MOST_NUMBERS,
     Branches,
     Flags,
-    Jumps,
+    Own,
     Trajectory,
+    jumps_of,
     points_each,
 )
 from vibro_cli.figures.source import Array, Integers
-from vibro_cli.figures.style import MM, WIDTHS
-from vibro_cli.figures.ticks import number_ticks, vertical_ticks, with_power
-from vibro_cli.mechanics.trace import LINE as STRAIGHT
-from vibro_cli.mechanics.trace import Piece
+from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import (
     TYPES,
@@ -175,37 +174,10 @@ def springs_trajectory(run: Run, ball: int) -> Trajectory:
     branches = Branches(place, speed, shown.start, shown.contact)
     first = run.system.initial[body]
     at = first.position - run.system.springs[body].foot
-    jumps = springs_jumps(run, ball)
-    some, firsts = jumps.some(slice(None, None, every)), jumps.some(slice(0, MOST_NUMBERS))
-    return Trajectory((branches,), some, firsts, (0, at, first.speed), run.end_time, every)
+    jumps = jumps_of(run.collisions, ball, every, _states)
+    return Trajectory((branches,), *jumps, (0, at, first.speed), run.end_time, every)
 
 
-def springs_jumps(run: Run, ball: int) -> Jumps:
-    """Return the jumps of a body (from 1) at its impacts, in the order of time."""
-    table = run.collisions
-    rows = {side: np.flatnonzero(np.asarray(table[f"ball_{side}"]) == ball) for side in "ab"}
-    order = np.argsort(np.concatenate([rows["a"], rows["b"]]), kind="stable")
-
-    def merged(name: str, when: str = "") -> Array:
-        parts = [np.asarray(table[f"{name}_{side}{when}"])[rows[side]] for side in "ab"]
-        return np.concatenate(parts)[order]
-
-    def common(name: str) -> Any:
-        values = np.asarray(table[name])[np.concatenate([rows["a"], rows["b"]])][order]
-        return values
-
-    number = common("n").astype(np.int64)
-    made = np.logical_or(common("admissible"), common("substituted"))
-    places = merged("displacement")
-    before, after = merged("speed", "_pre"), merged("speed", "_post")
-    piece = np.zeros(len(number), dtype=np.int64)
-    return Jumps(number, piece, places, before, after, common("t"), made)
-
-
-MOST_MEMBERS = 12
-"""Portraits of a family that are drawn at most."""
-_MEMBER, _TITLE = 30.0, 7.4
-"""Heights of a portrait of a family, and of its title (mm)."""
 _MARGIN = 1.08
 _FAR = 3.0
 """A separatrix beyond this multiple of the motion is cut off by the frame."""
@@ -213,7 +185,6 @@ _ABOVE = 1.35
 """Without a run level curves go up to this multiple of the saddle's energy."""
 _COUNT = 129
 """Points of a level curve between turning points and crests."""
-SPRING: dict[str, Any] = {"color": style.GREEN, "linewidth": 1.0}
 
 
 def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
@@ -231,16 +202,13 @@ def springs_portrait(run: Run, ball: int, width: str = "single") -> Figure:
     behind = springs_background(run.system, ball - 1, float(np.max(energies)))
     window = _around(path, behind)
     with style.journal():
-        others = [*_eight_entry(behind), ("spring's energy", SPRING)]
-        rows = legend_rows(path, _without_eight(behind), width, others)
-        figure, upper, lower = panels_over(width, window, len(rows))
-        draw_motion([upper], path, _without_eight(behind))
-        _draw_eight(upper, behind)
+        rows, bar = legend_rows(path, behind, width, [("spring's energy", POTENTIAL)])
+        figure, upper, lower = panels_over(width, window, len(rows), _symbols(ball))
+        draw_motion([upper], path, behind)
         _draw_spring_energy(lower, run.system, ball - 1, window)
-        draw_energies(lower, path, energies, None if few(path) else last_time(path))
+        draw_energies(lower, path, energies, coloured_until(path))
         limit_energies(lower, 1.15 * float(np.max(energies)))
-        _label(upper, lower, ball)
-        draw_legend(figure, rows, None if few(path) else last_time(path))
+        draw_legend(figure, rows, bar)
     return figure
 
 
@@ -252,26 +220,19 @@ def springs_structure(system: SpringsSystem, ball: int, width: str = "single") -
     spring = system.springs[ball - 1]
     behind = _at_rest(system, ball - 1)
     window = _whole(behind)
-    entries = [*behind_entries(_without_eight(behind)), *_eight_entry(behind)]
+    entries = [("spring's energy", POTENTIAL), *behind_entries(behind)]
     with style.journal():
-        rows = rows_of([*entries, ("spring's energy", SPRING)], WIDTHS[width])
-        figure, upper, lower = panels_over(width, window, len(rows))
-        layers.draw_background(upper, _without_eight(behind))
-        _draw_eight(upper, behind)
+        rows = rows_of(entries, width_of(width))
+        figure, upper, lower = panels_over(width, window, len(rows), _symbols(ball))
+        layers.draw_background(upper, behind)
         _draw_spring_energy(lower, system, ball - 1, window)
-        names = point_names(system, ball - 1)
-        for name, point in zip(names, behind.points, strict=True):
-            upper.axes.annotate(
-                name, (point.position, 0.0), (3.5, 3.5), textcoords="offset points",
-                fontsize=style.SMALL, zorder=3.0,
-                path_effects=[patheffects.withStroke(linewidth=1.4, foreground="white")],
-            )  # fmt: skip
+        name_points(upper, point_names(system, ball - 1), behind)
+        for point in behind.points:
             if point.kind == SADDLE:
                 lower.axes.axhline(point.energy, zorder=1.2, **(EIGHT | {"linewidth": 0.6}))
             marker = layers.MARKER[point.kind]
             lower.axes.plot(point.position, point.energy, marker=marker, **layers.POINT)
         limit_energies(lower, max(spring.energy(window.low), spring.energy(window.high)))
-        _label(upper, lower, ball)
         draw_legend(figure, rows)
     return figure
 
@@ -282,37 +243,18 @@ def springs_family(
     """Return the portraits of a body (from 1) of a family, each under its title and its type.
 
     All have one frame, so that the saddle is seen to part from the centre (C, part 3: l ≶ b).
-    `members` are titles and systems; of more than `MOST_MEMBERS` an even choice is drawn.
+    `members` are titles and systems; of many an even choice is drawn.
     """
-    shown = members[:: math.ceil(len(members) / MOST_MEMBERS)]
-    columns = min({"single": 1, "double": 2}[width], len(shown))
-    rows, cell = math.ceil(len(shown) / columns), _TITLE + _MEMBER + BOTTOM
-    wide, high = WIDTHS[width], rows * cell
+    shown = shown_of(members)
     behind = [_at_rest(system, ball - 1) for _, system in shown]
     windows = [_whole(one) for one in behind]
-    low, end = min(one.low for one in windows), max(one.high for one in windows)
-    across = wide / columns - LEFT - RIGHT
-    with style.journal():
-        figure = Figure(figsize=(wide * MM, high * MM))
-        for number, ((title, system), one) in enumerate(zip(shown, behind, strict=True)):
-            row, column = divmod(number, columns)
-            left = column * wide / columns + LEFT
-            bottom = high - row * cell - _TITLE - _MEMBER
-            box = left / wide, bottom / high, across / wide, _MEMBER / high
-            window = Window(windows[0].piece, low, end, max(w.top for w in windows))
-            panel = Panel(figure.add_axes(box), window, True, across, _MEMBER, left, row)
-            panel.axes.set_xlim(low, end)
-            panel.axes.set_ylim(-window.top, window.top)
-            ticks = number_ticks(low, end, across)
-            panel.axes.set_xticks(ticks.places, ticks.labels)
-            layers.draw_background(panel, _without_eight(one))
-            _draw_eight(panel, one)
-            _label(panel, panel, ball)
-            kind = TYPES[len(singular_points(system.springs[ball - 1]))]
-            over = (bottom + _MEMBER + 1.0) / high
-            figure.text(left / wide, over, kind, fontsize=style.SMALL, va="baseline")
-            above = over + 3.0 / high
-            figure.text(left / wide, above, title, fontsize=style.TEXT, va="baseline")
+    low, high = min(one.low for one in windows), max(one.high for one in windows)
+    window = straight(low, high, max(one.top for one in windows))
+    drawn = []
+    for (title, system), one in zip(shown, behind, strict=True):
+        names = point_names(system, ball - 1)
+        drawn.append(Member(title, TYPES[len(names)], one, names, window))
+    figure, _ = draw_family(drawn, width, _symbols(ball))
     return figure
 
 
@@ -324,35 +266,23 @@ def _at_rest(system: SpringsSystem, body: int) -> Background:
     return springs_background(system, body, highest)
 
 
+def _states(own: Own) -> tuple[Array, Array, Array, Array]:
+    """Return piece, displacement, and speeds before and after impacts of a body."""
+    place = own("displacement")
+    return np.zeros(len(place)), place, own("speed", "_pre"), own("speed", "_post")
+
+
 def springs_background(system: SpringsSystem, body: int, highest: float) -> Background:
     """Return what stands behind the portrait of a body (from 0) with energies up to one (J)."""
     hills = SpringsLandscape.of(system, body, body)
-    kinds = {"centre": CENTRE, "saddle": SADDLE}
     points = tuple(
-        SingularPoint(kinds[kind], 0, at, 0.0, at, 0.0, system.springs[body].energy(at))
+        SingularPoint(kind, 0, at, 0.0, at, 0.0, system.springs[body].energy(at))
         for at, kind in singular_points(system.springs[body])
     )
     # The energy at the crest as the curves have it, so that they run just through the saddle.
     through = [hills.mass * float(hills.potential(crest)) for crest in hills.crests]
     levels = level_energies(points, max(highest, *saddle_energies(points), 0.0))
-    return Background(
-        separatrices=_curves(hills, through), arc_separatrices=(),
-        levels=_curves(hills, levels), points=points,
-    )  # fmt: skip
-
-
-def _without_eight(behind: Background) -> Background:
-    return replace(behind, separatrices=())
-
-
-def _eight_entry(behind: Background) -> list[Entry]:
-    return [("figure eight", EIGHT)] if behind.separatrices else []
-
-
-def _draw_eight(panel: Panel, behind: Background) -> None:
-    """Draw the separatrix, which of a spring is a figure eight."""
-    lines = [line for curve in behind.separatrices for line in both_halves(curve)]
-    panel.axes.add_collection(LineCollection(lines, zorder=1.25, **EIGHT), autolim=False)
+    return Background(levels=_curves(hills, levels), points=points, eights=_curves(hills, through))
 
 
 def _curves(hills: SpringsLandscape, energies: Sequence[float]) -> tuple[LevelCurve, ...]:
@@ -365,14 +295,11 @@ def _curves(hills: SpringsLandscape, energies: Sequence[float]) -> tuple[LevelCu
 
 def _around(path: Trajectory, behind: Background) -> Window:
     """Return the window on the motion and the singular points, with a separatrix not too far."""
-    (branches,) = path.branches
-    jumps = path.jumps
-    rates = [branches.rate.ravel(), jumps.before, jumps.after[jumps.made]]
-    reached = float(max(np.max(np.abs(rate), initial=0.0) for rate in rates))
+    (branches,), reached = path.branches, greatest_rate(path, [0])
     points = [point.position for point in behind.points]
     low = min(float(np.min(branches.position)), *points)
     high = max(float(np.max(branches.position)), *points)
-    for curve in behind.separatrices:
+    for curve in behind.eights:
         if np.ptp(curve.position) <= _FAR * (high - low):
             low = min(low, float(curve.position[0]))
             high = max(high, float(curve.position[-1]))
@@ -382,7 +309,7 @@ def _around(path: Trajectory, behind: Background) -> Window:
 
 def _whole(behind: Background) -> Window:
     """Return the window on all level curves."""
-    curves = (*behind.levels, *behind.separatrices)
+    curves = (*behind.levels, *behind.eights)
     low = min(float(curve.position[0]) for curve in curves)
     high = max(float(curve.position[-1]) for curve in curves)
     return _window(low, high, max(float(np.max(curve.rate)) for curve in curves))
@@ -390,27 +317,19 @@ def _whole(behind: Background) -> Window:
 
 def _window(low: float, high: float, top: float) -> Window:
     room = 0.04 * (high - low) or 1.0
-    low, high = low - room, high + room
-    nowhere = math.nan, math.nan
-    line = Piece(
-        0, STRAIGHT, 0.0, math.inf, 0.0, 0.0, high - low, 0.0, nowhere, nowhere, nowhere, low, high
-    )
-    return Window(line, low, high, _MARGIN * (top or 1.0))
+    return straight(low - room, high + room, _MARGIN * (top or 1.0))
 
 
-def _label(upper: Panel, lower: Panel, ball: int) -> None:
-    ticks = vertical_ticks(-upper.window.top, upper.window.top, upper.height)
-    upper.axes.set_yticks(ticks.places, ticks.labels)
-    upper.axes.set_ylabel(rf"$\dot{{x}}_{{{ball}}}$ [{with_power('m/s', ticks)}]", labelpad=1.0)
-    unit = with_power("m", number_ticks(*lower.axes.get_xlim(), lower.width))
-    lower.axes.set_xlabel(rf"$x_{{{ball}}}$ [{unit}], from the foot of its spring")
+def _symbols(ball: int) -> Symbols:
+    after = ", from the foot of its spring"
+    return Symbols(rf"$x_{{{ball}}}$", rf"$\dot{{x}}_{{{ball}}}$", after)
 
 
 def _draw_spring_energy(lower: Panel, system: SpringsSystem, body: int, window: Window) -> None:
     spring = system.springs[body]
     x = np.linspace(window.low, window.high, 600)
     stored = 0.5 * spring.stiffness * (np.hypot(spring.height, x) - spring.length) ** 2
-    lower.axes.plot(x, stored, zorder=1.5, **SPRING)
+    lower.axes.plot(x, stored, zorder=1.5, **POTENTIAL)
 
 
 def swings(system: SpringsSystem) -> Iterator[dict[str, float | None]]:

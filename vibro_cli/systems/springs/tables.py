@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from operator import methodcaller
 from typing import Any
 
@@ -16,11 +16,11 @@ from vibro_cli.kernels.springs.series import Found, Sample, sample_states
 from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED, SpringBody, StateRow
 from vibro_cli.kernels.statistics.impact_columns import EIGHTS, REGIMES
 from vibro_cli.systems.columns import (
-    ENDS,
     KINETIC,
     Column,
     Table,
     Value,
+    before_and_after,
     count,
     exponents,
     flag,
@@ -147,20 +147,12 @@ def _impact_columns() -> Iterator[Column]:
         ("signed speed of the centre", "speed", "m/s", "along"),
         (_ENERGY, "energy", "J", "energy"),
     ):
-        for end, when, words in ENDS:
-            what, value = (
-                f"{text}, {words} the impact, of body {end}",
-                methodcaller(method, end, when),
-            )
-            yield number(f"{name}_{end}_{when}", unit, what, name == "omega", value)
+        of_method = partial(methodcaller, method)
+        yield from before_and_after(name, unit, text, name == "omega", of_method)
     yield from impact_tail()
     yield flag("contact", "whether lasting contact of the pair begins here", is_one("contact"))
-    for end, when, words in ENDS:
-        text, value = (
-            f"{KINETIC}, {words} the impact, of body {end}",
-            methodcaller("kinetic", end, when),
-        )
-        yield number(f"kinetic_energy_{end}_{when}", "J", text, value=value)
+    kinetic = partial(methodcaller, "kinetic")
+    yield from before_and_after("kinetic_energy", "J", KINETIC, value=kinetic)
     yield impulse()
     yield from phases("regime", _REGIME, REGIMES, lambda *_: _never_progressive)
     yield from phases("eight", _EIGHT, EIGHTS, _eight)

@@ -15,7 +15,16 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, panel_size
 from vibro_cli.figures.film import Frames, Ground, States, trail
 from vibro_cli.figures.kinds import EXPONENTS, INTERVALS, Kind, KindOfBody
-from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
+from vibro_cli.figures.labels import (
+    LINE,
+    Entry,
+    Named,
+    draw_legend,
+    ring,
+    rows_of,
+    short_number,
+    write_names,
+)
 from vibro_cli.figures.runs.contact_points import (
     ASIDE,
     POINTS_CAPTION,
@@ -32,9 +41,10 @@ from vibro_cli.figures.runs.velocities import (
     draw_disc,
     draw_scale,
     sheet,
+    write_over,
 )
 from vibro_cli.figures.source import Array, kept
-from vibro_cli.figures.style import WIDTHS
+from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall, table_plan, wall_corners
 
@@ -54,7 +64,6 @@ _AXIS: dict[str, Any] = {
     "color": style.FRAME_GREY, "linewidth": 0.4, "linestyle": (0, (6, 1.5, 1, 1.5)), "zorder": 1.5,
 }  # fmt: skip
 _TANGENT: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.5}
-_SAY: dict[str, Any] = {"fontsize": style.SMALL, "color": style.FRAME_GREY}
 _LEGEND: list[Entry] = [
     (words, {"color": style.BLACK} | look)
     for words, look in (
@@ -66,7 +75,7 @@ _LEGEND: list[Entry] = [
         ("normal", {key: _AXIS[key] for key in ("linewidth", "linestyle")}),
     )
 ]
-_RING = np.column_stack([f(np.linspace(0.0, 2.0 * np.pi, 90)) for f in (np.cos, np.sin)])
+_RING = ring(90)
 
 
 @dataclass(frozen=True)
@@ -114,13 +123,12 @@ def table_velocities(run: Run, width: str = "single") -> Figure | None:
 
     Raises ValueError for a width that is neither `single` nor `double`.
     """
-    if width not in WIDTHS:
-        raise ValueError(f"unknown width {width!r}, expected one of {', '.join(WIDTHS)}")
+    wide = width_of(width)
     impacts = impacts_of(run, _IMPACTS[width])
     if not impacts:
         return None
     with style.journal():
-        lines = rows_of(_LEGEND, WIDTHS[width])
+        lines = rows_of(_LEGEND, wide)
         figure, panels = sheet(width, len(impacts), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
         for number, one in enumerate(impacts):
             for when in (0, 1):
@@ -265,13 +273,7 @@ def _pair(point: Array) -> tuple[float, float]:
 
 def _say(axes: Axes, one: Met, when: int) -> None:
     """Write the values above a panel."""
-    wide, high = panel_size(axes)
-
-    def write(left: float, line: int, text: str) -> None:
-        place = left / wide, 1.0 + (1.4 + 3.3 * line) / high
-        axes.text(*place, text, transform=axes.transAxes, va="baseline", **_SAY)
-
-    write(0.0, 3, f"{one.title}, {one.time:.4g} s: before" if when == 0 else "after")
+    write_over(axes, 0.0, 3, f"{one.title}, {one.time:.4g} s: before" if when == 0 else "after")
     rows = (
         (2, "v", "", "m/s", [float(np.hypot(*ball.velocity[when])) for ball in one.balls]),
         (1, r"\omega", "", "rad/s", [ball.omega[when] for ball in one.balls]),
@@ -281,13 +283,10 @@ def _say(axes: Axes, one: Met, when: int) -> None:
         for ball, value, left in zip(one.balls, values, _COLUMNS, strict=False):
             if math.isnan(value):
                 continue
-            write(left, line, rf"${symbol}_{{{ball.number}}}{mark}$")
+            write_over(axes, left, line, rf"${symbol}_{{{ball.number}}}{mark}$")
             last = f" {unit}" if ball is one.balls[-1] else ""
-            write(left + _SYMBOL, line, f"= {_number(value)}{'°' if unit == '°' else last}")
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}".replace("-", "−")
+            text = f"= {short_number(value, 3)}{'°' if unit == '°' else last}"
+            write_over(axes, left + _SYMBOL, line, text)
 
 
 def table_contact_points(run: Run, width: str = "single") -> Figure | None:

@@ -13,9 +13,10 @@ from matplotlib.patches import Circle, Ellipse, Polygon
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import LEFT, body_look, plane_axes
-from vibro_cli.figures.labels import leader, place_numbers
+from vibro_cli.figures.chart import LEFT, Sheet, body_look, plane_axes
+from vibro_cli.figures.labels import Named, ring, write_names
 from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
 
@@ -44,10 +45,12 @@ def table_plan(run: Run, width: str = "single") -> Figure:
     paths = [_path(run, ball) for ball in range(len(run.system.bodies))]
     low, high = _extent(run, paths)
     low, high = _fitted(low, high)
-    size = (style.WIDTHS[width] - LEFT - _RIGHT) * np.array([1.0, 1.0])
-    size[1] *= (high[1] - low[1]) / (high[0] - low[0])
+    wide = width_of(width)
+    size = (wide - LEFT - _RIGHT) * np.array([1.0, (high[1] - low[1]) / (high[0] - low[0])])
     with style.journal():
-        figure, axes = _panel(width, low, high, size)
+        sheet = Sheet(wide, _BOTTOM + float(size[1]) + _TOP)
+        axes = sheet.panel(LEFT, _BOTTOM, float(size[0]), float(size[1]))
+        plane_axes(axes, low, high, size)
         if run.system.wall is not None:
             draw_wall(axes, run.system.wall)
         for ball, path in enumerate(paths):
@@ -56,7 +59,7 @@ def table_plan(run: Run, width: str = "single") -> Figure:
         _draw_velocities(axes, run, _ARROW * (high[0] - low[0]))
         _draw_numbers(axes, run, paths, (float(size[0]), float(size[1])))
         axes.set_title(_title(run, paths), pad=2.0, color=style.FRAME_GREY)
-    return figure
+    return sheet.figure
 
 
 def _fitted(low: Floats, high: Floats) -> tuple[Floats, Floats]:
@@ -66,16 +69,6 @@ def _fitted(low: Floats, high: Floats) -> tuple[Floats, Floats]:
     wanted = np.maximum(extent, [extent[1] / shape, extent[0] * shape])
     middle = 0.5 * (low + high)
     return middle - 0.5 * wanted, middle + 0.5 * wanted
-
-
-def _panel(width: str, low: Floats, high: Floats, size: Floats) -> tuple[Figure, Axes]:
-    """Return a figure with a panel of a size (mm), to scale."""
-    wide, tall = style.WIDTHS[width], _BOTTOM + float(size[1]) + _TOP
-    figure = Figure(figsize=(wide * style.MM, tall * style.MM))
-    box = (LEFT / wide, _BOTTOM / tall, float(size[0]) / wide, float(size[1]) / tall)
-    axes = figure.add_axes(box)
-    plane_axes(axes, low, high, size)
-    return figure, axes
 
 
 def _path(run: Run, ball: int) -> Floats:
@@ -137,34 +130,13 @@ def _colour(ball: int) -> str:
 
 def _draw_numbers(axes: Axes, run: Run, paths: list[Floats], size: tuple[float, float]) -> None:
     """Write each ball's number beside its start, where it covers least (`size` in mm)."""
-    corner, scale = _millimetres(axes, size)
-    starts = [(path[:1] - corner) * scale for path in paths]
-    passed = np.concatenate([_points_along(path) for path in paths])
-    around = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    ring = np.column_stack([np.cos(around), np.sin(around)])
-    ring = np.concatenate([share * ring for share in (0.25, 0.5, 0.75, 1.0)])
+    passed = [_points_along(path) for path in paths]
+    discs = np.concatenate([share * ring(24) for share in (0.25, 0.5, 0.75, 1.0)])
     circles = [
-        path[0] + body.radius * ring for path, body in zip(paths, run.system.bodies, strict=True)
+        path[0] + body.radius * discs for path, body in zip(paths, run.system.bodies, strict=True)
     ]
-    obstacles = (np.concatenate([passed, *circles]) - corner) * scale
-    texts = [str(ball) for ball in range(1, len(paths) + 1)]
-    places = place_numbers(texts, starts, obstacles, size)
-    for ball, (text, place) in enumerate(zip(texts, places, strict=True)):
-        color = _colour(ball)
-        line = leader(place, starts[ball])
-        if line is not None:
-            axes.plot(*(line / scale + corner).T, color=color, linewidth=0.4, zorder=5.0)
-        at = np.array(place) / scale + corner
-        axes.text(
-            float(at[0]), float(at[1]), text, color=color, fontsize=style.SMALL, zorder=6.5,
-            ha="center", va="center_baseline",
-        )  # fmt: skip
-
-
-def _millimetres(axes: Axes, size: tuple[float, float]) -> tuple[Floats, Floats]:
-    """The lower left corner of the panel in m, and millimetres in a metre along both axes."""
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    return np.array([left, bottom]), np.array([size[0] / (right - left), size[1] / (top - bottom)])
+    names = [Named(str(ball + 1), path[0], _colour(ball)) for ball, path in enumerate(paths)]
+    write_names(axes, names, np.concatenate([*passed, *circles]), size)
 
 
 def _points_along(path: Floats) -> Floats:

@@ -24,8 +24,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
+from vibro_cli.figures.chart import Sheet
 from vibro_cli.figures.portraits import layers
-from vibro_cli.figures.ticks import angle_ticks, vertical_ticks
+from vibro_cli.figures.style import width_of
+from vibro_cli.figures.ticks import angle_ticks, label_axis, vertical_ticks
 from vibro_cli.systems.contract import NoPortrait
 from vibro_cli.systems.run import simulate
 from vibro_cli.systems.table import SYSTEM
@@ -111,6 +113,7 @@ MOTIONS = 26
 BOUNCES = 240
 """Bounces of each motion."""
 _LEVELS = 13
+_HIGH = {"single": 70.0, "double": 95.0}
 _LEFT, _RIGHT, _TOP, _BOTTOM = 12.0, 3.0, 5.0, 9.0
 """Room around the panel (mm)."""
 
@@ -123,13 +126,11 @@ def wall_portrait(system: TableSystem, ball: int, width: str = "single") -> Figu
     """
     wall, radius = system.wall, system.bodies[ball - 1].radius
     assert wall is not None
-    millimetres = style.WIDTHS[width]
-    high = 70.0 if width == "single" else 95.0
+    wide, high = width_of(width), _HIGH[width]
+    inner, tall = wide - _LEFT - _RIGHT, high - _BOTTOM - _TOP
     with style.journal():
-        figure = Figure(figsize=(millimetres * style.MM, high * style.MM))
-        left, low = _LEFT / millimetres, _BOTTOM / high
-        box = (left, low, 1.0 - left - _RIGHT / millimetres, 1.0 - low - _TOP / high)
-        axes = figure.add_axes(box)
+        sheet = Sheet(wide, high)
+        axes = sheet.panel(_LEFT, _BOTTOM, inner, tall)
         if radius == 0.0:
             _draw_levels(axes, wall)
         for normals, shares in _motions(system, ball - 1):
@@ -140,15 +141,13 @@ def wall_portrait(system: TableSystem, ball: int, width: str = "single") -> Figu
         named = _draw_singular(axes, wall, radius)
         axes.set_xlim(-math.pi, math.pi)
         axes.set_ylim(-1.0, 1.0)
-        across = angle_ticks(-math.pi, math.pi, millimetres - _LEFT - _RIGHT)
-        along = vertical_ticks(-1.0, 1.0, high - _BOTTOM - _TOP)
-        axes.set_xticks(across.places, across.labels)
-        axes.set_yticks(along.places, along.labels)
-        axes.set_xlabel("direction of the wall's normal [rad]")
-        axes.set_ylabel("component of the unit velocity along the wall")
+        across = angle_ticks(-math.pi, math.pi, inner)
+        along = vertical_ticks(-1.0, 1.0, tall)
+        label_axis(axes.xaxis, across, "direction of the wall's normal", "rad")
+        label_axis(axes.yaxis, along, "component of the unit velocity along the wall", "")
         words = f"bounces of ball {ball}, r = {radius:g} m, at k = 1{named}"
         axes.set_title(words, pad=2.0, color=style.FRAME_GREY)
-    return figure
+    return sheet.figure
 
 
 def _motions(system: TableSystem, index: int) -> list[tuple[Floats, Floats]]:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.paper_formulas import contact_angle, starting_swing, stays
 from vibro_cli.analysis.singular import as_record, portrait_of
-from vibro_cli.figures.portraits.portrait import structure
+from vibro_cli.figures.portraits.trace_phase_plane import structure
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario.fields import settings

@@ -16,10 +16,7 @@ from vibro_cli.figures.film import (
     Ground,
     Panel,
     States,
-    sampled,
-    struck,
-    times_between,
-    trail,
+    trails_of,
 )
 from vibro_cli.figures.kinds import (
     EXPONENTS,
@@ -39,8 +36,6 @@ from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.mechanics.system import PARTICLE, Body, TraceSystem
 from vibro_cli.mechanics.trace import Trace
 
-_PER_PERIOD = 64
-"""Points of a trail in a period."""
 _FILM_WALL = 0.06
 """Height of a wall at an end of the trace, as a share of half the width."""
 
@@ -65,26 +60,12 @@ def film_on_trace(run: Moving, times: Array) -> Frames:
         return np.asarray(motion[name], dtype=np.float64).reshape(len(times), len(bodies))
 
     arc = np.asarray(motion["arc"]).reshape(len(times), len(bodies)) - 1
-    s, speed = table("s"), table("speed")
+    s, speed, trails, span = trails_of(
+        run, times, "s", _small_periods(run.system), _at_walls, 0.5 * run.system.trace.length
+    )
     turn = np.column_stack(
         [_turned(run.system.trace, body, arc[:, n], s[:, n]) for n, body in enumerate(bodies)]
     )
-    periods = _small_periods(run.system)
-    more, span = times_between(times, min(periods) / _PER_PERIOD, max(periods)), max(periods)
-    between = sampled(run, more, "s")
-    trails = tuple(
-        trail(
-            times, span,
-            [
-                (times, s[:, n], speed[:, n], 2),
-                (more, between[0][:, n], between[1][:, n], 2),
-                *struck(run, n, "s"),
-                *_at_walls(run, n),
-            ],
-            0.5 * run.system.trace.length,
-        )
-        for n in range(len(bodies))
-    )  # fmt: skip
     return Frames(_ground(run), times, table("x"), table("y"), turn, s, speed, trails, span)
 
 

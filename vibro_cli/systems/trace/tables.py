@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,19 +28,20 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
     GROWTH,
     KINETIC,
-    LAW,
     Column,
     Table,
+    before_and_after,
     converging,
     converging_table,
     count,
     exponents,
     flag,
-    grazing,
     impact_head,
+    impact_tail,
     impulse,
     number,
     phases,
+    summary_balance,
     summary_head,
     word,
 )
@@ -56,20 +57,9 @@ from vibro_cli.systems.trace.world import make_world
 from vibro_cli.systems.wanted import Sampling, Wanted
 
 
-def _pair(prefix: str, suffix: str, unit: str, text: str, nullable: bool = False) -> list[Column]:
+def _pair(name: str, unit: str, text: str, nullable: bool = False) -> list[Column]:
     """The same quantity of both bodies of an impact."""
-    return [
-        number(f"{prefix}_{body}{suffix}", unit, f"{text} of body {body}", nullable)
-        for body in ("a", "b")
-    ]
-
-
-def _before_and_after(
-    prefix: str, unit: str, text: str, nullable: bool = False
-) -> Iterable[Column]:
-    """The same quantity of both bodies, before and after the impact."""
-    yield from _pair(prefix, "_pre", unit, f"{text}, before the impact,", nullable)
-    yield from _pair(prefix, "_post", unit, f"{text}, after the impact,", nullable)
+    return [number(f"{name}_{end}", unit, f"{text} of body {end}", nullable) for end in "ab"]
 
 
 _ANGLE = "angle on its arc (φ in a valley, ψ on a hump; null on a line)"
@@ -112,35 +102,23 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
         *([_SIDE] if sided else []),
         count("arc_a", "piece of the trace body a is on, from 1"),
         count("arc_b", "piece of the trace body b is on, from 1"),
-        *_pair("angle", "", "rad", _ANGLE, nullable=True),
-        *_pair("s", "", "m", "arc length from the trace's left end to the contact point"),
+        *_pair("angle", "rad", _ANGLE, nullable=True),
+        *_pair("s", "m", "arc length from the trace's left end to the contact point"),
         number("x_a", "m", "horizontal place of the centre of body a"),
         number("y_a", "m", "height of the centre of body a"),
         number("x_b", "m", "horizontal place of the centre of body b"),
         number("y_b", "m", "height of the centre of body b"),
-        *_before_and_after("rate", "rad/s", _RATE, nullable=True),
-        *_before_and_after("omega", "rad/s", _OMEGA, nullable=True),
-        *_before_and_after("speed", "m/s", "signed speed of the centre"),
-        *_before_and_after("energy", "J", _ENERGY),
-        number(
-            "energy_loss",
-            "J",
+        *before_and_after("rate", "rad/s", _RATE, nullable=True),
+        *before_and_after("omega", "rad/s", _OMEGA, nullable=True),
+        *before_and_after("speed", "m/s", "signed speed of the centre"),
+        *before_and_after("energy", "J", _ENERGY),
+        *impact_tail(
             "energy lost in the impact; where contact begins, in all further bounces too",
-        ),
-        number("impulse_moment", "N m s", "J_Pb (ω_b⁺ − ω_b⁻), the moment of the impulse"),
-        number("approach_speed", "m/s", "speed of approach along the line of centres, before"),
-        number("separation_speed", "m/s", "speed of separation along the line of centres, after"),
-        number("gap", "m", "distance of the surfaces left at that time"),
-        LAW,
-        flag("admissible", "whether the bodies separate after the law of the scenario"),
-        flag("substituted", "whether the normal-impulse law stood in for an inadmissible impact"),
-        flag(
-            "simultaneous",
+            "distance of the surfaces left at that time",
             "whether other pairs collide at the same instant, or the row stands for all that would",
         ),
-        grazing(),
         flag("contact", "whether lasting contact of the pair begins here"),
-        *_before_and_after("kinetic_energy", "J", KINETIC),
+        *before_and_after("kinetic_energy", "J", KINETIC),
         impulse(),
         *(phase for prefix, text, words in _PHASES for phase in phases(prefix, text, words)),
         *(GROWTH if grown else ()),
@@ -192,18 +170,11 @@ _SUMMARY_HEAD = (
     count("collisions", "number of impacts", True),
     count("crossings", "number of junctions crossed (a seam counts as one)", True),
     count("contacts", "number of lasting contacts begun", True),
-    number("first_collision_time", "s", "time of the first impact", True),
-    number("last_collision_time", "s", "time of the last impact", True),
-    number("energy_start", "J", "energy of all bodies at the start", True),
-    number("energy_end", "J", "energy of all bodies at the end", True),
-    number(
-        "energy_drift",
-        "",
+    *summary_balance(
+        "impact",
         "relative change of the energy, where it should be kept (else null)",
-        True,
+        "largest distance of the surfaces left at an impact",
     ),
-    number("energy_correction", "J", "sum of the corrections that keep the energy, absolute", True),
-    number("max_gap", "m", "largest distance of the surfaces left at an impact", True),
     number("min_normal_force", "N", "smallest normal force of the trace on any body", True),
     number(
         "max_friction_demand",

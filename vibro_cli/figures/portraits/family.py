@@ -1,0 +1,116 @@
+"""Phase planes of the members of a family side by side, each under its title and its type."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TypeVar
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vibro_cli.figures import style
+from vibro_cli.figures.chart import Cell, in_rows
+from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, rows_of, write_names
+from vibro_cli.figures.portraits.layers import (
+    MARKER,
+    Background,
+    behind_entries,
+    both_halves,
+    draw_background,
+)
+from vibro_cli.figures.portraits.panels import BOTTOM, LEFT, RIGHT, Panel, Symbols, Window, plane
+from vibro_cli.figures.source import Array
+from vibro_cli.figures.style import width_of
+
+_DARK = 6
+"""How much rather a name covers a level curve than a separatrix."""
+_NEVER = 20
+"""How much rather a name covers a level curve than the mark of a point."""
+_STEP = 0.4
+"""Distance of the points of a curve that names keep clear of (mm)."""
+_MARK = 0.6
+"""Half the size of such a mark (mm)."""
+MOST_MEMBERS = 12
+"""Portraits of a family that are drawn at most."""
+_COLUMNS = {"single": 1, "double": 2}
+_HIGH = 27.0
+"""Height of a panel (mm)."""
+_TITLE = 7.4
+_LINE = 3.0
+
+Shown = TypeVar("Shown")
+
+
+@dataclass(frozen=True)
+class Member:
+    """The portrait of a member of a family."""
+
+    title: str
+    type: str
+    """In words, without the names of kinds of points that stand beside them."""
+    behind: Background
+    names: tuple[str, ...]
+    """Of its singular points."""
+    window: Window
+
+
+def shown_of(members: Sequence[Shown]) -> Sequence[Shown]:
+    """Return an even choice of the members, as many as are drawn."""
+    return members[:: math.ceil(len(members) / MOST_MEMBERS)]
+
+
+def draw_family(
+    members: Sequence[Member], width: str, symbols: Symbols, others: Sequence[Entry] = ()
+) -> tuple[Figure, list[Panel]]:
+    """Return the portraits of some members and their panels.
+
+    `others` are further entries of the legend.
+    """
+    wide = width_of(width)
+    entries = [*behind_entries(*(one.behind for one in members)), *others]
+    rows = rows_of(entries, wide - RIGHT)
+    columns = min(_COLUMNS[width], len(members))
+    size = wide / columns - LEFT - RIGHT, _HIGH
+    with style.journal():
+        cell = Cell(*size, _TITLE, BOTTOM, LEFT + RIGHT)
+        sheet, corners = in_rows(cell, len(members), columns, wide, LEFT, LINE * len(rows) + 1.0)
+        draw_legend(sheet.figure, rows)
+        panels = []
+        for member, (left, bottom) in zip(members, corners, strict=True):
+            panel = plane(sheet.panel(left, bottom, *size), member.window, size, symbols)
+            draw_background(panel, member.behind)
+            name_points(panel, member.names, member.behind)
+            over = bottom + _HIGH + 1.0
+            sheet.write(left, over, member.type, fontsize=style.SMALL, va="baseline")
+            sheet.write(left, over + _LINE, member.title, fontsize=style.TEXT, va="baseline")
+            panels.append(panel)
+    return sheet.figure, panels
+
+
+def name_points(panel: Panel, names: Sequence[str], behind: Background) -> None:
+    """Write the name of each singular point beside it."""
+    named = [
+        Named(name, (point.position, 0.0))
+        for name, point in zip(names, behind.points, strict=True)
+        if point.kind in MARKER
+    ]
+    if not named:
+        return
+    axes = panel.axes
+    scale = np.array(panel.size) / [np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())]
+    dark = (*behind.eights, *behind.separatrices) * _DARK
+    lines = [line * scale for one in (*dark, *behind.levels) for line in both_halves(one)]
+    marks = np.array([one.point for one in named]) * scale
+    on_marks = [marks + _MARK * np.array(step) for step in product((-1.0, 0.0, 1.0), repeat=2)]
+    obstacles = np.concatenate([*map(_evenly, lines), *on_marks * _NEVER])
+    write_names(axes, named, obstacles / scale, panel.size)
+
+
+def _evenly(line: Array) -> Array:
+    """Return points of a line (mm) at even distances: how many it has is to say how long it is."""
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    at = np.arange(0.0, along[-1], _STEP)
+    return np.column_stack([np.interp(at, along, values) for values in line.T])
