@@ -567,26 +567,23 @@ def check_contacts(plan: Plan) -> list[Finding]:
         ("near-grazing flights (+-1e-13 R ... +-1e-2 R)", True, plan.amount(2_000, 100_000)),
     ):
         tally = run_flights(plan.seed, wanted, grazing, plan.amount(8, 10))
-        n = tally.flights
-        tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
-        findings += [
-            Finding("contacts", quantity, tried, n, tally.kinds[kind], mark, scenario)
-            for kind, quantity, mark, scenario in (
-                ("missed", "missed first contacts", 0.0, tally.wrong),
-                ("invented", "invented contacts", 0.0, tally.wrong),
-                ("undecided", "undecided by the judge", None, None),
-            )
-        ]
-        findings.append(
-            Finding(
-                "contacts", "displacement of a contact (R)", tried, n, tally.displacement,
-                DISPLACED, tally.worst,
-            )
-        )  # fmt: skip
+        findings += _findings_of(tally, name)
         if grazing:
             hostile = tally.sample
-    findings.append(_by_fifty_digits(hostile, plan))
-    return findings + _by_scipy(hostile, plan)
+    return [*findings, _by_fifty_digits(hostile, plan), *_by_scipy(hostile, plan)]
+
+
+def _findings_of(tally: Tally, name: str) -> list[Finding]:
+    tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
+    return [
+        Finding(quantity, tried, mark, cases=tally.flights, worst=worst, scenario=scenario)
+        for quantity, mark, worst, scenario in (
+            ("missed first contacts", 0.0, tally.kinds["missed"], tally.wrong),
+            ("invented contacts", 0.0, tally.kinds["invented"], tally.wrong),
+            ("undecided by the judge", None, tally.kinds["undecided"], None),
+            ("displacement of a contact (R)", DISPLACED, tally.displacement, tally.worst),
+        )
+    ]
 
 
 def _by_fifty_digits(sample: list[Sample], plan: Plan) -> Finding:
@@ -599,7 +596,7 @@ def _by_fifty_digits(sample: list[Sample], plan: Plan) -> Finding:
         ]
         wrong += not all(agree)
     tried = "near-grazing flights, 50 digits against the judge and the solver"
-    return Finding("contacts", "contacts decided otherwise", tried, len(chosen), wrong, 0.0)
+    return Finding("contacts decided otherwise", tried, 0.0, cases=len(chosen), worst=wrong)
 
 
 def _by_scipy(sample: list[Sample], plan: Plan) -> list[Finding]:
@@ -611,11 +608,10 @@ def _by_scipy(sample: list[Sample], plan: Plan) -> list[Finding]:
         missed = 0
         for one in chosen:
             found = first_event(one.row, tolerance)
-            missed += found is None or found > one.judged + 1.0e-3
+            missed += found is None or bool(found > one.judged + 1.0e-3)
         tried = f"near-grazing flights with contact, SciPy's DOP853 at rtol {tolerance:g}"
-        findings.append(
-            Finding("contacts", "missed by SciPy's event finder", tried, len(chosen), missed, None)
-        )
+        quantity = "missed by SciPy's event finder"
+        findings.append(Finding(quantity, tried, None, cases=len(chosen), worst=missed))
     return findings
 
 
