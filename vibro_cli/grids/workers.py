@@ -69,10 +69,6 @@ def solve_in_threads(
     receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
 
-    def following() -> _Stretch | None:
-        with lock:
-            return next(left, None)
-
     def write(parts: Encoded) -> None:
         receipt = parts.write(folder)
         parts.give_back()
@@ -80,16 +76,11 @@ def solve_in_threads(
 
     def serve(disk: ThreadPoolExecutor) -> None:
         try:
-            solver = solver_of(grid, engine)
             writing: Future[None] | None = None
-            while not stop.is_set() and (taken := following()) is not None:
-                solved = solver.solve(np.arange(taken.first, taken.last))
-                tell(taken.last - taken.first, solved.impacts)
-                made = taken.parts.add(taken.number, solved)
-                if made is not None:
-                    if writing is not None:
-                        writing.result()  # no more than one chunk of each thread waits
-                    writing = disk.submit(write, made)
+            for parts in _encoded(solver_of(grid, engine), _shared(left, lock, stop), tell):
+                if writing is not None:
+                    writing.result()  # no more than one chunk of each thread waits
+                writing = disk.submit(write, parts)
             if writing is not None:
                 writing.result()
         except BaseException as error:
@@ -108,6 +99,28 @@ def solve_in_threads(
             stop.set()
             for thread in crew:
                 thread.join()
+
+
+def _shared(
+    left: Iterator[_Stretch], lock: threading.Lock, stop: threading.Event
+) -> Iterator[_Stretch]:
+    """What one of several threads takes of what is left, until it is to stop."""
+    while not stop.is_set():
+        with lock:
+            following = next(left, None)
+        if following is None:
+            return
+        yield following
+
+
+def _encoded(solver: Solver, stretches: Iterator[_Stretch], tell: Told) -> Iterator[Encoded]:
+    """Solve stretches; yield the parts of each chunk whose last stretch was among them."""
+    for one in stretches:
+        solved = solver.solve(np.arange(one.first, one.last))
+        tell(one.last - one.first, solved.impacts)
+        made = one.parts.add(one.number, solved)
+        if made is not None:
+            yield made
 
 
 def _given(
