@@ -11,7 +11,6 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +25,7 @@ from vibro_cli.grids.dataset import known_division, opened
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Solver, solver_of
 from vibro_cli.storage.files import available_cores
+from vibro_cli.systems.run import aside
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""
@@ -70,35 +70,28 @@ def solve_in_threads(
     stop = threading.Event()
 
     def write(parts: Encoded) -> None:
-        receipt = parts.write(folder)
-        parts.give_back()
-        receipts.put(receipt)
+        receipts.put(parts.write(folder))
 
-    def serve(disk: ThreadPoolExecutor) -> None:
+    def serve() -> None:
         try:
-            writing: Future[None] | None = None
-            for parts in _encoded(solver_of(grid, engine), _shared(left, lock, stop), tell):
-                if writing is not None:
-                    writing.result()  # no more than one chunk of each thread waits
-                writing = disk.submit(write, parts)
-            if writing is not None:
-                writing.result()
+            # The disk is waited for by a thread of its own; this one has something else to do.
+            with aside(1) as call:  # no more than one chunk waits
+                for parts in _encoded(solver_of(grid, engine), _shared(left, lock, stop), tell):
+                    call(write, parts)
         except BaseException as error:
             receipts.put(error)
         finally:
             receipts.put(None)
 
-    # The disk is waited for by threads of its own; those that solve have something else to do.
-    with ThreadPoolExecutor(threads) as disk:
-        crew = [threading.Thread(target=serve, args=(disk,), daemon=True) for _ in range(threads)]
+    crew = [threading.Thread(target=serve, daemon=True) for _ in range(threads)]
+    for thread in crew:
+        thread.start()
+    try:
+        yield from _given(receipts, len(crew))
+    finally:
+        stop.set()
         for thread in crew:
-            thread.start()
-        try:
-            yield from _given(receipts, len(crew))
-        finally:
-            stop.set()
-            for thread in crew:
-                thread.join()
+            thread.join()
 
 
 def _shared(
@@ -456,6 +449,4 @@ def solve_chunk(
     for number, stretch in enumerate(chunks.stretches(chunk)):
         made = making.add(number, solver.solve(np.arange(*stretch)))
     assert made is not None
-    receipt = made.write(Path(folder))
-    made.give_back()
-    return receipt
+    return made.write(Path(folder))

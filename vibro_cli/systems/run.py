@@ -190,7 +190,7 @@ def stream(
     """
     if names is None:
         names = [table.file for table in kind.tables()]
-    calls = _aside if in_background else _at_once
+    calls = aside if in_background else _at_once
     with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as tell:
         tables = kind.teller(system, wanted, names, partial(write, sink))
         for last in stretches.until(interrupted):
@@ -216,7 +216,7 @@ def ahead(stretches: Iterator[Stretch]) -> Iterator[Stretch]:
 
 
 @contextmanager
-def _aside(waiting: int) -> Iterator[Callable[..., None]]:
+def aside(waiting: int) -> Iterator[Callable[..., None]]:
     """Make calls in a thread of its own, one after another; so many may wait before the caller."""
     with ThreadPoolExecutor(1) as thread:
         under_way: list[Future[None]] = []
