@@ -13,7 +13,7 @@ from vibro_cli.scenario.loading import load_scenario
 from vibro_cli.systems import run, system_named
 from vibro_cli.systems.contract import Motion, Sink
 from vibro_cli.systems.driver import CannotContinue, TooQuiet, check_continuable
-from vibro_cli.systems.run import Run, Streamed, stream
+from vibro_cli.systems.run import Run, Streamed, begun, stream
 
 if TYPE_CHECKING:
     from vibro_cli.scenario.base import AnyScenario
@@ -60,8 +60,9 @@ def simulate_streamed(
     limits = kind.limits(scenario)
     if checkpoint is not None:
         check_continuable(checkpoint, limits)
-    system, wanted = build_any(scenario), kind.wanted(scenario)
-    return stream(kind, system, limits, sink, engine, wanted, **more)
+    system = build_any(scenario)
+    stretches = begun(kind, system, limits, engine)
+    return stream(kind, system, stretches, sink, kind.wanted(scenario), **more)
 
 
 class NotRecalled(VibroError, RuntimeError):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vibro_cli.compile.kernel import dtype
 from vibro_cli.stress.first_contacts import (
     KINDS,
     Family,
@@ -20,10 +21,10 @@ from vibro_cli.stress.first_contacts import (
     scene_of_flight,
 )
 from vibro_cli.stress.oracles.interval_oracle import (
-    COLUMNS,
     CONTACT,
-    HORIZON,
     NO_CONTACT,
+    JudgedBody,
+    JudgedFlight,
     judge_all,
 )
 from vibro_cli.stress.oracles.oracle import first_contact
@@ -31,34 +32,22 @@ from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.scenes import solve
 
 
-def verdicts_on(rows: Any) -> Any:
-    return judge_all(np.asarray(rows))
-
-
 def level_line(speed_a: float, speed_b: float, horizon: float) -> Any:
-    """Two balls of radius 1/4 and 1/8 on a level line, their centres' feet 2 m apart."""
-    row = [9.81, 0.0, horizon]
-    row += [0.0, 8.0, 0.25, 1.4, 1.0, speed_a, 0.0]
-    row += [0.0, 8.0, 0.125, 1.4, 3.0, speed_b, 0.0]
-    assert len(row) == COLUMNS
-    return row
+    """The verdict on two balls of radius 1/4 and 1/8 on a level line, their feet 2 m apart."""
+    flights = np.array([(9.81, 0.0, horizon)], dtype(JudgedFlight))
+    balls = [(0.0, 8.0, 0.25, 1.4, 1.0, speed_a, 0.0), (0.0, 8.0, 0.125, 1.4, 3.0, speed_b, 0.0)]
+    return judge_all(flights, np.array(balls, dtype(JudgedBody)))[0]
 
 
 def test_a_level_line() -> None:
     meeting = (2.0 - 2.0 * math.sqrt(0.25 * 0.125)) / 1.5
-    early, late, never = verdicts_on(
-        [
-            level_line(1.0, -0.5, meeting - 1e-9),
-            level_line(1.0, -0.5, 3.0),
-            level_line(1.0, 1.0, 9.0),
-        ]
-    )
-    assert early[0] == NO_CONTACT
-    assert never[0] == NO_CONTACT
-    assert late[0] == CONTACT
-    assert late[1] <= meeting * (1 + 1e-15)
-    assert late[2] >= meeting * (1 - 1e-15)
-    assert late[2] - late[1] < 1e-13
+    early, late = level_line(1.0, -0.5, meeting - 1e-9), level_line(1.0, -0.5, 3.0)
+    assert early["status"] == NO_CONTACT
+    assert level_line(1.0, 1.0, 9.0)["status"] == NO_CONTACT
+    assert late["status"] == CONTACT
+    assert late["low"] <= meeting * (1 + 1e-15)
+    assert late["high"] >= meeting * (1 - 1e-15)
+    assert late["high"] - late["low"] < 1e-13
 
 
 def some_flights(kind: int, grazing: bool, count: int) -> tuple[Family, States]:
@@ -76,14 +65,14 @@ def test_fifty_digits_agree(grazing: bool) -> None:
     judged = 0
     for kind in range(len(KINDS)):
         family, states = some_flights(kind, grazing, 2)
-        rows = for_judge(family, states, states.horizon)
-        for number, (row, verdict) in enumerate(zip(rows, verdicts_on(rows), strict=True)):
-            status, low, high, _ = verdict
-            exact = first_contact(scene_of_flight(family, states, number), mp.mpf(row[HORIZON]))
+        verdicts = judge_all(*for_judge(family, states, states.horizon))
+        for number, (status, low, high, _) in enumerate(verdicts):
+            horizon = float(states.horizon[number])
+            exact = first_contact(scene_of_flight(family, states, number), mp.mpf(horizon))
             judged += 1
             assert status == (NO_CONTACT if exact is None else CONTACT)
             if exact is not None:
-                assert low - 1e-15 * row[HORIZON] <= exact <= high + 1e-15 * row[HORIZON]
+                assert low - 1e-15 * horizon <= exact <= high + 1e-15 * horizon
     assert judged >= 10
 
 
@@ -97,12 +86,11 @@ def test_the_interpreted_solver_agrees(grazing: bool) -> None:
             flights = run.flights()
             ends = flights["t_end"][flights["t_start"] == 0.0]
             one = states.part(slice(number, number + 1))
-            row = for_judge(family, one, min([*ends.tolist(), float(one.horizon[0])]))
             # Just beyond the first end of a flight, which may be a contact, however slow.
-            row[0, HORIZON] *= 1.0 + 1e-7
-            status, _, high, speed = verdicts_on(row)[0]
+            horizon = min([*ends.tolist(), float(one.horizon[0])]) * (1.0 + 1e-7)
+            status, _, high, speed = judge_all(*for_judge(family, one, horizon))[0]
             times = run.collisions["t"]
-            if len(times) and times[0] <= row[0, HORIZON]:
+            if len(times) and times[0] <= horizon:
                 assert status == CONTACT
                 assert abs(times[0] - high) * speed < 1e-12
                 met += 1
@@ -118,8 +106,8 @@ def test_near_grazing_is_near() -> None:
         rng = np.random.default_rng([9, kind])
         family = random_family(rng, kind)
         states, overshoot = near_grazing(rng, family, 1500)
-        rows = for_judge(family, states, states.horizon)
-        outcome += list(zip(overshoot, verdicts_on(rows)[:, 0], strict=True))
+        verdicts = judge_all(*for_judge(family, states, states.horizon))
+        outcome += list(zip(overshoot, verdicts["status"].tolist(), strict=True))
     overlapping = [status for size, status in outcome if size > 0.0]
     passing = [status for size, status in outcome if size < 0.0]
     assert min(abs(size) for size, _ in outcome) < 1e-11

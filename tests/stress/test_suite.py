@@ -13,8 +13,8 @@ from vibro_cli.scenario import scenario_of
 from vibro_cli.storage.tables import read_parquet
 from vibro_cli.stress import suite
 from vibro_cli.stress.extremes import swings, unequal
-from vibro_cli.stress.scenes import VALLEY, Finding, Plan, Worst, ball, fault_of, scene
-from vibro_cli.stress.suite import line_of, write
+from vibro_cli.stress.scenes import VALLEY, Finding, Plan, ball, fault_of, scene
+from vibro_cli.stress.suite import line_of, record_of, write
 
 pytestmark = pytest.mark.long
 
@@ -57,27 +57,32 @@ def test_a_run_without_an_end_is_given_up() -> None:
 
 
 def test_a_missed_mark_and_a_told_value() -> None:
-    assert not Finding("a", "b", "c", 1, 2.0, 1.0).met
-    assert Finding("a", "b", "c", 1, 1.0, 1.0).met
-    assert Finding("a", "b", "c", 1, 9.0, None).met
-    assert not Finding("a", "b", "c", 1, float("nan"), 1.0).met
+    assert not Finding("b", "c", 1.0, worst=2.0).met
+    assert Finding("b", "c", 1.0, worst=1.0).met
+    assert Finding("b", "c", None, worst=9.0).met
+    assert not Finding("b", "c", 1.0, worst=float("nan")).met
+
+
+def test_what_is_found_in_arrays_can_be_told_as_json() -> None:
+    found = Finding("b", "c", 1.0, worst=np.max([0.25, 0.5]))
+    assert json.loads(json.dumps(record_of(found)))["met"]
 
 
 def test_the_worst_is_kept_with_its_scenario() -> None:
-    worst = Worst()
+    worst = Finding("b", "c", None)
     worst.take(1.0, {"name": "one"})
     worst.take(3.0, {"name": "three"})
     worst.take(2.0, {"name": "two"})
-    assert (worst.value, worst.cases, worst.scenario) == (3.0, 3, {"name": "three"})
+    assert (worst.worst, worst.cases, worst.scenario) == (3.0, 3, {"name": "three"})
     worst.take(float("nan"), {"name": "nan"})
-    assert worst.value == float("inf")
+    assert worst.worst == float("inf")
 
 
 def test_the_folder(tmp_path: Path) -> None:
     document = scene(VALLEY, [ball(-0.5), ball(0.5)], 0.9, time=1.0)
     findings = [
-        Finding("one", "error", "cases", 3, 2.0, 1.0, document),
-        Finding("two", "count", "cases", 5, 0.0, None),
+        Finding("error", "cases", 1.0, check="one", cases=3, worst=2.0, scenario=document),
+        Finding("count", "cases", None, check="two", cases=5),
     ]
     write(findings, Plan(1, False), tmp_path / "out")
     table = read_parquet(tmp_path / "out" / "stress.parquet").to_pylist()
@@ -104,6 +109,6 @@ def test_an_unknown_check(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_missed_mark_is_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
-    missed = Finding("elliptic", "error", "cases", 1, 2.0, 1.0)
+    missed = Finding("error", "cases", 1.0, check="elliptic", worst=2.0)
     monkeypatch.setattr(suite, "run", lambda plan, names: iter([missed]))
     assert run_command_line(["stress", "-q"]) == 1

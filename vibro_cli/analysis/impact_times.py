@@ -37,10 +37,12 @@ from vibro_cli.numerics import elementwise
 from vibro_cli.numerics.elementwise import Dual, Floats, change_of, value_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError, path_text
-from vibro_cli.systems.driver import Driver, body_record, with_logs
+from vibro_cli.systems.driver import body_record, with_logs
+from vibro_cli.systems.run import begun
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.system_template import changed
 from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.wanted import Limits
 
 
 class NoDerivative(VibroError, ValueError):
@@ -133,8 +135,7 @@ def impact_times(
     if system.turning is not None:
         raise NoDerivative("found a trace that turns, expected one at rest")
     walk = _Walk(differentiated(scenario, paths), system, len(paths))
-    driver = Driver(SYSTEM.loop, make_world(system, stop_time, count), "compiled")
-    stretch, _ = SYSTEM.stretches(driver, stop_time).whole()
+    stretch, _ = begun(SYSTEM, system, Limits(stop_time, count)).whole()
     logs = stretch.logs
     walk.follow(logs["log"], logs["impacts"], _arrivals(system, stretch))
     t = np.array([one.value for one in walk.instants])

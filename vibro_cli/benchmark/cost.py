@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -31,8 +29,8 @@ from vibro_cli.benchmark.measurement import (
     Row,
     Task,
     by_turns,
+    command,
     counted,
-    greatest_memory,
     shared_out,
     timed,
     warmed,
@@ -191,14 +189,13 @@ def _measure_memory(plan: Plan) -> list[Row]:
             (Path(folder) / "scene.json").write_bytes(json_bytes(document))
             source = Path(folder) / "grid.toml"
             source.write_text(_GRID.format(count=count), encoding="utf-8")
-            command = [sys.executable, "-m", "vibro_cli", "grid", str(source), "-q"]
-            command += ["-o", str(Path(folder) / "out"), "--engine", "compiled"]
-            process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
             row = Row("memory", "circle", "vibro grid", "impacts kept", count, _FEW * count)
-            row.memory = greatest_memory(process)
-            if process.returncode:
-                row.status, row.note = "failed", f"exit code {process.returncode}"
             rows.append(row)
+            try:
+                target = str(Path(folder) / "out")
+                _, row.memory = command("grid", str(source), "-o", target, "--engine", "compiled")
+            except subprocess.CalledProcessError as error:
+                row.status, row.note = "failed", f"exit code {error.returncode}"
     return rows
 
 
@@ -375,16 +372,9 @@ def _measure_figures(plan: Plan) -> list[Row]:
         return timed(rows, tasks, replace(plan, repeats=3))
 
 
-def _process(folder: Path, option: str) -> Callable[[], None]:
-    from vibro_cli.storage.files import json_bytes
-
+def _process(folder: Path, option: str) -> Callable[[], object]:
     document = BY_NAME["three_arcs"].document | {"stop": {"collisions": _SHORT_RUN}}
     source = folder / "scene.json"
     source.write_bytes(json_bytes(document))
-    command = [sys.executable, "-m", "vibro_cli", "run", str(source), "-q", option]
-    command += ["-o", str(folder / option.strip("-"))]
-
-    def go() -> None:
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=dict(os.environ))
-
-    return go
+    target = str(folder / option.strip("-"))
+    return lambda: command("run", str(source), option, "-o", target)

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -33,8 +31,8 @@ from vibro_cli.benchmark.measurement import (
     Job,
     Plan,
     Row,
+    command,
     counted,
-    greatest_memory,
     shared_out,
 )
 from vibro_cli.benchmark.methods.with_vibro import driver_of
@@ -235,7 +233,8 @@ def _measured(name: str, document: Document, impacts: int) -> list[Row]:
         _event_loop(document, impacts)  # machine code is loaded, or made anew
         for _ in range(REPEATS):
             times[0].append(_event_loop(document, impacts))
-            taken, memory = _command(source)
+            target = str(source.with_name("out"))
+            taken, memory = command("run", str(source), "--no-figures", "-o", target, "--force")
             times[1].append(taken)
             rows[1].memory = max(memory or 0, rows[1].memory or 0) or None
     for row, taken_each in zip(rows, times, strict=True):
@@ -254,16 +253,3 @@ def _event_loop(document: Document, impacts: int) -> float:
     if found != impacts:
         raise RuntimeError(f"{scenario.name}: found {found} impacts, expected {impacts}")
     return taken
-
-
-def _command(source: Path) -> tuple[float, int | None]:
-    """Time (s) and greatest memory (B) of a process that writes its tables."""
-    command = [sys.executable, "-m", "vibro_cli", "run", str(source), "-q", "--no-figures"]
-    command += ["-o", str(source.with_name("out")), "--force"]
-    start = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    memory = greatest_memory(process)
-    taken = time.perf_counter() - start
-    if process.returncode:
-        raise RuntimeError(f"{' '.join(command)}: exit code {process.returncode}")
-    return taken, memory

@@ -7,6 +7,7 @@ import json
 import os
 import platform
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -114,7 +115,8 @@ _LONG = 5.0
 """Runs that take so many times the time planned for one are repeated three times only."""
 
 
-Task = tuple[Callable[[], None], Callable[[], None]]
+Task = tuple[Callable[[], object], Callable[[], object]]
+"""What makes it ready, which is not timed, and what is timed."""
 
 
 def warmed(tasks: Sequence[Task]) -> Sequence[Task]:
@@ -126,10 +128,7 @@ def warmed(tasks: Sequence[Task]) -> Sequence[Task]:
 
 
 def by_turns(tasks: Sequence[Task], plan: Plan) -> list[list[float]]:
-    """Return the times (s) of tasks, each run in turn with the others, as a list for each.
-
-    A task is what makes it ready, which is not timed, and what is timed.
-    """
+    """Return the times (s) of tasks, each run in turn with the others, as a list for each."""
     times: list[list[float]] = [[] for _ in tasks]
     for turn in range(plan.repeats):
         for number, (ready, go) in enumerate(tasks):
@@ -246,19 +245,25 @@ def shared_out(work: Iterable[Work], solvers: Sequence[Callable[[Work], int]]) -
     return sum(done)
 
 
-def greatest_memory(process: subprocess.Popen[bytes]) -> int | None:
-    """Wait for a process; return the greatest memory it had (B), None where nobody tells.
+def command(*arguments: str) -> tuple[float, int | None]:
+    """Run a command of this program; return its time (s) and the greatest memory it had (B).
 
-    Asked while it runs: what the system tells afterwards begins with the memory of this process.
+    The memory is asked for while it runs: what the system tells afterwards begins with that of this
+    process. It is None where nobody tells. Raises ``subprocess.CalledProcessError`` if it fails.
     """
-    greatest = None
+    start, greatest = time.perf_counter(), None
+    words = [sys.executable, "-m", "vibro_cli", *arguments, "-q"]
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
     while process.poll() is None:
         with contextlib.suppress(OSError):
             status = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
             found = [line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")]
             greatest = int(found[0]) * 1024 if found else greatest
         time.sleep(0.01)
-    return greatest
+    taken = time.perf_counter() - start
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, words)
+    return taken, greatest
 
 
 WITH, WITHOUT = "skipped", "not skipped"

@@ -99,10 +99,59 @@ def read_number(kind: kinds.Kind, value: Any) -> Any:
 Array = np.ndarray[Any, np.dtype[Any]]
 
 GENERATORS = ("values", "linspace", "logspace", "uniform", "table")
-_KEYS = ("path", "paths", *GENERATORS)
 _MOST_VALUES = 100_000_000
 # Longer lists stand in the resolved grid by their digest.
 _LISTED = 10_000
+
+_END = {"type": ["number", "string"]}
+COUNT = {"type": "integer", "minimum": 1}
+
+
+def _list_of(*items: dict[str, Any], least: int | None = None) -> dict[str, Any]:
+    fewest = len(items) if least is None else least
+    return {"type": "array", "prefixItems": list(items), "minItems": fewest, "items": False}
+
+
+_SPACED = _list_of(_END, _END, COUNT)
+# The keys of an axis in a grid file, as its JSON Schema has them.
+AXIS: dict[str, dict[str, Any]] = {
+    "path": {
+        "description": "The scalar of the scenario that the axis changes, such as balls[1].angle; "
+        "counted from 1.",
+        "type": "string",
+    },
+    "paths": {
+        "description": "Or several scalars, which go through their values together.",
+        "type": "array",
+        "items": {"type": "string"},
+        "minItems": 1,
+    },
+    "values": {
+        "description": "The values, numbers or words; of several paths one for all, or a list "
+        "with one for each.",
+        "type": "array",
+        "minItems": 1,
+    },
+    "linspace": {
+        "description": "[low, high, count]: equal steps, both ends included; the ends may carry a "
+        "unit.",
+        **_SPACED,
+    },
+    "logspace": {
+        "description": "[low, high, count]: equal ratios, both ends included.",
+        **_SPACED,
+    },
+    "uniform": {
+        "description": "[low, high]: the interval that a mode with n draws from; "
+        "[low, high, count]: random values.",
+        **_list_of(_END, _END, COUNT, least=2),
+    },
+    "table": {
+        "description": "A .parquet or .csv file, whose columns are named by paths: a row is one "
+        "value of the axis; with path or paths only those columns.",
+        "type": "string",
+    },
+}
 
 
 class Wrong(Exception):
@@ -152,8 +201,8 @@ def read_axis(given: Any, loc: KeyPath, folder: Path, seed: int, root: Model) ->
     if not isinstance(given, dict):
         raise Wrong(loc, shown(given), "a table with a path and its values")
     for key in given:
-        if key not in _KEYS:
-            known = listing(_KEYS) + suggestion(str(key), _KEYS)
+        if key not in AXIS:
+            known = listing(AXIS) + suggestion(str(key), AXIS)
             raise Wrong((*loc, key), f"the unknown key {shown(key)}", known, on_key=True)
     generators = [key for key in GENERATORS if key in given]
     if len(generators) != 1:

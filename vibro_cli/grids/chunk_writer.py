@@ -165,10 +165,10 @@ class Encoded:
     receipt: Receipt
     """What will be on the disk, but for its files."""
     give_back: Callable[[], None]
-    """Called once the contents are not needed any more."""
+    """Called once the contents are written, and not needed any more."""
 
     def write(self, folder: Path) -> Receipt:
-        """Write the parts, each whole or not at all.
+        """Write the parts, each whole or not at all; return what is on the disk.
 
         Raises
         ------
@@ -178,6 +178,7 @@ class Encoded:
         for name, content in self.files.items():
             write_file(folder / name, content)
         files = {name: entry(content) for name, content in self.files.items()}
+        self.give_back()
         return replace(self.receipt, files=files)
 
 

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vibro_cli.grids.axes import GENERATORS, MODES, SAMPLED, Axis, Design, Wrong, read_axis
+from vibro_cli.grids.axes import (
+    AXIS,
+    COUNT,
+    GENERATORS,
+    MODES,
+    SAMPLED,
+    Axis,
+    Design,
+    Wrong,
+    read_axis,
+)
 from vibro_cli.scenario import loading
 from vibro_cli.scenario.base import AnyScenario, exactly_one, model_of, system_of
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, identifier, json_schema
@@ -29,9 +39,6 @@ from vibro_cli.scenario.problems import (
 from vibro_cli.storage.tables import table_named
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column
-
-_KEYS = ("name", "base", "scenario", "mode", "n", "seed", "axes", "keep", "chunk_points")
-_KEEP = ("collisions", "columns")
 
 
 @dataclass(frozen=True)
@@ -128,7 +135,7 @@ def grid_of(document: Document, folder: Path, overrides: Sequence[str] = ()) -> 
     def collect(error: Wrong) -> None:
         problems.extend(located([error.fault], document.source))
 
-    _check_keys(document.data, _KEYS, (), collect)
+    _check_keys(document.data, _PROPERTIES, (), collect)
     base = _base(document, folder, overrides, problems)
     keep = Keep()
     try:
@@ -152,7 +159,7 @@ def _is_scenario(data: dict[str, Any]) -> bool:
     return bool(data) and "balls" in data and not {"base", "scenario", "axes"} & set(data)
 
 
-def _check_keys(table: dict[str, Any], known: Sequence[str], loc: KeyPath, collect: Any) -> None:
+def _check_keys(table: dict[str, Any], known: Collection[str], loc: KeyPath, collect: Any) -> None:
     for key in table:
         if key not in known:
             expected = listing(known) + suggestion(str(key), known)
@@ -225,7 +232,7 @@ def impact_columns_of(system: str) -> tuple[Column, ...]:
 def _keep(given: Any, base: Document | None, collect: Any) -> Keep:
     if not isinstance(given, dict):
         raise Wrong(("keep",), shown(given), "a table with collisions and columns")
-    _check_keys(given, _KEEP, ("keep",), collect)
+    _check_keys(given, _KEEP_SCHEMA, ("keep",), collect)
     kept, columns = given.get("collisions", False), given.get("columns")
     if not isinstance(kept, bool):
         raise Wrong(("keep", "collisions"), shown(kept), "true or false")
@@ -326,54 +333,6 @@ def _points(mode: str, count: int | None, axes: list[Axis]) -> int:
     return total
 
 
-_END = {"type": ["number", "string"]}
-_COUNT = {"type": "integer", "minimum": 1}
-
-
-def _list_of(*items: dict[str, Any], least: int | None = None) -> dict[str, Any]:
-    fewest = len(items) if least is None else least
-    return {"type": "array", "prefixItems": list(items), "minItems": fewest, "items": False}
-
-
-_SPACED = _list_of(_END, _END, _COUNT)
-_AXIS: dict[str, dict[str, Any]] = {
-    "path": {
-        "description": "The scalar of the scenario that the axis changes, such as balls[1].angle; "
-        "counted from 1.",
-        "type": "string",
-    },
-    "paths": {
-        "description": "Or several scalars, which go through their values together.",
-        "type": "array",
-        "items": {"type": "string"},
-        "minItems": 1,
-    },
-    "values": {
-        "description": "The values, numbers or words; of several paths one for all, or a list "
-        "with one for each.",
-        "type": "array",
-        "minItems": 1,
-    },
-    "linspace": {
-        "description": "[low, high, count]: equal steps, both ends included; the ends may carry a "
-        "unit.",
-        **_SPACED,
-    },
-    "logspace": {
-        "description": "[low, high, count]: equal ratios, both ends included.",
-        **_SPACED,
-    },
-    "uniform": {
-        "description": "[low, high]: the interval that a mode with n draws from; "
-        "[low, high, count]: random values.",
-        **_list_of(_END, _END, _COUNT, least=2),
-    },
-    "table": {
-        "description": "A .parquet or .csv file, whose columns are named by paths: a row is one "
-        "value of the axis; with path or paths only those columns.",
-        "type": "string",
-    },
-}
 _KEEP_SCHEMA: dict[str, dict[str, Any]] = {
     "collisions": {
         "description": "Whether every impact is kept, beside the summaries.",
@@ -384,6 +343,47 @@ _KEEP_SCHEMA: dict[str, dict[str, Any]] = {
         "description": "Columns of the tables of impacts; all of them if not given.",
         "type": "array",
         "minItems": 1,
+    },
+}
+_PROPERTIES: dict[str, dict[str, Any]] = {
+    "name": {
+        "description": "Name of the grid and of its folder; the file's stem if not given.",
+        "type": "string",
+    },
+    "base": {
+        "description": "File of the scenario that the axes change, from this file's folder.",
+        "type": "string",
+    },
+    "scenario": {
+        "description": "Or that scenario itself, inline; what the axes give may be left out.",
+        "$ref": "#/$defs/Scenario",
+    },
+    "mode": {
+        "description": "How the axes make points: product (each value with each, the last "
+        "axis changing fastest), zip (one after the other), or a design of n points.",
+        "enum": list(MODES),
+        "default": MODES[0],
+    },
+    "n": {"description": "Number of points of a latin-hypercube or sobol design.", **COUNT},
+    "seed": {
+        "description": "Seed of whatever is random.",
+        "type": "integer",
+        "minimum": 0,
+        "default": 0,
+    },
+    "axes": {
+        "description": "The axes, at least one.",
+        "type": "array",
+        "minItems": 1,
+        "items": {"$ref": "#/$defs/Axis"},
+    },
+    "keep": {
+        "description": "What is kept of each scenario beside its summary.",
+        "$ref": "#/$defs/Keep",
+    },
+    "chunk_points": {
+        "description": "Points of a part on the disk; as many as make a good file if not given.",
+        **COUNT,
     },
 }
 
@@ -402,7 +402,7 @@ def grid_schema(system: str = "trace") -> dict[str, Any]:
         "description": "A scenario, by reference or inline, and the axes that change it.",
         "type": "object",
         "additionalProperties": False,
-        "properties": _properties(),
+        "properties": _PROPERTIES,
         **SCHEMA_KEY,
         "required": ["axes"],
         "allOf": [exactly_one("base", "scenario"), _count_of_samples()],
@@ -411,51 +411,6 @@ def grid_schema(system: str = "trace") -> dict[str, Any]:
             "Scenario": {**within, "description": "A scenario, not complete without the axes."},
             "Axis": _axis(),
             "Keep": _table("What is kept of each scenario beside its summary.", keep),
-        },
-    }
-
-
-def _properties() -> dict[str, Any]:
-    return {
-        "name": {
-            "description": "Name of the grid and of its folder; the file's stem if not given.",
-            "type": "string",
-        },
-        "base": {
-            "description": "File of the scenario that the axes change, from this file's folder.",
-            "type": "string",
-        },
-        "scenario": {
-            "description": "Or that scenario itself, inline; what the axes give may be left out.",
-            "$ref": "#/$defs/Scenario",
-        },
-        "mode": {
-            "description": "How the axes make points: product (each value with each, the last "
-            "axis changing fastest), zip (one after the other), or a design of n points.",
-            "enum": list(MODES),
-            "default": MODES[0],
-        },
-        "n": {"description": "Number of points of a latin-hypercube or sobol design.", **_COUNT},
-        "seed": {
-            "description": "Seed of whatever is random.",
-            "type": "integer",
-            "minimum": 0,
-            "default": 0,
-        },
-        "axes": {
-            "description": "The axes, at least one.",
-            "type": "array",
-            "minItems": 1,
-            "items": {"$ref": "#/$defs/Axis"},
-        },
-        "keep": {
-            "description": "What is kept of each scenario beside its summary.",
-            "$ref": "#/$defs/Keep",
-        },
-        "chunk_points": {
-            "description": "Points of a part on the disk; as many as make a good file if not "
-            "given.",
-            **_COUNT,
         },
     }
 
@@ -475,7 +430,7 @@ def _axis() -> dict[str, Any]:
         {"not": {"required": ["path", "paths"]}},
         {"anyOf": [{"required": [key]} for key in ("path", "paths", "table")]},
     ]
-    axis = _table("Some scalars of the scenario, and the values they go through.", _AXIS)
+    axis = _table("Some scalars of the scenario, and the values they go through.", AXIS)
     return {**axis, "allOf": rules}
 
 

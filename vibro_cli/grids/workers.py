@@ -11,7 +11,6 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +25,7 @@ from vibro_cli.grids.dataset import known_division, opened
 from vibro_cli.grids.document import Grid
 from vibro_cli.grids.solving import Solver, solver_of
 from vibro_cli.storage.files import available_cores
+from vibro_cli.systems.run import aside
 
 Told = Callable[[int, int], None]
 """Called with the points and impacts of every stretch that is solved."""
@@ -69,45 +69,51 @@ def solve_in_threads(
     receipts: queue.SimpleQueue[Receipt | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
 
-    def following() -> _Stretch | None:
-        with lock:
-            return next(left, None)
-
     def write(parts: Encoded) -> None:
-        receipt = parts.write(folder)
-        parts.give_back()
-        receipts.put(receipt)
+        receipts.put(parts.write(folder))
 
-    def serve(disk: ThreadPoolExecutor) -> None:
+    def serve() -> None:
         try:
-            solver = solver_of(grid, engine)
-            writing: Future[None] | None = None
-            while not stop.is_set() and (taken := following()) is not None:
-                solved = solver.solve(np.arange(taken.first, taken.last))
-                tell(taken.last - taken.first, solved.impacts)
-                made = taken.parts.add(taken.number, solved)
-                if made is not None:
-                    if writing is not None:
-                        writing.result()  # no more than one chunk of each thread waits
-                    writing = disk.submit(write, made)
-            if writing is not None:
-                writing.result()
+            # The disk is waited for by a thread of its own; this one has something else to do.
+            with aside(1) as call:  # no more than one chunk waits
+                for parts in _encoded(solver_of(grid, engine), _shared(left, lock, stop), tell):
+                    call(write, parts)
         except BaseException as error:
             receipts.put(error)
         finally:
             receipts.put(None)
 
-    # The disk is waited for by threads of its own; those that solve have something else to do.
-    with ThreadPoolExecutor(threads) as disk:
-        crew = [threading.Thread(target=serve, args=(disk,), daemon=True) for _ in range(threads)]
+    crew = [threading.Thread(target=serve, daemon=True) for _ in range(threads)]
+    for thread in crew:
+        thread.start()
+    try:
+        yield from _given(receipts, len(crew))
+    finally:
+        stop.set()
         for thread in crew:
-            thread.start()
-        try:
-            yield from _given(receipts, len(crew))
-        finally:
-            stop.set()
-            for thread in crew:
-                thread.join()
+            thread.join()
+
+
+def _shared(
+    left: Iterator[_Stretch], lock: threading.Lock, stop: threading.Event
+) -> Iterator[_Stretch]:
+    """What one of several threads takes of what is left, until it is to stop."""
+    while not stop.is_set():
+        with lock:
+            following = next(left, None)
+        if following is None:
+            return
+        yield following
+
+
+def _encoded(solver: Solver, stretches: Iterator[_Stretch], tell: Told) -> Iterator[Encoded]:
+    """Solve stretches; yield the parts of each chunk whose last stretch was among them."""
+    for one in stretches:
+        solved = solver.solve(np.arange(one.first, one.last))
+        tell(one.last - one.first, solved.impacts)
+        made = one.parts.add(one.number, solved)
+        if made is not None:
+            yield made
 
 
 def _given(
@@ -443,6 +449,4 @@ def solve_chunk(
     for number, stretch in enumerate(chunks.stretches(chunk)):
         made = making.add(number, solver.solve(np.arange(*stretch)))
     assert made is not None
-    receipt = made.write(Path(folder))
-    made.give_back()
-    return receipt
+    return made.write(Path(folder))

@@ -38,7 +38,6 @@ from vibro_cli.stress.scenes import (
     GivenUp,
     Plan,
     Watched,
-    Worst,
     solve,
     system_of,
 )
@@ -261,7 +260,11 @@ class Verdict(NamedTuple):
 
 def check_digits(plan: Plan) -> list[Finding]:
     """Motion and contacts of drawn scenes."""
-    motion, after, contacts, undecided = Worst(), Worst(), Worst(), Worst()
+    tried = "scenes drawn at random, followed by an oracle of 40 digits"
+    motion = Finding("error of the motion / (eps x amplification)", tried, MARK)
+    after = Finding("error beyond that after lasting contact (m, m/s)", tried, 1e-10)
+    contacts = Finding("error of a contact's beginning or end (s)", tried, 1e-10)
+    undecided = Finding("scenes that were not compared", tried, None)
     watched = Watched(compared)
     for number in range(plan.scenes(6, 200)):
         document = draw(plan.seed, number)
@@ -269,17 +272,11 @@ def check_digits(plan: Plan) -> list[Finding]:
             verdict = watched(document, SECONDS)
         except GivenUp as reason:
             verdict = Verdict(why=str(reason))
-        for worst, value in zip((motion, after, contacts), verdict[:3], strict=True):
+        for finding, value in zip((motion, after, contacts), verdict[:3], strict=True):
             if value is not None:
-                worst.take(value, document)
+                finding.take(value, document)
         undecided.take(float(verdict.motion is None), document)
-    tried = "scenes drawn at random, followed by an oracle of 40 digits"
-    return [
-        motion.finding("digits", "error of the motion / (eps x amplification)", tried, MARK),
-        after.finding("digits", "error beyond that after lasting contact (m, m/s)", tried, 1e-10),
-        contacts.finding("digits", "error of a contact's beginning or end (s)", tried, 1e-10),
-        undecided.finding("digits", "scenes that were not compared", tried, None),
-    ]
+    return [motion, after, contacts, undecided]
 
 
 def compared(document: Document) -> Verdict:
@@ -480,7 +477,9 @@ MOST_IMPACTS = 3
 
 def check_tangent(plan: Plan) -> list[Finding]:
     """Errors of maps and of derivatives of instants, as shares of their largest elements."""
-    maps, times = Worst(), Worst()
+    tried = f"scenes drawn at random, up to {MOST_IMPACTS} impacts, with walls, junctions and laws"
+    maps = Finding("error of the tangent map, of its largest element", tried, 1e-10)
+    times = Finding("error of the instants' derivatives, of the largest", tried, 1e-10)
     number, wanted = 0, plan.scenes(4, 200)
     while maps.cases < wanted:
         document = draw(plan.seed, number)
@@ -491,13 +490,7 @@ def check_tangent(plan: Plan) -> list[Finding]:
             found = errors_of(system_of(document), count)
             maps.take(found[0], document)
             times.take(found[1], document)
-    tried = f"scenes drawn at random, up to {MOST_IMPACTS} impacts, with walls, junctions and laws"
-    return [
-        maps.finding("tangent", "error of the tangent map, of its largest element", tried, 1e-10),
-        times.finding(
-            "tangent", "error of the instants' derivatives, of the largest", tried, 1e-10
-        ),
-    ]
+    return [maps, times]
 
 
 def smooth_impacts(document: Document) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from decimal import Decimal
 from typing import Any
 
@@ -17,7 +18,7 @@ from vibro_cli.kernels.numerics.elliptic import (
 )
 from vibro_cli.numerics.jacobi import Jacobi
 from vibro_cli.stress.oracles.scene import mp
-from vibro_cli.stress.scenes import Finding, Plan, Worst
+from vibro_cli.stress.scenes import Finding, Plan
 
 LARGEST = math.log10(0.5)  # exponent of 1 - m
 PLAINLY = "relative error of cn, dn / (eps max(1, u))"
@@ -54,35 +55,35 @@ def check_elliptic(plan: Plan) -> list[Finding]:
 
 
 def _jacobi(rng: np.random.Generator, count: int) -> list[Finding]:
-    absolute, relative, plain = Worst(), Worst(), Worst()
+    tried = "sn, cn, dn over a period, 1 - m from 0.5 to 1e-300, against mpmath"
+    absolute = Finding("absolute error / (1e-14 + 2 ulp(u))", tried, 1.0)
+    relative = Finding(f"{PLAINLY} in a flight, beside its slope", tried, 16.0)
+    plain = Finding(PLAINLY, tried, 16.0)
     for number in range(count):
         root = _root_of_complement(rng, number)
         jacobi = Jacobi(root)
         theta = ThetaConstants()
         set_theta_constants(theta, 1.0 - root * root, root)
         u = 4.0 * float(jacobi.quarter_period) * float(rng.uniform(-1.0, 1.0))
-        s, c, d, common = theta_functions(theta, u)
+        *functions, common = theta_functions(theta, u)
         exact = _exact(u, root)
-        allowed = 1.0e-14 + 2.0 * math.ulp(u)
-        for found, true in zip((s, c, d), exact, strict=True):
-            absolute.take(float(abs(mp.mpf(found) / common - true)) / allowed)
+        off = [abs(mp.mpf(f) / common - e) for f, e in zip(functions, exact, strict=True)]
+        absolute.take(_greatest(off) / (1.0e-14 + 2.0 * math.ulp(u)))
         # A flight's argument is rounded, which moves the zeros of cn: there its slope stands
         # beside it.
-        for found, true, slope in zip((c, d), exact[1:], reversed(exact[1:]), strict=True):
-            off = abs(mp.mpf(found) / common - true) / (EPSILON * max(1.0, abs(u)))
-            relative.take(float(off / (abs(true) + abs(exact[0] * slope))))
-        _take_plainly(plain, jacobi, u, exact)
-    tried = "sn, cn, dn over a period, 1 - m from 0.5 to 1e-300, against mpmath"
-    return [
-        Finding(
-            "elliptic", "absolute error / (1e-14 + 2 ulp(u))", tried, count, absolute.value, 1.0
-        ),
-        Finding(
-            "elliptic", "relative error of cn, dn / (eps max(1, u)) in a flight, beside its slope",
-            tried, count, relative.value, 16.0,
-        ),
-        Finding("elliptic", PLAINLY, tried, count, plain.value, 16.0),
-    ]  # fmt: skip
+        unit, (sn, cn, dn) = EPSILON * max(1.0, abs(u)), exact
+        relative.take(
+            _greatest(
+                off[n] / unit / (abs(exact[n]) + abs(sn * slope)) for n, slope in ((1, dn), (2, cn))
+            )
+        )
+        plain.take(_plain_error(jacobi, u, exact))
+    return [absolute, relative, plain]
+
+
+def _greatest(errors: Iterable[Any]) -> float:
+    """The greatest of some numbers in many digits; nan if one is."""
+    return float(np.max([float(error) for error in errors]))
 
 
 def _root_of_complement(rng: np.random.Generator, number: int) -> float:
@@ -91,29 +92,31 @@ def _root_of_complement(rng: np.random.Generator, number: int) -> float:
     return math.sqrt(10.0**exponent)
 
 
-def _take_plainly(worst: Worst, jacobi: Jacobi, u: float, exact: Any) -> None:
-    """Take the relative errors of cn and dn by themselves into account."""
-    for found, true in zip(jacobi.functions(u)[1:], exact[1:], strict=True):
-        worst.take(float(abs(mp.mpf(found) / true - 1) / (EPSILON * max(1.0, abs(u)))))
+def _plain_error(jacobi: Jacobi, u: float, exact: Any) -> float:
+    """The greater of the relative errors of cn and dn by themselves."""
+    unit = EPSILON * max(1.0, abs(u))
+    pairs = zip(jacobi.functions(u)[1:], exact[1:], strict=True)
+    return _greatest(abs(mp.mpf(found) / true - 1) / unit for found, true in pairs)
 
 
 def _zeros(rng: np.random.Generator, count: int) -> Finding:
     """cn and dn plainly, 1e-15 to 1e-2 from the zeros of cn, on both sides of several."""
-    worst = Worst()
+    tried = "1e-15 to 1e-2 from the zeros of cn, 1 - m from 0.5 to 1e-300, against mpmath"
+    plain = Finding(PLAINLY, tried, 16.0)
     for number in range(count):
         root = _root_of_complement(rng, number)
         jacobi = Jacobi(root)
         zero = (2 * int(rng.integers(-4, 4)) + 1) * jacobi.quarter_period
         off = float(10.0 ** rng.uniform(-15.0, -2.0)) * (1.0 if rng.random() < 0.5 else -1.0)
         u = float(zero + Decimal(off))
-        _take_plainly(worst, jacobi, u, _exact(u, root))
-    tried = "1e-15 to 1e-2 from the zeros of cn, 1 - m from 0.5 to 1e-300, against mpmath"
-    return Finding("elliptic", PLAINLY, tried, count, worst.value, 16.0)
+        plain.take(_plain_error(jacobi, u, _exact(u, root)))
+    return plain
 
 
 def _carlson(rng: np.random.Generator, count: int) -> Finding:
     """K and F as the solver computes them, by R_F."""
-    worst = Worst()
+    tried = "F and K by Carlson's R_F, 1 - m from 0.5 to 1e-300, against mpmath"
+    ulps = Finding("error (ulp)", tried, 4.0)
     for _ in range(count):
         complement = float(10.0 ** rng.uniform(-300.0, math.log10(0.5)))
         m1 = mp.mpf(complement)
@@ -122,6 +125,5 @@ def _carlson(rng: np.random.Generator, count: int) -> Finding:
         found = sine * carlson_rf(cosine2, cosine2 + complement * sine * sine, 1.0)
         s = mp.mpf(sine)
         exact = s * mp.elliprf(1 - s * s, 1 - s * s + m1 * s * s, 1)
-        worst.take(float(abs(mp.mpf(found) - exact)) / math.ulp(float(exact)))
-    tried = "F and K by Carlson's R_F, 1 - m from 0.5 to 1e-300, against mpmath"
-    return Finding("elliptic", "error (ulp)", tried, count, worst.value, 4.0)
+        ulps.take(float(abs(mp.mpf(found) - exact)) / math.ulp(float(exact)))
+    return ulps

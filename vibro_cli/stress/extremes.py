@@ -18,12 +18,12 @@ from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.scene import Path, Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import (
     CIRCLE,
+    FAILED,
     THREE_ARCS,
     VALLEY,
     Document,
     Finding,
     Plan,
-    Worst,
     attempted,
     ball,
     energy_gained,
@@ -74,7 +74,8 @@ def _times_as_large(document: Document, length: float, gravity: float) -> Docume
 
 
 def _scaled(rng: np.random.Generator, count: int) -> Finding:
-    worst = Worst()
+    tried = f"two balls on three arcs, sizes and gravity times 2^-20 ... 2^20, {ROWS} impacts"
+    change = Finding("relative change of the times of impacts", tried, 1e-12)
     for _ in range(count):
         document = _scene(rng)
         base = solve(document).collisions["t"]
@@ -88,40 +89,37 @@ def _scaled(rng: np.random.Generator, count: int) -> Finding:
                 times = solve(changed).collisions["t"] / unit
                 same = len(times) == len(base)
                 off = np.abs(times - base) / base if same else np.array([math.inf])
-                worst.take(float(np.max(off, initial=0.0)), changed)
-    tried = f"two balls on three arcs, sizes and gravity times 2^-20 ... 2^20, {ROWS} impacts"
-    return worst.finding("extremes", "relative change of the times of impacts", tried, 1e-12)
+                change.take(float(np.max(off, initial=0.0)), changed)
+    return change
 
 
 def _ratios(plan: Plan) -> list[Finding]:
     """Mass ratios to 1e9 with k at its ends: every run ends, no energy is gained."""
-    ended, gained = Worst(), Worst()
+    tried = "two balls, mass ratios to 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
+    failed = Finding(FAILED, tried, 0.0)
+    gained = Finding("relative energy gained", tried, 1e-12)
     for exponent in (0, 9) if not plan.full else (0, 3, 6, 9):
         for k in COEFFICIENTS:
             balls = [ball(-1.1, mass=10.0**exponent), ball(0.8)]
             document = scene(VALLEY, balls, k, collisions=1000, time=10.0)
-            run = attempted(document, ended)
+            run = attempted(document, failed)
             if run is not None:
                 gained.take(max(energy_gained(run), 0.0), document)
-    tried = "two balls, mass ratios to 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
-    return [
-        ended.finding("extremes", "runs that hang or fail", tried, 0.0),
-        gained.finding("extremes", "relative energy gained", tried, 1e-12),
-    ]
+    return [failed, gained]
 
 
 def _penetration(rng: np.random.Generator, plan: Plan) -> Finding:
     """Overlap at the impacts, in units in the last place of the positions."""
-    worst = Worst()
+    tried = "two balls on three arcs, k = 0.9, up to 50 impacts each, distances to 50 digits"
+    penetration = Finding("penetration (ulp of the positions)", tried, 8.0)
     for _ in range(plan.amount(20, 400)):
         document = _scene(rng)
         document["stop"] = {"collisions": 50, "time": 20.0}
         run = solve(document)
         exact = scene_of_system(run.system)
         for row in range(len(run.collisions["n"])):
-            worst.take(_overlap(exact, run, row), document)
-    tried = "two balls on three arcs, k = 0.9, up to 50 impacts each, distances to 50 digits"
-    return worst.finding("extremes", "penetration (ulp of the positions)", tried, 8.0)
+            penetration.take(_overlap(exact, run, row), document)
+    return penetration
 
 
 def _overlap(scene: Scene, run: Run, row: int) -> float:
@@ -140,6 +138,7 @@ def _overlap(scene: Scene, run: Run, row: int) -> float:
 TURNS = 1.0e6
 PERIODS = 1.0e9
 RATIOS = (1.0, 1.0e2, 1.0e4)
+ANGLE = "error of the angle / (eps x amplification)"
 
 
 def check_limits(plan: Plan) -> list[Finding]:
@@ -179,32 +178,37 @@ def _phase_error(document: Document, t: float) -> float:
 
 def turns(rng: np.random.Generator, plan: Plan) -> Finding:
     """A ball that goes round its circle, the last time a million turns after it began."""
-    worst = Worst()
+    tried = f"one ball on a circle, {plan.amount(1, 100) / 100 * TURNS:g} turns, against 50 digits"
+    error = Finding(ANGLE, tried, 64.0)
     for _ in range(plan.amount(1, 4)):
         rate = float(10.0 ** rng.uniform(2.0, 6.0))
         t = plan.amount(1, 100) / 100 * TURNS * 2.0 * math.pi / rate
         document = scene(CIRCLE, [ball(0.0, rate=rate)], time=t)
-        worst.take(_phase_error(document, t), document)
-    tried = f"one ball on a circle, {plan.amount(1, 100) / 100 * TURNS:g} turns, against 50 digits"
-    return worst.finding("limits", "error of the angle / (eps x amplification)", tried, 64.0)
+        error.take(_phase_error(document, t), document)
+    return error
 
 
 def swings(rng: np.random.Generator, plan: Plan) -> Finding:
     """A ball that swings undisturbed for a billion periods."""
-    worst = Worst()
+    tried = f"one ball in a valley, about {PERIODS:g} periods without an event, against 50 digits"
+    error = Finding(ANGLE, tried, 64.0)
     for _ in range(plan.amount(5, 40)):
         rate = float(rng.uniform(0.1, 5.0))
         t = PERIODS * float(rng.uniform(2.0, 3.0))
         document = scene(VALLEY, [ball(0.0, rate=rate)], time=t)
-        worst.take(_phase_error(document, t), document)
-    tried = f"one ball in a valley, about {PERIODS:g} periods without an event, against 50 digits"
-    return worst.finding("limits", "error of the angle / (eps x amplification)", tried, 64.0)
+        error.take(_phase_error(document, t), document)
+    return error
 
 
 def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
     """Radii to 1 : 1e4 with masses to 1 : 1e9 and k at its ends: right, or refused."""
-    first, gained, faults, refused = Worst(), Worst(), Worst(), 0
-    for number in range(plan.amount(10, 150)):
+    tried = "two balls, radii to 1 : 1e4, masses to 1 : 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
+    first = Finding("relative error of the first impact", f"{tried}, against 50 digits", 1e-13)
+    gained = Finding("relative energy gained", tried, 1e-12)
+    failed = Finding(FAILED, tried, 0.0)
+    count = plan.amount(10, 150)
+    refused = Finding("refused with the reason", tried, None, cases=count, worst=0)
+    for number in range(count):
         radii = [0.1, 0.1 / float(rng.choice(RATIOS))]
         masses = [1.0, float(10.0 ** rng.uniform(-9.0, 9.0))]
         order = int(rng.integers(2))
@@ -216,37 +220,29 @@ def unequal(rng: np.random.Generator, plan: Plan) -> list[Finding]:
         try:
             system = system_of(document)
         except ScenarioError:
-            refused += 1
+            refused.worst += 1
             continue
-        run = attempted(document, faults)
+        run = attempted(document, failed)
         if run is None:
             continue
         gained.take(max(energy_gained(run), 0.0), document)
         exact = first_contact(scene_of_system(system), mp.mpf(10))
         first.take(float(abs(solved(run, "t", 0) - exact) / exact), document)
-    tried = "two balls, radii to 1 : 1e4, masses to 1 : 1e9, k = 0, 1e-300, 0.5, 1 - 2^-53, 1"
-    return [
-        first.finding(
-            "limits", "relative error of the first impact", f"{tried}, against 50 digits", 1e-13
-        ),
-        gained.finding("limits", "relative energy gained", tried, 1e-12),
-        faults.finding("limits", "runs that hang or fail", tried, 0.0),
-        Finding("limits", "refused with the reason", tried, faults.cases + refused, refused, None),
-    ]
+    return [first, gained, failed, refused]
 
 
 def ends_of_range(plan: Plan) -> Finding:
     """Times and gravities near the ends of double precision: run, or refused with the reason."""
-    worst = Worst()
+    tried = "stop.time to 1.7e308 s, gravity from 1e-320 to 1.7e308 m/s^2: right or refused"
+    failed = Finding(FAILED, tried, 0.0)
     pair, alone = [ball(-0.5), ball(0.5)], [ball(0.5)]
     for k in COEFFICIENTS if plan.full else (0.5,):
         for time in (1.0e15, 1.0e300, 1.7e308):
             for balls in (pair, alone):
                 document = scene(VALLEY, balls, k, collisions=1000, time=time)
-                worst.take(float(bool(fault_of(document))), document)
+                failed.take(float(bool(fault_of(document))), document)
         for gravity in (1.0e-320, 1.0e-300, 1.0e300, 1.7e308):
             document = scene(VALLEY, pair, k, collisions=100, time=1.0e300)
             document["gravity"] = gravity
-            worst.take(float(bool(fault_of(document))), document)
-    tried = "stop.time to 1.7e308 s, gravity from 1e-320 to 1.7e308 m/s^2: right or refused"
-    return worst.finding("limits", "runs that hang or fail", tried, 0.0)
+            failed.take(float(bool(fault_of(document))), document)
+    return failed

@@ -27,37 +27,19 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.scenario.problems import ScenarioError
-from vibro_cli.stress import kernels
-from vibro_cli.stress.kernels import (
-    ANSWER_COLUMNS,
-    ORDER,
-    START_COLUMNS,
-    find_first_contacts,
-    follow_all,
-)
+from vibro_cli.stress.kernels import ORDER, Answer, find_first_contacts, follow_all
 from vibro_cli.stress.oracles.interval_oracle import (
-    BODY_A,
-    BODY_B,
-    BODY_COLUMNS,
-    COLUMNS,
     CONTACT,
-    GRAVITY,
-    HORIZON,
-    KAPPA,
     NO_CONTACT,
-    PLACE,
-    RADIUS,
-    SIDE,
-    SIGN,
-    SIZE,
-    SLOPE,
-    SPEED,
     UNDECIDED,
+    JudgedBody,
+    JudgedFlight,
     judge_all,
-)  # fmt: skip
+)
 from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.scene import Scene, mp, scene_of_system
 from vibro_cli.stress.scenes import Document, Finding, Plan
+from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.trace.motion import centres
 from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world
 
@@ -191,41 +173,21 @@ def distances(family: Family, states: States) -> Any:
     return np.hypot(bx - ax, by - ay)
 
 
-def for_solver(family: Family, states: States) -> Any:
-    """Rows for :func:`vibro_cli.stress.first_contacts.first_contacts`."""
-    rows = np.empty((len(states.places), START_COLUMNS))
-    rows[:, 8] = states.horizon
-    for ball, piece in enumerate(family.pieces):
-        body = family.system.bodies[ball]
-        rows[:, 4 * ball] = piece.index
-        places = states.places[:, ball].tolist()
-        halves = np.array([half_angle(piece, place) for place in places])
-        rows[:, 4 * ball + 1 : 4 * ball + 3] = halves.reshape(-1, 2)
-        scale = 1.0
-        if not piece.is_line:
-            rho = piece.path_radius(body.radius)
-            scale = 2.0 * math.sqrt(family.system.gravity / (body.kappa * rho)) * rho
-        rows[:, 4 * ball + 3] = states.speeds[:, ball] / scale
-    return rows
-
-
-def for_judge(family: Family, states: States, horizon: Any) -> Any:
-    """Rows for :func:`vibro_cli.stress.oracles.interval_oracle.judge_all`."""
-    rows = np.empty((len(states.places), COLUMNS))
+def for_judge(family: Family, states: States, horizon: Any) -> tuple[Any, Any]:
+    """Flights up to a horizon (s), and the bodies of each, as the judge is told of them."""
+    count = len(states.places)
+    flights, bodies = zeros(count, JudgedFlight), zeros(2 * count, JudgedBody)
     first, last = family.pieces
-    rows[:, 0] = family.system.gravity
-    rows[:, 1] = first.start_slope if first is last else first.end_slope
-    rows[:, 2] = horizon
+    flights["gravity"] = family.system.gravity
+    flights["slope"] = first.start_slope if first is last else first.end_slope
+    flights["horizon"] = horizon
     for ball, piece in enumerate((first, last)):
-        body = family.system.bodies[ball]
-        side = 0.0 if first is last else (-1.0 if ball == 0 else 1.0)
-        columns = rows[:, 3 + ball * BODY_COLUMNS : 3 + (ball + 1) * BODY_COLUMNS]
-        size = piece.length if piece.is_line else piece.radius
-        columns[:, :4] = [piece.sign, size, body.radius, body.kappa]
-        columns[:, 4] = states.places[:, ball]
-        columns[:, 5] = states.speeds[:, ball]
-        columns[:, 6] = side
-    return rows
+        told, body = bodies[ball::2], family.system.bodies[ball]
+        told["sign"], told["size"] = piece.sign, piece.length if piece.is_line else piece.radius
+        told["radius"], told["kappa"] = body.radius, body.kappa
+        told["place"], told["speed"] = states.places[:, ball], states.speeds[:, ball]
+        told["side"] = 0.0 if first is last else (-1.0 if ball == 0 else 1.0)
+    return flights, bodies
 
 
 def scene_of_flight(family: Family, states: States, number: int) -> Scene:
@@ -369,77 +331,84 @@ def _go_back(family: Family, states: States, overshoot: Any) -> tuple[States, An
 TOLERANCES = (1.0e-9, 1.0e-12)
 
 
-def first_event(flight: Any, tolerance: float) -> float | None:
+def first_event(flight: Any, bodies: Any, tolerance: float) -> float | None:
     """Instant (s) at which ``solve_ivp`` finds the gap to close, None if it finds no such.
 
-    ``flight`` is a row for the judge; DOP853 with ``rtol = tolerance`` and a hundredth of it as
-    ``atol``, an event function for the gap, terminal and falling: as a user writes it.
+    The flight and its bodies are as the judge is told of them; DOP853 with ``rtol = tolerance`` and
+    a hundredth of it as ``atol``, an event function for the gap, terminal and falling: as a user
+    writes it.
     """
     from scipy.integrate import solve_ivp
 
-    bodies = (BODY_A, BODY_B)
-    touch = flight[BODY_A + RADIUS] + flight[BODY_B + RADIUS]
+    touch = float(bodies["radius"].sum())
 
     def rate(t: float, y: Any) -> list[float]:
-        return [*_motion(flight, BODY_A, y[0], y[1]), *_motion(flight, BODY_B, y[2], y[3])]
+        return [*_motion(flight, bodies[0], y[0], y[1]), *_motion(flight, bodies[1], y[2], y[3])]
 
     def gap(t: float, y: Any) -> float:
-        ax, ay = _centre(flight, BODY_A, y[0])
-        bx, by = _centre(flight, BODY_B, y[2])
-        return math.hypot(bx - ax, by - ay) - float(touch)
+        ax, ay = _centre(flight, bodies[0], y[0])
+        bx, by = _centre(flight, bodies[1], y[2])
+        return math.hypot(bx - ax, by - ay) - touch
 
     gap.terminal, gap.direction = True, -1.0  # type: ignore[attr-defined]
-    start = [value for body in bodies for value in _start(flight, body)]
+    start = [value for body in bodies for value in _start(body)]
     solution = solve_ivp(
-        rate, (0.0, flight[HORIZON]), start, method="DOP853", rtol=tolerance,
+        rate, (0.0, flight["horizon"]), start, method="DOP853", rtol=tolerance,
         atol=0.01 * tolerance, events=gap,
     )  # fmt: skip
     found = np.asarray(solution.t_events[0])
     return float(found[0]) if len(found) else None
 
 
-def _path_radius(flight: Any, body: int) -> float:
-    return float(flight[body + SIZE] - flight[body + SIGN] * flight[body + RADIUS])
+def _path_radius(body: Any) -> float:
+    return float(body["size"] - body["sign"] * body["radius"])
 
 
-def _start(flight: Any, body: int) -> tuple[float, float]:
-    scale = 1.0 if flight[body + SIGN] == 0.0 else _path_radius(flight, body)
-    return float(flight[body + PLACE]), float(flight[body + SPEED] / scale)
+def _start(body: Any) -> tuple[float, float]:
+    scale = 1.0 if body["sign"] == 0.0 else _path_radius(body)
+    return float(body["place"]), float(body["speed"] / scale)
 
 
-def _motion(flight: Any, body: int, place: float, rate: float) -> tuple[float, float]:
-    pull = -flight[GRAVITY] / flight[body + KAPPA]
-    if flight[body + SIGN] == 0.0:
-        return rate, pull * math.sin(flight[SLOPE])
-    return rate, flight[body + SIGN] * pull / _path_radius(flight, body) * math.sin(place)
+def _motion(flight: Any, body: Any, place: float, rate: float) -> tuple[float, float]:
+    pull = -flight["gravity"] / body["kappa"]
+    if body["sign"] == 0.0:
+        return rate, pull * math.sin(flight["slope"])
+    return rate, body["sign"] * pull / _path_radius(body) * math.sin(place)
 
 
-def _centre(flight: Any, body: int, place: float) -> tuple[float, float]:
+def _centre(flight: Any, body: Any, place: float) -> tuple[float, float]:
     """Centre of a body, from the junction of the two pieces (or the centre of the one arc)."""
-    sine, cosine = math.sin(flight[SLOPE]), math.cos(flight[SLOPE])
-    sign, radius = flight[body + SIGN], flight[body + RADIUS]
+    sine, cosine = math.sin(flight["slope"]), math.cos(flight["slope"])
+    sign, radius = body["sign"], body["radius"]
     if sign == 0.0:
-        along = place - (flight[body + SIZE] if flight[body + SIDE] < 0.0 else 0.0)
+        along = place - (body["size"] if body["side"] < 0.0 else 0.0)
         return along * cosine - radius * sine, along * sine + radius * cosine
-    rho = _path_radius(flight, body)
+    rho = _path_radius(body)
     x, y = rho * math.sin(place), -sign * rho * math.cos(place)
-    if flight[body + SIDE] != 0.0:
-        x, y = x - sign * flight[body + SIZE] * sine, y + sign * flight[body + SIZE] * cosine
+    if body["side"] != 0.0:
+        x, y = x - sign * body["size"] * sine, y + sign * body["size"] * cosine
     return x, y
 
 
-def first_contacts(system: TraceSystem, starts: Any) -> Any:
-    """The solver's first contact of each start, up to the first end of a flight.
-
-    Initial states of the system are not used: ``starts`` has rows of ``START_COLUMNS``, the last
-    one in s. Returns rows of ``ANSWER_COLUMNS``.
-    """
-    world = compiled_world(make_world(system, NEVER, 1))
+def first_contacts(family: Family, states: States) -> Any:
+    """The solver's first contacts of flights, up to the first end of one: an `Answer` for each."""
+    world = compiled_world(make_world(family.system, NEVER, 1))
     copies: list[Any] = [np.array(array) for array in world]
     fresh = World(*copies)
-    answers: Any = np.zeros((len(starts), ANSWER_COLUMNS))
-    if len(starts):
-        compiled(find_first_contacts)(world, fresh, np.ascontiguousarray(starts), answers)
+    starts = np.tile(copies[World._fields.index("flights")], len(states.places))
+    for ball, piece in enumerate(family.pieces):
+        own, body = starts[ball::2], family.system.bodies[ball]
+        halves = [half_angle(piece, place) for place in states.places[:, ball].tolist()]
+        own["piece"] = piece.index
+        own["s"], own["c"] = np.array(halves).reshape(-1, 2).T
+        scale = 1.0
+        if not piece.is_line:
+            rho = piece.path_radius(body.radius)
+            scale = 2.0 * math.sqrt(family.system.gravity / (body.kappa * rho)) * rho
+        own["p"] = states.speeds[:, ball] / scale
+    answers = zeros(len(states.places), Answer)
+    answers["horizon"] = states.horizon
+    compiled(find_first_contacts)(world, fresh, starts, answers)
     return answers
 
 
@@ -454,8 +423,9 @@ FLIGHTS_OF_A_FAMILY = 2500
 class Sample(NamedTuple):
     """A flight with the instants (s) of its first contact; infinite if there is none."""
 
-    row: Any
+    flight: Any
     """As the judge is told of it."""
+    bodies: Any
     scene: Scene
     judged: float
     solved: float
@@ -488,12 +458,12 @@ class Tally:
 
 def compare(family: Family, states: States, keep: int) -> Tally:
     """Give the flights of a family to the solver and to the judge."""
-    answers = first_contacts(family.system, for_solver(family, states))
-    on_the_way = np.flatnonzero(answers[:, kernels.HORIZON] > 0.0)
+    answers = first_contacts(family, states)
+    on_the_way = np.flatnonzero(answers["horizon"] > 0.0)
     answers, states = answers[on_the_way], states.part(on_the_way)
-    rows = for_judge(family, states, answers[:, kernels.HORIZON])
-    verdicts = judge_all(rows)
-    tally = Tally(flights=len(rows))
+    flights, bodies = for_judge(family, states, answers["horizon"])
+    verdicts = judge_all(flights, bodies)
+    tally = Tally(flights=len(flights))
     size = max(p.length if p.is_line else p.radius for p in family.pieces)
     for number, (answer, verdict) in enumerate(zip(answers, verdicts, strict=True)):
         kind, displacement = _classify(answer, verdict, size)
@@ -503,20 +473,20 @@ def compare(family: Family, states: States, keep: int) -> Tally:
         if displacement > tally.displacement:
             tally.displacement = displacement
             tally.worst = scenario_of_flight(family, states, number)
-    tally.contacts = int((verdicts[:, 0] == CONTACT).sum())
-    for number in range(min(keep, len(rows))):
-        true = verdicts[number, 2] if verdicts[number, 0] == CONTACT else np.inf
-        found = answers[number, kernels.T] if answers[number, kernels.MET] > 0.0 else np.inf
-        scene = scene_of_flight(family, states, number)
-        tally.sample.append(Sample(rows[number], scene, true, found))
+    tally.contacts = int((verdicts["status"] == CONTACT).sum())
+    judged = np.where(verdicts["status"] == CONTACT, verdicts["high"], np.inf)
+    solved = np.where(answers["met"] > 0, answers["t"], np.inf)
+    for number in range(min(keep, len(flights))):
+        pair, scene = bodies[2 * number :][:2], scene_of_flight(family, states, number)
+        sample = Sample(flights[number], pair, scene, judged[number], solved[number])
+        tally.sample.append(sample)
     return tally
 
 
 def _classify(answer: Any, verdict: Any, size: float) -> tuple[str, float]:
     """What became of one flight: its kind, and by how much its contact is displaced."""
-    met, instant = answer[kernels.MET] > 0.0, answer[kernels.T]
+    horizon, met, instant = answer
     status, low, high, speed = verdict
-    horizon = answer[kernels.HORIZON]
     if status == UNDECIDED or (status == CONTACT and (high - low) * speed > DISPLACED * size):
         return "undecided", 0.0
     if status == NO_CONTACT:
@@ -568,39 +538,36 @@ def check_contacts(plan: Plan) -> list[Finding]:
         ("near-grazing flights (+-1e-13 R ... +-1e-2 R)", True, plan.amount(2_000, 100_000)),
     ):
         tally = run_flights(plan.seed, wanted, grazing, plan.amount(8, 10))
-        n = tally.flights
-        tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
-        findings += [
-            Finding("contacts", quantity, tried, n, tally.kinds[kind], mark, scenario)
-            for kind, quantity, mark, scenario in (
-                ("missed", "missed first contacts", 0.0, tally.wrong),
-                ("invented", "invented contacts", 0.0, tally.wrong),
-                ("undecided", "undecided by the judge", None, None),
-            )
-        ]
-        findings.append(
-            Finding(
-                "contacts", "displacement of a contact (R)", tried, n, tally.displacement,
-                DISPLACED, tally.worst,
-            )
-        )  # fmt: skip
+        findings += _findings_of(tally, name)
         if grazing:
             hostile = tally.sample
-    findings.append(_by_fifty_digits(hostile, plan))
-    return findings + _by_scipy(hostile, plan)
+    return [*findings, _by_fifty_digits(hostile, plan), *_by_scipy(hostile, plan)]
+
+
+def _findings_of(tally: Tally, name: str) -> list[Finding]:
+    tried = f"{name}, {tally.contacts} with contact, judged by interval bounds"
+    return [
+        Finding(quantity, tried, mark, cases=tally.flights, worst=worst, scenario=scenario)
+        for quantity, mark, worst, scenario in (
+            ("missed first contacts", 0.0, tally.kinds["missed"], tally.wrong),
+            ("invented contacts", 0.0, tally.kinds["invented"], tally.wrong),
+            ("undecided by the judge", None, tally.kinds["undecided"], None),
+            ("displacement of a contact (R)", DISPLACED, tally.displacement, tally.worst),
+        )
+    ]
 
 
 def _by_fifty_digits(sample: list[Sample], plan: Plan) -> Finding:
     wrong, chosen = 0, _spread(sample, plan.amount(20, 1000))
     for one in chosen:
-        exact = first_contact(one.scene, mp.mpf(float(one.row[HORIZON])))
+        exact = first_contact(one.scene, mp.mpf(float(one.flight["horizon"])))
         instant = float("inf") if exact is None else float(exact)
         agree = [
             instant == other or abs(instant - other) < 1.0e-6 for other in (one.judged, one.solved)
         ]
         wrong += not all(agree)
     tried = "near-grazing flights, 50 digits against the judge and the solver"
-    return Finding("contacts", "contacts decided otherwise", tried, len(chosen), wrong, 0.0)
+    return Finding("contacts decided otherwise", tried, 0.0, cases=len(chosen), worst=wrong)
 
 
 def _by_scipy(sample: list[Sample], plan: Plan) -> list[Finding]:
@@ -611,12 +578,11 @@ def _by_scipy(sample: list[Sample], plan: Plan) -> list[Finding]:
     for tolerance in TOLERANCES:
         missed = 0
         for one in chosen:
-            found = first_event(one.row, tolerance)
-            missed += found is None or found > one.judged + 1.0e-3
+            found = first_event(one.flight, one.bodies, tolerance)
+            missed += found is None or bool(found > one.judged + 1.0e-3)
         tried = f"near-grazing flights with contact, SciPy's DOP853 at rtol {tolerance:g}"
-        findings.append(
-            Finding("contacts", "missed by SciPy's event finder", tried, len(chosen), missed, None)
-        )
+        quantity = "missed by SciPy's event finder"
+        findings.append(Finding(quantity, tried, None, cases=len(chosen), worst=missed))
     return findings
 
 

@@ -35,7 +35,6 @@ from vibro_cli.stress.scenes import (
     Document,
     Finding,
     Plan,
-    Worst,
     ball,
     scene,
     solve,
@@ -102,8 +101,21 @@ LINE_BETWEEN: Document = {
 
 def check_impacts(plan: Plan) -> list[Finding]:
     """The first impacts of many scenes, and every flight of them on its own."""
+    tried = "2 and 3 bodies on a circle, a valley, three arcs, a line between valleys; 50 digits"
+    again = "taken up from reference states"
+    whole = Finding(
+        f"error of the first {FIRST} impacts / (eps x amplification)",
+        f"{tried}; times and places",
+        64.0,
+    )
+    single = Finding("error of the end of a single flight / its length", f"{tried}; {again}", 1e-13)
+    unresolved = Finding(
+        "error of the end of a single flight / (eps x amplification)",
+        f"{again}; flights so short that a unit in the last place of these moves their end by more"
+        f" than {RESOLVED:g} of their length",
+        64.0,
+    )
     rng = np.random.default_rng([plan.seed, 29])
-    whole, single, unresolved = Worst(), Worst(), Worst()
     for document, run, grown in _scenes(rng, plan.amount(4, 100)):
         twin, exact, last = Twin(scene_of_system(run.system)), [], None
         for happening in happenings_of(run):
@@ -116,33 +128,7 @@ def check_impacts(plan: Plan) -> list[Finding]:
             else:
                 unresolved.take(error / resolution, _as_document(document, flight.system))
         whole.take(_error(run, grown, exact), document)
-    tried = "2 and 3 bodies on a circle, a valley, three arcs, a line between valleys; 50 digits"
-    again = "taken up from reference states"
-    findings = [
-        whole.finding(
-            "impacts",
-            f"error of the first {FIRST} impacts / (eps x amplification)",
-            f"{tried}; times and places",
-            64.0,
-        ),
-        single.finding(
-            "impacts",
-            "error of the end of a single flight / its length",
-            f"{tried}; {again}",
-            1e-13,
-        ),
-    ]
-    if unresolved.cases:
-        findings.append(
-            unresolved.finding(
-                "impacts",
-                "error of the end of a single flight / (eps x amplification)",
-                f"{again}; flights so short that a unit in the last place of these moves their end"
-                f" by more than {RESOLVED:g} of their length",
-                64.0,
-            )
-        )
-    return findings
+    return [whole, single, unresolved] if unresolved.cases else [whole, single]
 
 
 def _scenes(
@@ -326,7 +312,11 @@ def _exact(offset: float) -> tuple[Any, Any]:
 
 
 def _times(offsets: list[float]) -> list[Finding]:
-    departure, impact = Worst(), Worst()
+    tried = "at rest 1e-3 ... 1e-300 rad off a crest, against 50 digits"
+    departure, impact = (
+        Finding(f"relative error of the time of {name}", tried, 1e-12)
+        for name in ("departure", "the first impact")
+    )
     for offset in offsets:
         document = _start_off_crest(offset)
         run = solve(document)
@@ -336,16 +326,15 @@ def _times(offsets: list[float]) -> list[Finding]:
         met = float(run.collisions["t"][0]) if len(run.collisions["t"]) else math.nan
         departure.take(float(abs(left - exact[0]) / exact[0]), document)
         impact.take(float(abs(met - exact[1]) / exact[1]), document)
-    tried = "at rest 1e-3 ... 1e-300 rad off a crest, against 50 digits"
-    return [
-        worst.finding("crest", f"relative error of the time of {name}", tried, 1e-12)
-        for name, worst in (("departure", departure), ("the first impact", impact))
-    ]
+    return [departure, impact]
 
 
 def _decisions(offsets: list[float]) -> Finding:
     """A body at rest beside a crest never comes over it; one moving on it always does."""
-    worst = Worst()
+    tried = (
+        f"alone on three arcs for {RETURNS} crossings or more, at rest beside or moving on a crest"
+    )
+    wrong = Finding("wrong decisions to return", tried, 0.0)
     for offset in offsets:
         for over in (False, True):
             one = ball(0.0, arc=2, rate=offset) if over else ball(offset, arc=2)
@@ -358,11 +347,8 @@ def _decisions(offsets: list[float]) -> Finding:
             expected = [3, 2, 1, 2] if over else [3, 2, 3, 2]
             enough = len(arcs) >= RETURNS
             right = enough and all(a == expected[n % 4] for n, a in enumerate(arcs))
-            worst.take(float(not right), document)
-    tried = (
-        f"alone on three arcs for {RETURNS} crossings or more, at rest beside or moving on a crest"
-    )
-    return worst.finding("crest", "wrong decisions to return", tried, 0.0)
+            wrong.take(float(not right), document)
+    return wrong
 
 
 def check_turning(plan: Plan) -> list[Finding]:
@@ -384,42 +370,32 @@ def _turning_document(on_axis: bool, rate: float, k: float, law: str, **stop: fl
 
 
 def _first_impacts() -> Finding:
-    worst = Worst()
+    tried = "first 10 impacts, circle and three arcs"
+    error = Finding("relative error of the time of an impact", tried, 1e-12)
     for on_axis, rate in ((True, 1.7), (True, 3.6), (False, 0.8), (False, 1.2)):
         document = _turning_document(on_axis, rate, 0.95, "hedrih", collisions=10)
         run = solve(document, "compiled")
         impacts = Twin(scene_of_system(run.system)).follow(happenings_of(run))
         for row, impact in enumerate(impacts):
-            worst.take(float(abs(solved(run, "t", row) / impact.t - 1)), document)
-    return worst.finding(
-        "turning",
-        "relative error of the time of an impact",
-        "first 10 impacts, circle and three arcs",
-        1e-12,
-    )
+            error.take(float(abs(solved(run, "t", row) / impact.t - 1)), document)
+    return error
 
 
 def _energy(plan: Plan) -> Finding:
     impacts = plan.amount(1_000, 100_000)
-    worst = Worst()
+    drift = Finding("relative drift of energy", f"k = 1, circle, {impacts} impacts", 1e-12)
     document = _turning_document(True, 2.5, 1.0, "hedrih", collisions=impacts)
-    worst.take(abs(solve(document, "compiled").summary_record()["energy_drift"]), document)
-    return worst.finding(
-        "turning", "relative drift of energy", f"k = 1, circle, {impacts} impacts", 1e-12
-    )
+    drift.take(abs(solve(document, "compiled").summary_record()["energy_drift"]), document)
+    return drift
 
 
 def _balance() -> Finding:
-    worst = Worst()
+    tried = "k = 0.4, into lasting contact"
+    missing = Finding("energy missing in the balance (relative)", tried, 1e-11)
     for on_axis in (True, False):
         document = _turning_document(on_axis, 1.2, 0.4, "normal-impulse", time=25.0)
         run = solve(document, "compiled")
         record = run.summary_record()
         lost = record["energy_start"] - float(run.collisions["energy_loss"].sum())
-        worst.take(abs(record["energy_end"] - lost) / record["energy_start"], document)
-    return worst.finding(
-        "turning",
-        "energy missing in the balance (relative)",
-        "k = 0.4, into lasting contact",
-        1e-11,
-    )
+        missing.take(abs(record["energy_end"] - lost) / record["energy_start"], document)
+    return missing

@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from vibro_cli.compile.kernel import FloatMatrix, kernel
+from vibro_cli.compile.kernel import FloatMatrix, kernel, struct
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.numerics.constants import NEVER
-from vibro_cli.kernels.world import World
+from vibro_cli.kernels.world import Flight, World
 
-# Columns of a start: piece, S, C, P of each body, and the longest time to look ahead.
-START_COLUMNS = 9
-# Columns of an answer: contact (1) or none (0), its instant in two doubles, the horizon looked to,
-# and whether the solver called it grazing.
-MET, T, T_LOW, HORIZON, GRAZING = range(5)
-ANSWER_COLUMNS = 5
+
+@struct
+class Answer:
+    """The first contact of two bodies that the solver finds."""
+
+    horizon: float  # s: how long to look ahead; then how long it did, to the first end of a flight
+    met: int  # 0 if there is none
+    t: float  # s
+
 
 ORDER = 18  # of the series of a flight
 SINE, COSINE, RATE = range(3)  # its rows
@@ -23,41 +26,30 @@ _STEP = 0.15  # of a step in w t max(1, f'/w)
 
 
 @kernel
-def _reset(world: World, fresh: World, starts: FloatMatrix, number: int) -> None:
-    """Two bodies at the start of a flight, nothing known of it."""
-    world.clock[0] = fresh.clock[0]  # type: ignore[index]
-    for j in range(len(world.pairs)):
-        world.pairs[j] = fresh.pairs[j]  # type: ignore[index]
-    for ball in range(2):
-        world.flights[ball] = fresh.flights[ball]  # type: ignore[index]
-        world.flights[ball].piece = int(starts[number, 4 * ball])
-        world.flights[ball].s = starts[number, 4 * ball + 1]
-        world.flights[ball].c = starts[number, 4 * ball + 2]
-        world.flights[ball].p = starts[number, 4 * ball + 3]
-
-
-@kernel
 def find_first_contacts(
-    world: World, fresh: World, starts: FloatMatrix, answers: FloatMatrix
+    world: World, fresh: World, starts: Sequence[Flight], answers: Sequence[Answer]
 ) -> None:
-    """Fill in the first contact of each start (see :func:`first_contacts`)."""
+    """Find the first contact of the two bodies from one start after another.
+
+    Of ``fresh`` clock and pairs are taken, which know nothing of what was before.
+    """
     settings = world.settings[0]
-    for number in range(len(starts)):
-        _reset(world, fresh, starts, number)
-        settings.stop_t = starts[number, 8]
-        proceed(world, True)
-        horizon = starts[number, 8]
+    for number in range(len(answers)):
+        answer = answers[number]
+        world.clock[0] = fresh.clock[0]  # type: ignore[index]
+        for j in range(len(world.pairs)):
+            world.pairs[j] = fresh.pairs[j]  # type: ignore[index]
         for ball in range(2):
-            horizon = min(horizon, world.flights[ball].exit_t)
-        settings.stop_t = horizon
-        answers[number, HORIZON] = horizon
-        if horizon > 0.0:
+            world.flights[ball] = starts[2 * number + ball]  # type: ignore[index]
+        settings.stop_t = answer.horizon
+        proceed(world, True)
+        for ball in range(2):
+            answer.horizon = min(answer.horizon, world.flights[ball].exit_t)
+        settings.stop_t = answer.horizon
+        if answer.horizon > 0.0:
             proceed(world, False)
-        met = world.clock[0].impact_rows > 0
-        answers[number, MET] = 1.0 if met else 0.0
-        answers[number, T] = world.impacts[0].t if met else NEVER
-        answers[number, T_LOW] = world.impacts[0].t_low if met else 0.0
-        answers[number, GRAZING] = float(world.impacts[0].grazing) if met else 0.0
+        answer.met = world.clock[0].impact_rows
+        answer.t = world.impacts[0].t if answer.met > 0 else NEVER
 
 
 @kernel

@@ -21,7 +21,7 @@ from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.oracles.sensitivity import neighbouring
-from vibro_cli.stress.scenes import Document, Finding, GivenUp, Plan, Watched, Worst, system_of
+from vibro_cli.stress.scenes import Document, Finding, GivenUp, Plan, Watched, system_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 
@@ -472,7 +472,10 @@ MEMORY = 2**30
 
 def check_drawn(plan: Plan) -> list[Finding]:
     """Faults of the program, broken laws of mechanics, and wrong mirror images."""
-    failed, broken, lopsided = Worst(), Worst(), Worst()
+    tried = "scenes drawn at random, open and closed, 1 to 6 bodies, and their mirror images"
+    failed = Finding("runs that fail, or take over 10 s or 1 GB", tried, 0.0)
+    broken = Finding("laws of mechanics that a run breaks", tried, 0.0)
+    lopsided = Finding("motions that are not those of the mirror image", tried, 0.0)
     judged = judge()
     for number in range(plan.scenes(40, 4000)):
         document = draw(plan.seed, number)
@@ -480,12 +483,7 @@ def check_drawn(plan: Plan) -> list[Finding]:
         failed.take(float("failed" in kinds), document)
         lopsided.take(float("mirror" in kinds), document)
         broken.take(float(len(kinds - {"failed", "mirror"})), document)
-    tried = "scenes drawn at random, open and closed, 1 to 6 bodies, and their mirror images"
-    return [
-        failed.finding("drawn", "runs that fail, or take over 10 s or 1 GB", tried, 0.0),
-        broken.finding("drawn", "laws of mechanics that a run breaks", tried, 0.0),
-        lopsided.finding("drawn", "motions that are not those of the mirror image", tried, 0.0),
-    ]
+    return [failed, broken, lopsided]
 
 
 def judge(seconds: float = JUDGING) -> Callable[[Document], list[Fault]]:

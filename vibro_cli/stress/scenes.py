@@ -10,7 +10,7 @@ import multiprocessing
 import resource
 import signal
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -43,49 +43,36 @@ class Plan:
         return self.amount(short, long) if self.cases is None else self.cases
 
 
-@dataclass(frozen=True)
+@dataclass
 class Finding:
-    """One line of the table."""
+    """The greatest of many values of one quantity: one line of the table."""
 
-    check: str
-    """Name of the check that made it (the word for ``--only``)."""
+    check: str = field(default="", kw_only=True)
+    """Name of the check that made it (the word for ``--only``), given by the suite."""
     quantity: str
     """What is measured, with its unit."""
     tried: str
-    """What it was measured on."""
-    cases: int
+    """What it is measured on."""
+    cases: int = field(default=0, kw_only=True)
     """How many cases that were."""
-    worst: float
+    worst: float = field(default=0.0, kw_only=True)
     """The greatest value found."""
     mark: float | None
     """What it may be at most; None where it is only told."""
-    scenario: Document | None = None
+    scenario: Document | None = field(default=None, kw_only=True)
     """The scenario of the worst case."""
+
+    def take(self, value: float, scenario: Document | None = None) -> None:
+        """Take the value of one more case into account; nan counts as infinite."""
+        self.cases += 1
+        value = float("inf") if value != value else float(value)
+        if value > self.worst or self.scenario is None:
+            self.worst, self.scenario = max(value, self.worst), scenario
 
     @property
     def met(self) -> bool:
         """Whether the mark is met (a value that is only told meets it; nan never does)."""
-        return self.mark is None or self.worst <= self.mark
-
-
-class Worst:
-    """Keeps the greatest of many values, and where it was found; nan counts as infinite."""
-
-    def __init__(self) -> None:
-        self.value = 0.0
-        self.cases = 0
-        self.scenario: Document | None = None
-
-    def take(self, value: float, scenario: Document | None = None) -> None:
-        """Take one value into account."""
-        self.cases += 1
-        value = float("inf") if value != value else float(value)
-        if value > self.value or self.scenario is None:
-            self.value, self.scenario = max(value, self.value), scenario
-
-    def finding(self, check: str, quantity: str, tried: str, mark: float | None) -> Finding:
-        """Report the worst of all cases; the texts and the mark are those of :class:`Finding`."""
-        return Finding(check, quantity, tried, self.cases, self.value, mark, self.scenario)
+        return self.mark is None or bool(self.worst <= self.mark)  # and no truth value of numpy
 
 
 GRAVITY = 9.81
@@ -271,7 +258,10 @@ def fault_of(document: Document, seconds: float = PATIENCE) -> str:
         return str(reason)
 
 
-def attempted(document: Document, failed: Worst) -> Run | None:
+FAILED = "runs that hang or fail"
+
+
+def attempted(document: Document, failed: Finding) -> Run | None:
     """The run of a document; None if it comes to grief, which is taken into account."""
     fault = fault_of(document)
     failed.take(float(bool(fault)), document)

@@ -68,6 +68,8 @@ def findings_of(name: str, plan: Plan) -> list[Finding]:
     if name == "tangent":
         for system in (one for one in SYSTEMS[1:] if system_named(one).exponents):
             findings += import_module(f"vibro_cli.systems.{system}.stress").check_tangent(plan)
+    for finding in findings:
+        finding.check = name
     return findings
 
 

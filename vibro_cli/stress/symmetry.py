@@ -15,7 +15,6 @@ from vibro_cli.stress.scenes import (
     Document,
     Finding,
     Plan,
-    Worst,
     ball,
     scene,
     solve,
@@ -78,8 +77,12 @@ def _pairs_of_columns(run: Run, image: Run) -> list[tuple[Any, Any]]:
     return [(one[name][rows], sign * other[same][mirrored_rows]) for name, same, sign in names]
 
 
+DIFFER = "runs that differ"
+
+
 def _mirror_on_one_arc(rng: np.random.Generator, count: int) -> Finding:
-    worst = Worst()
+    tried = "2 to 4 balls in a valley and their mirror images, up to 60 impacts, to the bit"
+    differ = Finding(DIFFER, tried, 0.0)
     for _ in range(count):
         balls = _balls(rng, int(rng.integers(2, 5)), -2.0, 2.0)
         k = float(rng.choice([1.0, 0.9, 0.6]))
@@ -89,9 +92,8 @@ def _mirror_on_one_arc(rng: np.random.Generator, count: int) -> Finding:
         if not different:
             pairs = _pairs_of_columns(run, image)
             different = any(not np.array_equal(one, other) for one, other in pairs)
-        worst.take(float(different), document)
-    tried = "2 to 4 balls in a valley and their mirror images, up to 60 impacts, to the bit"
-    return worst.finding("symmetry", "runs that differ", tried, 0.0)
+        differ.take(float(different), document)
+    return differ
 
 
 CHANGE = 2.0**-30
@@ -118,7 +120,8 @@ def _sensitivity(document: Document, run: Run) -> Any:
 
 
 def _mirror_on_three(rng: np.random.Generator, count: int) -> Finding:
-    worst = Worst()
+    tried = "two balls on three arcs and their mirror images, times of the first 10 impacts"
+    difference = Finding("difference / (eps x amplification)", tried, 64.0)
     for _ in range(count):
         balls = [*_balls(rng, 1, -1.4, 0.5), *_balls(rng, 1, -0.5, 1.4)]
         balls[1]["arc"] = 3
@@ -129,14 +132,14 @@ def _mirror_on_three(rng: np.random.Generator, count: int) -> Finding:
             continue
         allowed = EPSILON * _sensitivity(document, run)[:rows]
         off = np.abs(run.collisions["t"][:rows] - image.collisions["t"][:rows])
-        worst.take(float(np.max(off / allowed)), document)
-    tried = "two balls on three arcs and their mirror images, times of the first 10 impacts"
-    return worst.finding("symmetry", "difference / (eps x amplification)", tried, 64.0)
+        difference.take(float(np.max(off / allowed)), document)
+    return difference
 
 
 def _reversal(rng: np.random.Generator, count: int) -> Finding:
     """Forward, every speed reversed, back: the start again."""
-    worst = Worst()
+    tried = "two balls in a valley for 4 s, all speeds reversed, back for 4 s"
+    distance = Finding("distance from the start / (eps x amplification)", tried, 64.0)
     for _ in range(count):
         document = scene(VALLEY, _balls(rng, 2, -1.5, 1.5), 1.0, time=4.0)
         run = solve(document)
@@ -150,9 +153,8 @@ def _reversal(rng: np.random.Generator, count: int) -> Finding:
         back = solve({**document, "balls": balls}).sample([4.0])["angle"]
         start = np.array([old["angle"] for old in document["balls"]])
         allowed = EPSILON * _growth(document, end["angle"])
-        worst.take(float(np.max(np.abs(back - start))) / allowed, document)
-    tried = "two balls in a valley for 4 s, all speeds reversed, back for 4 s"
-    return worst.finding("symmetry", "distance from the start / (eps x amplification)", tried, 64.0)
+        distance.take(float(np.max(np.abs(back - start))) / allowed, document)
+    return distance
 
 
 def _growth(document: Document, end: Any) -> float:
@@ -165,7 +167,8 @@ def _growth(document: Document, end: Any) -> float:
 
 
 def _continued(rng: np.random.Generator, count: int) -> Finding:
-    worst = Worst()
+    tried = "one run and the same run in two parts, joined at a checkpoint, to the bit"
+    differ = Finding(DIFFER, tried, 0.0)
     for number in range(count):
         trace, first = (VALLEY, 1) if number % 2 else (THREE_ARCS, 3)
         balls = [*_balls(rng, 1, -1.4, 0.5), *_balls(rng, 1, 0.6, 1.4)]
@@ -188,6 +191,5 @@ def _continued(rng: np.random.Generator, count: int) -> Finding:
             if column.dtype != object:
                 equal = np.array_equal(column, rest.collisions[name], equal_nan=True)
                 same &= bool(equal)
-        worst.take(float(not same), document)
-    tried = "one run and the same run in two parts, joined at a checkpoint, to the bit"
-    return worst.finding("symmetry", "runs that differ", tried, 0.0)
+        differ.take(float(not same), document)
+    return differ

@@ -10,15 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibro_cli.kernels.world import END_INTERRUPTED, END_NAMES, END_TIME, LOG_FULL, RUNNING
-from vibro_cli.systems.contract import Rows, Sink, System, Tables, Trajectory
+from vibro_cli.systems.contract import Rows, Sink, System, Trajectory
 from vibro_cli.systems.driver import (
     Driver,
     EventLoop,
@@ -63,7 +63,7 @@ class Stretches:
 
     def __init__(self, loop: EventLoop, driver: Driver, stop_time: float | None) -> None:
         self._loop = loop
-        self._driver = driver
+        self.driver = driver
         self._stop_time = stop_time
         self.cause = RUNNING
         self.state: dict[str, Any] = {}
@@ -74,7 +74,7 @@ class Stretches:
 
     def until(self, interrupted: Callable[[], bool]) -> Iterator[Stretch]:
         """Yield stretch after stretch, at last one that only ends; sooner when interrupted."""
-        driver = self._driver
+        driver = self.driver
         for cause in driver.rounds():
             full = cause == LOG_FULL
             stopped = full and interrupted()
@@ -87,7 +87,7 @@ class Stretches:
 
     def whole(self) -> tuple[Stretch, dict[str, Any]]:
         """Return the run to its end as one stretch, and the state then."""
-        driver = self._driver
+        driver = self.driver
         cause = driver.run()
         logs = {name: log.drain() for name, log in driver.logs.items()}
         return self._last(cause)._replace(logs=logs, known=0), self.state
@@ -98,7 +98,7 @@ class Stretches:
 
     def _last(self, cause: int) -> Stretch:
         """The end of a run, without rows."""
-        driver, loop = self._driver, self._loop
+        driver, loop = self.driver, self._loop
         self.cause = cause
         self.state = driver.state()
         end = None
@@ -115,11 +115,11 @@ class Stretches:
 
     def _ended(self) -> Stretch:
         """What is left to be told at the end."""
-        return self._stretch({name: log.drain() for name, log in self._driver.logs.items()})
+        return self._stretch({name: log.drain() for name, log in self.driver.logs.items()})
 
     def _stretch(self, logs: Mapping[str, Any]) -> Stretch:
-        clock = self._driver.clock()
-        return Stretch(self._driver.engine, logs, clock, (clock["t"], clock["t_low"]), RUNNING)
+        clock = self.driver.clock()
+        return Stretch(self.driver.engine, logs, clock, (clock["t"], clock["t_low"]), RUNNING)
 
 
 @dataclass(frozen=True)
@@ -154,8 +154,8 @@ def record_of(summary: Mapping[str, Any]) -> dict[str, Any]:
 
 def begun(
     kind: System, system: Any, limits: Limits, engine: str = "compiled", earlier: Any = None
-) -> Driver:
-    """Return the driver of a run of a system before its first round.
+) -> Stretches:
+    """Return a run of a system that nothing has happened in, to be gone through once.
 
     Raises
     ------
@@ -165,43 +165,41 @@ def begun(
     if (limits.time, limits.collisions, limits.bounces) == (None, None, None):
         raise ValueError("a run needs a stop: a time or a number of impacts")
     world, overrides = kind.world(system, limits), kind.overrides(system)
-    return Driver(kind.loop, world, engine, earlier, overrides)
+    return kind.stretches(Driver(kind.loop, world, engine, earlier, overrides), limits.time)
 
 
 def stream(
     kind: System,
     system: Any,
-    limits: Limits,
+    stretches: Stretches,
     sink: Sink,
-    engine: str = "compiled",
     wanted: Wanted = NOTHING_MORE,
     names: Collection[str] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
     in_background: bool = True,
 ) -> Streamed:
-    """Run a system until its stop, and hand over the rows of its tables as they come.
+    """Run a system that has `begun` until its stop; hand over rows of its tables as they come.
 
     The sink takes rows of the tables with these names, all by default, one call after another, in
     a thread of its own if it is `in_background`, while the solver and the tables go on.
-    `interrupted` is asked again and again whether the run is to end after its last event. Else as
-    :func:`simulate`.
+    `interrupted` is asked again and again whether the run is to end after its last event. Raises
+    ``TooQuiet`` as :func:`simulate`.
     """
-    driver = begun(kind, system, limits, engine)
-    stretches = kind.stretches(driver, limits.time)
     if names is None:
         names = [table.file for table in kind.tables()]
-    tell = _tell_in_background if in_background else _tell
-    with _in_background(sink) if in_background else nullcontext(sink) as handed:
-        tables = kind.teller(system, wanted, names, handed)
-        last = tell(tables, stretches.until(interrupted))
+    calls = aside if in_background else _at_once
+    with calls(_ROWS_AHEAD) as write, calls(_AHEAD) as tell:
+        tables = kind.teller(system, wanted, names, partial(write, sink))
+        for last in stretches.until(interrupted):
+            tell(tables.take, last)
     end, cause = last.end[0], END_NAMES[stretches.cause]
     return Streamed(
         system=system,
-        engine=driver.engine,
+        engine=stretches.driver.engine,
         end_cause=cause,
         skipped=kind.skipped(last.clock, wanted, end),
         summary=tables.summary(),
-        _checkpoint=checkpoint_of(cause, end, last.clock, driver.rows, stretches.state),
+        _checkpoint=checkpoint_of(cause, end, last.clock, stretches.driver.rows, stretches.state),
     )
 
 
@@ -214,40 +212,26 @@ def ahead(stretches: Iterator[Stretch]) -> Iterator[Stretch]:
             yield stretch
 
 
-def _tell(tables: Tables, stretches: Iterator[Stretch]) -> Stretch:
-    """Tell of stretches one by one; return the last one."""
-    for stretch in stretches:
-        tables.take(stretch)
-    return stretch
+@contextmanager
+def aside(waiting: int) -> Iterator[Callable[..., None]]:
+    """Make calls in a thread of its own, one after another; so many may wait before the caller."""
+    with ThreadPoolExecutor(1) as thread:
+        under_way: list[Future[None]] = []
+
+        def call(function: Callable[..., None], *arguments: Any) -> None:
+            under_way.append(thread.submit(function, *arguments))
+            while len(under_way) > waiting:
+                under_way.pop(0).result()
+
+        yield call
+        for future in under_way:
+            future.result()
 
 
 @contextmanager
-def _in_background(sink: Sink) -> Iterator[Sink]:
-    """Hand rows over in a thread of its own, while the next ones are made: writing takes long."""
-    with ThreadPoolExecutor(1) as writer:
-        under_way: list[Future[None]] = []
-
-        def hand_over(name: str, rows: Rows) -> None:
-            under_way.append(writer.submit(sink, name, rows))
-            while len(under_way) > _ROWS_AHEAD:
-                under_way.pop(0).result()
-
-        yield hand_over
-        for future in under_way:
-            future.result()
-
-
-def _tell_in_background(tables: Tables, stretches: Iterator[Stretch]) -> Stretch:
-    """Tell of stretches while the next ones are solved; return the last one."""
-    with ThreadPoolExecutor(1) as teller:
-        under_way: list[Future[None]] = []
-        for stretch in stretches:
-            under_way.append(teller.submit(tables.take, stretch))
-            while len(under_way) > _AHEAD:
-                under_way.pop(0).result()
-        for future in under_way:
-            future.result()
-    return stretch
+def _at_once(waiting: int) -> Iterator[Callable[..., None]]:
+    """Make calls in this thread."""
+    yield lambda function, *arguments: function(*arguments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -460,6 +444,5 @@ def simulate(
     earlier = None
     if checkpoint is not None:
         earlier = earlier_part(checkpoint, history, kind.loop.logs, limits)
-    driver = begun(kind, system, limits, engine, earlier)
-    stretches = kind.stretches(driver, limits.time)
-    return Run(kind, system, driver.engine, wanted, *stretches.whole())
+    stretches = begun(kind, system, limits, engine, earlier)
+    return Run(kind, system, engine, wanted, *stretches.whole())

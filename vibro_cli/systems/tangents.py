@@ -252,10 +252,9 @@ def followed(
 ) -> tuple[LoggedMap, dict[str, Rows], Stretch]:
     """Return the tangent map of a whole run, the columns of its impacts by tables, and the run.
 
-    Raises as ``systems.stream.begun``.
+    Raises as ``systems.run.begun``.
     """
-    driver = begun(kind, system, limits, engine_name)
-    whole, _ = kind.stretches(driver, limits.time).whole()
+    whole, _ = begun(kind, system, limits, engine_name).whole()
     found = kind.tangents(system)
     return found, found.take(whole), whole
 

@@ -70,12 +70,16 @@ class Motion:
         product = self.bodies[a].radius * self.bodies[b].radius
         return 2.0 * math.asin(math.sqrt(product / (self.radius[a][piece] * self.radius[b][piece])))
 
+    def least_angle(self, pair: int, piece: int) -> float:
+        """Angle (rad) from the left to the right body in contact, less a turn over the top."""
+        a, b = self.pairs[pair]
+        return self.contact_angle(a, b, piece) - (math.tau if b < a else 0.0)
+
     def gap(self, pair: int, pieces: Sequence[int], y: Sequence[float]) -> float:
         """What is positive while a pair is apart: an angle on one arc, else d² − (r_a + r_b)²."""
         a, b = self.pairs[pair]
         if pieces[a] == pieces[b]:
-            turn = math.tau if b < a else 0.0
-            return y[2 * b] + turn - y[2 * a] - self.contact_angle(a, b, pieces[a])
+            return y[2 * b] - y[2 * a] - self.least_angle(pair, pieces[a])
         (xa, ya), (xb, yb) = self.centre(a, pieces[a], y), self.centre(b, pieces[b], y)
         touch = self.bodies[a].radius + self.bodies[b].radius
         return (xb - xa) ** 2 + (yb - ya) ** 2 - touch**2

@@ -11,7 +11,6 @@ that lanes have while they wait for others count as its own.
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Any
 
@@ -36,8 +35,7 @@ def gap(hy: Any, motion: Motion, pair: int, pieces: tuple[int, ...], angles: lis
     """The gap of ``Motion.gap`` as an expression."""
     a, b = motion.pairs[pair]
     if pieces[a] == pieces[b]:
-        turn = math.tau if b < a else 0.0
-        return angles[b] - angles[a] + (turn - motion.contact_angle(a, b, pieces[a]))
+        return angles[b] - angles[a] - motion.least_angle(pair, pieces[a])
     places = []
     for ball in (a, b):
         arc, rho = motion.arcs[pieces[ball]], motion.radius[ball][pieces[ball]]

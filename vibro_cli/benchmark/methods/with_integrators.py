@@ -122,7 +122,7 @@ def _gap(motion: Motion, pair: int, pieces: tuple[int, ...]) -> Any:
     a, b = motion.pairs[pair]
     i, j = 2 * a, 2 * b
     if pieces[a] == pieces[b]:
-        least = motion.contact_angle(a, b, pieces[a]) - (2.0 * np.pi if b < a else 0.0)
+        least = motion.least_angle(pair, pieces[a])
         return njit(lambda t, y: y[j] - y[i] - least)
     one, two = motion.arcs[pieces[a]], motion.arcs[pieces[b]]
     rho_a, rho_b = motion.radius[a][pieces[a]], motion.radius[b][pieces[b]]
@@ -183,24 +183,25 @@ def cyrk() -> list[Method]:
 _MOST_STEPS = 100_000
 
 
+def _jump(motion: Motion, pair: int) -> tuple[float, float, float, float]:
+    """What an impact on one arc changes, see ``Motion.jump``."""
+    a, b = motion.pairs[pair]
+    touching = [0.0] * (2 * len(motion.bodies))
+    touching[2 * a], touching[2 * b] = 0.0, motion.least_angle(pair, 0)
+    return motion.jump(pair, motion.pieces, touching)
+
+
 def _flight(motion: Motion, tolerance: float) -> Any:
     """Return the function from the start of a flight to the start of the next one."""
     import diffrax
     import jax.numpy as jnp
     import optimistix
 
-    count = len(motion.bodies)
-    w2 = jnp.array([motion.w2[ball][0] for ball in range(count)])
-    left = np.array([a for a, _ in motion.pairs])
-    right = np.array([b for _, b in motion.pairs])
-    least = jnp.array(
-        [motion.contact_angle(a, b, 0) - (2.0 * np.pi if b < a else 0.0) for a, b in motion.pairs]
-    )
-    touching = [0.0] * (2 * count)
-    jumps = []
-    for pair, (a, b) in enumerate(motion.pairs):
-        touching[2 * a], touching[2 * b] = 0.0, float(least[pair])
-        jumps.append(motion.jump(pair, (0,) * count, touching))
+    pairs = range(len(motion.pairs))
+    w2 = jnp.array([motion.w2[ball][0] for ball in range(len(motion.bodies))])
+    left, right = (np.array(bodies) for bodies in zip(*motion.pairs, strict=True))
+    least = jnp.array([motion.least_angle(pair, 0) for pair in pairs])
+    jumps = [_jump(motion, pair) for pair in pairs]
     p, q, alpha, beta = (jnp.array(column) for column in zip(*jumps, strict=True))
 
     def gap(pair: int) -> Any:
@@ -210,7 +211,7 @@ def _flight(motion: Motion, tolerance: float) -> Any:
 
     term = diffrax.ODETerm(lambda t, y, args: (y[1], -w2 * jnp.sin(y[0])))
     event = diffrax.Event(
-        [gap(pair) for pair in range(len(motion.pairs))],
+        [gap(pair) for pair in pairs],
         optimistix.Newton(tolerance, tolerance, optimistix.rms_norm),
         False,
     )

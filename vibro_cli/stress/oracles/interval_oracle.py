@@ -26,7 +26,15 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from vibro_cli.compile.kernel import FloatArray3, FloatArray4, FloatMatrix, fused, kernel
+from vibro_cli.compile.kernel import (
+    FloatArray3,
+    FloatArray4,
+    FloatMatrix,
+    dtype,
+    fused,
+    kernel,
+    struct,
+)
 from vibro_cli.compile.native import compiled
 
 Wide = tuple[float, float]
@@ -147,14 +155,39 @@ GRID = 0.5**40  # of the horizon: instants are multiples of it, so that their su
 WIDE_ROUNDING = 1.0e-26  # of one step, relative; some hundred operations of 2^-98 each
 DOUBLE_ROUNDING = 2.0e-14  # of D evaluated in doubles, relative to its largest terms
 
-# Columns of a body: what the judge is told of it.
-SIGN, SIZE, RADIUS, KAPPA, PLACE, SPEED, SIDE = range(7)
-BODY_COLUMNS = 7
-# Columns of a flight: gravity, slope at the junction (or of the line), horizon, then two bodies.
-GRAVITY, SLOPE, HORIZON = range(3)
-BODY_A = 3
-BODY_B = BODY_A + BODY_COLUMNS
-COLUMNS = BODY_B + BODY_COLUMNS
+
+@struct
+class JudgedFlight:
+    """What the judge is told of a flight, beside its two bodies."""
+
+    gravity: float  # m/s^2
+    slope: float  # at the junction, or of the line, rad
+    horizon: float  # s
+
+
+@struct
+class JudgedBody:
+    """What the judge is told of a body."""
+
+    sign: float  # of its piece: +1 valley, -1 hump, 0 line
+    size: float  # radius of the arc, length of the line, m
+    radius: float  # m
+    kappa: float
+    place: float  # at the start: phi or psi, rad; on a line the distance from its left end, m
+    speed: float  # of the centre, m/s
+    side: float  # of the junction: -1, +1; 0 if both bodies are on one piece
+
+
+@struct
+class Verdict:
+    """What the judge finds."""
+
+    status: int  # CONTACT, NO_CONTACT or UNDECIDED
+    low: float  # the enclosure of the instant of the first contact, s
+    high: float
+    speed: float  # at which the centres approach there, m/s
+
+
 # Rows of a table of coefficients.
 X, Y = 0, 1
 HIGH, LOW = 0, 1
@@ -176,30 +209,32 @@ class Workspace(NamedTuple):
 
 
 @kernel
-def _origin(flight: Sequence[float], body: int) -> tuple[Wide, Wide]:
+def _origin(flight: JudgedFlight, body: JudgedBody) -> tuple[Wide, Wide]:
     """Centre of a body's arc, or the place of its centre at the junction end of its line.
 
     The junction of two pieces is the origin; a single arc has its centre there, a single line its
     left end.
     """
-    sine, cosine = sine_cosine((flight[SLOPE], 0.0))
-    sign, radius = flight[body + SIGN], flight[body + RADIUS]
-    away = radius if sign == 0.0 else sign * flight[body + SIZE]
-    if flight[body + SIDE] == 0.0 and sign != 0.0:
+    sine, cosine = sine_cosine((flight.slope, 0.0))
+    sign, radius = body.sign, body.radius
+    away = radius if sign == 0.0 else sign * body.size
+    if body.side == 0.0 and sign != 0.0:
         away = 0.0
     return scale(sine, -away), scale(cosine, away)
 
 
 @kernel
-def _line_step(flight: Sequence[float], body: int, t: float, h: float, path: FloatArray3) -> None:
+def _line_step(
+    flight: JudgedFlight, body: JudgedBody, t: float, h: float, path: FloatArray3
+) -> None:
     """Coefficients of the centre's place on a line, in powers of ``(time - t)/h``."""
-    sine, cosine = sine_cosine((flight[SLOPE], 0.0))
-    pull = divide(scale(sine, -flight[GRAVITY]), (flight[body + KAPPA], 0.0))
-    place = exact_sum(flight[body + PLACE], 0.0)
-    if flight[body + SIDE] < 0.0:
-        place = exact_sum(flight[body + PLACE], -flight[body + SIZE])
-    speed = add((flight[body + SPEED], 0.0), scale(pull, t))
-    mean = add((flight[body + SPEED], 0.0), scale(scale(pull, 0.5), t))
+    sine, cosine = sine_cosine((flight.slope, 0.0))
+    pull = divide(scale(sine, -flight.gravity), (body.kappa, 0.0))
+    place = exact_sum(body.place, 0.0)
+    if body.side < 0.0:
+        place = exact_sum(body.place, -body.size)
+    speed = add((body.speed, 0.0), scale(pull, t))
+    mean = add((body.speed, 0.0), scale(scale(pull, 0.5), t))
     place = add(place, scale(mean, t))
     x0, y0 = _origin(flight, body)
     for axis in range(2):
@@ -243,27 +278,27 @@ def majorant(v: float) -> tuple[float, float]:
 
 
 @kernel
-def _path_radius(flight: Sequence[float], body: int) -> Wide:
-    return exact_sum(flight[body + SIZE], -flight[body + SIGN] * flight[body + RADIUS])
+def _path_radius(body: JudgedBody) -> Wide:
+    return exact_sum(body.size, -body.sign * body.radius)
 
 
 @kernel
-def _frequency(flight: Sequence[float], body: int) -> Wide:
+def _frequency(flight: JudgedFlight, body: JudgedBody) -> Wide:
     """``w = sqrt(g/(kappa rho))``, 0 on a line."""
-    if flight[body + SIGN] == 0.0:
+    if body.sign == 0.0:
         return 0.0, 0.0
-    inertia = scale(_path_radius(flight, body), flight[body + KAPPA])
-    return square_root(divide((flight[GRAVITY], 0.0), inertia))
+    inertia = scale(_path_radius(body), body.kappa)
+    return square_root(divide((flight.gravity, 0.0), inertia))
 
 
 @kernel
-def _start(flight: Sequence[float], body: int, state: FloatMatrix) -> None:
+def _start(flight: JudgedFlight, body: JudgedBody, state: FloatMatrix) -> None:
     """``(sin f, cos f, f'/w)`` at the start, f the papers' angle phi or psi."""
-    if flight[body + SIGN] == 0.0:
+    if body.sign == 0.0:
         return
-    sine, cosine = sine_cosine((flight[body + PLACE], 0.0))
-    span = multiply(_path_radius(flight, body), _frequency(flight, body))
-    rate = divide((flight[body + SPEED], 0.0), span)
+    sine, cosine = sine_cosine((body.place, 0.0))
+    span = multiply(_path_radius(body), _frequency(flight, body))
+    rate = divide((body.speed, 0.0), span)
     state[0, HIGH], state[0, LOW] = sine
     state[1, HIGH], state[1, LOW] = cosine
     state[2, HIGH], state[2, LOW] = rate
@@ -271,8 +306,8 @@ def _start(flight: Sequence[float], body: int, state: FloatMatrix) -> None:
 
 @kernel
 def _arc_step(
-    flight: Sequence[float],
-    body: int,
+    flight: JudgedFlight,
+    body: JudgedBody,
     h: float,
     state: FloatMatrix,
     rows: FloatArray3,
@@ -285,13 +320,13 @@ def _arc_step(
     w_h = scale(_frequency(flight, body), h)
     radius, bound = majorant(abs(state[2, HIGH]) + 1.0e-9)
     share = w_h[0] / radius
-    _arc_series(flight[body + SIGN], w_h, state, rows)
-    rho = _path_radius(flight, body)
+    _arc_series(body.sign, w_h, state, rows)
+    rho = _path_radius(body)
     x0, y0 = _origin(flight, body)
     for k in range(ORDER + 1):
         path[X, HIGH, k], path[X, LOW, k] = multiply(rho, (rows[0, HIGH, k], rows[0, LOW, k]))
         y = multiply(rho, (rows[1, HIGH, k], rows[1, LOW, k]))
-        path[Y, HIGH, k], path[Y, LOW, k] = scale(y, -flight[body + SIGN])
+        path[Y, HIGH, k], path[Y, LOW, k] = scale(y, -body.sign)
     for axis in range(2):
         value = add((path[axis, HIGH, 0], path[axis, LOW, 0]), x0 if axis == X else y0)
         path[axis, HIGH, 0], path[axis, LOW, 0] = value
@@ -306,7 +341,7 @@ def _arc_step(
 
 
 @kernel
-def _step_length(flight: Sequence[float], body: int, state: FloatMatrix) -> float:
+def _step_length(flight: JudgedFlight, body: JudgedBody, state: FloatMatrix) -> float:
     w = _frequency(flight, body)[0]
     if w == 0.0:
         return math.inf
@@ -400,8 +435,8 @@ def _examine(
 
 @kernel
 def _step(
-    flight: Sequence[float],
-    body: int,
+    flight: JudgedFlight,
+    body: JudgedBody,
     t: float,
     h: float,
     error: float,
@@ -410,7 +445,7 @@ def _step(
     path: FloatArray3,
 ) -> float:
     """Path of one body on a step; returns the bound of the error of its state there."""
-    if flight[body + SIGN] == 0.0:
+    if body.sign == 0.0:
         _line_step(flight, body, t, h, path)
         return WIDE_ROUNDING
     growth = math.exp(1.001 * _frequency(flight, body)[0] * h)
@@ -419,12 +454,12 @@ def _step(
 
 
 @kernel
-def _reach(flight: Sequence[float], body: int) -> float:
+def _reach(flight: JudgedFlight, body: JudgedBody) -> float:
     """Length (m) that turns a bound of the state's error into one of the place's."""
-    if flight[body + SIGN] == 0.0:
-        way: float = abs(flight[body + SIZE]) + abs(flight[body + SPEED] * flight[HORIZON])
+    if body.sign == 0.0:
+        way: float = abs(body.size) + abs(body.speed * flight.horizon)
         return 1.0 + way
-    radius: float = _path_radius(flight, body)[0]
+    radius: float = _path_radius(body)[0]
     return radius
 
 
@@ -438,24 +473,10 @@ def _subtract(paths: FloatArray4, between: FloatArray3) -> None:
 
 
 @kernel
-def judge(flight: Sequence[float], work: Workspace) -> tuple[int, float, float, float]:
-    """Judge one flight.
-
-    Parameters
-    ----------
-    flight
-        ``COLUMNS`` numbers: gravity (m/s^2), slope at the junction or of the line (rad), horizon
-        (s), and of each body the sign of its piece, R or length (m), r (m), kappa, its place (rad,
-        m), the speed of its centre (m/s), and the side of the junction (-1, +1; 0 if both bodies
-        are on one piece).
-    work
-        Room to work in.
-
-    Returns
-    -------
-    ``CONTACT``, ``NO_CONTACT`` or ``UNDECIDED``; the enclosure of the instant of the first contact
-    (s); the speed at which the centres approach there (m/s).
-    """
+def judge(
+    flight: JudgedFlight, a: JudgedBody, b: JudgedBody, work: Workspace, verdict: Verdict
+) -> None:
+    """Judge one flight of two bodies, with room to work in."""
     states = work.states
     rows = work.rows
     paths = work.paths
@@ -463,18 +484,18 @@ def judge(flight: Sequence[float], work: Workspace) -> tuple[int, float, float, 
     for body in range(2):
         for row in range(3):
             states[body, row, HIGH], states[body, row, LOW] = 0.0, 0.0
-    touch = exact_sum(flight[BODY_A + RADIUS], flight[BODY_B + RADIUS])
-    _start(flight, BODY_A, states[0])
-    _start(flight, BODY_B, states[1])
-    t, doubtful, horizon = 0.0, math.inf, flight[HORIZON]
+    touch = exact_sum(a.radius, b.radius)
+    _start(flight, a, states[0])
+    _start(flight, b, states[1])
+    t, doubtful, horizon = 0.0, math.inf, flight.horizon
     tick = GRID * 2.0 ** math.ceil(math.log2(horizon))
     error_a, error_b = 0.0, 0.0
     for _ in range(MOST_STEPS):
-        h = min(_step_length(flight, BODY_A, states[0]), _step_length(flight, BODY_B, states[1]))
+        h = min(_step_length(flight, a, states[0]), _step_length(flight, b, states[1]))
         h = tick * max(math.floor(min(h, horizon - t + tick) / tick), 1.0)
-        error_a = _step(flight, BODY_A, t, h, error_a, states[0], rows, paths[0])
-        error_b = _step(flight, BODY_B, t, h, error_b, states[1], rows, paths[1])
-        error = _reach(flight, BODY_A) * error_a + _reach(flight, BODY_B) * error_b
+        error_a = _step(flight, a, t, h, error_a, states[0], rows, paths[0])
+        error_b = _step(flight, b, t, h, error_b, states[1], rows, paths[1])
+        error = _reach(flight, a) * error_a + _reach(flight, b) * error_b
         _subtract(paths, between)
         end = min(1.0, (horizon - t) / h)
         unsure, overlap, rate = _examine(between, touch, end, error, work.stack)
@@ -482,31 +503,32 @@ def judge(flight: Sequence[float], work: Workspace) -> tuple[int, float, float, 
             doubtful = min(doubtful, t + unsure * h)
         if overlap <= 1.0:
             instant = t + overlap * h
-            return CONTACT, min(doubtful, instant), instant, -rate / (h * 2.0 * touch[0])
+            verdict.status, verdict.low, verdict.high = CONTACT, min(doubtful, instant), instant
+            verdict.speed = -rate / (h * 2.0 * touch[0])
+            return
         t += h
         if t >= horizon:
             break
+    verdict.status, verdict.low, verdict.high = NO_CONTACT, horizon, horizon
     if doubtful < math.inf or t < horizon:
-        return UNDECIDED, min(doubtful, t), t, 0.0
-    return NO_CONTACT, horizon, horizon, 0.0
+        verdict.status, verdict.low, verdict.high = UNDECIDED, min(doubtful, t), t
 
 
 @kernel
-def judge_flights(flights: FloatMatrix, work: Workspace, verdicts: FloatMatrix) -> None:
-    """Judge many flights; ``verdicts`` gets the four results of each."""
+def judge_flights(
+    flights: Sequence[JudgedFlight],
+    bodies: Sequence[JudgedBody],
+    work: Workspace,
+    verdicts: Sequence[Verdict],
+) -> None:
+    """Judge many flights; ``bodies`` has two of each, ``verdicts`` gets what is found."""
     for number in range(len(flights)):
-        status, low, high, speed = judge(flights[number], work)
-        verdicts[number, 0] = float(status)
-        verdicts[number, 1] = low
-        verdicts[number, 2] = high
-        verdicts[number, 3] = speed
+        a, b = bodies[2 * number], bodies[2 * number + 1]
+        judge(flights[number], a, b, work, verdicts[number])
 
 
-def judge_all(flights: Any) -> Any:
-    """Judge many flights, a row of ``COLUMNS`` numbers each; return a row of results for each.
-
-    The results are those of :func:`judge`.
-    """
+def judge_all(flights: Any, bodies: Any) -> Any:
+    """Return the `Verdict` of each `JudgedFlight`; ``bodies`` has two `JudgedBody` of each."""
     import numpy as np
 
     rows = ORDER + 1
@@ -517,6 +539,6 @@ def judge_all(flights: Any) -> Any:
         between=np.zeros((2, 2, rows)),
         stack=np.zeros((200, 2)),
     )
-    verdicts = np.zeros((len(flights), 4))
-    compiled(judge_flights)(np.ascontiguousarray(flights, dtype=np.float64), work, verdicts)
+    verdicts = np.zeros(len(flights), dtype(Verdict))
+    compiled(judge_flights)(flights, bodies, work, verdicts)
     return verdicts

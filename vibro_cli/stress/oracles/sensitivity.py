@@ -18,7 +18,7 @@ from vibro_cli.mechanics.trace import ArcShape, Trace
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.stress.oracles.reference_solver import Happening, Twin
 from vibro_cli.stress.oracles.scene import Path, Scene, mp
-from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
+from vibro_cli.stress.scenes import Document, Finding, Plan
 from vibro_cli.systems import system_named
 from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import followed
@@ -187,14 +187,14 @@ def check_maps(
     tried: str,
 ) -> Finding:
     """Return the greatest error of the maps of scenes that are drawn."""
-    worst, number = Worst(), 0
+    worst, number = Finding("error of the map, of its largest element", tried, 1e-10), 0
     while worst.cases < plan.scenes(6, 200):
         document = drawn(np.random.default_rng([plan.seed, 6, number]))
         number += 1
         error = map_error(document, neighbours)
         if error is not None:
             worst.take(error, document)
-    return worst.finding("tangent", "error of the map, of its largest element", tried, 1e-10)
+    return worst
 
 
 def map_error(document: Document, neighbours: Neighbours) -> float | None:

@@ -29,7 +29,7 @@ from vibro_cli.stress.oracles.motion import (
 )
 from vibro_cli.stress.oracles.scene import mp, speed_changes
 from vibro_cli.stress.oracles.sensitivity import check_maps
-from vibro_cli.stress.scenes import Document, Finding, Plan, Worst
+from vibro_cli.stress.scenes import Document, Finding, Plan
 from vibro_cli.systems.run import Run, Stretch
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
 
@@ -246,9 +246,6 @@ class _Body:
         self.v.append(scaled(self.h, acceleration) // (k + 1))
 
 
-CHECK = "springs"
-
-
 def check(plan: Plan) -> list[Finding]:
     """Drift of energy at k = 1, time reversal, singular points, balance of accumulations."""
     return [*_energy(plan), _reversal(plan), _at_rest(plan), _balance(plan)]
@@ -286,22 +283,21 @@ def _document(balls: list[Document], k: float, **stop: float) -> Document:
 
 def _energy(plan: Plan) -> list[Finding]:
     impacts = plan.amount(3_000, 100_000)
-    drift, gap = Worst(), Worst()
+    tried = f"k = 1, {impacts} impacts each: {', '.join(_scenes())}"
+    drift = Finding("relative drift of energy", tried, 1e-12)
+    gap = Finding("distance left at an impact (ulp of 8 m)", tried, 8.0)
     for balls in _scenes().values():
         document = _document(balls, 1.0, collisions=impacts)
         summary = solve(document).summary_record()
         drift.take(abs(summary["energy_drift"]), document)
         gap.take(summary["max_gap"] / math.ulp(8.0), document)
-    tried = f"k = 1, {impacts} impacts each: {', '.join(_scenes())}"
-    return [
-        drift.finding(CHECK, "relative drift of energy", tried, 1e-12),
-        gap.finding(CHECK, "distance left at an impact (ulp of 8 m)", tried, 8.0),
-    ]
+    return [drift, gap]
 
 
 def _reversal(plan: Plan) -> Finding:
     """Forward, then back with the speeds reversed, through the same impacts."""
-    worst = Worst()
+    tried = "up to 10 s and back, through the impacts"
+    error = Finding("error of return (m, m/s)", tried, 1e-12)
     for balls in _scenes().values():
         for duration in (1.0, 3.0, plan.amount(6, 10)):
             forward = solve(_document(balls, 1.0, time=duration), "python").sample([duration])
@@ -312,15 +308,15 @@ def _reversal(plan: Plan) -> Finding:
             document = _document(back, 1.0, time=duration)
             final = solve(document, "python").sample([duration])
             for n, ball in enumerate(balls):
-                worst.take(abs(float(final["x"][n]) - ball["position"]), document)
-                worst.take(abs(float(final["speed"][n]) + ball["speed"]), document)
-    tried = "up to 10 s and back, through the impacts"
-    return worst.finding(CHECK, "error of return (m, m/s)", tried, 1e-12)
+                error.take(abs(float(final["x"][n]) - ball["position"]), document)
+                error.take(abs(float(final["speed"][n]) + ball["speed"]), document)
+    return error
 
 
 def _at_rest(plan: Plan) -> Finding:
     """In each singular point a body stays."""
-    worst = Worst()
+    quantity = "distance from the centre after 20 s at rest in it (m)"
+    distance = Finding(quantity, "random springs", 1e-14)
     rng = np.random.default_rng([plan.seed, 5])
     for _ in range(plan.amount(10, 100)):
         shape = float(rng.uniform(0.5, 5.0)), float(rng.uniform(0.5, 5.0))
@@ -329,15 +325,14 @@ def _at_rest(plan: Plan) -> Finding:
             if kind == "centre":
                 document = _document([_body(place, 0.0, shape, 0.0)], 1.0, time=20.0)
                 final = solve(document, "python").sample([20.0])
-                worst.take(abs(float(final["x"][0]) - place), document)
-    return worst.finding(
-        CHECK, "distance from the centre after 20 s at rest in it (m)", "random springs", 1e-14
-    )
+                distance.take(abs(float(final["x"][0]) - place), document)
+    return distance
 
 
 def _balance(plan: Plan) -> Finding:
     """With springs that press bodies together: start less end is the sum of the rows' losses."""
-    worst = Worst()
+    tried = "bodies pressed together, k = 0 ... 0.99"
+    missing = Finding("energy lost without a row, relative", tried, 1e-12)
     for k in (0.0, 0.3, 0.6, 0.9, 0.99):
         balls = [
             _body(-1.0, 0.0, (0.5, 1.0), 0.3),
@@ -349,13 +344,8 @@ def _balance(plan: Plan) -> Finding:
         summary = run.summary_record()
         lost = summary["energy_start"] - summary["energy_end"]
         found = float(np.sum(run.collisions["energy_loss"]))
-        worst.take(abs(lost - found) / summary["energy_start"], document)
-    return worst.finding(
-        CHECK,
-        "energy lost without a row, relative",
-        "bodies pressed together, k = 0 ... 0.99",
-        1e-12,
-    )
+        missing.take(abs(lost - found) / summary["energy_start"], document)
+    return missing
 
 
 def drawn(rng: np.random.Generator) -> Document:

@@ -58,7 +58,7 @@ LOOP = driver.EventLoop(
 
 
 class TraceStretches(Stretches):
-    """The stretches of a run in progress (see ``systems.stream.Stretches``)."""
+    """The stretches of a run in progress (see ``systems.run.Stretches``)."""
 
     def __init__(self, driver: Driver, stop_time: float | None) -> None:
         super().__init__(LOOP, driver, stop_time)
@@ -86,7 +86,7 @@ class TraceStretches(Stretches):
         return self._stretch(self._carried)._replace(known=len(self._carried["log"]))
 
     def _stretch(self, logs: Mapping[str, Any]) -> Stretch:
-        settled = earliest_unlogged(self._driver.world.pairs)
+        settled = earliest_unlogged(self.driver.world.pairs)
         return super()._stretch(logs)._replace(settled=settled)
 
 

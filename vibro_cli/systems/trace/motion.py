@@ -438,9 +438,8 @@ class LongMotion:
         return {name: np.concatenate([part[name] for part in parts])[rows] for name in parts[0]}
 
     def _stretches(self) -> Iterator[Stretch]:
-        driver = begun(self._kind, self.system, self._limits)
-        self._solved = self._kind.stretches(driver, self._limits.time)
-        return ahead(self._solved.until(lambda: driver.rows["log"] >= self._most))
+        self._solved = run = begun(self._kind, self.system, self._limits)
+        return ahead(run.until(lambda: run.driver.rows["log"] >= self._most))
 
     def _paths(self, stretch: Stretch) -> Paths:
         logs = stretch.logs

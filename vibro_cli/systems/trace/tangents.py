@@ -17,11 +17,12 @@ from vibro_cli.kernels.world import END_NAMES, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems import tangents
 from vibro_cli.systems.contract import Rows
-from vibro_cli.systems.driver import Driver, with_logs, zeros
-from vibro_cli.systems.run import Stretch
+from vibro_cli.systems.driver import with_logs, zeros
+from vibro_cli.systems.run import Stretch, begun
 from vibro_cli.systems.tangents import Growth
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import make_world
+from vibro_cli.systems.wanted import Limits
 
 Floats = NDArray[np.float64]
 
@@ -85,9 +86,7 @@ def follow_system(
     engine_name: str = "compiled",
 ) -> TangentRun:
     """Solve a system and its tangent map; arguments as of ``systems.trace.run.simulate_system``."""
-    world = make_world(system, stop_time, stop_collisions)
-    driver = Driver(SYSTEM.loop, world, engine_name, overrides=SYSTEM.overrides(system))
-    stretches = SYSTEM.stretches(driver, stop_time)
+    stretches: Any = begun(SYSTEM, system, Limits(stop_time, stop_collisions), engine_name)
     followed = TangentMap(system, times=True)
     own = make_world(system, None, None)
     found: list[dict[str, Any]] = []

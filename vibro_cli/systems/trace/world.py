@@ -39,7 +39,7 @@ from vibro_cli.mechanics.potential import (
 )
 from vibro_cli.mechanics.reachability import contact_angle, reach
 from vibro_cli.mechanics.system import Body, TraceSystem
-from vibro_cli.mechanics.trace import Piece, sine_cosine
+from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
 from vibro_cli.numerics import elementwise
 from vibro_cli.systems import driver
 from vibro_cli.systems.driver import body_record
@@ -102,6 +102,13 @@ def _set_arc(
     high = 2.0 * math.atan2(track.right_s, track.right_c)
     if high < low:
         low -= 2.0 * math.tau
+    _set_bounds(track, pull, low, high)
+    _set_force_bounds(track, pull, piece.sign, system.bodies[number].kappa, (low, high))
+    return track.bottom + track.twice_radius * track.lowest_potential
+
+
+def _set_bounds(track: TrackData, pull: Pull, low: float, high: float) -> None:
+    """Crests between two angles f (rad), and bounds of what pulls a body there."""
     equilibria = pull.equilibria()
     here = inside(equilibria, low, high)
     values = [pull.potential(angle) for angle in [low, high, *here]]
@@ -120,19 +127,24 @@ def _set_arc(
         track.crest_s, track.crest_c = halves[0]
     if len(halves) > 1:
         track.other_crest_s, track.other_crest_c = halves[1]
-    places = inside(force_extremes(pull, system.bodies[number].kappa), low, high)
+
+
+def _set_force_bounds(
+    track: TrackData, pull: Pull, sign: float, kappa: float, span: tuple[float, float]
+) -> None:
+    """Where the normal force is stationary between two angles f (rad), and its least values."""
+    places = inside(force_extremes(pull, kappa), *span)
     track.extreme_count = len(places)
     for index, angle in enumerate(places):
         track.extremes[2 * index] = math.sin(0.5 * angle)
         track.extremes[2 * index + 1] = math.cos(0.5 * angle)
-    still = inside(roots(1.0, pull.tilt, 2.0 * pull.spread, 0), low, high)
-    track.least_still = min(_press(piece.sign, pull, angle) for angle in [low, high, *still])
-    share = 4.0 / system.bodies[number].kappa
+    still = inside(roots(1.0, pull.tilt, 2.0 * pull.spread, 0), *span)
+    track.least_still = min(_press(sign, pull, angle) for angle in [*span, *still])
+    share = 4.0 / kappa
     track.least_press = min(
-        _press(piece.sign, pull, angle) - piece.sign * share * pull.potential(angle)
-        for angle in [low, high, *places]
+        _press(sign, pull, angle) - sign * share * pull.potential(angle)
+        for angle in [*span, *places]
     )
-    return track.bottom + track.twice_radius * track.lowest_potential
 
 
 def _press(sign: float, pull: Pull, angle: float) -> float:
@@ -191,19 +203,9 @@ def make_world(
     The numbers of the system may be arrays, and those of the records are then
     (``numerics.elementwise``).
     """
-    nowhere = [[False] * len(system.trace.pieces) for _ in system.trace.pieces]
     levels = [heights(system.trace, body.radius) for body in system.bodies]
     pairs = pairs_of(system)
-    contacts: list[PairTrack] = []
-    far: list[list[int]] = []
-    for a, b, _ in pairs:
-        body_a, body_b = system.bodies[a], system.bodies[b]
-        contacts += [_pair_track(piece, body_a, body_b) for piece in system.trace.pieces]
-        answers = reach(system.trace, body_a, body_b) if far_apart else nowhere
-        far += [[int(answer) for answer in row] for row in answers]
-    if not pairs:
-        far.append([0])
-        contacts.append(PairTrack())
+    neighbours = [(system.bodies[a], system.bodies[b]) for a, b, _ in pairs]
     world = World(
         settings=[_settings(system, len(pairs), stop_time, stop_collisions)],
         clock=[_clock()],
@@ -216,8 +218,9 @@ def make_world(
         ],
         pairs=[_pair_data(system, *pair, number) for number, pair in enumerate(pairs)]
         or [PairData()],
-        contacts=contacts,
-        far=far,
+        contacts=[_pair_track(piece, *pair) for pair in neighbours for piece in system.trace.pieces]
+        or [PairTrack()],
+        far=[row for pair in neighbours for row in _far(system.trace, pair, far_apart)] or [[0]],
         flights=[initial_flight(system, number) for number in range(len(system.bodies))],
         forces=interpreted_rows(BodyForces, len(system.bodies) + 1),
         impacts=[ImpactRow()],
@@ -228,6 +231,13 @@ def make_world(
     if system.turning is not None:
         set_turning(world, system, system.turning)
     return world
+
+
+def _far(trace: Trace, pair: tuple[Body, Body], far_apart: bool) -> list[list[int]]:
+    """Whether (1) two bodies, each on a piece, can never meet; not asked without `far_apart`."""
+    if not far_apart:
+        return [[0] * len(trace.pieces) for _ in trace.pieces]
+    return [[int(answer) for answer in row] for row in reach(trace, *pair)]
 
 
 def _clock() -> Clock:
