@@ -116,7 +116,7 @@ def traces(draw: st.DrawFn, pieces: int = 5, turn: float = 3.0) -> Trace:
 @settings(deadline=None)
 @given(traces(), st.floats(0.0, 0.5))
 def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float) -> None:
-    assume(not narrow_valleys(trace, radius) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     touched = touched_pieces(trace, radius)
     bodies, points = centers(trace, radius), centers(trace, 0.0)
     for i, body in enumerate(bodies):
@@ -128,7 +128,7 @@ def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float
 @settings(deadline=None)
 @given(traces(), st.floats(0.01, 0.5))
 def test_a_body_that_is_refused_touches_another_piece(trace: Trace, radius: float) -> None:
-    assume(not narrow_valleys(trace, radius) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     turned = turns(trace)
     bodies, points = centers(trace, radius), centers(trace, 0.0)
     for i, j in touched_pieces(trace, radius):
@@ -142,7 +142,7 @@ def test_a_body_that_is_refused_touches_another_piece(trace: Trace, radius: floa
 @settings(deadline=None)
 @given(traces(), st.floats(0.02, 0.5), st.floats(0.02, 0.5))
 def test_pieces_out_of_reach_are_out_of_reach(trace: Trace, a: float, b: float) -> None:
-    assume(not narrow_valleys(trace, max(a, b)))
+    assume(not any(narrow_valleys(trace, max(a, b))))
     far = reach(trace, ball(a), ball(b))
     paths_a, paths_b = centers(trace, a), centers(trace, b)
     for i, path_a in enumerate(paths_a):
@@ -171,10 +171,10 @@ def overlapping_over_one_between(trace: Trace, radii: tuple[float, float, float]
 def test_bodies_that_pass_never_touch_over_one_between(
     trace: Trace, radii: tuple[float, float, float]
 ) -> None:
-    assume(not narrow_valleys(trace, max(radii)) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, max(radii)) + overlapping_pieces(trace)))
     assume(not any(touched_pieces(trace, radius) for radius in {0.0, *radii}))
     pairs = [(radii[0], radii[1]), (radii[1], radii[2]), (radii[0], radii[2])]
-    assume(not any(joined_behind(trace, *pair) for pair in pairs))
+    assume(not any(any(joined_behind(trace, *pair)) for pair in pairs))
     if not overreaching(trace, radii):
         assert not overlapping_over_one_between(trace, radii)
 
@@ -207,7 +207,7 @@ def test_on_closed_traces_too_a_body_that_passes_touches_no_sampled_point(
     distance, turn = trace.closing_error()
     assert distance <= 1e-14 * trace.length
     assert turn == math.tau
-    assume(not narrow_valleys(trace, radius) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     touched = touched_pieces(trace, radius)
     bodies, points = centers(trace, radius), centers(trace, 0.0)
     for i, body in enumerate(bodies):
@@ -242,10 +242,10 @@ def opposite_bodies_touch(trace: Trace, radii: tuple[float, ...]) -> bool:
 def test_on_closed_traces_bodies_that_pass_never_touch_over_others(
     trace: Trace, radii: tuple[float, float, float, float]
 ) -> None:
-    assume(not narrow_valleys(trace, max(radii)) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, max(radii)) + overlapping_pieces(trace)))
     assume(not any(touched_pieces(trace, radius) for radius in {0.0, *radii}))
     pairs = [(a, b) for n, a in enumerate(radii) for b in radii[n + 1 :]]
-    assume(not any(joined_behind(trace, *pair) for pair in pairs))
+    assume(not any(any(joined_behind(trace, *pair)) for pair in pairs))
     if not overreaching(trace, radii):
         assert not opposite_bodies_touch(trace, radii)
         assert not opposite_bodies_touch(trace, (*radii[1:], radii[0]))
@@ -307,24 +307,25 @@ def test_bodies_that_touch_across_a_mouth_are_found() -> None:
 
 
 def test_nearly_full_turns_join_bodies_behind() -> None:
-    assert joined_behind(chain(-179.9, arc("valley", 1.0, 179.9)), 0.1, 0.1) == (0,)
-    assert joined_behind(chain(-150, arc("valley", 1.0, 150)), 0.1, 0.1) == ()
-    assert joined_behind(chain(-180, arc("valley", 1.0, 180), closed=True), 0.1, 0.1) == ()
+    assert joined_behind(chain(-179.9, arc("valley", 1.0, 179.9)), 0.1, 0.1) == [True]
+    assert joined_behind(chain(-150, arc("valley", 1.0, 150)), 0.1, 0.1) == [False]
+    assert joined_behind(chain(-180, arc("valley", 1.0, 180), closed=True), 0.1, 0.1) == [False]
     beta = contact_angle(three_arcs().pieces[0], 0.1, 0.2)
     open_by = math.pi - 0.5 * beta
-    for turn, joined in ((open_by + 1e-9, (0,)), (open_by - 1e-9, ())):
+    for turn, joined in ((open_by + 1e-9, True), (open_by - 1e-9, False)):
         trace = Trace.chain(-turn, [ArcShape("valley", radius=1.0, end_slope=turn)])
-        assert joined_behind(trace, 0.1, 0.2) == joined
+        assert joined_behind(trace, 0.1, 0.2) == [joined]
 
 
 def test_narrow_valleys_and_full_turns_are_named() -> None:
     trace = chain(-60, arc("valley", 0.3, 0), line(1.0), arc("valley", 0.2, 60))
-    assert narrow_valleys(trace, 0.1) == ()
-    assert narrow_valleys(trace, 0.2) == (2,)
-    assert narrow_valleys(trace, 0.3) == (0, 2)
-    assert overlapping_pieces(chain(-180, arc("valley", 1.0, 180))) == (0,)
-    assert overlapping_pieces(chain(-180, arc("valley", 1.0, 180), closed=True)) == ()
-    assert overlapping_pieces(chain(0, line(1.0), arc("valley", 1.0, 361), line(1.0))) == (1,)
+    assert narrow_valleys(trace, 0.1) == [False, False, False]
+    assert narrow_valleys(trace, 0.2) == [False, False, True]
+    assert narrow_valleys(trace, 0.3) == [True, False, True]
+    assert overlapping_pieces(chain(-180, arc("valley", 1.0, 180))) == [True]
+    assert overlapping_pieces(chain(-180, arc("valley", 1.0, 180), closed=True)) == [False]
+    loop = chain(0, line(1.0), arc("valley", 1.0, 361), line(1.0))
+    assert overlapping_pieces(loop) == [False, True, False]
 
 
 def test_open_loops_and_crossings_are_found() -> None:

@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache, reduce
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, permutations
 from operator import and_
 from typing import Any
 
@@ -296,22 +296,20 @@ def whole(piece: Piece) -> Window:
 _REMEMBERED = 4096
 
 
-def narrow_valleys(trace: Trace, radius: float) -> tuple[int, ...]:
-    """Return the indices of the valleys that a body of the given radius (m) does not fit: r ≥ R."""
-    return tuple(p.index for p in trace.pieces if p.sign > 0.0 and radius >= p.radius)
+def narrow_valleys(trace: Trace, radius: float) -> list[Any]:
+    """Tell of each piece whether it is a valley that a body (m) does not fit: r ≥ R."""
+    return [piece.sign > 0.0 and radius >= piece.radius for piece in trace.pieces]
 
 
-def overlapping_pieces(trace: Trace) -> tuple[int, ...]:
-    """Return the indices of the arcs that run over themselves, with a full turn or more.
+def overlapping_pieces(trace: Trace) -> list[Any]:
+    """Tell of each piece whether it is an arc that runs over itself, with a full turn or more.
 
     A full turn is right only for a single piece that is closed.
     """
     limit = math.tau * (1.0 - 4.0 * EPSILON)
     if trace.closed and len(trace.pieces) == 1:
         limit = math.tau * (1.0 + 1e-12)
-    return tuple(
-        p.index for p in trace.pieces if not p.is_line and p.angle_end - p.angle_start > limit
-    )
+    return [not p.is_line and p.angle_end - p.angle_start > limit for p in trace.pieces]
 
 
 @lru_cache(maxsize=_REMEMBERED)
@@ -376,21 +374,22 @@ def contact_angle(piece: Piece, radius_a: float, radius_b: float) -> float:
     return angle
 
 
-def joined_behind(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, ...]:
-    """Return the arcs so nearly a full turn that two bodies touch through the gap.
+def joined_behind(trace: Trace, radius_a: float, radius_b: float) -> list[Any]:
+    """Tell of each piece whether it is so nearly a full turn that two bodies touch through its gap.
 
     Radii in m. There φ_b − φ_a > 2π − β: a contact on one piece on which the bodies are not
     neighbours.
     """
-    if trace.closed and len(trace.pieces) == 1:
-        return ()
-    return tuple(
-        p.index
-        for p in trace.pieces
-        if not p.is_line
-        and math.isfinite(beta := contact_angle(p, radius_a, radius_b))
-        and p.angle_end - p.angle_start > math.tau - beta - 1e-12
-    )
+    ring = trace.closed and len(trace.pieces) == 1
+    return [not ring and _is_joined(piece, radius_a, radius_b) for piece in trace.pieces]
+
+
+def _is_joined(piece: Piece, radius_a: float, radius_b: float) -> Any:
+    sweep = piece.angle_end - piece.angle_start
+    if piece.is_line or not elementwise.occurs(sweep > 3.0):
+        return False  # β is π at most
+    beta = contact_angle(piece, radius_a, radius_b)
+    return (beta < math.inf) & (sweep > math.tau - beta - 1e-12)
 
 
 def touch_across(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, int] | None:
@@ -433,10 +432,7 @@ def fits_between(trace: Trace, outer: tuple[float, float], between: tuple[float,
     exact; on a chain the tightest valley decides, and bodies that fit one by one count as
     fitting together.
     """
-    curvature = elementwise.greatest_of(
-        [0.0, *(1.0 / p.radius for p in trace.pieces if p.sign > 0.0)]
-    )
-    largest = pocket_radius(curvature, *outer)
+    largest = pocket_radius(_tightest_bend(trace), *outer)
     one_by_one = reduce(and_, [radius <= largest * (1.0 + 1e-12) for radius in between])
     if len(trace.pieces) > 1:
         return one_by_one
@@ -491,27 +487,45 @@ def over_others(
                 break
 
 
+def touching_over(trace: Trace, radii: Sequence[float]) -> Iterator[tuple[Between, Any]]:
+    """Give two bodies with others between them, and tell whether they may touch over these.
+
+    Radii in m. Rows are left out that are too long for any body, see `_Room`.
+    """
+    room = _Room(trace, radii, elementwise.greatest_of([0.0, *radii]))
+    for (left, right), row in over_others(len(radii), trace.closed, room.is_left_by):
+        between = tuple(radii[n] for n in row)
+        yield ((left, right), row), fits_between(trace, (radii[left], radii[right]), between)
+
+
 @dataclass(frozen=True)
 class _Room:
     """What a body and any other leave between them at most: what the largest one leaves."""
 
     trace: Trace
-    radii: tuple[float, ...]
+    radii: Sequence[float]
     largest: float
 
     def is_left_by(self, left: int, row: tuple[int, ...]) -> bool:
         """Whether a row right of a body is too long for it, and so every longer one."""
         radius, more_than_rounding = self.radii[left], 1.0 + 1e-9
         if len(self.trace.pieces) > 1:
-            bends = (1.0 / p.radius for p in self.trace.pieces if p.sign > 0.0)
-            pocket = pocket_radius(max(bends, default=0.0), radius, self.largest)
-            return max(self.radii[n] for n in row) > pocket * more_than_rounding
+            pocket = pocket_radius(_tightest_bend(self.trace), radius, self.largest)
+            thickest = elementwise.greatest_of([self.radii[n] for n in row])
+            return elementwise.holds(thickest > pocket * more_than_rounding)
         piece = self.trace.pieces[0]
-        if contact_angle(piece, self.largest, self.largest) == math.inf:
+        if elementwise.occurs(contact_angle(piece, self.largest, self.largest) == math.inf):
             return False
         sizes = (radius, *(self.radii[n] for n in row))
         taken = sum(contact_angle(piece, a, b) for a, b in pairwise(sizes))
-        return taken > contact_angle(piece, radius, self.largest) * more_than_rounding
+        room = contact_angle(piece, radius, self.largest)
+        return elementwise.holds(taken > room * more_than_rounding)
+
+
+def _tightest_bend(trace: Trace) -> float:
+    """The greatest curvature (1/m) of a valley, 0 without one."""
+    bends = (1.0 / piece.radius for piece in trace.pieces if piece.sign > 0.0)
+    return elementwise.greatest_of([0.0, *bends])  # type: ignore[no-any-return]
 
 
 def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...]:
@@ -522,14 +536,13 @@ def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...
     around it).
     """
     across: dict[tuple[float, float], tuple[int, int] | None] = {}
-    found: list[Overreach] = []
-    largest = max(radii, default=0.0)
-    room = _Room(trace, radii, largest)
-    for (left, right), row in over_others(len(radii), trace.closed, room.is_left_by):
-        if fits_between(trace, (radii[left], radii[right]), tuple(radii[n] for n in row)):
-            found.append(Overreach(min(left, right), max(left, right), row))
+    found = [
+        Overreach(min(pair), max(pair), row)
+        for (pair, row), fits in touching_over(trace, radii)
+        if fits
+    ]
     # The largest body encloses, where it touches the trace, all the others there.
-    if len(radii) < 3 or touch_across(trace, largest, largest) is None:
+    if len(radii) < 3 or touch_across(trace, max(radii), max(radii)) is None:
         return tuple(found)
     for first, second in not_neighbours(len(radii), trace.closed):
         pair = (radii[first], radii[second])
@@ -539,3 +552,30 @@ def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...
         if pieces is not None:
             found.append(Overreach(first, second, (), pieces))
     return tuple(found)
+
+
+def surely_sound(trace: Trace, radii: Sequence[float], count: int) -> Any:
+    """Return where it is certified that bodies touch their own piece and their neighbours only.
+
+    Numbers are arrays of `count`, or the same for all; radii in m, of bodies that fit every valley.
+    Where it is true `overreaching` finds nothing, nor does `touched_pieces` for any radius and for
+    0. These search one trace until it is decided. Here `surely_clear` has a few halvings for all
+    traces at once, and it is false, too, where they were not enough.
+    """
+    import numpy as np
+
+    sound: Any = np.ones(count, dtype=bool)
+    for _, fits in touching_over(trace, radii):
+        sound = sound & np.logical_not(fits)
+    # The largest body encloses, where it touches the trace, all the others there.
+    asked = [(elementwise.greatest_of(radii), 0.0, True)]
+    asked += [
+        (radii[a], radii[b], trace.closed) for a, b in not_neighbours(len(radii), trace.closed)
+    ]
+    for i, j in permutations(range(len(trace.pieces)), 2):
+        window = Window.of(trace, i, j)
+        for a, b, both_ways in asked:
+            if i < j or both_ways:
+                path, other = Path.of(trace.pieces[i], a), Path.of(trace.pieces[j], b)
+                sound = sound & surely_clear(path, other, window, a + b, count)
+    return sound
