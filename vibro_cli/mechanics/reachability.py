@@ -432,7 +432,10 @@ def fits_between(trace: Trace, outer: tuple[float, float], between: tuple[float,
     exact; on a chain the tightest valley decides, and bodies that fit one by one count as
     fitting together.
     """
-    largest = pocket_radius(_tightest_bend(trace), *outer)
+    curvature = elementwise.greatest_of(
+        [0.0, *(1.0 / p.radius for p in trace.pieces if p.sign > 0.0)]
+    )
+    largest = pocket_radius(curvature, *outer)
     one_by_one = reduce(and_, [radius <= largest * (1.0 + 1e-12) for radius in between])
     if len(trace.pieces) > 1:
         return one_by_one
@@ -487,45 +490,27 @@ def over_others(
                 break
 
 
-def touching_over(trace: Trace, radii: Sequence[float]) -> Iterator[tuple[Between, Any]]:
-    """Give two bodies with others between them, and tell whether they may touch over these.
-
-    Radii in m. Rows are left out that are too long for any body, see `_Room`.
-    """
-    room = _Room(trace, radii, elementwise.greatest_of([0.0, *radii]))
-    for (left, right), row in over_others(len(radii), trace.closed, room.is_left_by):
-        between = tuple(radii[n] for n in row)
-        yield ((left, right), row), fits_between(trace, (radii[left], radii[right]), between)
-
-
 @dataclass(frozen=True)
 class _Room:
     """What a body and any other leave between them at most: what the largest one leaves."""
 
     trace: Trace
-    radii: Sequence[float]
+    radii: tuple[float, ...]
     largest: float
 
     def is_left_by(self, left: int, row: tuple[int, ...]) -> bool:
         """Whether a row right of a body is too long for it, and so every longer one."""
         radius, more_than_rounding = self.radii[left], 1.0 + 1e-9
         if len(self.trace.pieces) > 1:
-            pocket = pocket_radius(_tightest_bend(self.trace), radius, self.largest)
-            thickest = elementwise.greatest_of([self.radii[n] for n in row])
-            return elementwise.holds(thickest > pocket * more_than_rounding)
+            bends = (1.0 / p.radius for p in self.trace.pieces if p.sign > 0.0)
+            pocket = pocket_radius(max(bends, default=0.0), radius, self.largest)
+            return max(self.radii[n] for n in row) > pocket * more_than_rounding
         piece = self.trace.pieces[0]
-        if elementwise.occurs(contact_angle(piece, self.largest, self.largest) == math.inf):
+        if contact_angle(piece, self.largest, self.largest) == math.inf:
             return False
         sizes = (radius, *(self.radii[n] for n in row))
         taken = sum(contact_angle(piece, a, b) for a, b in pairwise(sizes))
-        room = contact_angle(piece, radius, self.largest)
-        return elementwise.holds(taken > room * more_than_rounding)
-
-
-def _tightest_bend(trace: Trace) -> float:
-    """The greatest curvature (1/m) of a valley, 0 without one."""
-    bends = (1.0 / piece.radius for piece in trace.pieces if piece.sign > 0.0)
-    return elementwise.greatest_of([0.0, *bends])  # type: ignore[no-any-return]
+        return taken > contact_angle(piece, radius, self.largest) * more_than_rounding
 
 
 def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...]:
@@ -536,13 +521,14 @@ def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...
     around it).
     """
     across: dict[tuple[float, float], tuple[int, int] | None] = {}
-    found = [
-        Overreach(min(pair), max(pair), row)
-        for (pair, row), fits in touching_over(trace, radii)
-        if fits
-    ]
+    found: list[Overreach] = []
+    largest = max(radii, default=0.0)
+    room = _Room(trace, radii, largest)
+    for (left, right), row in over_others(len(radii), trace.closed, room.is_left_by):
+        if fits_between(trace, (radii[left], radii[right]), tuple(radii[n] for n in row)):
+            found.append(Overreach(min(left, right), max(left, right), row))
     # The largest body encloses, where it touches the trace, all the others there.
-    if len(radii) < 3 or touch_across(trace, max(radii), max(radii)) is None:
+    if len(radii) < 3 or touch_across(trace, largest, largest) is None:
         return tuple(found)
     for first, second in not_neighbours(len(radii), trace.closed):
         pair = (radii[first], radii[second])
@@ -565,7 +551,9 @@ def surely_sound(trace: Trace, radii: Sequence[float], count: int) -> Any:
     import numpy as np
 
     sound: Any = np.ones(count, dtype=bool)
-    for _, fits in touching_over(trace, radii):
+    for (left, right), row in over_others(len(radii), trace.closed):
+        between = tuple(radii[n] for n in row)
+        fits = fits_between(trace, (radii[left], radii[right]), between)
         sound = sound & np.logical_not(fits)
     # The largest body encloses, where it touches the trace, all the others there.
     asked = [(elementwise.greatest_of(radii), 0.0, True)]
