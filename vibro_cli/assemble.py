@@ -107,22 +107,24 @@ class Findings:
         place = self._scenario.place(path)
         self.problems.append(Problem.at(place, path, found, expected))
 
+    def add_outside(
+        self, given: Iterable[Given], bounds: tuple[float, float], what: str, unit: str = ""
+    ) -> None:
+        """Add the numbers that are not within bounds; 0 is one where its key allows it."""
+        low, high = bounds
+        for path, number in given:
+            if number is None:
+                continue
+            if self.refuse((number != 0.0) & elementwise.outside(number, low, high)):
+                self.add(path, repr(number), f"{what} from {low} to {high}{unit}")
+
     def add_wrong_lengths(self, given: Iterable[Given]) -> None:
         """Add the lengths (m) that doubles cannot compute with."""
-        low, high = SIZES
-        for path, length in given:
-            # A length of 0 is one that its key allows.
-            if length is not None and self.refuse(
-                (length != 0.0) & elementwise.outside(length, low, high)
-            ):
-                self.add(path, repr(length), f"a length from {low} to {high} m")
+        self.add_outside(given, SIZES, "a length", " m")
 
     def add_wrong_numbers(self, given: Iterable[Given]) -> None:
         """Add the places, speeds and rates that doubles cannot compute with."""
-        high = SIZES[1]
-        for path, value in given:
-            if value is not None and self.refuse(abs(value) > high):
-                self.add(path, repr(value), f"a number from {-high} to {high}")
+        self.add_outside(given, (-SIZES[1], SIZES[1]), "a number")
 
     def add_wrong_time(self, stop_time: float | None) -> None:
         """Add the end of the run (s) if doubles cannot compute with it."""
@@ -166,8 +168,8 @@ def body_of(ball: BodyTable) -> Body:
 
 _CLOSING_TOLERANCE = 1e-12
 
-_GRAVITIES = (1e-30, 1e30)
-_MOST_SLOPE = 1e3
+# Slopes (rad).
+_SLOPES = (-1e3, 1e3)
 # Rates of turning (rad/s), of either sign.
 _RATES = (1e-10, 1e10)
 
@@ -220,15 +222,10 @@ def check_sizes(scenario: Scenario, findings: Findings) -> None:
         path = f"balls[{number}]"
         sizes += [(f"{path}.radius", ball.radius), (f"{path}.thickness", ball.thickness)]
         speeds += [(f"{path}.{key}", getattr(ball, key)) for key in ("rate", "omega", "speed")]
-    low, high = _GRAVITIES
-    if findings.refuse(elementwise.outside(scenario.gravity, low, high)):
-        expected = f"an acceleration from {low} to {high} m/s^2"
-        findings.add("gravity", repr(scenario.gravity), expected)
+    findings.add_outside([("gravity", scenario.gravity)], SIZES, "an acceleration", " m/s^2")
     findings.add_wrong_time(scenario.stop.time)
     findings.add_wrong_lengths(sizes)
-    for path, slope in slopes:
-        if slope is not None and findings.refuse(abs(slope) > _MOST_SLOPE):
-            findings.add(path, repr(slope), f"a slope from {-_MOST_SLOPE} to {_MOST_SLOPE} rad")
+    findings.add_outside(slopes, _SLOPES, "a slope", " rad")
     findings.add_wrong_numbers(speeds)
 
 
@@ -329,31 +326,30 @@ def initial_states(
 ) -> list[InitialState | None]:
     """Return where each body starts, None where that could not be told."""
     states: list[InitialState | None] = []
-    for index, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True)):
-        previous = (bodies[index - 1], states[index - 1]) if index else None
-        position = _position(index, ball, body, trace, previous, findings)
+    for ball, body in zip(scenario.balls, bodies, strict=True):
+        position = _next_position(scenario, trace, bodies, states, findings)
         if position is None:
             states.append(None)
             continue
-        states.append(
-            InitialState(ball.arc - 1, position, speed_of(ball, body, trace.pieces[ball.arc - 1]))
-        )
+        piece = trace.pieces[ball.arc - 1]
+        states.append(InitialState(piece.index, position, speed_of(ball, body, piece)))
     _check_order(scenario, trace, bodies, states, findings)
     return states
 
 
-def _position(
-    index: int,
-    ball: Ball,
-    body: Body,
+def _next_position(
+    scenario: Scenario,
     trace: Trace,
-    previous: tuple[Body, InitialState | None] | None,
+    bodies: tuple[Body, ...],
+    states: Sequence[InitialState | None],
     findings: Findings,
 ) -> float | None:
+    """The place of the first body whose state is not known yet, None where it could not be told."""
+    index = len(states)
+    ball, body, path = scenario.balls[index], bodies[index], f"balls[{index + 1}]"
     piece = trace.pieces[ball.arc - 1]
     if not elementwise.holds(piece.path_radius(body.radius) > 0.0):
         return None  # it does not fit this valley, which has been said
-    path = f"balls[{index + 1}]"
     if ball.touching is None:
         key = "position" if piece.is_line else "angle"
         given = ball.position if piece.is_line else ball.angle
@@ -363,9 +359,9 @@ def _position(
             findings.add(f"{path}.{key}", repr(given), f"a place on arc {ball.arc}, {limits}")
             return None
         return settled
-    if previous is None or previous[1] is None:
+    if (previous := states[-1]) is None:
         return None
-    beside = initial_conditions.beside(trace, previous[0], previous[1], body)
+    beside = initial_conditions.beside(trace, bodies[index - 1], previous, body)
     if beside is None:
         found = f"no room to the right of body {index}"
         findings.add(f"{path}.touching", found, "a contact on the trace")
@@ -390,19 +386,24 @@ def _check_order(
         left, right = states[a], states[b]
         if left is None or right is None:
             continue
-        later, ball = max(a, b), scenario.balls[max(a, b)]
-        keys = ("touching", "angle", "position")
-        key = next(key for key in keys if getattr(ball, key) is not None)
-        path = f"balls[{later + 1}].{key}"
+        path = _path_of_place(scenario, max(a, b))
         if b > a and findings.refuse(initial_conditions.out_of_order(left, right)):
-            key = "arc" if left.piece != right.piece else key
+            path = f"balls[{b + 1}].arc" if left.piece != right.piece else path
             found = f"body {b + 1} not to the right of body {a + 1}"
-            findings.add(f"balls[{b + 1}].{key}", found, "bodies in order from left to right")
+            findings.add(path, found, "bodies in order from left to right")
             continue
         gap, rounding = initial_conditions.gap(trace, bodies[a], left, bodies[b], right)
         if findings.refuse(gap < -rounding):
-            found = f"bodies {min(a, b) + 1} and {later + 1} that overlap by {-gap:.6g} m"
+            first, second = min(a, b) + 1, max(a, b) + 1
+            found = f"bodies {first} and {second} that overlap by {-gap:.6g} m"
             findings.add(path, found, "bodies that do not overlap")
+
+
+def _path_of_place(scenario: Scenario, index: int) -> str:
+    """The key that says where a body starts."""
+    ball = scenario.balls[index]
+    keys = ("touching", "angle", "position")
+    return next(f"balls[{index + 1}].{key}" for key in keys if getattr(ball, key) is not None)
 
 
 def _check_over_outermost(
@@ -444,12 +445,9 @@ def check_walls(
             continue
         beyond = state.position - touch if at_right else touch - state.position
         if findings.refuse(beyond > 1e-15 * elementwise.greatest(1.0, abs(touch))):
-            ball = scenario.balls[index]
-            key = "angle" if ball.angle is not None else "position"
-            path = f"balls[{index + 1}].{'touching' if ball.touching else key}"
             found = f"body {index + 1} reaching into the {side} wall"
             expected = f"a place free of it: {touch!r} or further {'left' if at_right else 'right'}"
-            findings.add(path, found, expected)
+            findings.add(_path_of_place(scenario, index), found, expected)
 
 
 AnySystem: TypeAlias = Any

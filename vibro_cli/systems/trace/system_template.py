@@ -227,14 +227,19 @@ class Setting:
             system = replace(system, bodies=bodies, initial=states, restitution=k)
             return self._starts(scenario, system, findings.sound)
 
-    def starts_of(self, points: Sequence[Point]) -> Starts:
+    def allows(self, path: KeyPath, value: Any) -> bool:
+        """Tell whether the key at a path allows a number here, whatever the other ones are."""
+        allowed: bool = is_allowed(path, value)
+        if path[-1] not in ("angle", "position"):
+            return allowed
+        assert isinstance(path[1], int)
+        piece = self.system.trace.pieces[self.scenario.balls[path[1]].arc - 1]
+        return allowed and not outside(value, piece.angle_start, piece.angle_end)
+
+    def starts_of(self, points: Sequence[Setting]) -> Starts:
         """Return the starts of valid points of this setting that were read alone."""
-        each = []
-        for point in points:
-            assert point.scenario is not None
-            assert point.system is not None
-            sure = np.ones(1, dtype=bool)
-            each.append(self._starts(point.scenario, point.system, sure))
+        sure = np.ones(1, dtype=bool)
+        each = [self._starts(point.scenario, point.system, sure) for point in points]
         names = [one.name for one in fields(Starts)]
         return Starts(*(np.concatenate([getattr(one, name) for one in each]) for name in names))
 
@@ -327,69 +332,44 @@ def scenario_at(base: Document, values: Values) -> Scenario:
     return scenario_of(document_at(base, values))
 
 
-@dataclass(frozen=True)
-class Point:
-    """One point that went through the ordinary reader: a scenario, or the reason why not."""
-
-    scenario: Scenario | None
-    system: TraceSystem | None
-    reason: str | None
-
-    def allows(self, path: KeyPath, value: Any) -> bool:
-        """Tell whether the key of this scenario allows a number, whatever the others are."""
-        allowed: bool = is_allowed(path, value)
-        if path[-1] not in ("angle", "position"):
-            return allowed
-        assert self.scenario is not None
-        assert self.system is not None
-        assert isinstance(path[1], int)
-        piece = self.system.trace.pieces[self.scenario.balls[path[1]].arc - 1]
-        return allowed and not outside(value, piece.angle_start, piece.angle_end)
-
-
 class Reader:
     """Reads points of one grid, scenarios that differ from its base in numbers only."""
 
     def __init__(self, base: Document) -> None:
         self._base = base
-        self._known: Point | None = None
+        self._known: Setting | None = None
         self._reasons: dict[tuple[tuple[KeyPath, Any], ...], str] = {}
 
-    def read(self, values: Values) -> Point:
-        """Return one point, as the ordinary reader finds it.
+    def read(self, values: Values) -> Setting | str:
+        """Return one point as the ordinary reader finds it: its setting, or what is wrong with it.
 
         A number that its key does not allow is told before anything else is looked at, so that
         the reason is the same for every point that has it.
         """
         plain = {path: plain_value(value) for path, value in values.items()}
+        known = self._known
         refused: tuple[tuple[KeyPath, Any], ...] = ()
-        if self._known is not None:
-            refused = tuple(item for item in plain.items() if not self._known.allows(*item))
+        if known is not None:
+            refused = tuple(item for item in plain.items() if not known.allows(*item))
             if refused in self._reasons:
-                return Point(None, None, self._reasons[refused])
+                return self._reasons[refused]
         try:
-            scenario = self._scenario(plain, refused)
-            point = Point(scenario, build_system(scenario), None)
+            if known is None or refused:
+                scenario = self._read_alone(plain, refused)
+            else:
+                numbers = {path: kind_of(path).read(value) for path, value in plain.items()}
+                scenario = changed(known.scenario, numbers)
+            point = Setting(scenario, build_system(scenario))
         except ScenarioError as error:
-            return Point(None, None, reason_of(error))
-        if self._known is None and all(map(is_number, plain)):
+            return reason_of(error)
+        if known is None and all(map(is_number, plain)):
             self._known = point
         return point
 
-    def _scenario(self, values: Values, refused: tuple[tuple[KeyPath, Any], ...]) -> Scenario:
-        if self._known is not None and self._known.scenario is not None and not refused:
-            return changed(
-                self._known.scenario, {path: _number(path, values[path]) for path in values}
-            )
+    def _read_alone(self, values: Values, refused: tuple[tuple[KeyPath, Any], ...]) -> Scenario:
         try:
             return scenario_at(self._base, values)
         except ScenarioError as error:
             if refused and len(self._reasons) < _MOST_REASONS:
                 self._reasons[refused] = reason_of(error)
             raise
-
-
-def _number(path: KeyPath, value: Any) -> Any:
-    kind = kind_of(path)
-    assert isinstance(kind, kinds.Quantity | kinds.Count)
-    return kind.read(value)
