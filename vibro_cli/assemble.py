@@ -406,19 +406,6 @@ def _path_of_place(scenario: Scenario, index: int) -> str:
     return next(f"balls[{index + 1}].{key}" for key in keys if getattr(ball, key) is not None)
 
 
-def _check_over_outermost(
-    trace: Trace, bodies: tuple[Body, ...], at_right: bool, findings: Findings
-) -> None:
-    """Check that no inner body reaches a wall over those between it and the wall."""
-    side, outer = ("right", len(bodies) - 1) if at_right else ("left", 0)
-    step = initial_conditions.reaches_over(trace, bodies, at_right)
-    if findings.refuse(step > 0):
-        number = outer - step if at_right else step
-        reach = f"body {number + 1} cannot reach the {side} wall over it"
-        found = repr(bodies[outer].radius)
-        findings.add(f"balls[{outer + 1}].radius", found, f"one so large that {reach}")
-
-
 def check_walls(
     scenario: Scenario,
     trace: Trace,
@@ -439,7 +426,11 @@ def check_walls(
             found = f"a wall that body {index + 1} cannot meet on arc {piece.index + 1}"
             findings.add(f"ends.{side}", found, "an end piece with room for the body at its wall")
             continue
-        _check_over_outermost(trace, bodies, at_right, findings)
+        step = initial_conditions.reaches_over(trace, bodies, at_right)
+        if findings.refuse(step > 0):
+            inner = index - step if at_right else step
+            expected = f"one so large that body {inner + 1} cannot reach the {side} wall over it"
+            findings.add(f"balls[{index + 1}].radius", repr(bodies[index].radius), expected)
         state = states[index]
         if state is None or state.piece != piece.index:
             continue

@@ -6,9 +6,10 @@ from itertools import product
 from pathlib import Path
 
 from vibro_cli.assemble import build_system
+from vibro_cli.grids.document import document_at
 from vibro_cli.scenario import ScenarioError
-from vibro_cli.scenario.loading import load_document
-from vibro_cli.systems.trace.system_template import Reader, Setting, scenario_at
+from vibro_cli.scenario.loading import load_document, scenario_of
+from vibro_cli.systems.trace.system_template import Reader, Setting
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 END = 0.8726646259971648  # of the first arc of three_arcs, 50 deg
@@ -31,7 +32,7 @@ def test_points_are_what_the_reader_says() -> None:
         point = dict(zip(VALUES, values, strict=True))
         found = reader.read(point)
         try:
-            scenario = scenario_at(base, point)
+            scenario = scenario_of(document_at(base, point))
             system = build_system(scenario)
         except ScenarioError as error:
             lines = [f"{p.path}: found {p.found}, expected {p.expected}" for p in error.problems]

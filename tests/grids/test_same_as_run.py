@@ -11,10 +11,13 @@ import pytest
 
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
-from vibro_cli.grids.document import Grid, load_grid
+from vibro_cli.grids.document import Grid, document_at, load_grid
 from vibro_cli.scenario import ScenarioError
+from vibro_cli.scenario.loading import scenario_of
+from vibro_cli.scenario.models import Scenario
+from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.systems.trace.grid_solver import TraceSolver
-from vibro_cli.systems.trace.system_template import Reader, scenario_at
+from vibro_cli.systems.trace.system_template import Reader
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 POINTS = 60
@@ -155,6 +158,11 @@ def grid_of(
     return load_grid(file, ["stop.collisions=40", *overrides])
 
 
+def scenario_at(grid: Grid, values: dict[KeyPath, Any], row: int) -> Scenario:
+    """The scenario of one point, by the ordinary reader."""
+    return scenario_of(document_at(grid.base, {path: values[path][row] for path in values}))
+
+
 def plain(values: Any, row: int) -> Any:
     """One value of a column as a plain one, None for null."""
     if np.ma.getmaskarray(values)[row]:
@@ -183,7 +191,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
         found = {key: plain(column, row) for key, column in solved.summary.items()}
         impacts = np.flatnonzero(scenarios == row + 1)
         try:
-            scenario = scenario_at(grid.base, {path: values[path][row] for path in values})
+            scenario = scenario_at(grid, values, row)
             build_system(scenario)
         except ScenarioError as error:
             texts = [f"{p.path}: found {p.found}, expected {p.expected}" for p in error.problems]

@@ -144,20 +144,15 @@ class Setting:
     system: TraceSystem
 
     @cached_property
-    def pairs(self) -> int:
-        """Number of pairs of neighbours that the solver looks at."""
-        return len(pairs_of(self.system))
-
-    @cached_property
     def _placed(self) -> Scenario:
         """The scenario with places for the bodies that start in contact."""
-        balls = list(self.scenario.balls)
+        places: dict[KeyPath, Any] = {}
         for number, state in enumerate(self.system.initial):
-            if balls[number].touching:
+            if self.scenario.balls[number].touching:
                 key = "position" if self.system.trace.pieces[state.piece].is_line else "angle"
                 place = {"touching": None, "arc": state.piece + 1, key: state.position}
-                balls[number] = balls[number].model_copy(update=place)
-        return self.scenario.model_copy(update={"balls": tuple(balls)})
+                places |= {("balls", number, key): value for key, value in place.items()}
+        return changed(self.scenario, places)
 
     def systems(self, values: Values, count: int) -> Systems:
         """Return the systems of points with these values (a column for each path of an axis)."""
@@ -216,13 +211,12 @@ class Setting:
             bodies = bodies_of(scenario.balls, findings)
             initial = initial_states(scenario, system.trace, bodies, findings)
             check_walls(scenario, system.trace, bodies, initial, findings)
-            for state in initial:
-                assert state is not None  # every body fits its piece
-                piece = system.trace.pieces[state.piece]
+            states = tuple(state for state in initial if state is not None)
+            for state in states:
                 # On which piece a body at a junction starts depends on its speed.
+                piece = system.trace.pieces[state.piece]
                 findings.refuse(state.position == piece.angle_start)
                 findings.refuse(state.position == piece.angle_end)
-            states = tuple(state for state in initial if state is not None)
             k = scenario.collision.k
             system = replace(system, bodies=bodies, initial=states, restitution=k)
             return self._starts(scenario, system, findings.sound)
@@ -245,7 +239,7 @@ class Setting:
 
     def _starts(self, scenario: Scenario, system: TraceSystem, sure: Array) -> Starts:
         """The starts of as many points as there are flags, from a system with initial states."""
-        count, k = len(sure), system.restitution
+        count, k, pairs = len(sure), system.restitution, len(pairs_of(system))
         flights = [initial_flight(system, n) for n in range(len(system.bodies))]
         time, most = scenario.stop.time, scenario.stop.collisions
         state = {
@@ -256,7 +250,7 @@ class Setting:
             sure=sure,
             **state,
             mass=_table([body.mass for body in system.bodies], count),
-            restitution=_table([k[min(n, len(k) - 1)] for n in range(self.pairs)], count),
+            restitution=_table([k[min(n, len(k) - 1)] for n in range(pairs)], count),
             stop_t=np.broadcast_to(np.nan if time is None else time, count),
             stop_collisions=np.broadcast_to(0 if most is None else most, count),
         )
@@ -280,27 +274,21 @@ def _check_slopes(scenario: Scenario, findings: Soundness) -> None:
 
 def changed(known: Scenario, values: Values) -> Scenario:
     """Return a scenario with other numbers, each of which its key allows, or arrays of numbers."""
-    values = dict(values)
-    for_all = values.pop(("collision", "k"), None)
-    if for_all is not None:
-        values |= {("collision", "k", n): for_all for n in range(len(known.collision.k))}
-    new: Scenario = _changed(known, values)
-    return new
-
-
-def _changed(known: Any, values: Values) -> Any:
-    """A table, list or value with others in some places."""
-    if () in values:
-        return values[()]
-    within: dict[Any, dict[KeyPath, Any]] = {}
     for path, value in values.items():
-        within.setdefault(path[0], {})[path[1:]] = value
+        of_all_pairs = path == ("collision", "k")
+        given = (value,) * len(known.collision.k) if of_all_pairs else value
+        known = _with(known, path, given)
+    return known
+
+
+def _with(known: Any, path: KeyPath, value: Any) -> Any:
+    """A table, list or value with another value at a path."""
+    if not path:
+        return value
+    key: Any = path[0]
     if isinstance(known, tuple):
-        return tuple(
-            _changed(one, within[n]) if n in within else one for n, one in enumerate(known)
-        )
-    updates = {str(key): _changed(getattr(known, key), given) for key, given in within.items()}
-    return known.model_copy(update=updates)
+        return (*known[:key], _with(known[key], path[1:], value), *known[key + 1 :])
+    return known.model_copy(update={key: _with(getattr(known, key), path[1:], value)})
 
 
 # What points of one setting may differ in.
@@ -319,17 +307,6 @@ def is_quick(path: KeyPath) -> bool:
 def is_number(path: KeyPath) -> bool:
     """Tell whether another value at a path leaves all else of a scenario as it is."""
     return is_quick(path) or (path[0] in ("balls", "gravity") and is_of_system(path))
-
-
-def scenario_at(base: Document, values: Values) -> Scenario:
-    """Return the scenario of one point of a trace, by the ordinary reader.
-
-    Raises
-    ------
-    ScenarioError
-        With everything that is wrong with it.
-    """
-    return scenario_of(document_at(base, values))
 
 
 class Reader:
@@ -355,21 +332,19 @@ class Reader:
                 return self._reasons[refused]
         try:
             if known is None or refused:
-                scenario = self._read_alone(plain, refused)
+                scenario = scenario_of(document_at(self._base, plain))
             else:
                 numbers = {path: kind_of(path).read(value) for path, value in plain.items()}
                 scenario = changed(known.scenario, numbers)
+        except ScenarioError as error:
+            reason = reason_of(error)
+            if refused and len(self._reasons) < _MOST_REASONS:
+                self._reasons[refused] = reason
+            return reason
+        try:
             point = Setting(scenario, build_system(scenario))
         except ScenarioError as error:
             return reason_of(error)
         if known is None and all(map(is_number, plain)):
             self._known = point
         return point
-
-    def _read_alone(self, values: Values, refused: tuple[tuple[KeyPath, Any], ...]) -> Scenario:
-        try:
-            return scenario_at(self._base, values)
-        except ScenarioError as error:
-            if refused and len(self._reasons) < _MOST_REASONS:
-                self._reasons[refused] = reason_of(error)
-            raise
