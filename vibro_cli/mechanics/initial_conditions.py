@@ -1,7 +1,7 @@
 """Initial states: positions on the trace, speeds of the centres, bodies that start in contact.
 
-Numbers may be arrays (see ``numerics.elementwise``) but where a root is searched: places beside
-another body. What of that is needed for arrays has a bound instead, see `reaches_over`.
+Numbers may be arrays (see ``numerics.elementwise``), but not where the place beside another body is
+searched for: `beside` takes numbers only, and `reaches_over` has a bound for arrays.
 """
 
 from __future__ import annotations
@@ -223,7 +223,8 @@ def reaches_over(trace: Trace, bodies: Sequence[Body], right: bool) -> Any:
     has to be farther from the wall's plane than its radius. 0 too where the trace has no room for
     the row.
 
-    These places are searched for. Arrays have a bound instead: 1 where some body may do so.
+    These places are searched for. Arrays have a bound instead: true where a body may do so, given
+    that only neighbours touch.
     """
     row = bodies[::-1] if right else bodies
     if not all(map(elementwise.is_number, (*trace.pieces[-1].end, *(b.radius for b in row)))):
