@@ -1,5 +1,6 @@
 """What all tests share: signals as a terminal leaves them, and an end to tests that hang."""
 
+import os
 import signal
 from collections.abc import Iterator
 from typing import Any
@@ -8,6 +9,9 @@ import hypothesis
 import pytest
 
 from tests.strategies import EXAMPLES
+
+# Commands that tests start keep the byte code of what they import, as a user's do.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # How long a call takes depends on what else the machine does.
 hypothesis.settings.register_profile("tests", deadline=None)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
 from vibro_cli.kernels.events.event_loop import proceed
-from vibro_cli.kernels.world import NEVER, World
+from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.world import World
 
 # Columns of a start: piece, S, C, P of each body, and the longest time to look ahead.
 START_COLUMNS = 9

@@ -10,6 +10,7 @@ import numpy as np
 
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.ensemble.records import Stack, fill_stacked
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.impact_columns import (
     EIGHTS,
     FLAGS,
@@ -22,7 +23,7 @@ from vibro_cli.kernels.statistics.impact_columns import (
     fill_columns,
 )
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
-from vibro_cli.kernels.world import END_NAMES, NEVER, RUNNING, Flight, World
+from vibro_cli.kernels.world import END_NAMES, RUNNING, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
     GROWTH,
