@@ -1,7 +1,9 @@
 """From scenarios to the systems that are solved: the only place that knows both.
 
 All that is mechanically wrong with a scenario is gathered and told at once. The numbers of a
-scenario of a trace may be arrays (see ``numerics.elementwise``): then so are those of the system.
+scenario of a trace may be arrays (see ``numerics.elementwise``): then so are those of the system,
+and the same checks find which of many scenarios are wrong. What is searched for, such as where a
+body touches a piece that it does not roll on, is searched for one scenario only.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from vibro_cli.mechanics.system import (
 )
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace
 from vibro_cli.numerics import elementwise
+from vibro_cli.numerics.elementwise import Some
 from vibro_cli.scenario.base import AnyScenario, BodyTable, check_scenario
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
@@ -91,28 +94,41 @@ class Findings:
         self._scenario = scenario
         self.problems: list[Problem] = []
 
+    def refuse(self, wrong: Some) -> bool:
+        """Tell whether something is wrong, which is then to be added."""
+        return bool(wrong)
+
+    def refused(self, pieces: Iterable[Piece], wrong: Iterable[Some]) -> list[Piece]:
+        """Return those pieces with which something is wrong."""
+        return [piece for piece, one in zip(pieces, wrong, strict=True) if self.refuse(one)]
+
     def add(self, path: str, found: str, expected: str) -> None:
         """Add what was found at a key, and what was expected there."""
         place = self._scenario.place(path)
         self.problems.append(Problem.at(place, path, found, expected))
 
+    def add_outside(
+        self, given: Iterable[Given], bounds: tuple[float, float], what: str, unit: str = ""
+    ) -> None:
+        """Add the numbers that are not within bounds; 0 is one where its key allows it."""
+        low, high = bounds
+        for path, number in given:
+            if number is None:
+                continue
+            if self.refuse((number != 0.0) & elementwise.outside(number, low, high)):
+                self.add(path, repr(number), f"{what} from {low} to {high}{unit}")
+
     def add_wrong_lengths(self, given: Iterable[Given]) -> None:
         """Add the lengths (m) that doubles cannot compute with."""
-        low, high = SIZES
-        for path, length in given:
-            if length is not None and not low <= length <= high:
-                self.add(path, repr(length), f"a length from {low} to {high} m")
+        self.add_outside(given, SIZES, "a length", " m")
 
     def add_wrong_numbers(self, given: Iterable[Given]) -> None:
         """Add the places, speeds and rates that doubles cannot compute with."""
-        high = SIZES[1]
-        for path, value in given:
-            if value is not None and abs(value) > high:
-                self.add(path, repr(value), f"a number from {-high} to {high}")
+        self.add_outside(given, (-SIZES[1], SIZES[1]), "a number")
 
     def add_wrong_time(self, stop_time: float | None) -> None:
         """Add the end of the run (s) if doubles cannot compute with it."""
-        if stop_time is not None and stop_time > LONGEST:
+        if stop_time is not None and self.refuse(stop_time > LONGEST):
             self.add("stop.time", repr(stop_time), f"a time up to {LONGEST} s")
 
     def settle(self) -> None:
@@ -130,7 +146,7 @@ def bodies_of(balls: Sequence[BodyTable], findings: Findings) -> tuple[Body, ...
     bodies = tuple(map(body_of, balls))
     low, high = _MASSES
     for number, (ball, body) in enumerate(zip(balls, bodies, strict=True), 1):
-        if not low <= body.mass <= high:
+        if findings.refuse(elementwise.outside(body.mass, low, high)):
             key = "mass" if ball.mass is not None else "density"
             found = repr(ball.mass) if ball.mass is not None else f"a mass of {body.mass!r} kg"
             findings.add(f"balls[{number}].{key}", found, f"a mass from {low} to {high} kg")
@@ -152,8 +168,8 @@ def body_of(ball: BodyTable) -> Body:
 
 _CLOSING_TOLERANCE = 1e-12
 
-_GRAVITIES = (1e-30, 1e30)
-_MOST_SLOPE = 1e3
+# Slopes (rad).
+_SLOPES = (-1e3, 1e3)
 # Rates of turning (rad/s), of either sign.
 _RATES = (1e-10, 1e10)
 
@@ -165,18 +181,19 @@ def build_system(scenario: Scenario) -> TraceSystem:
     that do not fit it, that could touch over others, or that start out of order or overlapping.
     """
     findings = Findings(scenario)
-    _check_sizes(scenario, findings)
+    check_sizes(scenario, findings)
     findings.settle()
     trace = _trace(scenario, findings)
     bodies = bodies_of(scenario.balls, findings)
     findings.settle()
     trace_is_sound = _check_trace(trace, findings)
     turning = _turning(scenario, trace, findings)
-    fits = _check_fit(trace, bodies, findings, trace_is_sound)
-    initial = _initial(scenario, trace, bodies, findings)
+    fits = check_fit(trace, bodies, findings, trace_is_sound)
+    initial = initial_states(scenario, trace, bodies, findings)
     if trace_is_sound and fits:
+        check_gaps(trace, bodies, findings)
         _check_contacts(trace, bodies, findings)
-    _check_walls(scenario, trace, bodies, initial, findings)
+    check_walls(scenario, trace, bodies, initial, findings)
     findings.settle()
     entered = (
         initial_conditions.enter_piece(trace, state) for state in initial if state is not None
@@ -192,7 +209,7 @@ def _trace(scenario: Scenario, findings: Findings) -> Trace:
         raise ScenarioError(findings.problems) from error
 
 
-def _check_sizes(scenario: Scenario, findings: Findings) -> None:
+def check_sizes(scenario: Scenario, findings: Findings) -> None:
     """Check that sizes, slopes, speeds and times are such that doubles can compute with them."""
     sizes: list[Given] = []
     slopes: list[Given] = [("trace.start_slope", scenario.trace.start_slope)]
@@ -203,17 +220,12 @@ def _check_sizes(scenario: Scenario, findings: Findings) -> None:
         slopes.append((f"{path}.end_slope", arc.end_slope))
     for number, ball in enumerate(scenario.balls, 1):
         path = f"balls[{number}]"
-        sizes += [(f"{path}.radius", ball.radius or None), (f"{path}.thickness", ball.thickness)]
+        sizes += [(f"{path}.radius", ball.radius), (f"{path}.thickness", ball.thickness)]
         speeds += [(f"{path}.{key}", getattr(ball, key)) for key in ("rate", "omega", "speed")]
-    low, high = _GRAVITIES
-    if not low <= scenario.gravity <= high:
-        expected = f"an acceleration from {low} to {high} m/s^2"
-        findings.add("gravity", repr(scenario.gravity), expected)
+    findings.add_outside([("gravity", scenario.gravity)], SIZES, "an acceleration", " m/s^2")
     findings.add_wrong_time(scenario.stop.time)
     findings.add_wrong_lengths(sizes)
-    for path, slope in slopes:
-        if slope is not None and abs(slope) > _MOST_SLOPE:
-            findings.add(path, repr(slope), f"a slope from {-_MOST_SLOPE} to {_MOST_SLOPE} rad")
+    findings.add_outside(slopes, _SLOPES, "a slope", " rad")
     findings.add_wrong_numbers(speeds)
 
 
@@ -240,13 +252,7 @@ def _check_trace(trace: Trace, findings: Findings) -> bool:
             expected = "a trace that ends where and how it began, after a turn of 360 deg"
             findings.add("trace.closed", found, expected)
             return False
-    overlapping = reachability.overlapping_pieces(trace)
-    for index in overlapping:
-        piece = trace.pieces[index]
-        sweep = math.degrees(piece.angle_end - piece.angle_start)
-        expected = "less than a full turn (a full turn of one arc only if the trace is closed)"
-        findings.add(f"trace.arcs[{index + 1}].end_slope", f"an arc of {sweep:.9g} deg", expected)
-    if overlapping:
+    if not check_turns(trace, findings):
         return False
     meeting = {frozenset(pair) for pair in reachability.touched_pieces(trace, 0.0)}
     for first, second in sorted(sorted(pair) for pair in meeting):
@@ -255,19 +261,32 @@ def _check_trace(trace: Trace, findings: Findings) -> bool:
     return not meeting
 
 
-def _check_fit(
+def check_turns(trace: Trace, findings: Findings) -> bool:
+    """Check that no arc runs over itself."""
+    before = len(findings.problems)
+    for piece in findings.refused(trace.pieces, reachability.overlapping_pieces(trace)):
+        expected = "less than a full turn (a full turn of one arc only if the trace is closed)"
+        findings.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
+    return len(findings.problems) == before
+
+
+def _arc(piece: Piece) -> str:
+    return f"an arc of {math.degrees(piece.angle_end - piece.angle_start):.9g} deg"
+
+
+def check_fit(
     trace: Trace, bodies: tuple[Body, ...], findings: Findings, trace_is_sound: bool
 ) -> bool:
-    """Check that every body fits every valley and touches only the piece it rolls on."""
+    """Check that every body fits every valley, and on a sound trace touches its own piece only."""
     before = len(findings.problems)
     touched: dict[float, tuple[tuple[int, int], ...]] = {}
     for number, body in enumerate(bodies, 1):
         path = f"balls[{number}].radius"
-        narrow = reachability.narrow_valleys(trace, body.radius)
+        narrow = findings.refused(trace.pieces, reachability.narrow_valleys(trace, body.radius))
         if narrow:
-            tightest = min(narrow, key=lambda index: trace.pieces[index].radius)
-            limit = f"less than {trace.pieces[tightest].radius!r}, the radius of the valley"
-            findings.add(path, repr(body.radius), f"{limit} that is arc {tightest + 1}")
+            tightest = min(narrow, key=lambda piece: piece.radius)
+            limit = f"less than {tightest.radius!r}, the radius of the valley"
+            findings.add(path, repr(body.radius), f"{limit} that is arc {tightest.index + 1}")
         elif trace_is_sound:
             if body.radius not in touched:
                 touched[body.radius] = reachability.touched_pieces(trace, body.radius)
@@ -279,19 +298,17 @@ def _check_fit(
     return len(findings.problems) == before
 
 
+def check_gaps(trace: Trace, bodies: tuple[Body, ...], findings: Findings) -> None:
+    """Check that no arc is so nearly a full turn that bodies touch through its gap."""
+    for a, b in combinations(range(len(bodies)), 2):
+        joined = reachability.joined_behind(trace, bodies[a].radius, bodies[b].radius)
+        for piece in findings.refused(trace.pieces, joined):
+            expected = f"one on which bodies {a + 1} and {b + 1} cannot touch through its gap"
+            findings.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
+
+
 def _check_contacts(trace: Trace, bodies: tuple[Body, ...], findings: Findings) -> None:
     """Check that bodies touch only as neighbours do."""
-    known: dict[tuple[float, float], tuple[int, ...]] = {}
-    for a, b in combinations(range(len(bodies)), 2):
-        pair = bodies[a].radius, bodies[b].radius
-        if pair not in known:
-            known[pair] = reachability.joined_behind(trace, *pair)
-        for index in known[pair]:
-            piece = trace.pieces[index]
-            sweep = math.degrees(piece.angle_end - piece.angle_start)
-            expected = f"one on which bodies {a + 1} and {b + 1} cannot touch through its gap"
-            path = f"trace.arcs[{index + 1}].end_slope"
-            findings.add(path, f"an arc of {sweep:.9g} deg", expected)
     for over in reachability.overreaching(trace, tuple(body.radius for body in bodies)):
         first, second = over.first + 1, over.second + 1
         if over.pieces is not None:
@@ -304,47 +321,47 @@ def _check_contacts(trace: Trace, bodies: tuple[Body, ...], findings: Findings) 
         findings.add(f"balls[{small + 1}].radius", repr(bodies[small].radius), expected)
 
 
-def _initial(
+def initial_states(
     scenario: Scenario, trace: Trace, bodies: tuple[Body, ...], findings: Findings
 ) -> list[InitialState | None]:
     """Return where each body starts, None where that could not be told."""
     states: list[InitialState | None] = []
-    for index, (ball, body) in enumerate(zip(scenario.balls, bodies, strict=True)):
-        previous = (bodies[index - 1], states[index - 1]) if index else None
-        position = _position(index, ball, body, trace, previous, findings)
+    for ball, body in zip(scenario.balls, bodies, strict=True):
+        position = _next_position(scenario, trace, bodies, states, findings)
         if position is None:
             states.append(None)
             continue
-        states.append(
-            InitialState(ball.arc - 1, position, speed_of(ball, body, trace.pieces[ball.arc - 1]))
-        )
+        piece = trace.pieces[ball.arc - 1]
+        states.append(InitialState(piece.index, position, speed_of(ball, body, piece)))
     _check_order(scenario, trace, bodies, states, findings)
     return states
 
 
-def _position(
-    index: int,
-    ball: Ball,
-    body: Body,
+def _next_position(
+    scenario: Scenario,
     trace: Trace,
-    previous: tuple[Body, InitialState | None] | None,
+    bodies: tuple[Body, ...],
+    states: Sequence[InitialState | None],
     findings: Findings,
 ) -> float | None:
+    """The place of the first body whose state is not known yet, None where it could not be told."""
+    index = len(states)
+    ball, body, path = scenario.balls[index], bodies[index], f"balls[{index + 1}]"
     piece = trace.pieces[ball.arc - 1]
-    if not piece.path_radius(body.radius) > 0.0:
+    if not elementwise.holds(piece.path_radius(body.radius) > 0.0):
         return None  # it does not fit this valley, which has been said
-    path = f"balls[{index + 1}]"
     if ball.touching is None:
         key = "position" if piece.is_line else "angle"
         given = ball.position if piece.is_line else ball.angle
-        settled = None if given is None else initial_conditions.settle(piece, given)
-        if settled is None:
+        settled = math.nan if given is None else initial_conditions.settle(piece, given)
+        if findings.refuse(elementwise.is_nan(settled)):
             limits = f"{piece.angle_start!r} to {piece.angle_end!r}"
             findings.add(f"{path}.{key}", repr(given), f"a place on arc {ball.arc}, {limits}")
+            return None
         return settled
-    if previous is None or previous[1] is None:
+    if (previous := states[-1]) is None:
         return None
-    beside = initial_conditions.beside(trace, previous[0], previous[1], body)
+    beside = initial_conditions.beside(trace, bodies[index - 1], previous, body)
     if beside is None:
         found = f"no room to the right of body {index}"
         findings.add(f"{path}.touching", found, "a contact on the trace")
@@ -369,40 +386,31 @@ def _check_order(
         left, right = states[a], states[b]
         if left is None or right is None:
             continue
-        later, ball = max(a, b), scenario.balls[max(a, b)]
-        keys = ("touching", "angle", "position")
-        key = next(key for key in keys if getattr(ball, key) is not None)
-        path = f"balls[{later + 1}].{key}"
-        if b > a and (left.piece, left.position) >= (right.piece, right.position):
-            key = "arc" if left.piece != right.piece else key
+        path = _path_of_place(scenario, max(a, b))
+        if b > a and findings.refuse(initial_conditions.out_of_order(left, right)):
+            path = f"balls[{b + 1}].arc" if left.piece != right.piece else path
             found = f"body {b + 1} not to the right of body {a + 1}"
-            findings.add(f"balls[{b + 1}].{key}", found, "bodies in order from left to right")
+            findings.add(path, found, "bodies in order from left to right")
             continue
         gap, rounding = initial_conditions.gap(trace, bodies[a], left, bodies[b], right)
-        if gap < -rounding:
-            found = f"bodies {min(a, b) + 1} and {later + 1} that overlap by {-gap:.6g} m"
+        if findings.refuse(gap < -rounding):
+            first, second = min(a, b) + 1, max(a, b) + 1
+            found = f"bodies {first} and {second} that overlap by {-gap:.6g} m"
             findings.add(path, found, "bodies that do not overlap")
 
 
-def _check_over_outermost(
-    trace: Trace, bodies: tuple[Body, ...], at_right: bool, findings: Findings
-) -> None:
-    """Check that no inner body reaches a wall over those between it and the wall."""
-    side, outer = ("right", len(bodies) - 1) if at_right else ("left", 0)
-    row = bodies[::-1] if at_right else bodies
-    step = initial_conditions.reaches_over(trace.mirrored() if at_right else trace, row)
-    if step is not None:
-        number = outer - step if at_right else step
-        reach = f"body {number + 1} cannot reach the {side} wall over it"
-        found = repr(bodies[outer].radius)
-        findings.add(f"balls[{outer + 1}].radius", found, f"one so large that {reach}")
+def _path_of_place(scenario: Scenario, index: int) -> str:
+    """The key that says where a body starts."""
+    ball = scenario.balls[index]
+    keys = ("touching", "angle", "position")
+    return next(f"balls[{index + 1}].{key}" for key in keys if getattr(ball, key) is not None)
 
 
-def _check_walls(
+def check_walls(
     scenario: Scenario,
     trace: Trace,
     bodies: tuple[Body, ...],
-    states: list[InitialState | None],
+    states: Sequence[InitialState | None],
     findings: Findings,
 ) -> None:
     """Check that the outer bodies, and none else, can meet their walls, and start free of them."""
@@ -414,22 +422,23 @@ def _check_walls(
             continue
         at_right = side == "right"
         touch = initial_conditions.wall_position(piece, bodies[index].radius, at_right)
-        if touch is None:
+        if findings.refuse(elementwise.is_nan(touch)):
             found = f"a wall that body {index + 1} cannot meet on arc {piece.index + 1}"
             findings.add(f"ends.{side}", found, "an end piece with room for the body at its wall")
             continue
-        _check_over_outermost(trace, bodies, at_right, findings)
+        step = initial_conditions.reaches_over(trace, bodies, at_right)
+        if findings.refuse(step > 0):
+            inner = index - step if at_right else step
+            expected = f"one so large that body {inner + 1} cannot reach the {side} wall over it"
+            findings.add(f"balls[{index + 1}].radius", repr(bodies[index].radius), expected)
         state = states[index]
         if state is None or state.piece != piece.index:
             continue
         beyond = state.position - touch if at_right else touch - state.position
-        if beyond > 1e-15 * max(1.0, abs(touch)):
-            ball = scenario.balls[index]
-            key = "angle" if ball.angle is not None else "position"
-            path = f"balls[{index + 1}].{'touching' if ball.touching else key}"
+        if findings.refuse(beyond > 1e-15 * elementwise.greatest(1.0, abs(touch))):
             found = f"body {index + 1} reaching into the {side} wall"
             expected = f"a place free of it: {touch!r} or further {'left' if at_right else 'right'}"
-            findings.add(path, found, expected)
+            findings.add(_path_of_place(scenario, index), found, expected)
 
 
 AnySystem: TypeAlias = Any

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.grids.test_same_as_run import GRIDS, MORE, grid_of, plain
+from tests.grids.test_same_as_run import GRIDS, MORE, grid_of, plain, scenario_at
 from vibro_cli.api import simulate
 from vibro_cli.systems import driver
 from vibro_cli.systems.trace.grid_solver import TraceSolver
-from vibro_cli.systems.trace.system_template import scenario_at
 
 NAMES = (
     "two balls, starts and k",
@@ -37,7 +36,7 @@ def test_exponents_of_points_are_those_of_runs(name: str, keep: str, tmp_path: P
         if found["status"] != "ok":
             assert found["lyapunov_1"] is None
             continue
-        scenario = scenario_at(grid.base, {path: values[path][row] for path in values})
+        scenario = scenario_at(grid, values, row)
         assert found == simulate(scenario, "python").summary_record()
         known += found["lyapunov_1"] is not None
     assert known >= 1

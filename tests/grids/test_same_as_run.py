@@ -11,10 +11,13 @@ import pytest
 
 from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
-from vibro_cli.grids.document import Grid, load_grid
+from vibro_cli.grids.document import Grid, document_at, load_grid
 from vibro_cli.scenario import ScenarioError
+from vibro_cli.scenario.loading import scenario_of
+from vibro_cli.scenario.models import Scenario
+from vibro_cli.scenario.problems import KeyPath
 from vibro_cli.systems.trace.grid_solver import TraceSolver
-from vibro_cli.systems.trace.system_template import Reader, scenario_at
+from vibro_cli.systems.trace.system_template import Reader
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 POINTS = 60
@@ -102,6 +105,18 @@ GRIDS: dict[str, tuple[str, dict[str, list[float]]]] = {
         "line_between_valleys.toml",
         {"balls[1].angle": [-1.2, 0.5], "collision.k": [0.5, 1.0], "balls[1].mass": [1.0, 3.0]},
     ),
+    "bodies that touch": (
+        "three_arcs.toml",
+        {"balls[1].rate": [-1.0, 1.0], "collision.k": [0.2, 1.0], "gravity": [1.0, 20.0]},
+    ),
+    "too large to pass one another": (
+        "three_arcs.toml",
+        {"balls[1].radius": [0.3, 0.9], "balls[2].radius": [0.3, 0.6]},
+    ),
+    "the longest time": (
+        "three_arcs.toml",
+        {"stop.time": [0.9e300, 1.1e300], "balls[1].angle": [-1.5, -1.3]},
+    ),
 }
 
 MORE = {
@@ -109,6 +124,9 @@ MORE = {
     "radius, gravity and thickness": ["balls[1].body=disk"],
     "walls": ["ends.left={wall = 0.9}", "ends.right={wall = 0.8}", "balls[1].angle=-0.3"],
     "inertia and radius": ["collision.law=translational"],
+    "bodies that touch": ["balls[2].touching=previous", "balls[2].arc=1"],
+    "too large to pass one another": ["balls[1].angle=-1.3"],
+    "the longest time": ["stop.collisions=1"],
 }
 
 # What there must be among the points of each, so that the test shows something.
@@ -130,6 +148,9 @@ SEEN = {
     "slopes": {"invalid", "free"},
     "length of a line": {"invalid", "free"},
     "lines": {"free", "inadmissible"},
+    "bodies that touch": {"contact"},
+    "too large to pass one another": {"free"},
+    "the longest time": {"invalid", "free"},
 }
 
 
@@ -153,6 +174,11 @@ def grid_of(
     file = tmp_path / "grid.toml"
     file.write_text("\n".join(lines))
     return load_grid(file, ["stop.collisions=40", *overrides])
+
+
+def scenario_at(grid: Grid, values: dict[KeyPath, Any], row: int) -> Scenario:
+    """The scenario of one point, by the ordinary reader."""
+    return scenario_of(document_at(grid.base, {path: values[path][row] for path in values}))
 
 
 def plain(values: Any, row: int) -> Any:
@@ -183,7 +209,7 @@ def test_points_are_runs(name: str, tmp_path: Path) -> None:
         found = {key: plain(column, row) for key, column in solved.summary.items()}
         impacts = np.flatnonzero(scenarios == row + 1)
         try:
-            scenario = scenario_at(grid.base, {path: values[path][row] for path in values})
+            scenario = scenario_at(grid, values, row)
             build_system(scenario)
         except ScenarioError as error:
             texts = [f"{p.path}: found {p.found}, expected {p.expected}" for p in error.problems]
@@ -214,7 +240,10 @@ QUICK: dict[str, tuple[str, str, list[float], Sequence[str]]] = {
     "wall": ("three_arcs.toml", "ends.left.wall", [0.1, 1.0], ["ends.left={wall = 0.9}"]),
     "density": ("closed_three_balls.toml", "balls[1].density", [1e3, 9e3], ()),
     "k": ("closed_three_balls.toml", "collision.k", [0.6, 1.0], ()),
-}
+    "rate beside a body that touches": (
+        "one_circle.toml", "balls[1].rate", [-1.0, 0.0], ["balls[2].touching=previous"],
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", QUICK)

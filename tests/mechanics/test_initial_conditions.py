@@ -1,6 +1,8 @@
 import math
+from typing import Any
 
 import mpmath
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -9,6 +11,7 @@ from vibro_cli.mechanics.initial_conditions import (
     beside,
     enter_piece,
     gap,
+    out_of_order,
     reaches_over,
     settle,
     speed_of_omega,
@@ -141,8 +144,8 @@ def test_only_a_hair_beyond_an_end_is_rounding() -> None:
     assert settle(piece, math.nextafter(0.4, 1.0)) == 0.4
     assert settle(piece, math.nextafter(-1.4, -2.0)) == -1.4
     assert settle(piece, 0.1) == 0.1
-    assert settle(piece, 0.4 + 1e-14) is None
-    assert settle(piece, math.nan) is None
+    assert math.isnan(settle(piece, 0.4 + 1e-14))
+    assert math.isnan(settle(piece, math.nan))
 
 
 def test_speeds_have_the_sign_of_the_motion() -> None:
@@ -184,7 +187,6 @@ def test_a_body_on_the_seam_of_a_closed_trace_goes_on_at_its_other_side() -> Non
 def test_at_its_wall_a_body_is_one_radius_from_the_plane(index: int, right: bool) -> None:
     piece, radius = mixed().pieces[index], 0.2
     position = wall_position(piece, radius, right)
-    assert position is not None
     end = piece.end if right else piece.start
     slope = piece.end_slope if right else piece.start_slope
     x, y = piece.body_center(position, radius)
@@ -195,19 +197,78 @@ def test_at_its_wall_a_body_is_one_radius_from_the_plane(index: int, right: bool
 
 def test_a_piece_may_have_no_room_for_a_wall() -> None:
     pieces = mixed().pieces
-    assert wall_position(pieces[3], 0.1, right=True) is None
-    assert wall_position(pieces[0], 0.4, right=False) is None
+    assert math.isnan(wall_position(pieces[3], 0.1, right=True))
+    assert math.isnan(wall_position(pieces[0], 0.4, right=False))
 
 
 def test_an_outermost_body_keeps_smaller_ones_from_the_wall_and_not_larger_ones() -> None:
-    def on_a_line(*radii: float) -> int | None:
+    def on_a_line(*radii: float) -> int:
         trace = Trace.chain(0.0, [ArcShape("line", length=3.0)])
-        return reaches_over(trace, [ball(r) for r in radii])
+        bodies = [ball(r) for r in radii]
+        found: int = reaches_over(trace, bodies, right=False)
+        assert found == reaches_over(trace, bodies[::-1], right=True)
+        return found
 
     # Both in the corner, centres (r, r): they overlap unless one is 3 + 2 sqrt 2 times the other.
     ratio = 3.0 + 2.0 * math.sqrt(2.0)
-    assert on_a_line(0.02, 0.02 * ratio * (1.0 - 1e-9)) is None
+    assert on_a_line(0.02, 0.02 * ratio * (1.0 - 1e-9)) == 0
     assert on_a_line(0.02, 0.02 * ratio * (1.0 + 1e-9)) == 1
-    assert on_a_line(0.15, 0.02) is None
+    assert on_a_line(0.15, 0.02) == 0
     # Over one, but not over the one before it.
-    assert on_a_line(0.15, 0.02, 0.15) is None
+    assert on_a_line(0.15, 0.02, 0.15) == 0
+
+
+def test_many_places_are_as_single_ones() -> None:
+    """Of arrays every element has the bits of the number: settled, at a wall, and the gaps."""
+    rng = np.random.default_rng(8)
+    count = 300
+    trace = mixed()
+    radius: Any = rng.uniform(0.01, 0.75, count)
+    other: Any = rng.uniform(0.01, 0.35, count)
+    for piece in trace.pieces:
+        ends = piece.angle_start, piece.angle_end
+        place: Any = rng.uniform(ends[0] - 0.1, ends[1] + 0.1, count)
+        place[:2] = ends
+        found: list[Any] = [
+            settle(piece, place),
+            *(
+                np.broadcast_to(wall_position(piece, radius, right), count)
+                for right in (False, True)
+            ),
+        ]
+        beside: Any = rng.uniform(0.0, 0.7, count)
+        for index in (1, 4):
+            there = InitialState(index, beside, 0.0)
+            here = InitialState(piece.index, place, 0.0)
+            found += gap(trace, ball(other), here, ball(0.2), there)
+            found.append(np.broadcast_to(out_of_order(here, there), count))
+        for n in range(count):
+            r, at, to = float(radius[n]), float(place[n]), float(beside[n])
+            single: list[Any] = [settle(piece, at)]
+            single += [wall_position(piece, r, right) for right in (False, True)]
+            for index in (1, 4):
+                one, two = InitialState(piece.index, at, 0.0), InitialState(index, to, 0.0)
+                single += gap(trace, ball(float(other[n])), one, ball(0.2), two)
+                single.append(out_of_order(one, two))
+            np.testing.assert_array_equal([column[n] for column in found], single)
+
+
+@pytest.mark.parametrize("right", [False, True])
+def test_the_bound_for_walls_holds(right: bool) -> None:
+    """Of two bodies one reaches a wall over the other only where the bound for arrays says so."""
+    rng = np.random.default_rng(9)
+    count = 400
+    between: Any = rng.uniform(0.005, 0.05, count)
+    inner: Any = between * rng.uniform(0.5, 9.0, count)
+    for shape, end in (("valley", 1.0), ("hump", -1.0), ("line", None)):
+        radius, length = (None, 3.0) if shape == "line" else (1.5, None)
+        trace = Trace.chain(0.0, [ArcShape(shape, radius, length, end)])
+        row = [ball(between), ball(inner)]
+        bound = reaches_over(trace, row[::-1] if right else row, right)
+        reached = np.zeros(count, dtype=bool)
+        for n in range(count):
+            pair = [ball(float(between[n])), ball(float(inner[n]))]
+            reached[n] = reaches_over(trace, pair[::-1] if right else pair, right) > 0
+        assert not (reached & ~bound).any()
+        assert 0.1 * count < reached.sum() < 0.9 * count
+        assert (bound & ~reached).sum() <= 0.02 * count

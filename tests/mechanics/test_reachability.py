@@ -1,5 +1,5 @@
 import math
-from itertools import pairwise, permutations
+from itertools import pairwise
 from typing import Any
 
 import mpmath
@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from tests.effort import calls
 from vibro_cli.mechanics.reachability import (
-    Path,
-    Window,
     contact_angle,
     fits_between,
     joined_behind,
@@ -22,7 +20,7 @@ from vibro_cli.mechanics.reachability import (
     overreaching,
     pocket_radius,
     reach,
-    surely_clear,
+    surely_sound,
     touch_across,
     touched_pieces,
 )
@@ -116,7 +114,7 @@ def traces(draw: st.DrawFn, pieces: int = 5, turn: float = 3.0) -> Trace:
 @settings(deadline=None)
 @given(traces(), st.floats(0.0, 0.5))
 def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float) -> None:
-    assume(not narrow_valleys(trace, radius) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     touched = touched_pieces(trace, radius)
     bodies, points = centers(trace, radius), centers(trace, 0.0)
     for i, body in enumerate(bodies):
@@ -128,7 +126,7 @@ def test_a_body_that_passes_touches_no_sampled_point(trace: Trace, radius: float
 @settings(deadline=None)
 @given(traces(), st.floats(0.01, 0.5))
 def test_a_body_that_is_refused_touches_another_piece(trace: Trace, radius: float) -> None:
-    assume(not narrow_valleys(trace, radius) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     turned = turns(trace)
     bodies, points = centers(trace, radius), centers(trace, 0.0)
     for i, j in touched_pieces(trace, radius):
@@ -142,7 +140,7 @@ def test_a_body_that_is_refused_touches_another_piece(trace: Trace, radius: floa
 @settings(deadline=None)
 @given(traces(), st.floats(0.02, 0.5), st.floats(0.02, 0.5))
 def test_pieces_out_of_reach_are_out_of_reach(trace: Trace, a: float, b: float) -> None:
-    assume(not narrow_valleys(trace, max(a, b)))
+    assume(not any(narrow_valleys(trace, max(a, b))))
     far = reach(trace, ball(a), ball(b))
     paths_a, paths_b = centers(trace, a), centers(trace, b)
     for i, path_a in enumerate(paths_a):
@@ -171,10 +169,10 @@ def overlapping_over_one_between(trace: Trace, radii: tuple[float, float, float]
 def test_bodies_that_pass_never_touch_over_one_between(
     trace: Trace, radii: tuple[float, float, float]
 ) -> None:
-    assume(not narrow_valleys(trace, max(radii)) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, max(radii)) + overlapping_pieces(trace)))
     assume(not any(touched_pieces(trace, radius) for radius in {0.0, *radii}))
     pairs = [(radii[0], radii[1]), (radii[1], radii[2]), (radii[0], radii[2])]
-    assume(not any(joined_behind(trace, *pair) for pair in pairs))
+    assume(not any(any(joined_behind(trace, *pair)) for pair in pairs))
     if not overreaching(trace, radii):
         assert not overlapping_over_one_between(trace, radii)
 
@@ -207,7 +205,7 @@ def test_on_closed_traces_too_a_body_that_passes_touches_no_sampled_point(
     distance, turn = trace.closing_error()
     assert distance <= 1e-14 * trace.length
     assert turn == math.tau
-    assume(not narrow_valleys(trace, radius) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, radius) + overlapping_pieces(trace)))
     touched = touched_pieces(trace, radius)
     bodies, points = centers(trace, radius), centers(trace, 0.0)
     for i, body in enumerate(bodies):
@@ -242,10 +240,10 @@ def opposite_bodies_touch(trace: Trace, radii: tuple[float, ...]) -> bool:
 def test_on_closed_traces_bodies_that_pass_never_touch_over_others(
     trace: Trace, radii: tuple[float, float, float, float]
 ) -> None:
-    assume(not narrow_valleys(trace, max(radii)) and not overlapping_pieces(trace))
+    assume(not any(narrow_valleys(trace, max(radii)) + overlapping_pieces(trace)))
     assume(not any(touched_pieces(trace, radius) for radius in {0.0, *radii}))
     pairs = [(a, b) for n, a in enumerate(radii) for b in radii[n + 1 :]]
-    assume(not any(joined_behind(trace, *pair) for pair in pairs))
+    assume(not any(any(joined_behind(trace, *pair)) for pair in pairs))
     if not overreaching(trace, radii):
         assert not opposite_bodies_touch(trace, radii)
         assert not opposite_bodies_touch(trace, (*radii[1:], radii[0]))
@@ -307,24 +305,25 @@ def test_bodies_that_touch_across_a_mouth_are_found() -> None:
 
 
 def test_nearly_full_turns_join_bodies_behind() -> None:
-    assert joined_behind(chain(-179.9, arc("valley", 1.0, 179.9)), 0.1, 0.1) == (0,)
-    assert joined_behind(chain(-150, arc("valley", 1.0, 150)), 0.1, 0.1) == ()
-    assert joined_behind(chain(-180, arc("valley", 1.0, 180), closed=True), 0.1, 0.1) == ()
+    assert joined_behind(chain(-179.9, arc("valley", 1.0, 179.9)), 0.1, 0.1) == [True]
+    assert joined_behind(chain(-150, arc("valley", 1.0, 150)), 0.1, 0.1) == [False]
+    assert joined_behind(chain(-180, arc("valley", 1.0, 180), closed=True), 0.1, 0.1) == [False]
     beta = contact_angle(three_arcs().pieces[0], 0.1, 0.2)
     open_by = math.pi - 0.5 * beta
-    for turn, joined in ((open_by + 1e-9, (0,)), (open_by - 1e-9, ())):
+    for turn, joined in ((open_by + 1e-9, True), (open_by - 1e-9, False)):
         trace = Trace.chain(-turn, [ArcShape("valley", radius=1.0, end_slope=turn)])
-        assert joined_behind(trace, 0.1, 0.2) == joined
+        assert joined_behind(trace, 0.1, 0.2) == [joined]
 
 
 def test_narrow_valleys_and_full_turns_are_named() -> None:
     trace = chain(-60, arc("valley", 0.3, 0), line(1.0), arc("valley", 0.2, 60))
-    assert narrow_valleys(trace, 0.1) == ()
-    assert narrow_valleys(trace, 0.2) == (2,)
-    assert narrow_valleys(trace, 0.3) == (0, 2)
-    assert overlapping_pieces(chain(-180, arc("valley", 1.0, 180))) == (0,)
-    assert overlapping_pieces(chain(-180, arc("valley", 1.0, 180), closed=True)) == ()
-    assert overlapping_pieces(chain(0, line(1.0), arc("valley", 1.0, 361), line(1.0))) == (1,)
+    assert narrow_valleys(trace, 0.1) == [False, False, False]
+    assert narrow_valleys(trace, 0.2) == [False, False, True]
+    assert narrow_valleys(trace, 0.3) == [True, False, True]
+    assert overlapping_pieces(chain(-180, arc("valley", 1.0, 180))) == [True]
+    assert overlapping_pieces(chain(-180, arc("valley", 1.0, 180), closed=True)) == [False]
+    loop = chain(0, line(1.0), arc("valley", 1.0, 361), line(1.0))
+    assert overlapping_pieces(loop) == [False, True, False]
 
 
 def test_open_loops_and_crossings_are_found() -> None:
@@ -444,17 +443,13 @@ def test_many_traces_are_certified_at_once() -> None:
         shapes = [("valley", 1.0, 0.9), ("hump", of_hump, -0.9), ("valley", 1.0, end)]
         return Trace.chain(-2.0, [ArcShape(kind, r, None, e) for kind, r, e in shapes])
 
-    many = chain(ends, hump)
-    clear = np.ones(count, dtype=bool)
-    for i, j in permutations(range(3), 2):
-        path, other = Path.of(many.pieces[i], radius), Path.of(many.pieces[j], 0.0)
-        clear &= surely_clear(path, other, Window.of(many, i, j), radius, count)
-    singly = np.array(
-        [
-            not touched_pieces(chain(float(e), float(h)), float(r))
-            for e, h, r in zip(ends, hump, radius, strict=True)
-        ]
-    )
+    radii = radius, 0.5 * radius, radius, 0.3 * radius
+    clear = surely_sound(chain(ends, hump), radii, count)
+    singly = np.ones(count, dtype=bool)
+    for n, (end, of_hump, *row) in enumerate(zip(ends, hump, *radii, strict=True)):
+        trace = chain(float(end), float(of_hump))
+        touched = any(touched_pieces(trace, float(r)) for r in (0.0, *row))
+        singly[n] = not touched and not overreaching(trace, tuple(map(float, row)))
     assert not (clear & ~singly).any()
     assert 0.2 * count < singly.sum() < 0.9 * count
     assert (singly & ~clear).sum() <= 0.02 * count

@@ -1,4 +1,8 @@
-"""Initial states: positions on the trace, speeds of the centres, bodies that start in contact."""
+"""Initial states: positions on the trace, speeds of the centres, bodies that start in contact.
+
+Numbers may be arrays (see ``numerics.elementwise``), but not where the place beside another body is
+searched for: `beside` takes numbers only, and `reaches_over` has a bound for arrays.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +21,17 @@ GAP_ROUNDING = 16.0
 """At the start |gap| ≤ 16 eps of the positions is contact."""
 
 
-def settle(piece: Piece, position: float) -> float | None:
-    """Return a position drawn onto its piece, or None when it lies beyond one of its ends.
+def settle(piece: Piece, position: float) -> float:
+    """Return a position drawn onto its piece, nan when it lies beyond one of its ends.
 
     `position` as φ or ψ (rad), on a line as a distance (m). A hair beyond an end (8 eps of the
     piece) is rounding and means the end.
     """
     low, high = piece.angle_start, piece.angle_end
-    hair = 8.0 * EPSILON * max(abs(low), abs(high))
-    if not low - hair <= position <= high + hair:
-        return None
-    return min(max(position, low), high)
+    hair = 8.0 * EPSILON * elementwise.greatest(abs(low), abs(high))
+    drawn = elementwise.least(elementwise.greatest(position, low), high)
+    beyond = elementwise.outside(position, low - hair, high + hair)
+    return elementwise.choose(beyond, math.nan, drawn)  # type: ignore[no-any-return]
 
 
 def speed_of_rate(piece: Piece, body: Body, rate: float) -> float:
@@ -71,6 +75,13 @@ def enter_piece(trace: Trace, state: InitialState) -> InitialState:
     return InitialState(entered.index, position, state.speed)
 
 
+def out_of_order(left: InitialState, right: InitialState) -> Any:
+    """Tell whether of two bodies the right one does not stand to the right of the left one."""
+    if left.piece != right.piece:
+        return left.piece > right.piece
+    return left.position >= right.position
+
+
 def gap(
     trace: Trace, body_a: Body, state_a: InitialState, body_b: Body, state_b: InitialState
 ) -> tuple[float, float]:
@@ -83,21 +94,23 @@ def gap(
     center_a = piece_a.body_center(state_a.position, body_a.radius)
     center_b = piece_b.body_center(state_b.position, body_b.radius)
     contact = body_a.radius + body_b.radius
-    scale = max(*map(abs, center_a), *map(abs, center_b), contact)
+    scale = elementwise.greatest_of([*map(abs, (*center_a, *center_b)), contact])
     if piece_a is not piece_b:
-        distance = math.hypot(center_b[0] - center_a[0], center_b[1] - center_a[1])
-        return distance - contact, GAP_ROUNDING * EPSILON * scale
+        x, y = center_b[0] - center_a[0], center_b[1] - center_a[1]
+        return elementwise.square_root(x * x + y * y) - contact, GAP_ROUNDING * EPSILON * scale
     along = state_b.position - state_a.position
-    farthest = max(abs(state_a.position), abs(state_b.position))
+    farthest = elementwise.greatest(abs(state_a.position), abs(state_b.position))
     product = 4.0 * body_a.radius * body_b.radius
     if piece_a.is_line:
-        square = along**2
+        square = along * along
     else:
         rho_a, rho_b = piece_a.path_radius(body_a.radius), piece_a.path_radius(body_b.radius)
-        square = 4.0 * rho_a * rho_b * math.sin(0.5 * along) ** 2
-        farthest *= max(rho_a, rho_b)
-    distance = math.sqrt((body_a.radius - body_b.radius) ** 2 + square)
-    rounding = GAP_ROUNDING * EPSILON * max(scale, farthest)
+        half_sine = elementwise.sine(0.5 * along)
+        square = 4.0 * rho_a * rho_b * (half_sine * half_sine)
+        farthest = farthest * elementwise.greatest(rho_a, rho_b)
+    unequal = body_a.radius - body_b.radius
+    distance = elementwise.square_root(unequal * unequal + square)
+    rounding = GAP_ROUNDING * EPSILON * elementwise.greatest(scale, farthest)
     return (square - product) / (distance + contact), rounding
 
 
@@ -183,63 +196,69 @@ def _circle_meets_path(
     return root if root <= piece.angle_end + 1e-9 else None
 
 
-def wall_position(piece: Piece, radius: float, right: bool) -> float | None:
-    """Return where on an end piece a body touches the wall across the trace's end, or None.
+def wall_position(piece: Piece, radius: float, right: bool) -> float:
+    """Return where on an end piece a body touches the wall across the trace's end.
 
     `radius` of the body in m. The centre is then at distance r from the plane through the end,
-    square to the trace: r along a line, ρ sin Δφ = r on an arc. None when there is no such place
-    on the piece (for arrays: anywhere; else it is beyond the piece where there is none).
+    square to the trace: r along a line, ρ sin Δφ = r on an arc. nan when there is no such place
+    on the piece.
     """
     if piece.is_line:
         offset = radius
     else:
         rho = piece.path_radius(radius)
         if not elementwise.occurs(radius < rho):
-            return None
+            return math.nan
         offset = elementwise.choose(radius < rho, elementwise.arcsine(radius / rho), math.inf)
-    if not elementwise.occurs(offset <= piece.angle_end - piece.angle_start):
-        return None
-    return piece.angle_end - offset if right else piece.angle_start + offset
+    place = piece.angle_end - offset if right else piece.angle_start + offset
+    on_piece = offset <= piece.angle_end - piece.angle_start
+    return elementwise.choose(on_piece, place, math.nan)  # type: ignore[no-any-return]
 
 
-def reaches_over(trace: Trace, bodies: Sequence[Body]) -> int | None:
-    """Return the first body that reaches the wall at the left end over those before it, or None.
+def reaches_over(trace: Trace, bodies: Sequence[Body], right: bool) -> Any:
+    """Return which body is the first to reach a wall over those between it and the wall, or 0.
 
-    `bodies` from the wall on. The first one stands at the wall, every other one touches the one
-    before it: as near to the wall as it comes. Then it has to be farther from the wall's plane than
-    its radius. None too where the trace has no room for the row. Mirror the trace for its right
-    end.
+    All `bodies` from left to right; counted from the one at the wall, which is 0. That one stands
+    at the wall, every other one touches the one before it: as near to the wall as it comes. Then it
+    has to be farther from the wall's plane than its radius. 0 too where the trace has no room for
+    the row.
+
+    These places are searched for. Arrays have a bound instead: true where a body may do so, given
+    that only neighbours touch.
     """
+    row = bodies[::-1] if right else bodies
+    if not all(map(elementwise.is_number, (*trace.pieces[-1].end, *(b.radius for b in row)))):
+        end = trace.pieces[-1 if right else 0]
+        return sum(_may_reach_over(end, body.radius, row[0].radius) for body in row[1:]) > 0
+    trace = trace.mirrored() if right else trace
     first = trace.pieces[0]
-    at_wall = wall_position(first, bodies[0].radius, False)
-    if at_wall is None:
-        return None
+    at_wall = wall_position(first, row[0].radius, False)
+    if math.isnan(at_wall):
+        return 0
     along = math.cos(first.start_slope), math.sin(first.start_slope)
     state = InitialState(0, at_wall, 0.0)
-    for number, (body, inner) in enumerate(pairwise(bodies), 1):
+    for number, (body, inner) in enumerate(pairwise(row), 1):
         place = beside(trace, body, state, inner)
         if place is None:
-            return None
+            return 0
         state = InitialState(*place, 0.0)
         center = trace.pieces[state.piece].body_center(state.position, inner.radius)
         way = zip(center, first.start, along, strict=True)
         if sum((here - end) * share for here, end, share in way) <= inner.radius:
             return number
-    return None
+    return 0
 
 
-def clear_of_wall(piece: Piece, radius: float, between: float) -> Any:
-    """Tell where a body surely cannot reach a wall with another one between it and the wall.
+def _may_reach_over(piece: Piece, radius: float, between: float) -> Any:
+    """Tell whether a body may reach a wall with another one between it and the wall.
 
-    Radii in m. It is not the larger one, or both at the wall, in the corner with the trace, would
-    overlap. Not sure, so False, where the piece has no place at the wall for it.
+    Radii in m. It is the larger one, and both at the wall, in the corner with the trace, do not
+    surely overlap; or the piece has no place at the wall for it.
     """
-    at_wall = wall_position(piece, radius, False)
-    if at_wall is None:
-        return radius <= between
     over = _height_at_wall(piece, radius) - _height_at_wall(piece, between)
     apart, reach = (radius - between) * (radius - between) + over * over, radius + between
-    return (radius <= between) | ((at_wall <= piece.angle_end) & (apart < reach * reach))
+    no_place = elementwise.is_nan(wall_position(piece, radius, False))
+    return (radius > between) & (no_place | (apart >= reach * reach))
 
 
 def _height_at_wall(piece: Piece, radius: float) -> float:

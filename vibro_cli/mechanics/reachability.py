@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache, reduce
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, permutations
 from operator import and_
 from typing import Any
 
@@ -296,22 +296,20 @@ def whole(piece: Piece) -> Window:
 _REMEMBERED = 4096
 
 
-def narrow_valleys(trace: Trace, radius: float) -> tuple[int, ...]:
-    """Return the indices of the valleys that a body of the given radius (m) does not fit: r ≥ R."""
-    return tuple(p.index for p in trace.pieces if p.sign > 0.0 and radius >= p.radius)
+def narrow_valleys(trace: Trace, radius: float) -> list[Any]:
+    """Tell of each piece whether it is a valley that a body (m) does not fit: r ≥ R."""
+    return [piece.sign > 0.0 and radius >= piece.radius for piece in trace.pieces]
 
 
-def overlapping_pieces(trace: Trace) -> tuple[int, ...]:
-    """Return the indices of the arcs that run over themselves, with a full turn or more.
+def overlapping_pieces(trace: Trace) -> list[Any]:
+    """Tell of each piece whether it is an arc that runs over itself, with a full turn or more.
 
     A full turn is right only for a single piece that is closed.
     """
     limit = math.tau * (1.0 - 4.0 * EPSILON)
     if trace.closed and len(trace.pieces) == 1:
         limit = math.tau * (1.0 + 1e-12)
-    return tuple(
-        p.index for p in trace.pieces if not p.is_line and p.angle_end - p.angle_start > limit
-    )
+    return [not p.is_line and p.angle_end - p.angle_start > limit for p in trace.pieces]
 
 
 @lru_cache(maxsize=_REMEMBERED)
@@ -376,21 +374,22 @@ def contact_angle(piece: Piece, radius_a: float, radius_b: float) -> float:
     return angle
 
 
-def joined_behind(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, ...]:
-    """Return the arcs so nearly a full turn that two bodies touch through the gap.
+def joined_behind(trace: Trace, radius_a: float, radius_b: float) -> list[Any]:
+    """Tell of each piece whether it is so nearly a full turn that two bodies touch through its gap.
 
     Radii in m. There φ_b − φ_a > 2π − β: a contact on one piece on which the bodies are not
     neighbours.
     """
-    if trace.closed and len(trace.pieces) == 1:
-        return ()
-    return tuple(
-        p.index
-        for p in trace.pieces
-        if not p.is_line
-        and math.isfinite(beta := contact_angle(p, radius_a, radius_b))
-        and p.angle_end - p.angle_start > math.tau - beta - 1e-12
-    )
+    ring = trace.closed and len(trace.pieces) == 1
+    return [not ring and _is_joined(piece, radius_a, radius_b) for piece in trace.pieces]
+
+
+def _is_joined(piece: Piece, radius_a: float, radius_b: float) -> Any:
+    sweep = piece.angle_end - piece.angle_start
+    if piece.is_line or not elementwise.occurs(sweep > 3.0):
+        return False  # β is π at most
+    beta = contact_angle(piece, radius_a, radius_b)
+    return (beta < math.inf) & (sweep > math.tau - beta - 1e-12)
 
 
 def touch_across(trace: Trace, radius_a: float, radius_b: float) -> tuple[int, int] | None:
@@ -539,3 +538,32 @@ def overreaching(trace: Trace, radii: tuple[float, ...]) -> tuple[Overreach, ...
         if pieces is not None:
             found.append(Overreach(first, second, (), pieces))
     return tuple(found)
+
+
+def surely_sound(trace: Trace, radii: Sequence[float], count: int) -> Any:
+    """Return where it is certified that bodies touch their own piece and their neighbours only.
+
+    Numbers are arrays of `count`, or the same for all; radii in m, of bodies that fit every valley.
+    Where it is true `overreaching` finds nothing, nor does `touched_pieces` for any radius and for
+    0. These search one trace until it is decided. Here `surely_clear` has a few halvings for all
+    traces at once, and it is false, too, where they were not enough.
+    """
+    import numpy as np
+
+    sound: Any = np.ones(count, dtype=bool)
+    for (left, right), row in over_others(len(radii), trace.closed):
+        between = tuple(radii[n] for n in row)
+        fits = fits_between(trace, (radii[left], radii[right]), between)
+        sound = sound & np.logical_not(fits)
+    # The largest body encloses, where it touches the trace, all the others there.
+    asked = [(elementwise.greatest_of(radii), 0.0, True)]
+    asked += [
+        (radii[a], radii[b], trace.closed) for a, b in not_neighbours(len(radii), trace.closed)
+    ]
+    for i, j in permutations(range(len(trace.pieces)), 2):
+        window = Window.of(trace, i, j)
+        for a, b, both_ways in asked:
+            if i < j or both_ways:
+                path, other = Path.of(trace.pieces[i], a), Path.of(trace.pieces[j], b)
+                sound = sound & surely_clear(path, other, window, a + b, count)
+    return sound

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from vibro_cli.numerics import elementwise
 
@@ -26,13 +27,18 @@ def sine_cosine(angle: float) -> Point:
     `angle` in rad. A sine within half a unit in the last place of its argument belongs to the
     double nearest to a multiple of π and is 0; likewise the cosine at odd multiples of π/2.
     """
-    rounding = 0.5 * elementwise.each(math.ulp, angle)
+    rounding = 0.5 * elementwise.last_place(angle)
     sine = elementwise.sine(angle)
     cosine = elementwise.cosine(angle)
     return (
         elementwise.choose(abs(sine) <= rounding, 0.0, sine),
         elementwise.choose(abs(cosine) <= rounding, 0.0, cosine),
     )
+
+
+def bends(shape: str, start_slope: float, end_slope: float) -> Any:
+    """Tell whether the slope changes as on a piece of a shape: it rises in a valley."""
+    return _SIGN[shape] * (end_slope - start_slope) > 0.0
 
 
 @dataclass(frozen=True)
@@ -212,7 +218,7 @@ def _draw(pen: _Pen, index: int, described: ArcShape) -> Piece:
         raise ValueError(f"piece {index + 1}: a {described.shape} needs a radius greater than 0")
     if described.end_slope is None:
         raise ValueError(f"piece {index + 1}: a {described.shape} needs an end slope")
-    if not elementwise.holds(_SIGN[described.shape] * (described.end_slope - pen.slope) > 0.0):
+    if not elementwise.holds(bends(described.shape, pen.slope, described.end_slope)):
         turn = "rise" if described.shape == VALLEY else "fall"
         raise ValueError(f"piece {index + 1}: the slope of a {described.shape} must {turn}")
     return _draw_arc(pen, index, described.shape, described.radius, described.end_slope)

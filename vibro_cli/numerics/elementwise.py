@@ -97,6 +97,15 @@ def square_root(value: Some) -> float:
         return np.sqrt(value)  # type: ignore[no-any-return]
 
 
+def last_place(value: Some) -> Some:
+    """Return the unit in the last place of a finite number."""
+    if is_number(value) or isinstance(value, Dual):
+        return each(math.ulp, value)
+    import numpy as np
+
+    return np.spacing(abs(value))
+
+
 def power(base: float, exponent: int) -> float:
     """Return a power."""
     found: float = each(pow, base, exponent)
@@ -161,6 +170,17 @@ def holds(condition: Some) -> bool:
 def occurs(condition: Some) -> bool:
     """Tell whether a condition holds somewhere."""
     return bool(condition if isinstance(condition, bool) else condition.any())
+
+
+def outside(value: Some, low: float, high: float) -> Some:
+    """Tell whether a value is not between two bounds, nor one of them; nan is not."""
+    inside = (low <= value) & (value <= high)
+    return not inside if isinstance(inside, bool) else ~inside
+
+
+def is_nan(value: Some) -> Some:
+    """Tell whether a value is no number."""
+    return value != value
 
 
 def taken(numbers: Any, at: Any) -> Any:

@@ -103,13 +103,20 @@ class Quantity(Kind):
         number = self._number(value)
         if not math.isfinite(number):
             raise fault(self._found(value, number), f"a finite number{self._bounds()}")
-        if (
-            (self.above is not None and number <= self.above)
-            or (self.at_least is not None and number < self.at_least)
-            or (self.at_most is not None and number > self.at_most)
-        ):
+        if not self.allows(number):
             raise fault(self._found(value, number), f"a number{self._bounds()}")
         return number
+
+    def allows(self, number: Any) -> Any:
+        """Tell whether an SI value is finite and within the bounds; of an array, which are."""
+        allowed = abs(number) < math.inf
+        if self.above is not None:
+            allowed = allowed & (number > self.above)
+        if self.at_least is not None:
+            allowed = allowed & (number >= self.at_least)
+        if self.at_most is not None:
+            allowed = allowed & (number <= self.at_most)
+        return allowed
 
     def _number(self, value: object) -> float:
         if isinstance(value, str) and self.dimension:
@@ -173,9 +180,13 @@ class Count(Kind):
 
     def read(self, value: object) -> int:
         """Return the whole number."""
-        if isinstance(value, int) and not isinstance(value, bool) and 1 <= value < 2**63:
+        if isinstance(value, int) and not isinstance(value, bool) and self.allows(value):
             return value
         raise fault(shown(value), "a whole number of at least 1")
+
+    def allows(self, number: Any) -> Any:
+        """Tell whether a whole number is one of these; of an array, which are."""
+        return (number >= 1) & (number < 2**63)
 
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema: an integer from 1."""

@@ -40,7 +40,7 @@ def _check_sizes(scenario: SpringsScenario, findings: Findings) -> None:
     numbers: list[Given] = []
     for number, ball in enumerate(scenario.balls, 1):
         path = f"balls[{number}]"
-        lengths += [(f"{path}.radius", ball.radius or None), (f"{path}.thickness", ball.thickness)]
+        lengths += [(f"{path}.radius", ball.radius), (f"{path}.thickness", ball.thickness)]
         lengths += [(f"{path}.spring.{key}", getattr(ball.spring, key)) for key in _LENGTHS]
         numbers += [(f"{path}.{key}", getattr(ball, key)) for key in ("position", "speed", "omega")]
         numbers.append((f"{path}.spring.foot", ball.spring.foot))

@@ -57,7 +57,7 @@ def _check_sizes(scenario: TableScenario, findings: Findings) -> None:
             numbers += [(f"wall.corners[{number}][{n}]", corner[n - 1]) for n in (1, 2)]
     for number, ball in enumerate(scenario.balls, 1):
         path = f"balls[{number}]"
-        lengths += [(f"{path}.radius", ball.radius or None), (f"{path}.thickness", ball.thickness)]
+        lengths += [(f"{path}.radius", ball.radius), (f"{path}.thickness", ball.thickness)]
         keys = ("x", "y", "speed", "velocity_x", "velocity_y")
         numbers += [(f"{path}.{key}", getattr(ball, key)) for key in keys]
     findings.add_wrong_lengths(lengths)

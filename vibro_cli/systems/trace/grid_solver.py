@@ -41,7 +41,6 @@ from vibro_cli.systems.trace.ensemble import (
 )
 from vibro_cli.systems.trace.motion import Places
 from vibro_cli.systems.trace.system_template import (
-    Point,
     Reader,
     Setting,
     Starts,
@@ -250,8 +249,8 @@ class TraceSolver:
         while key not in self._settings and at < len(rows):
             # The first point that is valid shows the setting.
             point = self._reader.read(_taken(values, int(at)))
-            if point.scenario is not None and point.system is not None:
-                self._remember(key, Setting(point.scenario, point.system))
+            if isinstance(point, Setting):
+                self._remember(key, point)
             else:
                 self._solve_alone(rows[at], point, parts)
                 at += 1
@@ -279,11 +278,11 @@ class TraceSolver:
             sure[systems.points] = starts.sure
             if starts.sure.any():
                 self._solve_batch(key, starts, systems, rows[systems.points], parts)
-        found: dict[tuple[Any, ...], list[tuple[int, Point]]] = {}
+        found: dict[tuple[Any, ...], list[tuple[int, Setting]]] = {}
         for at in np.flatnonzero(~sure):
             one = _taken(values, int(at))
             point = self._reader.read(one)
-            if point.system is None:
+            if isinstance(point, str):
                 self._solve_alone(rows[at], point, parts)
             else:
                 # Systems of which nothing was known before are made one by one.
@@ -293,14 +292,11 @@ class TraceSolver:
             self._solve_read(own, points, parts)
 
     def _solve_read(
-        self, key: tuple[Any, ...], points: list[tuple[int, Point]], parts: _Parts
+        self, key: tuple[Any, ...], points: list[tuple[int, Setting]], parts: _Parts
     ) -> None:
         """Solve valid points of one system that were read alone."""
         if key not in self._settings:
-            _, first = points[0]
-            assert first.scenario is not None
-            assert first.system is not None
-            self._remember(key, Setting(first.scenario, first.system))
+            self._remember(key, points[0][1])
         setting = self._settings[key]
         starts = setting.starts_of([point for _, point in points])
         systems = Systems(np.arange(len(points)), setting.system, None)
@@ -378,12 +374,12 @@ class TraceSolver:
             )
         )
 
-    def _solve_alone(self, number: int, point: Point, parts: _Parts) -> None:
+    def _solve_alone(self, number: int, point: Setting | str, parts: _Parts) -> None:
         """Solve one point by itself, or take down why it cannot be solved."""
         row = np.array([number])
         table = summary(ball_count(self._grid), grown=self._wanted.lyapunov)
-        if point.system is None or point.scenario is None:
-            record = {"status": "invalid", "reason": point.reason}
+        if isinstance(point, str):
+            record = {"status": "invalid", "reason": point}
             parts.summaries.append((row, columns_of_records([record], table)))
             return
         stop = point.scenario.stop

@@ -336,13 +336,11 @@ def _at_wall(piece: Piece, radius: float, right: bool, outermost: bool) -> float
     """
     end = piece.angle_end if right else piece.angle_start
     place = wall_position(piece, radius, right)
-    if place is not None:
-        on_piece = place >= piece.angle_start if right else place <= piece.angle_end
-        touch: float = elementwise.choose(on_piece, place, end)
-        return touch
-    if outermost:
+    nowhere = elementwise.is_nan(place)
+    if outermost and elementwise.occurs(nowhere):
         raise ValueError(f"piece {piece.index + 1} is too short for a body to touch its wall")
-    return end
+    touch: float = elementwise.choose(nowhere, end, place)
+    return touch
 
 
 def _pair_data(system: TraceSystem, a: int, b: int, seam: int, number: int) -> PairData:
@@ -368,12 +366,11 @@ def _pair_track(piece: Piece, body_a: Body, body_b: Body) -> PairTrack:
         contact.sine = 2.0 * elementwise.square_root(product)
         contact.normal_a = contact.normal_b = contact.sine / total
         return contact
-    if not elementwise.holds(contact_angle(piece, body_a.radius, body_b.radius) < math.inf):
-        # Two bodies that never stand in this valley side by side: always in contact there.
-        contact.sine = 1.0
-        return contact
     rho_a, rho_b = piece.path_radius(body_a.radius), piece.path_radius(body_b.radius)
-    contact.sine = elementwise.square_root(product / (rho_a * rho_b))
+    # Two bodies that never stand in this valley side by side are always in contact there.
+    beside = contact_angle(piece, body_a.radius, body_b.radius) < math.inf
+    sine = elementwise.square_root(product / (rho_a * rho_b))
+    contact.sine = elementwise.choose(beside, sine, 1.0)
     contact.cosine = elementwise.square_root((1.0 - contact.sine) * (1.0 + contact.sine))
     contact.far_gap = math.pi - 2.0 * elementwise.arcsine(contact.sine)
     sine_beta = 2.0 * contact.sine * contact.cosine
