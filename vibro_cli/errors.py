@@ -6,8 +6,14 @@ class VibroError(Exception):
 
     Those there are can be imported from ``vibro_cli``; a wrong argument of a function is a
     ``ValueError`` or ``TypeError``, a file that cannot be read or written an ``OSError``.
+
+    What was asked for is wrong, and whoever asked can mend it: a command ends with exit code 2.
     """
 
 
-class NoLibrary(VibroError, RuntimeError):
+class Failure(VibroError, RuntimeError):
+    """What was asked for may be right, and yet it failed: a command ends with exit code 1."""
+
+
+class NoLibrary(Failure):
     """There is no library of kernels for this machine; the message says what to do."""

@@ -77,7 +77,7 @@ def _check_names(option: str, what: str, names: Sequence[str], known: Collection
 def _measure(wishes: BenchCommand, form: str) -> int:
     from vibro_cli.benchmark import methods, suite
     from vibro_cli.benchmark.measurement import PLANS, describe_machine
-    from vibro_cli.benchmark.scenes import BY_NAME, ReferenceOutdated
+    from vibro_cli.benchmark.scenes import BY_NAME
     from vibro_cli.storage.files import check_replaceable
 
     _check_names("--scene", "scene", wishes.scene, BY_NAME)
@@ -89,12 +89,9 @@ def _measure(wishes: BenchCommand, form: str) -> int:
     rows: list[Row] = []
     target = Path(wishes.output)
     check_replaceable(target, "benchmark")
-    try:
-        for found in suite.run(PLANS[form], tuple(wishes.scene)):
-            rows += found
-            _tell(found, wishes)
-    except ReferenceOutdated as error:
-        raise CommandError(f"vibro: {error}") from error
+    for found in suite.run(PLANS[form], tuple(wishes.scene)):
+        rows += found
+        _tell(found, wishes)
     _write(rows, details, target)
     if not wishes.quiet:
         say(f"vibro: wrote {target / 'benchmark.html'}")
@@ -224,7 +221,6 @@ class StressCommand:
         from vibro_cli.stress.scenes import Plan
         from vibro_cli.stress.suite import (
             NAMES,
-            MissingLibrary,
             check_stress_folder,
             line_of,
             record_of,
@@ -238,15 +234,12 @@ class StressCommand:
         findings = []
         if folder is not None:
             check_stress_folder(folder)
-        try:
-            for finding in run(plan, tuple(self.only)):
-                findings.append(finding)
-                if self.as_json:
-                    print(json_text(record_of(finding)), flush=True)
-                elif not self.quiet:
-                    print(line_of(finding), flush=True)
-        except MissingLibrary as error:
-            raise CommandError(f"vibro: {error}") from error
+        for finding in run(plan, tuple(self.only)):
+            findings.append(finding)
+            if self.as_json:
+                print(json_text(record_of(finding)), flush=True)
+            elif not self.quiet:
+                print(line_of(finding), flush=True)
         if folder is not None:
             write_folder(findings, plan, folder)
         missed = sum(not finding.met for finding in findings)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli import __version__
+from vibro_cli.errors import VibroError
 from vibro_cli.grids.solving import columns_of_records
 from vibro_cli.storage.files import (
     MANIFEST_NAME,
@@ -53,7 +54,7 @@ NAMES = tuple(HOMES)
 WORKERS = 2
 
 
-class MissingLibrary(Exception):
+class MissingLibrary(VibroError):
     """A library that only this suite needs is not installed."""
 
 

@@ -26,7 +26,7 @@ from vibro_cli.commands.shared.terminal import (
     say,
     silence,
 )
-from vibro_cli.errors import NoLibrary, VibroError
+from vibro_cli.errors import Failure, VibroError
 
 DONE, FAILED, MISUSED, NOT_STRICT = 0, 1, 2, 3
 HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143
@@ -86,7 +86,7 @@ def attempt(task: Task) -> int:
         say("vibro: out of memory", "error")
     except VibroError as error:
         say(f"vibro: {error}", "error")
-        return FAILED if isinstance(error, NoLibrary) else MISUSED
+        return FAILED if isinstance(error, Failure) else MISUSED
     except Exception as fault:
         say(*_report_fault(fault))
     return FAILED
