@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
-from vibro_cli.commands.shared.options import Quiet
+from vibro_cli.commands.shared.options import Quiet, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
@@ -25,24 +25,13 @@ class BenchCommand:
 
     quick: Annotated[bool, typer.Option("--quick", help="One scene, few repeats: a trial.")] = False
     full: Annotated[bool, typer.Option("--full", help="More repeats, up to 1e6 scenarios.")] = False
-    scene: Annotated[
-        list[str],
-        typer.Option(
-            "--scene",
-            default_factory=list,
-            show_default=False,
-            metavar="NAME",
-            help="Only this scene; repeatable.",
-        ),
-    ]
+    scene: Annotated[list[str], repeatable(metavar="NAME", help="Only this scene; repeatable.")]
     output: Annotated[
-        str,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder of table, figures and page."),
+        str, output_option(metavar="DIR", help="Folder of table, figures and page.")
     ] = "outputs/benchmark"
     references: Annotated[
         str | None,
         typer.Option(
-            "--references",
             metavar="DIR",
             help="Compute the references anew to 40 digits, write them to this folder, say what "
             "differs from those in use, and measure nothing.",
@@ -182,21 +171,11 @@ class StressCommand:
     full: Annotated[
         bool, typer.Option("--full", help="The long form: under half an hour, not a minute.")
     ] = False
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random cases.")] = 1
-    only: Annotated[
-        list[str],
-        typer.Option(
-            "--only",
-            default_factory=list,
-            show_default=False,
-            metavar="NAME",
-            help="Only this check; repeatable.",
-        ),
-    ]
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random cases.")] = 1
+    only: Annotated[list[str], repeatable(metavar="NAME", help="Only this check; repeatable.")]
     cases: Annotated[
         int | None,
         typer.Option(
-            "--cases",
             metavar="N",
             min=1,
             help="How many scenes the checks drawn and digits draw [default: as many as each has].",
@@ -207,9 +186,7 @@ class StressCommand:
     ] = False
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output",
-            "-o",
+        output_option(
             metavar="DIR",
             help="Write the table and the scenarios of the worst cases to this folder.",
         ),
@@ -219,13 +196,7 @@ class StressCommand:
     def __call__(self) -> int:
         """Run the suite and tell what was found."""
         from vibro_cli.stress.scenes import Plan
-        from vibro_cli.stress.suite import (
-            NAMES,
-            check_stress_folder,
-            line_of,
-            record_of,
-            run,
-        )
+        from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run
         from vibro_cli.stress.suite import write as write_folder
 
         _check_names("--only", "check", self.only, NAMES)

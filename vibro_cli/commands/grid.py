@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError
-from vibro_cli.commands.shared.options import Engine, Overrides, Strict, scenario_files
+from vibro_cli.commands.shared.options import (
+    Engine,
+    Overrides,
+    Strict,
+    output_option,
+    scenario_files,
+)
 from vibro_cli.commands.shared.terminal import (
     EARLY_ENDS,
     INADMISSIBLE_HINT,
@@ -46,32 +52,25 @@ class GridCommand:
     ]
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder of the dataset [default: outputs/<name>]."
-        ),
+        output_option(metavar="DIR", help="Folder of the dataset [default: outputs/<name>]."),
     ] = None
     overrides: Overrides
     dry_run: Annotated[
         bool,
         typer.Option(
-            "--dry-run",
-            help="Only estimate points, chunks, bytes and time, from a timed sample.",
+            "--dry-run", help="Only estimate points, chunks, bytes and time, from a timed sample."
         ),
     ] = False
     workers: Annotated[
         int,
         typer.Option(
-            "--workers",
-            min=0,
-            help="Threads that solve; 0 for one on each processor.",
-            envvar="VIBRO_WORKERS",
+            min=0, help="Threads that solve; 0 for one on each processor.", envvar="VIBRO_WORKERS"
         ),
     ] = 0
     engine: Engine = "compiled"
     max_failures: Annotated[
         int | None,
         typer.Option(
-            "--max-failures",
             min=0,
             metavar="N",
             help="Stop once more than N points are invalid or failed; else go on.",
@@ -90,7 +89,6 @@ class GridCommand:
     shard: Annotated[
         str | None,
         typer.Option(
-            "--shard",
             metavar="I/N",
             help="Solve the I-th of N parts only, into a folder of its own within DIR.",
         ),
@@ -101,7 +99,6 @@ class GridCommand:
     dask: Annotated[
         str | None,
         typer.Option(
-            "--dask",
             metavar="ADDRESS",
             help="Solve on the workers of this Dask scheduler, tls://… or tcp://localhost…; they "
             "must share DIR.",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
-from vibro_cli.commands.shared.options import Overrides, Quiet
+from vibro_cli.commands.shared.options import Overrides, Quiet, output_option
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
@@ -259,9 +259,7 @@ class PortraitCommand:
     ] = None
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder [default: outputs/<name>-portrait]."
-        ),
+        output_option(metavar="DIR", help="Folder [default: outputs/<name>-portrait]."),
     ] = None
     width: Annotated[
         Literal["single", "double"], typer.Option(help="One column (85 mm) or two (170 mm).")

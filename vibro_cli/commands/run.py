@@ -33,6 +33,7 @@ from vibro_cli.commands.shared.options import (
     Overrides,
     Strict,
     TableFormat,
+    output_option,
     scenario_argument,
 )
 from vibro_cli.commands.shared.terminal import RunProgress, json_text, say
@@ -55,9 +56,7 @@ class RunCommand:
     scenarios: Annotated[list[str], scenario_argument(default_factory=list)]
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output",
-            "-o",
+        output_option(
             metavar="DIR",
             help="Folder of the results [default: outputs/<name>]; of several scenarios "
             "DIR/<name>; - streams the collision table instead.",
@@ -77,7 +76,6 @@ class RunCommand:
     figures: Annotated[
         str | None,
         typer.Option(
-            "--figures",
             metavar="all|NAME,…",
             envvar="VIBRO_FIGURES",
             help="Draw these kinds of figures, or all there are; vibro help figures names them. "

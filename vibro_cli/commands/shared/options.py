@@ -125,26 +125,19 @@ scenario_argument = partial(
 )
 
 
-def set_option(words: str) -> Any:
-    """Return the option ``--set`` with its help."""
-    return typer.Option(
-        "--set",
-        default_factory=list,
-        metavar="PATH=VALUE",
-        help=words,
-        show_default=False,
-        autocompletion=scenario_keys,
-    )
-
+output_option = partial(typer.Option, "--output", "-o")
+repeatable = partial(typer.Option, default_factory=list, show_default=False)
+set_option = partial(repeatable, "--set", metavar="PATH=VALUE", autocompletion=scenario_keys)
 
 Overrides = Annotated[
     list[str],
-    set_option("Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable."),
+    set_option(
+        help="Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable."
+    ),
 ]
 Engine = Annotated[
     Literal["compiled", "python"],
     typer.Option(
-        "--engine",
         envvar="VIBRO_ENGINE",
         help="Kernels: compiled, or interpreted by Python; the results are the same to the bit.",
     ),
@@ -200,7 +193,6 @@ def choose_log_format(form: str) -> str:
 LogFormat = Annotated[
     Literal["text", "json"],
     typer.Option(
-        "--log-format",
         envvar="VIBRO_LOG_FORMAT",
         help="Words and errors on standard error as text, or as a JSON object on each line.",
         callback=choose_log_format,
