@@ -284,3 +284,29 @@ def _cleaned(value: Any) -> Any:
     if isinstance(options, list) and len(options) == 1:
         return {**cleaned.pop("anyOf")[0], **cleaned}
     return cleaned
+
+
+def keys_of(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], bool]]:
+    """Yield the key paths of a JSON Schema with their nodes, and whether they are required.
+
+    `[i]` stands for any entry of a list, which has a path of its own.
+    """
+    yield from _below(schema, "", schema["$defs"])
+
+
+def _below(
+    node: dict[str, Any], path: str, definitions: dict[str, Any]
+) -> Iterator[tuple[str, dict[str, Any], bool]]:
+    if "$ref" in node:
+        node = definitions[node["$ref"].rpartition("/")[2]]
+    children = [
+        (f"{path}.{key}" if path else key, child, key in node.get("required", ()))
+        for key, child in node.get("properties", {}).items()
+    ]
+    if isinstance(node.get("items"), dict):
+        children.append((f"{path}[i]", node["items"], False))
+    for below, child, needed in children:
+        yield below, child, needed
+        yield from _below(child, below, definitions)
+    for branch in (*node.get("anyOf", ()), *node.get("oneOf", ())):
+        yield from _below(branch, path, definitions)
