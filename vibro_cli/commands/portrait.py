@@ -3,7 +3,7 @@
 One portrait, or a family: one number varied, or a few values of anything compared.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -17,34 +17,10 @@ from vibro_cli.commands.shared.terminal import print_found, say
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vibro_cli.analysis.singular import Portrait
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.systems.contract import System
 
 MOST_COMPARED = 6
-
-
-@dataclass(frozen=True)
-class Source:
-    """The scenario of a family, to be read once more for each member."""
-
-    wishes: "PortraitCommand"
-    kind: "System"
-
-    def system(self, path: str, value: Any) -> Any:
-        """The system with one more override; raises `ScenarioError` where it is not possible."""
-        from vibro_cli.assemble import build_any
-        from vibro_cli.scenario.loading import load_any
-
-        overrides = [*self.wishes.overrides, f"{path}={value}"]
-        return build_any(load_any(self.wishes.scenario, overrides))
-
-    def portrait(self, path: str, value: Any) -> "Portrait":
-        """The portrait of a body on its trace; else as `system`."""
-        from vibro_cli.analysis.levels import Landscape
-        from vibro_cli.analysis.singular import portrait_of
-
-        return portrait_of(Landscape.of(self.system(path, value), ball_of(path)))
 
 
 def ball_of(path: str) -> int:
@@ -90,60 +66,28 @@ Figures = dict[str, "Figure"]
 """By the stems of their files."""
 
 
-def varied(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
+def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[str, Any], Figures]:
     """The types of a family, where they change, and the figure of its portraits."""
-    record, shown = _varied(source, vary, source.portrait, lambda one: one.type)
-    if not source.wishes.figures or not shown:
-        return record, {}
-    from vibro_cli.figures.portraits.trace_phase_plane import family
-
-    return record, {"family": family(_titled(record["path"], shown), source.wishes.width)}
-
-
-def varied_systems(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
-    """The same of a system that tells the type of a body's portrait (C, part 3: l ≶ b)."""
-    ball, kind = ball_of(vary), source.kind
-    record, shown = _varied(
-        source, vary, source.system, lambda one: str(kind.family_type(one, ball))
-    )
-    if not source.wishes.figures or not shown:
-        return record, {}
-    titled = _titled(record["path"], shown)
-    return record, {"family": kind.family_figure(titled, ball, source.wishes.width)}
-
-
-def _titled(path: str, shown: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
-    """Members with the number at a path in words as their titles."""
+    from vibro_cli.analysis.singular import IMPOSSIBLE, changes
     from vibro_cli.figures.maps import words_of
 
-    return [(f"{words_of(path)} = {value}", one) for value, one in shown]
-
-
-def _varied(
-    source: Source,
-    vary: str,
-    member: "Callable[[str, Any], Any]",
-    type_of_member: "Callable[[Any], str]",
-) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
-    """The types of a family and where they change; values and members that are possible."""
-    from vibro_cli.analysis.singular import IMPOSSIBLE, changes
-
     path, *ends, number = parsed_range(vary)
-    (first, last), unit = _numbers(path, ends, source.kind.model)
+    ball = ball_of(path)
+    (first, last), unit = _numbers(path, ends, kind.model)
     values = [first + (last - first) * step / (number - 1) for step in range(number)]
-    found = {value: _member(path, value, member) for value in values}
+    found = {value: _member(wishes, path, value) for value in values}
     reasons = {value: one for value, one in found.items() if isinstance(one, str)}
     members = {value: one for value, one in found.items() if value not in reasons}
     if not members:
         raise CommandError(f"vibro: --vary: no member is possible: {reasons[values[0]]}")
 
     def type_of(value: float) -> str:
-        one = found[value] if value in found else _member(path, value, member)
-        return IMPOSSIBLE if isinstance(one, str) else type_of_member(one)
+        one = found[value] if value in found else _member(wishes, path, value)
+        return IMPOSSIBLE if isinstance(one, str) else kind.family_type(one, ball)
 
     record = {
         "path": path,
-        "ball": ball_of(path),
+        "ball": ball,
         "members": [
             {"value": value, "type": type_of(value)}
             | ({"reason": reasons[value]} if value in reasons else {})
@@ -151,8 +95,12 @@ def _varied(
         ],
         "changes": [vars(change) for change in changes(type_of, sorted(values))],
     }
-    shown = [(f"{value:.6g} {unit}".rstrip(), one) for value, one in members.items()]
-    return record, shown
+    if not wishes.figures:
+        return record, {}
+    titled = [
+        (f"{words_of(path)} = {value:.6g} {unit}".rstrip(), one) for value, one in members.items()
+    ]
+    return record, {"family": kind.family_figure(titled, ball, wishes.width)}
 
 
 def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], str]:
@@ -177,40 +125,51 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
         raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error
 
 
-def _member(path: str, value: float, member: "Callable[[str, Any], Any]") -> Any:
-    """The member at a value, or in words why it is not possible."""
+def _with(wishes: "PortraitCommand", path: str, value: str) -> Any:
+    """The system with one more override; raises `ScenarioError` where it is not possible."""
+    from vibro_cli.assemble import build_any
+    from vibro_cli.scenario.loading import load_any
+
+    return build_any(load_any(wishes.scenario, [*wishes.overrides, f"{path}={value}"]))
+
+
+def _member(wishes: "PortraitCommand", path: str, value: float) -> Any:
+    """The system at a value of a family, or in words why it is not possible."""
     from vibro_cli.scenario.problems import ScenarioError
 
     try:
-        return member(path, repr(value))
+        return _with(wishes, path, repr(value))
     except ScenarioError as error:
         first = error.problems[0]
         return f"{first.path}: found {first.found}, expected {first.expected}"
 
 
-def compared(source: Source, compare: str) -> tuple[dict[str, Any], Figures]:
+def compared(wishes: "PortraitCommand", compare: str) -> tuple[dict[str, Any], Figures]:
     """The singular points of a few members, and one figure of them all."""
-    from vibro_cli.analysis.singular import as_record
+    from vibro_cli.analysis.levels import Landscape
+    from vibro_cli.analysis.singular import as_record, portrait_of
     from vibro_cli.scenario.problems import ScenarioError
 
     path, values = parsed_values(compare)
+    ball = ball_of(path)
     try:
-        members = {value: source.portrait(path, value) for value in values}
+        systems = {value: _with(wishes, path, value) for value in values}
     except ScenarioError as error:
         raise CommandError(f"vibro: --compare: {error}") from error
+    members = {value: portrait_of(Landscape.of(one, ball)) for value, one in systems.items()}
     traces = [one.landscape.trace for one in members.values()]
     if any(trace != traces[0] for trace in traces):
         raise CommandError(f"vibro: --compare: {path} changes the trace; expected one")
     record = {
         "path": path,
-        "ball": ball_of(path),
+        "ball": ball,
         "members": [{"value": value, **as_record(one)} for value, one in members.items()],
     }
-    if not source.wishes.figures:
+    if not wishes.figures:
         return record, {}
     from vibro_cli.figures.portraits.portrait import comparison
 
-    return record, {"comparison": comparison(list(members.items()), source.wishes.width)}
+    return record, {"comparison": comparison(list(members.items()), wishes.width)}
 
 
 def family_lines(family: dict[str, Any]) -> Iterator[str]:
@@ -300,7 +259,7 @@ class PortraitCommand:
             write_results("portrait", folder, drawn, scenario, found)
         if self.as_json or not self.quiet:
             print_found(found, _lines(scenario, found), self.as_json)
-        if folder is not None and not self.quiet:
+        if folder is not None:
             say(f"{scenario.name}: files in {folder}")
         return DONE
 
@@ -314,9 +273,9 @@ def _analysed(
     from vibro_cli.systems.contract import NoPortrait
 
     kind = system_named(scenario.system)
-    if wishes.compare and not kind.has_families:
+    if wishes.compare and not kind.has_comparisons:
         raise CommandError(f"vibro: {scenario.name}: --compare is of traces")
-    if wishes.vary and not kind.has_families and kind.family_type(system, 1) is None:
+    if wishes.vary and not kind.has_families:
         raise CommandError(f"vibro: {scenario.name}: --vary is of traces and springs")
     try:
         table, figures = kind.portrait(system, wishes.width, wishes.figures)
@@ -324,13 +283,11 @@ def _analysed(
         raise CommandError(f"vibro: {scenario.name}: {error}") from error
     found: dict[str, Any] = {"name": scenario.name, **table}
     drawn = dict(figures)
-    source = Source(wishes, kind)
     if wishes.vary is not None:
-        of_kind = varied if kind.has_families else varied_systems
-        found["family"], more = of_kind(source, wishes.vary)
+        found["family"], more = varied(wishes, wishes.vary, kind)
         drawn |= more
     if wishes.compare is not None:
-        found["comparison"], more = compared(source, wishes.compare)
+        found["comparison"], more = compared(wishes, wishes.compare)
         drawn |= more
     return found, pictures(drawn)
 

@@ -292,12 +292,14 @@ class System(ABC):
 
     has_orbits: ClassVar[bool] = False
     """Whether periodic orbits are looked for, and numbers fitted, with its tangent maps."""
+    has_comparisons: ClassVar[bool] = False
+    """Whether portraits of a few bodies can be drawn over one another, on one trace."""
     has_families: ClassVar[bool] = False
     """Whether portraits can be drawn over a range of a parameter."""
 
-    def family_type(self, system: Any, ball: int) -> str | None:
-        """Return the type of a body's portrait (from 1); None where there are no families."""
-        return None
+    def family_type(self, system: Any, ball: int) -> str:
+        """Return the type of a body's portrait (from 1)."""
+        raise NotImplementedError
 
     def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
         """Return the portraits of a body in some systems, each under its title."""

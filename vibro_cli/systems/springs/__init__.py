@@ -31,6 +31,7 @@ class BodiesOnSprings(System):
     papers = ("A", "B", "C")
     exponents = 2
     default_figures = ("portrait", "motion", "energy")
+    has_families = True
 
     @property
     def model(self) -> type[AnyScenario]:

@@ -35,6 +35,7 @@ class Trace(System):
     name = "trace"
     papers = ("A", "B", "D")
     default_figures = ("portrait",)
+    has_comparisons = True
     has_families = True
     has_orbits = True
     exponents = 2
@@ -168,6 +169,20 @@ class Trace(System):
         from vibro_cli.systems.trace.describe import understood_lines
 
         return understood_lines(found)
+
+    def family_type(self, system: Any, ball: int) -> str:
+        from vibro_cli.analysis.levels import Landscape
+        from vibro_cli.analysis.singular import portrait_of
+
+        return portrait_of(Landscape.of(system, ball)).type
+
+    def family_figure(self, members: Sequence[tuple[str, Any]], ball: int, width: str) -> Figure:
+        from vibro_cli.analysis.levels import Landscape
+        from vibro_cli.analysis.singular import portrait_of
+        from vibro_cli.figures.portraits.trace_phase_plane import family
+
+        portraits = [(title, portrait_of(Landscape.of(one, ball))) for title, one in members]
+        return family(portraits, width)
 
     def portrait(
         self, system: Any, width: str, drawn: bool
