@@ -5,7 +5,6 @@ Run time against error is drawn; the stability suite tells every mark and what w
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -72,7 +71,7 @@ def _measure(wishes: BenchCommand, form: str) -> int:
     _check_names("--scene", "scene", wishes.scene, BY_NAME)
     details = {"machine": describe_machine(), "plan": form}
     missing = sorted(set(methods.PEERS) - set(methods.installed_peers()))
-    if missing and not wishes.quiet:
+    if missing:
         names = ", ".join(missing)
         say(f"vibro: not measured because not installed: {names} (pip install 'vibro-cli[peers]')")
     rows: list[Row] = []
@@ -82,8 +81,7 @@ def _measure(wishes: BenchCommand, form: str) -> int:
         rows += found
         _tell(found, wishes)
     _write(rows, details, target)
-    if not wishes.quiet:
-        say(f"vibro: wrote {target / 'benchmark.html'}")
+    say(f"vibro: wrote {target / 'benchmark.html'}")
     return DONE
 
 
@@ -105,6 +103,7 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli.figures.work_precision import growth, work_precision
     from vibro_cli.interface import pictures
     from vibro_cli.report.benchmark_page import benchmark_html
+    from vibro_cli.storage.files import write_folder
 
     figures = {"work_precision": work_precision(rows)}
     if any(row.part == "bodies" for row in rows):
@@ -114,25 +113,7 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
         "benchmark.html": benchmark_html(rows, details, __version__),
         **pictures(figures),
     }
-    _write_folder("benchmark", files, details, target)
-
-
-def _write_folder(
-    kind: str, files: dict[str, bytes], details: dict[str, Any], target: Path
-) -> None:
-    """Write a folder of results with its manifest, whole or not at all."""
-    from vibro_cli.storage.files import (
-        MANIFEST_NAME,
-        check_replaceable,
-        json_bytes,
-        manifest,
-        new_folder,
-    )
-
-    with new_folder(target, partial(check_replaceable, kind=kind)) as folder:
-        for name, content in files.items():
-            folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest(kind, files, details)))
+    write_folder("benchmark", target, files, details)
 
 
 def _renew(target: Path, names: Sequence[str]) -> int:
@@ -144,7 +125,7 @@ def _renew(target: Path, names: Sequence[str]) -> int:
         reference_difference,
         reference_file,
     )
-    from vibro_cli.storage.files import check_replaceable, json_bytes
+    from vibro_cli.storage.files import check_replaceable, json_bytes, write_folder
 
     _check_names("--scene", "scene", names, BY_NAME)
     files = {}
@@ -160,7 +141,7 @@ def _renew(target: Path, names: Sequence[str]) -> int:
         raise CommandError(
             "vibro: mpmath is missing; install it with: pip install 'vibro-cli[stress]'"
         ) from error
-    _write_folder("references", files, {}, target)
+    write_folder("references", target, files, {})
     return DONE
 
 
@@ -195,8 +176,9 @@ class StressCommand:
 
     def __call__(self) -> int:
         """Run the suite and tell what was found."""
+        from vibro_cli.storage.files import check_replaceable
         from vibro_cli.stress.scenes import Plan
-        from vibro_cli.stress.suite import NAMES, check_stress_folder, line_of, record_of, run
+        from vibro_cli.stress.suite import NAMES, line_of, record_of, run
         from vibro_cli.stress.suite import write as write_folder
 
         _check_names("--only", "check", self.only, NAMES)
@@ -204,7 +186,7 @@ class StressCommand:
         plan = Plan(self.seed, self.full, self.cases)
         findings = []
         if folder is not None:
-            check_stress_folder(folder)
+            check_replaceable(folder, "stress")
         for finding in run(plan, tuple(self.only)):
             findings.append(finding)
             if self.as_json:
@@ -214,6 +196,6 @@ class StressCommand:
         if folder is not None:
             write_folder(findings, plan, folder)
         missed = sum(not finding.met for finding in findings)
-        if missed and not self.quiet:
+        if missed:
             say(f"vibro: {missed} of {len(findings)} marks missed")
         return FAILED if missed else DONE

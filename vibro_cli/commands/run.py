@@ -317,9 +317,6 @@ def followed(wishes: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
         progress.end()
 
 
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-
-
 class Interruption:
     """The first signal that asks a run to end: it ends after its last event, with its tables."""
 
@@ -348,11 +345,10 @@ def _exception(number: int) -> BaseException:
 @contextlib.contextmanager
 def _heard(interruption: Interruption) -> Iterator[None]:
     """Have signals noted, but for those that whoever started us wants ignored (nohup)."""
-    before: dict[int, Any] = {}
+    before: dict[signal.Signals, Any] = {}
     try:
-        for name in _SIGNALS:
-            number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) != signal.SIG_IGN:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) != signal.SIG_IGN:
                 before[number] = signal.signal(number, interruption.note)
         yield
     finally:

@@ -96,8 +96,9 @@ def perform(task: Task, log_format: str = "text") -> int:
     """Run the task of a whole command line and return its exit code, whatever happens in it."""
     choose_words(as_json=log_format == "json", least="info")
     prepare_streams()
-    for name in ("SIGTERM", "SIGHUP"):
-        _watch(getattr(signal, name, None))
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:  # whoever started us may want that (nohup)
+            signal.signal(number, _terminate)
     warnings.showwarning = _say_warning
     try:
         return attempt(lambda: _flushed(task()))
@@ -149,12 +150,6 @@ def _flushed(code: int) -> int:
         if code != FAILED:
             raise
     return code
-
-
-def _watch(number: signal.Signals | None) -> None:
-    """Unwind at a signal, unless whoever started us wants it ignored (nohup)."""
-    if number is not None and signal.getsignal(number) != signal.SIG_IGN:
-        signal.signal(number, _terminate)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
