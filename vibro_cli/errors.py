@@ -1,4 +1,6 @@
-"""What every error of the package that a caller may meet has in common."""
+"""What every error of the package that a caller may meet has in common, and what it may suggest."""
+
+from collections.abc import Iterable
 
 
 class VibroError(Exception):
@@ -17,3 +19,10 @@ class Failure(VibroError, RuntimeError):
 
 class NoLibrary(Failure):
     """There is no library of kernels for this machine; the message says what to do."""
+
+
+def similar(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that a mistyped one is most like, or None."""
+    from difflib import get_close_matches
+
+    return next(iter(get_close_matches(word[:100], list(known), n=1)), None)

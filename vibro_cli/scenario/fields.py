@@ -17,9 +17,10 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from vibro_cli.errors import similar
 from vibro_cli.scenario.base import AnyScenario, model_named
 from vibro_cli.scenario.models import AXIS, KIND, MASS, MOTION, SAMPLES, START, Scenario
-from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, similar, suggestion
+from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, suggestion
 from vibro_cli.scenario.quantities import Quantity
 
 Model = type[BaseModel]

@@ -6,7 +6,6 @@ suggestion.
 """
 
 import contextlib
-import difflib
 import errno
 import re
 import signal
@@ -26,7 +25,7 @@ from vibro_cli.commands.shared.terminal import (
     say,
     silence,
 )
-from vibro_cli.errors import Failure, VibroError
+from vibro_cli.errors import Failure, VibroError, similar
 
 DONE, FAILED, MISUSED, NOT_STRICT = 0, 1, 2, 3
 HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143
@@ -176,14 +175,9 @@ def _report_fault(fault: Exception) -> tuple[str, str]:
     return f"vibro: fault of the program, please report it: {text} (traceback: {path})", "error"
 
 
-def closest(word: str, known: Iterable[str]) -> str | None:
-    """The known word that is most like a mistyped one, None without one that is."""
-    return next(iter(difflib.get_close_matches(word[:100], list(known), n=1)), None)
-
-
 def suggestion(word: str, known: Iterable[str]) -> str:
     """` (did you mean 'x'?)` for the known word that is most like it, or an empty text."""
-    close = closest(word, known)
+    close = similar(word, known)
     return "" if close is None else f" (did you mean {close!r}?)"
 
 
