@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-from pydantic import BaseModel
 from pydantic_core import PydanticCustomError
 
 from vibro_cli.scenario import fields
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.fields import unknown_key
+from vibro_cli.scenario.fields import Model, unknown_key
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
     Fault,
@@ -30,8 +29,6 @@ from vibro_cli.scenario.problems import (
 
 # What a grid's tables do not depend on.
 _WITHOUT_EFFECT = ("name", "output")
-
-Model = type[BaseModel]
 
 
 class NotAnAxis(Exception):

@@ -12,8 +12,8 @@ import numpy as np
 
 from vibro_cli.grids.axes import GENERATORS, MODES, SAMPLED, Axis, Design, Wrong, read_axis
 from vibro_cli.scenario import loading
-from vibro_cli.scenario.base import AnyScenario, model_of, system_of
-from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, exactly_one, identifier, json_schema
+from vibro_cli.scenario.base import AnyScenario, exactly_one, model_of, system_of
+from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, identifier, json_schema
 from vibro_cli.scenario.loading import Document, OverrideError, apply, load_document, located
 from vibro_cli.scenario.problems import (
     Fault,

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from vibro_cli.api import simulate
-from vibro_cli.grids.axes import Array, Model, kind_of, type_of, unit_of
+from vibro_cli.grids.axes import Array, kind_of, type_of, unit_of
 from vibro_cli.grids.document import Grid, document_at, reason_of
 from vibro_cli.scenario import fields
 from vibro_cli.scenario.loading import any_scenario_of
@@ -29,7 +29,7 @@ SUMMARY = "grid-summary"
 _NUMBER = Column("scenario", "int64", "", "number of the scenario in the grid, from 1")
 
 
-def axis_column(path: KeyPath, root: Model) -> Column:
+def axis_column(path: KeyPath, root: fields.Model) -> Column:
     """Return the column of an axis' values, of scenarios with the model `root`."""
     kind = kind_of(path, root)
     text = fields.description(path, root) or "value of this key of the scenario"

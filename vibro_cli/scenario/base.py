@@ -32,6 +32,25 @@ def as_tuple(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
+Rules = tuple[dict[str, Any], ...]
+
+
+def exactly_one(*keys: str) -> dict[str, Any]:
+    """Return the rule that a table has one of these keys, and no other of them."""
+    return {"oneOf": [{"required": [key]} for key in keys]}
+
+
+def at_most_one(*keys: str) -> dict[str, Any]:
+    """Return the rule that a table has no two of these keys."""
+    pairs = [[a, b] for i, a in enumerate(keys) for b in keys[i + 1 :]]
+    return {"not": {"anyOf": [{"required": pair} for pair in pairs]}}
+
+
+def at_least_one(*keys: str) -> dict[str, Any]:
+    """Return the rule that a table has some of these keys."""
+    return {"anyOf": [{"required": [key]} for key in keys]}
+
+
 class Table(BaseModel):
     """A table of the scenario file: unknown keys are errors, and nothing changes afterwards.
 
@@ -46,6 +65,9 @@ class Table(BaseModel):
         allow_inf_nan=False,
         defer_build=True,
     )
+
+    rules: ClassVar[Rules] = ()
+    """The rules between its keys, as far as JSON Schema can say them."""
 
 
 class AnyScenario(Table):
@@ -247,8 +269,20 @@ def _as_times(value: object) -> object:
     raise kinds.fault(shown(value), "a list of times")
 
 
+# Keys of one table of which at most one may be given.
+MASS = ("density", "mass")
+KIND = ("body", "inertia_ratio")
+SAMPLES = ("step", "times")
+
+
 class BodyTable(Table):
     """What a body is: its kind, its radius and its mass."""
+
+    rules: ClassVar[Rules] = (
+        exactly_one(*MASS),
+        at_most_one(*KIND),
+        at_most_one("inertia_ratio", "density"),
+    )
 
     body: Annotated[
         BodyKind | None, kinds.Word(("ball", "disk", "hollow_ball", "hoop", "particle"))
@@ -269,6 +303,8 @@ class BodyTable(Table):
 
 class Sampling(Table):
     """Sampled motion, if wanted."""
+
+    rules = (at_most_one(*SAMPLES),)
 
     step: Annotated[float | None, kinds.TIME] = None
     """Time step of the sampled motion in s."""

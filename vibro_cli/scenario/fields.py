@@ -14,20 +14,20 @@ from functools import cache, lru_cache
 from itertools import pairwise
 from typing import Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from vibro_cli.errors import similar
-from vibro_cli.scenario.base import AnyScenario, model_named
-from vibro_cli.scenario.models import AXIS, KIND, MASS, MOTION, SAMPLES, START, Scenario
+from vibro_cli.scenario.base import AnyScenario, Table, model_named
+from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, suggestion
 from vibro_cli.scenario.quantities import Quantity
 
-Model = type[BaseModel]
+Model = type[Table]
 
 
 def _models_in(annotation: Any) -> Iterator[Model]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if isinstance(annotation, type) and issubclass(annotation, Table):
         yield annotation
     for part in get_args(annotation):
         yield from _models_in(part)
@@ -58,7 +58,8 @@ def unit_at(path: KeyPath, root: Model = Scenario) -> str:
 @cache
 def descriptions(model: Model) -> Mapping[str, str]:
     """Return what the text below each field of a model says."""
-    found = dict(descriptions(model.__base__)) if model.__base__ is not BaseModel else {}
+    base = model.__base__
+    found = dict(descriptions(base)) if base is not None and issubclass(base, Table) else {}
     (declared,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
     assert isinstance(declared, ast.ClassDef)
     for field, below in pairwise(declared.body):
@@ -120,7 +121,7 @@ _EXPECTED = {
 }
 
 
-def faults(error: ValidationError, root: type[BaseModel]) -> list[Fault]:
+def faults(error: ValidationError, root: Model) -> list[Fault]:
     """Return the faults of a scenario, each once; a mistyped key is not missing as well."""
     details = error.errors(include_url=False)
     found = dict.fromkeys(_fault(item, root) for item in details)
@@ -131,7 +132,7 @@ def faults(error: ValidationError, root: type[BaseModel]) -> list[Fault]:
     return [fault for fault in found if fault.found != "nothing" or fault.loc not in mistyped]
 
 
-def _fault(details: ErrorDetails, root: type[BaseModel]) -> Fault:
+def _fault(details: ErrorDetails, root: Model) -> Fault:
     context: Mapping[str, Any] = details.get("ctx", {})
     kind, value, given = details["type"], details["input"], details["loc"]
     # tags of unions, such as "<wall>", are no part of the path; an unknown key may look like one
@@ -149,13 +150,13 @@ def _fault(details: ErrorDetails, root: type[BaseModel]) -> Fault:
     )
 
 
-def _needed(loc: KeyPath, root: type[BaseModel]) -> str:
+def _needed(loc: KeyPath, root: Model) -> str:
     words = description(loc, root)
     key = f'the key "{loc[-1]}"'
     return f"{key}: {words[:1].lower()}{words[1:]}" if words else key
 
 
-def unknown_key(loc: KeyPath, root: type[BaseModel] = Scenario) -> Fault:
+def unknown_key(loc: KeyPath, root: Model = Scenario) -> Fault:
     """Return the fault of a key that no table has, with a suggestion."""
     table, key = loc[:-1], str(loc[-1])
     known = known_keys(table, root)
@@ -193,59 +194,12 @@ def identifier(name: str) -> str:
     return f"urn:vibro:schema:{name}"
 
 
-def exactly_one(*keys: str) -> dict[str, Any]:
-    """Return the rule that a table has one of these keys, and no other of them."""
-    return {"oneOf": [{"required": [key]} for key in keys]}
-
-
-def _at_most_one(*keys: str) -> dict[str, Any]:
-    pairs = [[a, b] for i, a in enumerate(keys) for b in keys[i + 1 :]]
-    return {"not": {"anyOf": [{"required": pair} for pair in pairs]}}
-
-
-def _shape(words: list[str], needed: list[str], unfit: list[str]) -> dict[str, Any]:
-    then = {"required": needed, "not": {"anyOf": [{"required": [key]} for key in unfit]}}
-    return {"if": {"properties": {"shape": {"enum": words}}}, "then": then}
-
-
-_BODY = [
-    exactly_one(*MASS),
-    _at_most_one(*KIND),
-    _at_most_one("inertia_ratio", "density"),
-]
-_RULES: dict[str, list[dict[str, Any]]] = {
-    "Arc": [
-        _shape(["line"], ["length"], ["radius", "end_slope"]),
-        _shape(["valley", "hump"], ["radius", "end_slope"], ["length"]),
-    ],
-    "Ball": [
-        *_BODY,
-        exactly_one(*START),
-        _at_most_one(*MOTION),
-    ],
-    "Turning": [exactly_one(*AXIS)],
-    "Stop": [{"anyOf": [{"required": ["time"]}, {"required": ["collisions"]}]}],
-    "Output": [_at_most_one(*SAMPLES)],
-    "Sampling": [_at_most_one(*SAMPLES)],
-    "TableBall": _BODY,
-    "TableStop": [
-        {"anyOf": [{"required": [key]} for key in ("time", "collisions", "bounces")]},
-    ],
-    "SpringBall": [
-        *_BODY,
-        exactly_one("position", "touching"),
-        _at_most_one("speed", "omega"),
-    ],
-}
-"""The rules between the keys of one table, as far as JSON Schema can say them."""
-
-
 def json_schema(system: str = "trace") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a system's scenarios as plain data."""
     schema: dict[str, Any] = _cleaned(_described(model_named(system)))
-    for table, rules in _RULES.items():
-        if table in schema["$defs"]:
-            schema["$defs"][table]["allOf"] = rules
+    for _, model in tables(model_named(system), ""):
+        if model.rules:
+            schema["$defs"][model.__name__]["allOf"] = list(model.rules)
     for table, key in (("", "name"), ("", "collision"), ("Collision", "k")):
         part = schema["$defs"].get(table) if table else schema
         if part is not None:

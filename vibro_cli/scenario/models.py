@@ -16,7 +16,19 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
+from vibro_cli.scenario.base import (
+    KIND,
+    MASS,
+    SAMPLES,
+    AnyScenario,
+    BodyTable,
+    Sampling,
+    Table,
+    as_tuple,
+    at_least_one,
+    at_most_one,
+    exactly_one,
+)
 from vibro_cli.scenario.problems import Fault, listing, shown
 from vibro_cli.systems import NAMES
 
@@ -24,12 +36,9 @@ Data = Mapping[str, Any]
 _NEEDS_THICKNESS = ("disk", "hollow_ball", "hoop")
 
 # Keys of one table of which at most one may be given.
-MASS = ("density", "mass")
-KIND = ("body", "inertia_ratio")
 START = ("angle", "position", "touching")
 MOTION = ("rate", "omega", "speed")
 AXIS = ("through_arc", "x")
-SAMPLES = ("step", "times")
 
 
 @dataclass(frozen=True)
@@ -355,8 +364,19 @@ def _end_tag(value: object) -> str | None:
 _K_SCHEMA = kinds.RESTITUTION.schema()
 
 
+def _shape(words: list[str], needed: list[str], unfit: list[str]) -> dict[str, Any]:
+    """Return the rule for the keys of a piece of some shapes."""
+    then = {"required": needed, "not": {"anyOf": [{"required": [key]} for key in unfit]}}
+    return {"if": {"properties": {"shape": {"enum": words}}}, "then": then}
+
+
 class Arc(Table):
     """A piece of the trace: a circular arc (valley or hump) or a straight line."""
+
+    rules = (
+        _shape(["line"], ["length"], ["radius", "end_slope"]),
+        _shape(["valley", "hump"], ["radius", "end_slope"], ["length"]),
+    )
 
     shape: Annotated[Shape, kinds.Word(("valley", "hump", "line"))]
     """valley (concave, the body above its lowest point), hump (convex) or line."""
@@ -371,6 +391,8 @@ class Arc(Table):
 
 class Turning(Table):
     """The trace turns about a vertical axis at a constant rate."""
+
+    rules = (exactly_one(*AXIS),)
 
     through_arc: Annotated[int | None, kinds.COUNT] = None
     """The axis passes through the centre of this arc, counted from 1."""
@@ -398,6 +420,8 @@ class Trace(Table):
 
 class Ball(BodyTable):
     """A body on the trace."""
+
+    rules = (*BodyTable.rules, exactly_one(*START), at_most_one(*MOTION))
 
     arc: Annotated[int, kinds.COUNT]
     """The piece of the trace the body starts on, counted from 1."""
@@ -436,6 +460,8 @@ class Collision(Table):
 
 class Stop(Table):
     """When the run ends: whichever comes first."""
+
+    rules = (at_least_one("time", "collisions"),)
 
     time: Annotated[float | None, kinds.TIME] = None
     """End of the run in s."""

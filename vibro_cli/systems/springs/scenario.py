@@ -11,11 +11,19 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
-from vibro_cli.scenario.models import (
+from vibro_cli.scenario.base import (
     KIND,
     MASS,
     SAMPLES,
+    AnyScenario,
+    BodyTable,
+    Sampling,
+    Table,
+    as_tuple,
+    at_most_one,
+    exactly_one,
+)
+from vibro_cli.scenario.models import (
     Collision,
     Data,
     Growth,
@@ -47,6 +55,12 @@ class Spring(Table):
 
 class SpringBall(BodyTable):
     """A body on the line, held by its spring."""
+
+    rules = (
+        *BodyTable.rules,
+        exactly_one("position", "touching"),
+        at_most_one("speed", "omega"),
+    )
 
     position: Annotated[float | None, kinds.POSITION] = None
     """Place of the centre along the line in m, on the axis on which the feet are given."""

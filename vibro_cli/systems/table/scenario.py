@@ -11,11 +11,18 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.base import AnyScenario, BodyTable, Sampling, Table, as_tuple
-from vibro_cli.scenario.models import (
+from vibro_cli.scenario.base import (
     KIND,
     MASS,
     SAMPLES,
+    AnyScenario,
+    BodyTable,
+    Sampling,
+    Table,
+    as_tuple,
+    at_least_one,
+)
+from vibro_cli.scenario.models import (
     Data,
     Growth,
     Inadmissible,
@@ -110,6 +117,8 @@ class TableCollision(Table):
 
 class TableStop(Stop):
     """When the run ends: whichever comes first."""
+
+    rules = (at_least_one("time", "collisions", "bounces"),)
 
     bounces: Annotated[int | None, kinds.COUNT] = None
     """The run ends with this impact on the wall."""
