@@ -1,7 +1,7 @@
 """Write the tables of every scenario at hand, or compare them with those written before.
 
-``python -m tests.compare_tables write DIR`` before a change and ``python -m tests.compare_tables
-compare DIR`` after it: every file of a table must have the same bytes. Where it has not, the
+``python -m tests.compare_tables write BEFORE`` before a change; after it ``write AFTER`` and
+``compare BEFORE AFTER``: every file of a table must have the same bytes. Where it has not, the
 columns that differ are named. The scenarios are the gallery, the hard cases and the reference
 files, each as it stands and again with everything that can be asked for: turning points, friction
 and sampled motion. A third word after DIR is a part of the names of those to be written.

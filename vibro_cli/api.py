@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from vibro_cli.assemble import build_any
-from vibro_cli.errors import VibroError
+from vibro_cli.errors import Failure
 from vibro_cli.scenario.loading import load_scenario
 from vibro_cli.systems import run, system_named
 from vibro_cli.systems.contract import Motion, Sink
@@ -65,7 +65,7 @@ def simulate_streamed(
     return stream(kind, system, stretches, sink, kind.wanted(scenario), **more)
 
 
-class NotRecalled(VibroError, RuntimeError):
+class NotRecalled(Failure):
     """A run solved again does not end as it did; the message says so."""
 
 

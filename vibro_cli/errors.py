@@ -1,4 +1,6 @@
-"""What every error of the package that a caller may meet has in common."""
+"""What every error of the package that a caller may meet has in common, and what it may suggest."""
+
+from collections.abc import Iterable
 
 
 class VibroError(Exception):
@@ -6,8 +8,21 @@ class VibroError(Exception):
 
     Those there are can be imported from ``vibro_cli``; a wrong argument of a function is a
     ``ValueError`` or ``TypeError``, a file that cannot be read or written an ``OSError``.
+
+    What was asked for is wrong, and whoever asked can mend it: a command ends with exit code 2.
     """
 
 
-class NoLibrary(VibroError, RuntimeError):
+class Failure(VibroError, RuntimeError):
+    """What was asked for may be right, and yet it failed: a command ends with exit code 1."""
+
+
+class NoLibrary(Failure):
     """There is no library of kernels for this machine; the message says what to do."""
+
+
+def similar(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that a mistyped one is most like, or None."""
+    from difflib import get_close_matches
+
+    return next(iter(get_close_matches(word[:100], list(known), n=1)), None)

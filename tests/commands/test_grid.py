@@ -290,3 +290,13 @@ def test_runs_are_verified_too(vibro: Vibro, scenario: Path) -> None:
     assert vibro("verify", "one").code == 0
     Path("one/summary.json").write_text("{}")
     assert vibro("verify", "one").code == 1
+
+
+def test_what_was_asked_wrong_and_what_failed_have_exit_codes_of_their_own(
+    vibro: Vibro, grid: Path
+) -> None:
+    unsafe = vibro("grid", in_three_chunks(grid), "--dask", "tcp://example.org:1")
+    assert (unsafe.code, "expected tls://" in unsafe.err) == (2, True)
+    assert vibro("grid", grid, "--shard", "1/2", "-o", "parts").code == 0
+    unfinished = vibro("grid", grid, "--merge", "-o", "parts")
+    assert (unfinished.code, "expected all shards to be finished" in unfinished.err) == (1, True)

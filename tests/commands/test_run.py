@@ -15,8 +15,10 @@ import pytest
 
 from tests.commands.conftest import ByHand, Outcome, Vibro
 from tests.two_balls import SCENARIO
+from vibro_cli.api import NotRecalled
 from vibro_cli.commands.shared.error_handling import Terminated
 from vibro_cli.errors import NoLibrary
+from vibro_cli.storage.files import FolderRefused
 from vibro_cli.storage.tables import read_parquet
 
 GALLERY = Path(__file__).parents[2] / "scenarios"
@@ -368,6 +370,8 @@ def test_a_fault_of_the_program_is_named_and_its_traceback_kept(
         (OSError(errno.ENOSPC, "No space left on device", "a.parquet"), 1, "a.parquet: No space"),
         (MemoryError(), 1, "out of memory"),
         (NoLibrary("laws.py:71: no kernel"), 1, "vibro: laws.py:71: no kernel\n"),
+        (NotRecalled("it ends elsewhere"), 1, "vibro: it ends elsewhere\n"),
+        (FolderRefused("b is no run"), 2, "vibro: b is no run\n"),
         (KeyboardInterrupt(), 130, "vibro: interrupted; nothing was written\n"),
         (Terminated(15), 143, "vibro: terminated; nothing was written\n"),
         (BrokenPipeError(), 0, ""),

@@ -14,7 +14,7 @@ import pytest
 
 from tests.grids.conftest import Write
 from tests.grids.kill import content
-from vibro_cli.grids.workers import ClusterError, check_address
+from vibro_cli.grids.workers import UnsafeAddress, check_address
 
 pytestmark = pytest.mark.long
 
@@ -180,7 +180,7 @@ def test_nothing_goes_over_a_network_in_the_open(address: str, good: bool) -> No
     if good:
         check_address(address)
         return
-    with pytest.raises(ClusterError, match="expected tls://"):
+    with pytest.raises(UnsafeAddress, match="expected tls://"):
         check_address(address)
 
 

@@ -16,6 +16,7 @@ from importlib.resources import files
 from typing import Any
 
 from vibro_cli.assemble import build_system
+from vibro_cli.errors import Failure
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.loading import scenario_of
 from vibro_cli.stress.scenes import CIRCLE, three_arcs, valley
@@ -124,7 +125,7 @@ def timed_scenes(part: str) -> dict[str, TimedScene]:
 DIGITS = 40
 
 
-class ReferenceOutdated(Exception):
+class ReferenceOutdated(Failure):
     """A reference is not there, or is of another scene; the message says how to renew it."""
 
 

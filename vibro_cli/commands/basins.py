@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
+from vibro_cli.commands.shared.options import output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, print_found, say
 
 if TYPE_CHECKING:
@@ -33,20 +34,16 @@ class BasinsCommand:
     ]
     outcome: Annotated[
         list[str],
-        typer.Option(
-            default_factory=list,
+        repeatable(
             metavar="COLUMN",
             help="Column of the summary that states the outcome, in words or whole numbers; "
             "repeatable: the outcome is their combination [default: end_cause and, on a "
             "trace of several pieces, arc_1, arc_2, …].",
-            show_default=False,
         ),
     ]
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder of results [default: DIR-basins]."
-        ),
+        output_option(metavar="DIR", help="Folder of results [default: DIR-basins]."),
     ] = None
     figures: Annotated[
         bool, typer.Option("--figures/--no-figures", help="Draw the map and the scaling.")
@@ -159,14 +156,12 @@ class SectionCommand:
     ]
     columns: Annotated[
         list[str],
-        typer.Option(
+        repeatable(
             "--column",
-            default_factory=list,
             metavar="COLUMN",
             help="A column of the impacts; may be given twice, or as two with a comma. Of a run "
             "the first stands along and the second up; of a grid each has a panel over the axis "
             "with the most values [default: place and speed].",
-            show_default=False,
         ),
     ]
     pair: Annotated[
@@ -184,9 +179,7 @@ class SectionCommand:
     ] = None
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
+        output_option(
             metavar="FILE",
             help="Picture: .png, .pdf or .svg [default: DIR-section.png].",
         ),

@@ -5,14 +5,13 @@ Run time against error is drawn; the stability suite tells every mark and what w
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, CommandError
-from vibro_cli.commands.shared.options import Quiet
+from vibro_cli.commands.shared.options import Quiet, output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
@@ -25,24 +24,13 @@ class BenchCommand:
 
     quick: Annotated[bool, typer.Option("--quick", help="One scene, few repeats: a trial.")] = False
     full: Annotated[bool, typer.Option("--full", help="More repeats, up to 1e6 scenarios.")] = False
-    scene: Annotated[
-        list[str],
-        typer.Option(
-            "--scene",
-            default_factory=list,
-            show_default=False,
-            metavar="NAME",
-            help="Only this scene; repeatable.",
-        ),
-    ]
+    scene: Annotated[list[str], repeatable(metavar="NAME", help="Only this scene; repeatable.")]
     output: Annotated[
-        str,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder of table, figures and page."),
+        str, output_option(metavar="DIR", help="Folder of table, figures and page.")
     ] = "outputs/benchmark"
     references: Annotated[
         str | None,
         typer.Option(
-            "--references",
             metavar="DIR",
             help="Compute the references anew to 40 digits, write them to this folder, say what "
             "differs from those in use, and measure nothing.",
@@ -77,27 +65,23 @@ def _check_names(option: str, what: str, names: Sequence[str], known: Collection
 def _measure(wishes: BenchCommand, form: str) -> int:
     from vibro_cli.benchmark import methods, suite
     from vibro_cli.benchmark.measurement import PLANS, describe_machine
-    from vibro_cli.benchmark.scenes import BY_NAME, ReferenceOutdated
+    from vibro_cli.benchmark.scenes import BY_NAME
     from vibro_cli.storage.files import check_replaceable
 
     _check_names("--scene", "scene", wishes.scene, BY_NAME)
     details = {"machine": describe_machine(), "plan": form}
     missing = sorted(set(methods.PEERS) - set(methods.installed_peers()))
-    if missing and not wishes.quiet:
+    if missing:
         names = ", ".join(missing)
         say(f"vibro: not measured because not installed: {names} (pip install 'vibro-cli[peers]')")
     rows: list[Row] = []
     target = Path(wishes.output)
     check_replaceable(target, "benchmark")
-    try:
-        for found in suite.run(PLANS[form], tuple(wishes.scene)):
-            rows += found
-            _tell(found, wishes)
-    except ReferenceOutdated as error:
-        raise CommandError(f"vibro: {error}") from error
+    for found in suite.run(PLANS[form], tuple(wishes.scene)):
+        rows += found
+        _tell(found, wishes)
     _write(rows, details, target)
-    if not wishes.quiet:
-        say(f"vibro: wrote {target / 'benchmark.html'}")
+    say(f"vibro: wrote {target / 'benchmark.html'}")
     return DONE
 
 
@@ -119,6 +103,7 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
     from vibro_cli.figures.work_precision import growth, work_precision
     from vibro_cli.interface import pictures
     from vibro_cli.report.benchmark_page import benchmark_html
+    from vibro_cli.storage.files import write_folder
 
     figures = {"work_precision": work_precision(rows)}
     if any(row.part == "bodies" for row in rows):
@@ -128,25 +113,7 @@ def _write(rows: "list[Row]", details: dict[str, Any], target: Path) -> None:
         "benchmark.html": benchmark_html(rows, details, __version__),
         **pictures(figures),
     }
-    _write_folder("benchmark", files, details, target)
-
-
-def _write_folder(
-    kind: str, files: dict[str, bytes], details: dict[str, Any], target: Path
-) -> None:
-    """Write a folder of results with its manifest, whole or not at all."""
-    from vibro_cli.storage.files import (
-        MANIFEST_NAME,
-        check_replaceable,
-        json_bytes,
-        manifest,
-        new_folder,
-    )
-
-    with new_folder(target, partial(check_replaceable, kind=kind)) as folder:
-        for name, content in files.items():
-            folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest(kind, files, details)))
+    write_folder("benchmark", target, files, details)
 
 
 def _renew(target: Path, names: Sequence[str]) -> int:
@@ -158,7 +125,7 @@ def _renew(target: Path, names: Sequence[str]) -> int:
         reference_difference,
         reference_file,
     )
-    from vibro_cli.storage.files import check_replaceable, json_bytes
+    from vibro_cli.storage.files import check_replaceable, json_bytes, write_folder
 
     _check_names("--scene", "scene", names, BY_NAME)
     files = {}
@@ -174,7 +141,7 @@ def _renew(target: Path, names: Sequence[str]) -> int:
         raise CommandError(
             "vibro: mpmath is missing; install it with: pip install 'vibro-cli[stress]'"
         ) from error
-    _write_folder("references", files, {}, target)
+    write_folder("references", target, files, {})
     return DONE
 
 
@@ -185,21 +152,11 @@ class StressCommand:
     full: Annotated[
         bool, typer.Option("--full", help="The long form: under half an hour, not a minute.")
     ] = False
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random cases.")] = 1
-    only: Annotated[
-        list[str],
-        typer.Option(
-            "--only",
-            default_factory=list,
-            show_default=False,
-            metavar="NAME",
-            help="Only this check; repeatable.",
-        ),
-    ]
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random cases.")] = 1
+    only: Annotated[list[str], repeatable(metavar="NAME", help="Only this check; repeatable.")]
     cases: Annotated[
         int | None,
         typer.Option(
-            "--cases",
             metavar="N",
             min=1,
             help="How many scenes the checks drawn and digits draw [default: as many as each has].",
@@ -210,9 +167,7 @@ class StressCommand:
     ] = False
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output",
-            "-o",
+        output_option(
             metavar="DIR",
             help="Write the table and the scenarios of the worst cases to this folder.",
         ),
@@ -221,15 +176,9 @@ class StressCommand:
 
     def __call__(self) -> int:
         """Run the suite and tell what was found."""
+        from vibro_cli.storage.files import check_replaceable
         from vibro_cli.stress.scenes import Plan
-        from vibro_cli.stress.suite import (
-            NAMES,
-            MissingLibrary,
-            check_stress_folder,
-            line_of,
-            record_of,
-            run,
-        )
+        from vibro_cli.stress.suite import NAMES, line_of, record_of, run
         from vibro_cli.stress.suite import write as write_folder
 
         _check_names("--only", "check", self.only, NAMES)
@@ -237,19 +186,16 @@ class StressCommand:
         plan = Plan(self.seed, self.full, self.cases)
         findings = []
         if folder is not None:
-            check_stress_folder(folder)
-        try:
-            for finding in run(plan, tuple(self.only)):
-                findings.append(finding)
-                if self.as_json:
-                    print(json_text(record_of(finding)), flush=True)
-                elif not self.quiet:
-                    print(line_of(finding), flush=True)
-        except MissingLibrary as error:
-            raise CommandError(f"vibro: {error}") from error
+            check_replaceable(folder, "stress")
+        for finding in run(plan, tuple(self.only)):
+            findings.append(finding)
+            if self.as_json:
+                print(json_text(record_of(finding)), flush=True)
+            elif not self.quiet:
+                print(line_of(finding), flush=True)
         if folder is not None:
             write_folder(findings, plan, folder)
         missed = sum(not finding.met for finding in findings)
-        if missed and not self.quiet:
+        if missed:
             say(f"vibro: {missed} of {len(findings)} marks missed")
         return FAILED if missed else DONE

@@ -9,7 +9,7 @@ import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, MISUSED, CommandError
 from vibro_cli.commands.shared.options import FailFast, Overrides, Quiet, scenario_argument
-from vibro_cli.commands.shared.terminal import json_text, print_found, say
+from vibro_cli.commands.shared.terminal import count, json_text, print_found, say, size
 
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
@@ -92,14 +92,12 @@ def understood_grid(grid: "Grid") -> dict[str, Any]:
 
 def _ends(axis: Any) -> dict[str, Any]:
     """The first and the last value of an axis; the ends of an interval that a design draws from."""
+    from vibro_cli.scenario.base import plain
+
     if axis.interval is not None:
         return {"from": axis.interval[0], "to": axis.interval[1]}
     first, last = (axis.at(index)[0] for index in (0, -1))
-    return {"from": _plain(first), "to": _plain(last)}
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if hasattr(value, "item") else value
+    return {"from": plain(first), "to": plain(last)}
 
 
 def _point(grid: "Grid", index: int) -> str | None:
@@ -121,8 +119,8 @@ def _point(grid: "Grid", index: int) -> str | None:
 
 def lines_of_grid(found: dict[str, Any]) -> Iterator[str]:
     """What was understood, as text."""
-    grid, points = found["grid"], found["points"]
-    yield f"{found['name']}: valid grid of {points:,} {'point' if points == 1 else 'points'}"
+    grid = found["grid"]
+    yield f"{found['name']}: valid grid of {count(found['points'], 'point', 'points')}"
     yield f"  mode {grid['mode']}"
     for axis in found["axes"]:
         values = "drawn" if axis["values"] is None else f"{axis['values']:,} values"
@@ -156,7 +154,6 @@ class VerifyCommand:
 
     def __call__(self) -> int:
         """Say what is missing or damaged in each folder."""
-        from vibro_cli.commands.shared.terminal import count, size
         from vibro_cli.grids.dataset import NoManifest, verify
 
         sound, ours = True, True

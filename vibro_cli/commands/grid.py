@@ -2,6 +2,7 @@
 
 import shlex
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,7 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, FAILED, NOT_STRICT, CommandError
-from vibro_cli.commands.shared.options import Engine, Overrides, Strict, scenario_files
+from vibro_cli.commands.shared.options import (
+    Engine,
+    Overrides,
+    Strict,
+    output_option,
+    scenario_files,
+)
 from vibro_cli.commands.shared.terminal import (
     EARLY_ENDS,
     INADMISSIBLE_HINT,
@@ -25,7 +32,7 @@ from vibro_cli.commands.shared.terminal import (
 )
 
 if TYPE_CHECKING:
-    from vibro_cli.grids.chunks import Chunks
+    from vibro_cli.grids.chunks import Chunks, Receipt
     from vibro_cli.grids.dataset import Dataset, Shard
     from vibro_cli.grids.document import Grid
 
@@ -45,32 +52,25 @@ class GridCommand:
     ]
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder of the dataset [default: outputs/<name>]."
-        ),
+        output_option(metavar="DIR", help="Folder of the dataset [default: outputs/<name>]."),
     ] = None
     overrides: Overrides
     dry_run: Annotated[
         bool,
         typer.Option(
-            "--dry-run",
-            help="Only estimate points, chunks, bytes and time, from a timed sample.",
+            "--dry-run", help="Only estimate points, chunks, bytes and time, from a timed sample."
         ),
     ] = False
     workers: Annotated[
         int,
         typer.Option(
-            "--workers",
-            min=0,
-            help="Threads that solve; 0 for one on each processor.",
-            envvar="VIBRO_WORKERS",
+            min=0, help="Threads that solve; 0 for one on each processor.", envvar="VIBRO_WORKERS"
         ),
     ] = 0
     engine: Engine = "compiled"
     max_failures: Annotated[
         int | None,
         typer.Option(
-            "--max-failures",
             min=0,
             metavar="N",
             help="Stop once more than N points are invalid or failed; else go on.",
@@ -89,7 +89,6 @@ class GridCommand:
     shard: Annotated[
         str | None,
         typer.Option(
-            "--shard",
             metavar="I/N",
             help="Solve the I-th of N parts only, into a folder of its own within DIR.",
         ),
@@ -100,7 +99,6 @@ class GridCommand:
     dask: Annotated[
         str | None,
         typer.Option(
-            "--dask",
             metavar="ADDRESS",
             help="Solve on the workers of this Dask scheduler, tls://… or tcp://localhost…; they "
             "must share DIR.",
@@ -177,7 +175,6 @@ def _estimate(wishes: GridCommand) -> int:
     one = estimate(found, wishes.engine, chunks.stretch)
     workers = _workers(wishes)
     points = chunks.points
-    seconds = start + points * one.seconds / min(workers, points)
     told = {
         "name": found.name,
         "points": points,
@@ -185,25 +182,27 @@ def _estimate(wishes: GridCommand) -> int:
         "chunk_points": chunks.division,
         "impacts": round(points * one.impacts),
         "bytes": round(points * one.bytes),
-        "seconds": seconds,
+        "seconds": start + points * one.seconds / min(workers, points),
         "workers": workers,
         "sampled": one.sampled,
     }
     if wishes.as_json:
         print(json_text(told))
-    divided = count(chunks.count, "chunk", "chunks")
-    say(
-        lines_of(
-            f"{found.name}: {points:,} points in {divided} of {_span(chunks.sizes)}",
-            {
-                "impacts": f"about {told['impacts']:,}",
-                "disk": f"about {size(points * one.bytes)}",
-                "time": f"about {duration(seconds)} with {count(workers, 'worker', 'workers')} "
-                f"(from {one.sampled:,} points)",
-            },
-        )
-    )
+    _tell_estimate(told, chunks.sizes)
     return DONE
+
+
+def _tell_estimate(told: dict[str, Any], sizes: list[int]) -> None:
+    """Say what a grid would take, in chunks of these sizes."""
+    chunks = count(told["chunks"], "chunk", "chunks")
+    workers = count(told["workers"], "worker", "workers")
+    items = {
+        "impacts": f"about {told['impacts']:,}",
+        "disk": f"about {size(told['bytes'])}",
+        "time": f"about {duration(told['seconds'])} with {workers} "
+        f"(from {told['sampled']:,} points)",
+    }
+    say(lines_of(f"{told['name']}: {told['points']:,} points in {chunks} of {_span(sizes)}", items))
 
 
 def _span(sizes: list[int]) -> str:
@@ -231,31 +230,28 @@ def _sweep(wishes: GridCommand) -> int:
 
 def sweep(wishes: GridCommand, grid: "Grid", workers: int) -> dict[str, Any]:
     """Solve what is missing of a grid's dataset; return what there is now, as plain values."""
-    from vibro_cli.grids.dataset import MergeRefused, merge, opened
-    from vibro_cli.grids.workers import ClusterError
+    from vibro_cli.grids.dataset import merge, opened
 
     whole = wishes.folder_of(grid)
     shard = None if wishes.shard is None else _read_shard(wishes.shard)
     folder = whole if shard is None else shard.folder_in(whole)
-    try:
-        chunks = _chunks(wishes, grid, folder)
-        wanted = None
-        if shard is not None:
-            _warn_of_few_chunks(grid.name, chunks.count, shard.count)
-            wanted = shard.wanted_of(whole, grid, chunks)
-            if not wanted and not folder.exists():
-                return _nothing_to_do(grid, whole, shard.number > chunks.count)
-        with opened(folder, grid, chunks, wishes.force, wanted) as dataset:
-            if wishes.merge:
-                for _ in merge(dataset):
-                    pass
-            else:
-                if wishes.repair:
-                    _drop_damaged(dataset)
-                _solve(wishes, dataset, workers)
-    except (MergeRefused, ClusterError) as error:
-        raise CommandError(f"vibro: {error}", FAILED) from error
-    state = _state(dataset)
+    chunks = _chunks(wishes, grid, folder)
+    wanted = None
+    if shard is not None:
+        _warn_of_few_chunks(grid.name, chunks.count, shard.count)
+        wanted = shard.wanted_of(whole, grid, chunks)
+        if not wanted and not folder.exists():
+            _say_nothing_to_do(grid.name, whole, shard.number > chunks.count)
+            return _state(grid.name, whole, [], complete=True)
+    with opened(folder, grid, chunks, wishes.force, wanted) as dataset:
+        if wishes.merge:
+            for _ in merge(dataset):
+                pass
+        else:
+            if wishes.repair:
+                _drop_damaged(dataset)
+            _solve(wishes, dataset, workers)
+    state = _state(grid.name, folder, dataset.receipts.values(), not dataset.missing)
     _tell(grid.name, state, folder, _first_reason(dataset))
     return state
 
@@ -283,22 +279,14 @@ def _warn_of_few_chunks(name: str, chunks: int, shards: int) -> None:
         )
 
 
-def _nothing_to_do(grid: "Grid", folder: Path, has_none: bool) -> dict[str, Any]:
+def _say_nothing_to_do(name: str, folder: Path, has_none: bool) -> None:
     """Say that a shard has nothing to solve: it has no chunk, or its grid has all of it."""
     why = (
         "no chunk is of this shard"
         if has_none
         else f"{folder} has all chunks of this shard already"
     )
-    say(f"{grid.name}: {why}; nothing is solved")
-    return {
-        "name": grid.name,
-        "folder": str(folder),
-        "complete": True,
-        **dict.fromkeys(("chunks", "points", "impacts", "invalid", "failed", "inadmissible"), 0),
-        "end_causes": {},
-        "bytes": 0,
-    }
+    say(f"{name}: {why}; nothing is solved")
 
 
 def _drop_damaged(dataset: "Dataset") -> None:
@@ -326,7 +314,8 @@ def _solve(wishes: GridCommand, dataset: "Dataset", workers: int) -> None:
     if 0 < len(missing) < len(dataset.wanted):
         done = len(dataset.wanted) - len(missing)
         say(f"vibro: going on after {done:,} of {len(dataset.wanted):,} chunks")
-    progress = Progress(sum(_points(dataset, chunk) for chunk in missing))
+    sizes = dataset.chunks.sizes
+    progress = Progress(sum(sizes[chunk] for chunk in missing))
     given = dataset.grid, dataset.chunks, missing, dataset.folder
     if wishes.dask is None:
         receipts = solve_in_threads(*given, workers, wishes.engine, progress.add)
@@ -354,11 +343,6 @@ def _keep(dataset: "Dataset") -> None:
         say("vibro: the manifest could not be written; no part on the disk is lost by that")
 
 
-def _points(dataset: "Dataset", chunk: int) -> int:
-    first, last = dataset.chunks.range_of(chunk)
-    return last - first
-
-
 def _check_failures(wishes: GridCommand, dataset: "Dataset") -> None:
     most = wishes.max_failures
     found = sum(one.invalid + one.failed for one in dataset.receipts.values())
@@ -367,16 +351,18 @@ def _check_failures(wishes: GridCommand, dataset: "Dataset") -> None:
         raise CommandError(text, FAILED)
 
 
-def _state(dataset: "Dataset") -> dict[str, Any]:
-    receipts = dataset.receipts.values()
+def _state(
+    name: str, folder: Path, receipts: "Collection[Receipt]", complete: bool
+) -> dict[str, Any]:
+    """What there is of a dataset, as plain values."""
     names = ("points", "impacts", "invalid", "failed")
     causes = sum((Counter(one.end_causes) for one in receipts), Counter[str]())
     return {
-        "name": dataset.grid.name,
-        "folder": str(dataset.folder),
-        "complete": not dataset.missing,
-        "chunks": len(dataset.receipts),
-        **{name: sum(getattr(one, name) for one in receipts) for name in names},
+        "name": name,
+        "folder": str(folder),
+        "complete": complete,
+        "chunks": len(receipts),
+        **{key: sum(getattr(one, key) for one in receipts) for key in names},
         "inadmissible": causes["inadmissible"],
         "end_causes": dict(sorted(causes.items())),
         "bytes": sum(file["bytes"] for one in receipts for file in one.files.values()),

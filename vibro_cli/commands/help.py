@@ -93,15 +93,17 @@ def scenario(system: str = "trace", below: str = "") -> str:
     """Every key of a system's scenarios, or those below a path, from their JSON Schema."""
     from vibro_cli.scenario.fields import json_schema
 
-    return _keys_of(json_schema(system), below)
+    return _table_of_keys(json_schema(system), below)
 
 
-def _keys_of(schema: dict[str, Any], below: str = "") -> str:
+def _table_of_keys(schema: dict[str, Any], below: str = "") -> str:
     """Every key that a JSON Schema has, or those below a path, with default and meaning."""
+    from vibro_cli.scenario.fields import keys_of
+
     rows = [
         (f"`{path}`", "required" if needed else _default(node), _cell(node.get("description")))
-        for path, node, needed in _keys(schema, schema, "")
-        if path.startswith(below)
+        for path, node, needed in keys_of(schema)
+        if path.startswith(below) and not path.endswith("[i]")
     ]
     return table(("key", "default", "meaning"), rows) + "\n"
 
@@ -111,28 +113,6 @@ def _default(node: dict[str, Any]) -> str:
     if default is None or isinstance(default, dict):
         return ""
     return f"`{str(default).lower() if isinstance(default, bool) else default}`"
-
-
-def _keys(
-    node: dict[str, Any], schema: dict[str, Any], path: str
-) -> Iterator[tuple[str, dict[str, Any], bool]]:
-    """Key paths with their nodes and whether they are required; `[i]` is any entry of a list."""
-    node = _resolved(node, schema)
-    for name, child in node.get("properties", {}).items():
-        below = f"{path}.{name}" if path else name
-        yield below, child, name in node.get("required", ())
-        for branch in (child, *child.get("anyOf", ()), *child.get("oneOf", ())):
-            inner = _resolved(branch, schema)
-            yield from _keys(inner, schema, below)
-            if isinstance(inner.get("items"), dict):
-                yield from _keys(inner["items"], schema, f"{below}[i]")
-
-
-def _resolved(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
-    if "$ref" not in node:
-        return node
-    found: dict[str, Any] = schema["$defs"][node["$ref"].rpartition("/")[2]]
-    return found
 
 
 def tables() -> str:
@@ -179,7 +159,7 @@ def grid_file() -> str:
     schema["properties"]["scenario"] = {
         "description": schema["properties"]["scenario"]["description"]
     }
-    return _GRID + _keys_of(schema)
+    return _GRID + _table_of_keys(schema)
 
 
 LAWS = {

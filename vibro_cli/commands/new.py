@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
-from vibro_cli.commands.shared.options import gallery_names
+from vibro_cli.commands.shared.options import gallery_names, output_option
 from vibro_cli.commands.shared.terminal import json_text, printable, say
 from vibro_cli.systems import NAMES
 
@@ -40,9 +40,7 @@ class NewCommand:
     )
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output",
-            "-o",
+        output_option(
             metavar="PATH",
             help="File [default: NAME.toml], - prints it; with --all the folder "
             "[default: scenarios].",

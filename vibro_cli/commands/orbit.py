@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError, reason
-from vibro_cli.commands.shared.options import scenario_keys, set_option
+from vibro_cli.commands.shared.options import output_option, scenario_keys, set_option
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
@@ -30,7 +30,9 @@ class OrbitCommand:
     ]
     overrides: Annotated[
         list[str],
-        set_option("Override a value of the scenario, e.g. --set balls[2].mass=1.2; repeatable."),
+        set_option(
+            help="Override a value of the scenario, e.g. --set balls[2].mass=1.2; repeatable."
+        ),
     ]
     impacts: Annotated[
         int | None,
@@ -49,9 +51,7 @@ class OrbitCommand:
     ] = None
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output",
-            "-o",
+        output_option(
             metavar="DIR",
             help="Folder of the table [default: outputs/<name>-orbit, with --vary].",
         ),
@@ -258,7 +258,6 @@ class FitCommand:
     free: Annotated[
         list[str],
         typer.Option(
-            "--free",
             metavar="PATH[=LOW:HIGH]",
             help="A number of the scenario to be fitted, and its bounds (SI units, radians), such "
             "as balls[2].mass=0.1:10; repeatable.",
@@ -274,13 +273,11 @@ class FitCommand:
     ] = None
     overrides: Annotated[
         list[str],
-        set_option("Override a value of the scenario; repeatable."),
+        set_option(help="Override a value of the scenario; repeatable."),
     ]
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder of results [default: none is written]."
-        ),
+        output_option(metavar="DIR", help="Folder of results [default: none is written]."),
     ] = None
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the residuals.")] = (
         True

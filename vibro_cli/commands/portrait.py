@@ -12,40 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
-from vibro_cli.commands.shared.options import Overrides, Quiet
+from vibro_cli.commands.shared.options import Overrides, Quiet, output_option
 from vibro_cli.commands.shared.terminal import print_found, say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vibro_cli.analysis.singular import Portrait
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.systems.contract import System
 
 MOST_COMPARED = 6
-
-
-@dataclass(frozen=True)
-class Source:
-    """The scenario of a family, to be read once more for each member."""
-
-    wishes: "PortraitCommand"
-    kind: "System"
-
-    def system(self, path: str, value: Any) -> Any:
-        """The system with one more override; raises `ScenarioError` where it is not possible."""
-        from vibro_cli.assemble import build_any
-        from vibro_cli.scenario.loading import load_any
-
-        overrides = [*self.wishes.overrides, f"{path}={value}"]
-        return build_any(load_any(self.wishes.scenario, overrides))
-
-    def portrait(self, path: str, value: Any) -> "Portrait":
-        """The portrait of a body on its trace; else as `system`."""
-        from vibro_cli.analysis.levels import Landscape
-        from vibro_cli.analysis.singular import portrait_of
-
-        return portrait_of(Landscape.of(self.system(path, value), ball_of(path)))
 
 
 def ball_of(path: str) -> int:
@@ -91,15 +67,15 @@ Figures = dict[str, "Figure"]
 """By the stems of their files."""
 
 
-def varied(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
+def varied(wishes: "PortraitCommand", vary: str, kind: "System") -> tuple[dict[str, Any], Figures]:
     """The types of a family, where they change, and the figure of its portraits."""
     from vibro_cli.analysis.singular import IMPOSSIBLE, changes
 
     path, *ends, number = parsed_range(vary)
-    ball, kind = ball_of(path), source.kind
+    ball = ball_of(path)
     (first, last), unit = _numbers(path, ends, kind.model)
     values = [first + (last - first) * step / (number - 1) for step in range(number)]
-    found = {value: _member(source, path, value) for value in values}
+    found = {value: _member(wishes, path, value) for value in values}
     reasons = {value: one for value, one in found.items() if isinstance(one, str)}
     members = {value: one for value, one in found.items() if value not in reasons}
     if not members:
@@ -107,7 +83,7 @@ def varied(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
 
     @cache
     def type_of(value: float) -> str:
-        one = found[value] if value in found else _member(source, path, value)
+        one = found[value] if value in found else _member(wishes, path, value)
         return IMPOSSIBLE if isinstance(one, str) else kind.family_type(one, ball)
 
     record = {
@@ -120,7 +96,7 @@ def varied(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
         ],
         "changes": [vars(change) for change in changes(type_of, sorted(values))],
     }
-    if not source.wishes.figures:
+    if not wishes.figures:
         return record, {}
     from vibro_cli.figures.maps import words_of
 
@@ -128,7 +104,7 @@ def varied(source: Source, vary: str) -> tuple[dict[str, Any], Figures]:
         (f"{words_of(path)} = {f'{value:.6g} {unit}'.rstrip()}", one)
         for value, one in members.items()
     ]
-    return record, {"family": kind.family_figure(titled, ball, source.wishes.width)}
+    return record, {"family": kind.family_figure(titled, ball, wishes.width)}
 
 
 def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], str]:
@@ -154,40 +130,51 @@ def _numbers(path: str, texts: Sequence[str], model: Any) -> tuple[list[float], 
         raise CommandError(f"vibro: --vary: {path}: {error.message()}") from error
 
 
-def _member(source: Source, path: str, value: float) -> Any:
-    """The system at a value, or in words why it is not possible."""
+def _with(wishes: "PortraitCommand", path: str, value: str) -> Any:
+    """The system with one more override; raises `ScenarioError` where it is not possible."""
+    from vibro_cli.assemble import build_any
+    from vibro_cli.scenario.loading import load_any
+
+    return build_any(load_any(wishes.scenario, [*wishes.overrides, f"{path}={value}"]))
+
+
+def _member(wishes: "PortraitCommand", path: str, value: float) -> Any:
+    """The system at a value of a family, or in words why it is not possible."""
     from vibro_cli.scenario.problems import ScenarioError
 
     try:
-        return source.system(path, repr(value))
+        return _with(wishes, path, repr(value))
     except ScenarioError as error:
         first = error.problems[0]
         return f"{first.path}: found {first.found}, expected {first.expected}"
 
 
-def compared(source: Source, compare: str) -> tuple[dict[str, Any], Figures]:
+def compared(wishes: "PortraitCommand", compare: str) -> tuple[dict[str, Any], Figures]:
     """The singular points of a few members, and one figure of them all."""
-    from vibro_cli.analysis.singular import as_record
+    from vibro_cli.analysis.levels import Landscape
+    from vibro_cli.analysis.singular import as_record, portrait_of
     from vibro_cli.scenario.problems import ScenarioError
 
     path, values = parsed_values(compare)
+    ball = ball_of(path)
     try:
-        members = {value: source.portrait(path, value) for value in values}
+        systems = {value: _with(wishes, path, value) for value in values}
     except ScenarioError as error:
         raise CommandError(f"vibro: --compare: {error}") from error
+    members = {value: portrait_of(Landscape.of(one, ball)) for value, one in systems.items()}
     traces = [one.landscape.trace for one in members.values()]
     if any(trace != traces[0] for trace in traces):
         raise CommandError(f"vibro: --compare: {path} changes the trace; expected one")
     record = {
         "path": path,
-        "ball": ball_of(path),
+        "ball": ball,
         "members": [{"value": value, **as_record(one)} for value, one in members.items()],
     }
-    if not source.wishes.figures:
+    if not wishes.figures:
         return record, {}
     from vibro_cli.figures.portraits.trace_phase_plane import comparison
 
-    return record, {"comparison": comparison(list(members.items()), source.wishes.width)}
+    return record, {"comparison": comparison(list(members.items()), wishes.width)}
 
 
 def family_lines(family: dict[str, Any]) -> Iterator[str]:
@@ -236,9 +223,7 @@ class PortraitCommand:
     ] = None
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder [default: outputs/<name>-portrait]."
-        ),
+        output_option(metavar="DIR", help="Folder [default: outputs/<name>-portrait]."),
     ] = None
     width: Annotated[
         Literal["single", "double"], typer.Option(help="One column (85 mm) or two (170 mm).")
@@ -279,7 +264,7 @@ class PortraitCommand:
             write_results("portrait", folder, drawn, scenario, found)
         if self.as_json or not self.quiet:
             print_found(found, _lines(scenario, found), self.as_json)
-        if folder is not None and not self.quiet:
+        if folder is not None:
             say(f"{scenario.name}: files in {folder}")
         return DONE
 
@@ -305,12 +290,11 @@ def _analysed(
         raise CommandError(f"vibro: {scenario.name}: {error}") from error
     found: dict[str, Any] = {"name": scenario.name, **table}
     drawn = dict(figures)
-    source = Source(wishes, kind)
     if wishes.vary is not None:
-        found["family"], more = varied(source, wishes.vary)
+        found["family"], more = varied(wishes, wishes.vary, kind)
         drawn |= more
     if wishes.compare is not None:
-        found["comparison"], more = compared(source, wishes.compare)
+        found["comparison"], more = compared(wishes, wishes.compare)
         drawn |= more
     return found, pictures(drawn)
 

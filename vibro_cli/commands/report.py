@@ -11,6 +11,7 @@ import typer
 
 from vibro_cli import __version__
 from vibro_cli.commands.shared.error_handling import DONE, CommandError
+from vibro_cli.commands.shared.options import output_option, repeatable
 from vibro_cli.commands.shared.terminal import json_text, say
 
 if TYPE_CHECKING:
@@ -43,21 +44,17 @@ class ReportCommand:
     ]
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output",
-            "-o",
+        output_option(
             metavar="FILE",
             help="The page [default: DIR-report.html, of several report.html beside the first]; "
             "- prints it.",
         ),
     ] = None
     pdf: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Also the figures as one PDF, a page each."),
+        Path | None, typer.Option(metavar="FILE", help="Also the figures as one PDF, a page each.")
     ] = None
     figures: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Also each figure as PNG, PDF and SVG."),
+        Path | None, typer.Option(metavar="FOLDER", help="Also each figure as PNG, PDF and SVG.")
     ] = None
     width: Annotated[
         Literal["single", "double"],
@@ -65,12 +62,10 @@ class ReportCommand:
     ] = "double"
     maps: Annotated[
         list[str],
-        typer.Option(
+        repeatable(
             "--map",
-            default_factory=list,
             metavar="COLUMN",
             help="For a grid: also a map of this column of the summary over two axes; repeatable.",
-            show_default=False,
         ),
     ]
     animate: Annotated[
@@ -89,8 +84,7 @@ class ReportCommand:
         ),
     ] = None
     pace: Annotated[
-        float,
-        typer.Option(min=1e-6, help="Seconds of motion in a second of the film (--animate)."),
+        float, typer.Option(min=1e-6, help="Seconds of motion in a second of the film (--animate).")
     ] = 1.0
     fps: Annotated[
         int,

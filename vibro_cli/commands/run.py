@@ -33,6 +33,7 @@ from vibro_cli.commands.shared.options import (
     Overrides,
     Strict,
     TableFormat,
+    output_option,
     scenario_argument,
 )
 from vibro_cli.commands.shared.terminal import RunProgress, json_text, say
@@ -57,9 +58,7 @@ class RunCommand:
     scenarios: Annotated[list[str], scenario_argument(default_factory=list)]
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output",
-            "-o",
+        output_option(
             metavar="DIR",
             help="Folder of the results [default: outputs/<name>]; of several scenarios "
             "DIR/<name>; - streams the collision table instead.",
@@ -79,7 +78,6 @@ class RunCommand:
     figures: Annotated[
         str | None,
         typer.Option(
-            "--figures",
             metavar="all|NAME,…",
             envvar="VIBRO_FIGURES",
             help="Draw these kinds of figures, or all there are; vibro help figures names them. "
@@ -321,9 +319,6 @@ def followed(wishes: RunCommand, scenario: "AnyScenario") -> Iterator[None]:
         progress.end()
 
 
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-
-
 class Interruption:
     """The first signal that asks a run to end: it ends after its last event, with its tables."""
 
@@ -352,11 +347,10 @@ def _exception(number: int) -> BaseException:
 @contextlib.contextmanager
 def _heard(interruption: Interruption) -> Iterator[None]:
     """Have signals noted, but for those that whoever started us wants ignored (nohup)."""
-    before: dict[int, Any] = {}
+    before: dict[signal.Signals, Any] = {}
     try:
-        for name in _SIGNALS:
-            number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) != signal.SIG_IGN:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) != signal.SIG_IGN:
                 before[number] = signal.signal(number, interruption.note)
         yield
     finally:

@@ -13,12 +13,12 @@ from vibro_cli.commands.shared.error_handling import (
     DONE,
     FAILED,
     CommandError,
-    closest,
     reason,
     suggestion,
 )
 from vibro_cli.commands.shared.options import TableFormat, table_files
 from vibro_cli.commands.shared.terminal import json_text, printable, say
+from vibro_cli.errors import similar
 
 if TYPE_CHECKING:
     import pyarrow
@@ -135,7 +135,7 @@ def _read(
         return read_rows(file, slice(*rows), columns)
     except FileNotFoundError as error:
         beside = {path.name: path for path in file.parent.glob("*.parquet")}
-        close = closest(file.name, beside)
+        close = similar(file.name, beside)
         hint = "" if close is None else f" (did you mean {str(beside[close])!r}?)"
         raise CommandError(f"{file}: no such file{hint}") from error
     except OSError as error:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_cli import __version__
-from vibro_cli.errors import VibroError
+from vibro_cli.errors import Failure, VibroError
 from vibro_cli.grids.chunks import Chunks, Division, Receipt, file_names, receipt_of
 from vibro_cli.grids.document import Grid
 from vibro_cli.storage.files import (
@@ -334,7 +334,7 @@ def _missing_chunks(manifest: dict[str, Any]) -> int:
     return int(manifest["wanted"] - len(manifest["chunks"])) if "wanted" in manifest else 0
 
 
-class MergeRefused(VibroError):
+class MergeRefused(Failure):
     """Shards that cannot be put together; the message says which and why."""
 
 

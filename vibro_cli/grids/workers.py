@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_cli.errors import VibroError
+from vibro_cli.errors import Failure, VibroError
 from vibro_cli.grids.axes import Array
 from vibro_cli.grids.chunk_writer import Encoded, Making, Rooms, part_bytes
 from vibro_cli.grids.chunks import Chunks, Division, Expected, Receipt, has_many_parts
@@ -267,19 +267,23 @@ _CONNECT = "30s"
 _TRIES = 5
 
 
-class ClusterError(VibroError):
+class ClusterError(Failure):
     """The cluster cannot be used, or has not solved every chunk; the message says why."""
 
 
+class UnsafeAddress(VibroError):
+    """At this address anybody on the network could run programs on the workers."""
+
+
 def check_address(address: str) -> None:
-    """Raise `ClusterError` unless an address is encrypted, or of this machine."""
+    """Raise `UnsafeAddress` unless an address is encrypted, or of this machine."""
     protocol, separator, rest = address.partition("://")
     host = rest.rpartition(":")[0].strip("[]")
     if separator and host and protocol == "tls":
         return
     if separator and protocol == "tcp" and (host == "localhost" or _is_loopback(host)):
         return
-    raise ClusterError(
+    raise UnsafeAddress(
         f'found the address "{address}", expected tls://host:port, or tcp://localhost:port: '
         "without encryption anybody on the network could run programs on the workers"
     )
@@ -307,6 +311,8 @@ def solve_on_cluster(
 
     Raises
     ------
+    UnsafeAddress
+        Unless the address is encrypted, or of this machine.
     ClusterError
         If the scheduler cannot be reached or is lost, or chunks were left out.
     """

@@ -14,13 +14,14 @@ from functools import cache, lru_cache
 from itertools import pairwise
 from typing import Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from vibro_cli.errors import similar
 from vibro_cli.scenario.base import Table, model_named
 from vibro_cli.scenario.models import Scenario
-from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, similar, suggestion
+from vibro_cli.scenario.problems import Fault, KeyPath, listing, shown, suggestion
 from vibro_cli.scenario.quantities import Kind, Quantity
 
 Model = type[Table]
@@ -84,7 +85,8 @@ def unit_at(path: KeyPath, root: Model = Scenario) -> str:
 @cache
 def descriptions(model: Model) -> Mapping[str, str]:
     """Return what the text below each field of a model says."""
-    found = dict(descriptions(model.__base__)) if model.__base__ is not BaseModel else {}
+    base = model.__base__
+    found = dict(descriptions(base)) if base is not None and issubclass(base, Table) else {}
     (declared,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
     assert isinstance(declared, ast.ClassDef)
     for field, below in pairwise(declared.body):
@@ -265,3 +267,29 @@ def _cleaned(value: Any) -> Any:
     if isinstance(options, list) and len(options) == 1:
         return {**cleaned.pop("anyOf")[0], **cleaned}
     return cleaned
+
+
+def keys_of(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], bool]]:
+    """Yield the key paths of a JSON Schema with their nodes, and whether they are required.
+
+    `[i]` stands for any entry of a list, which has a path of its own.
+    """
+    yield from _below(schema, "", schema["$defs"])
+
+
+def _below(
+    node: dict[str, Any], path: str, definitions: dict[str, Any]
+) -> Iterator[tuple[str, dict[str, Any], bool]]:
+    if "$ref" in node:
+        node = definitions[node["$ref"].rpartition("/")[2]]
+    children = [
+        (f"{path}.{key}" if path else key, child, key in node.get("required", ()))
+        for key, child in node.get("properties", {}).items()
+    ]
+    if isinstance(node.get("items"), dict):
+        children.append((f"{path}[i]", node["items"], False))
+    for below, child, needed in children:
+        yield below, child, needed
+        yield from _below(child, below, definitions)
+    for branch in (*node.get("anyOf", ()), *node.get("oneOf", ())):
+        yield from _below(branch, path, definitions)

@@ -366,6 +366,7 @@ _K_SCHEMA = kinds.RESTITUTION.schema()
 
 
 def _shape(words: list[str], needed: list[str], unfit: list[str]) -> Rule:
+    """Return the rule for the keys of a piece of some shapes."""
     then = {"required": needed, "not": {"anyOf": [{"required": [key]} for key in unfit]}}
     return {"if": {"properties": {"shape": {"enum": words}}}, "then": then}
 

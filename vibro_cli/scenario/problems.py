@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from vibro_cli.errors import VibroError
+from vibro_cli.errors import VibroError, similar
 
 KeyPath = tuple[str | int, ...]
 """A path into a scenario; lists are counted from 0 here and from 1 in every text."""
@@ -128,13 +128,6 @@ def listing(words: Iterable[str], last: str = "or") -> str:
     if len(items) < 2:
         return "".join(items)
     return f"{', '.join(items[:-1])} {last} {items[-1]}"
-
-
-def similar(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word that a mistyped one is most like, or None."""
-    from difflib import get_close_matches
-
-    return next(iter(get_close_matches(word[:100], list(known), n=1, cutoff=0.6)), None)
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

@@ -177,6 +177,20 @@ def new_folder(
     flush_folder(target.parent)
 
 
+def write_folder(
+    kind: str, target: Path, files: Mapping[str, bytes], details: Mapping[str, Any]
+) -> None:
+    """Write a folder of results of a kind with its manifest, whole or not at all.
+
+    Raises `FolderRefused` when `target` is there and is none of ours, `OSError` when it cannot be
+    written.
+    """
+    with new_folder(target, lambda there: check_replaceable(there, kind)) as folder:
+        for name, content in files.items():
+            folder.write(name, content)
+        folder.write(MANIFEST_NAME, json_bytes(manifest(kind, files, details)))
+
+
 def _open_partial(target: Path) -> tuple[Path, int]:
     """A new folder beside `target`, and a handle that holds a lock on it while we live."""
     while True:

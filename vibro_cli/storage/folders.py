@@ -24,10 +24,10 @@ from vibro_cli.storage.files import (
     differences,
     entry,
     json_bytes,
-    manifest,
     manifest_of,
     new_folder,
     read_manifest,
+    write_folder,
 )
 from vibro_cli.storage.tables import GrowingTable, Origin, parquet_bytes, table_named, to_arrow
 from vibro_cli.systems.columns import Table, count, flag, number, word
@@ -304,7 +304,4 @@ def write_results(
             data = to_arrow(table, columns, origin_of(scenario))
             files[f"{table.name}.parquet"] = parquet_bytes(data)
     files |= figures
-    with new_folder(target, partial(check_replaceable, kind=kind)) as folder:
-        for name, content in files.items():
-            folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest(kind, files, {})))
+    write_folder(kind, target, files, {})

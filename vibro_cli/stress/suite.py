@@ -7,20 +7,17 @@ import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
-from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from vibro_cli import __version__
+from vibro_cli.errors import VibroError
 from vibro_cli.grids.solving import columns_of_records
 from vibro_cli.storage.files import (
-    MANIFEST_NAME,
-    check_replaceable,
     json_bytes,
-    manifest,
-    new_folder,
+    write_folder,
 )
 from vibro_cli.storage.tables import Origin, parquet_bytes, to_arrow
 from vibro_cli.stress.scenes import Finding, Plan
@@ -53,7 +50,7 @@ NAMES = tuple(HOMES)
 WORKERS = 2
 
 
-class MissingLibrary(Exception):
+class MissingLibrary(VibroError):
     """A library that only this suite needs is not installed."""
 
 
@@ -108,8 +105,6 @@ TABLE = Table(
     ),
 )
 
-check_stress_folder = partial(check_replaceable, kind="stress")
-
 
 def line_of(finding: Finding) -> str:
     """One finding on one line of text."""
@@ -153,7 +148,4 @@ def write(findings: Sequence[Finding], plan: Plan, target: Path) -> None:
     for name, finding in zip(names, findings, strict=True):
         if name is not None:
             files[name] = json_bytes(finding.scenario)
-    with new_folder(target, check_stress_folder) as folder:
-        for name, content in files.items():
-            folder.write(name, content)
-        folder.write(MANIFEST_NAME, json_bytes(manifest("stress", files, asdict(plan))))
+    write_folder("stress", target, files, asdict(plan))

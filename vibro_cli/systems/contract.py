@@ -332,7 +332,7 @@ class System(ABC):
     has_orbits: ClassVar[bool] = False
     """Whether periodic orbits are looked for, and numbers fitted, with its tangent maps."""
     has_comparisons: ClassVar[bool] = False
-    """Whether portraits of a few values of a parameter are drawn over one another."""
+    """Whether portraits of a few bodies can be drawn over one another, on one trace."""
     has_families: ClassVar[bool] = False
     """Whether portraits can be drawn over a range of a parameter."""
 

@@ -6,7 +6,6 @@ suggestion.
 """
 
 import contextlib
-import difflib
 import errno
 import re
 import signal
@@ -26,7 +25,7 @@ from vibro_cli.commands.shared.terminal import (
     say,
     silence,
 )
-from vibro_cli.errors import NoLibrary, VibroError
+from vibro_cli.errors import Failure, VibroError, similar
 
 DONE, FAILED, MISUSED, NOT_STRICT = 0, 1, 2, 3
 HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143
@@ -86,7 +85,7 @@ def attempt(task: Task) -> int:
         say("vibro: out of memory", "error")
     except VibroError as error:
         say(f"vibro: {error}", "error")
-        return FAILED if isinstance(error, NoLibrary) else MISUSED
+        return FAILED if isinstance(error, Failure) else MISUSED
     except Exception as fault:
         say(*_report_fault(fault))
     return FAILED
@@ -96,8 +95,9 @@ def perform(task: Task, log_format: str = "text") -> int:
     """Run the task of a whole command line and return its exit code, whatever happens in it."""
     choose_words(as_json=log_format == "json", least="info")
     prepare_streams()
-    for name in ("SIGTERM", "SIGHUP"):
-        _watch(getattr(signal, name, None))
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:  # whoever started us may want that (nohup)
+            signal.signal(number, _terminate)
     warnings.showwarning = _say_warning
     try:
         return attempt(lambda: _flushed(task()))
@@ -151,12 +151,6 @@ def _flushed(code: int) -> int:
     return code
 
 
-def _watch(number: signal.Signals | None) -> None:
-    """Unwind at a signal, unless whoever started us wants it ignored (nohup)."""
-    if number is not None and signal.getsignal(number) != signal.SIG_IGN:
-        signal.signal(number, _terminate)
-
-
 def _terminate(number: int, frame: FrameType | None) -> None:
     raise Terminated(number)
 
@@ -181,14 +175,9 @@ def _report_fault(fault: Exception) -> tuple[str, str]:
     return f"vibro: fault of the program, please report it: {text} (traceback: {path})", "error"
 
 
-def closest(word: str, known: Iterable[str]) -> str | None:
-    """The known word that is most like a mistyped one, None without one that is."""
-    return next(iter(difflib.get_close_matches(word[:100], list(known), n=1)), None)
-
-
 def suggestion(word: str, known: Iterable[str]) -> str:
     """` (did you mean 'x'?)` for the known word that is most like it, or an empty text."""
-    close = closest(word, known)
+    close = similar(word, known)
     return "" if close is None else f" (did you mean {close!r}?)"
 
 

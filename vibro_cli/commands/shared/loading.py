@@ -10,8 +10,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vibro_cli.commands.shared.error_handling import CommandError, closest, reason
+from vibro_cli.commands.shared.error_handling import CommandError, reason
 from vibro_cli.commands.shared.options import scenario_files
+from vibro_cli.errors import similar
 
 if TYPE_CHECKING:
     from vibro_cli.assemble import AnySystem
@@ -73,7 +74,7 @@ def _file_meant(source: str) -> str:
         return f" (vibro new {name} writes the {name} of the gallery, vibro new --all all of it)"
     beside = scenario_files(str(Path(source).parent / "_")[:-1])
     stems = {Path(name).stem: name for name in beside if not name.endswith("/")}
-    close = closest(name, stems)
+    close = similar(name, stems)
     return "" if close is None else f" (did you mean {stems[close]!r}?)"
 
 

@@ -82,29 +82,13 @@ def _same_entry(key: str, typed: str) -> str:
 
 def scenario_paths(schema: dict[str, Any]) -> Iterator[tuple[str, list[str]]]:
     """Every key path of a scenario, `[1]` for any entry of a list, with the words it may be."""
-    yield from _below(schema, schema, "", 0)
+    from vibro_cli.scenario.fields import keys_of
 
-
-def _below(
-    node: dict[str, Any], schema: dict[str, Any], path: str, depth: int
-) -> Iterator[tuple[str, list[str]]]:
-    if depth > 12:
-        return
-    if "$ref" in node:
-        node = schema["$defs"][node["$ref"].rpartition("/")[2]]
-    branches = [*node.get("anyOf", ()), *node.get("oneOf", ())]
-    words = [str(word) for part in (node, *branches) for word in _words(part)]
-    if path and not node.get("properties") and "items" not in node:
-        yield path, words
-    for branch in branches:
-        for key, more in _below(branch, schema, path, depth + 1):
-            if key != path:
-                yield key, more
-    for name, child in node.get("properties", {}).items():
-        yield from _below(child, schema, f"{path}.{name}" if path else name, depth + 1)
-    items = node.get("items")
-    if isinstance(items, dict):
-        yield from _below(items, schema, f"{path}[1]", depth + 1)
+    for path, node, _ in keys_of(schema):
+        if "items" not in node and "$ref" not in node:
+            parts = (node, *node.get("anyOf", ()), *node.get("oneOf", ()))
+            words = [str(word) for part in parts for word in _words(part)]
+            yield path.replace("[i]", "[1]"), words
 
 
 def _words(node: dict[str, Any]) -> list[Any]:
@@ -125,26 +109,19 @@ scenario_argument = partial(
 )
 
 
-def set_option(words: str) -> Any:
-    """Return the option ``--set`` with its help."""
-    return typer.Option(
-        "--set",
-        default_factory=list,
-        metavar="PATH=VALUE",
-        help=words,
-        show_default=False,
-        autocompletion=scenario_keys,
-    )
-
+output_option = partial(typer.Option, "--output", "-o")
+repeatable = partial(typer.Option, default_factory=list, show_default=False)
+set_option = partial(repeatable, "--set", metavar="PATH=VALUE", autocompletion=scenario_keys)
 
 Overrides = Annotated[
     list[str],
-    set_option("Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable."),
+    set_option(
+        help="Override a value of every scenario, e.g. --set balls[1].angle=-1.2; repeatable."
+    ),
 ]
 Engine = Annotated[
     Literal["compiled", "python"],
     typer.Option(
-        "--engine",
         envvar="VIBRO_ENGINE",
         help="Kernels: compiled, or interpreted by Python; the results are the same to the bit.",
     ),
@@ -200,7 +177,6 @@ def choose_log_format(form: str) -> str:
 LogFormat = Annotated[
     Literal["text", "json"],
     typer.Option(
-        "--log-format",
         envvar="VIBRO_LOG_FORMAT",
         help="Words and errors on standard error as text, or as a JSON object on each line.",
         callback=choose_log_format,

@@ -178,11 +178,11 @@ def lines_of(title: str, items: Mapping[str, str]) -> str:
     return "\n".join(lines)
 
 
-def wrapped(text: str, first: str, others: str) -> list[str]:
-    """A text in lines of 80 columns, what the first and the others begin with included."""
+def wrapped(text: str, first: str = "", others: str = "", width: int = COLUMNS) -> list[str]:
+    """A text in lines of a width, what the first and the others begin with included."""
     return textwrap.wrap(
         text,
-        COLUMNS,
+        width,
         initial_indent=first,
         subsequent_indent=others,
         break_long_words=False,
@@ -343,13 +343,7 @@ def _paragraphs(block: Sequence[str]) -> Iterator[str]:
 
 def _filled(text: str, width: int) -> list[str]:
     """A paragraph, or an entry of a list, in lines."""
-    return _broken(_plain(text), width, "  " if text.startswith("- ") else "")
-
-
-def _broken(text: str, width: int, others: str = "") -> list[str]:
-    return textwrap.wrap(
-        text, width, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
-    )
+    return wrapped(_plain(text), "", "  " if text.startswith("- ") else "", width)
 
 
 def _plain(text: str) -> str:
@@ -376,7 +370,7 @@ def _table(rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
     for row in [head, *body]:
         cells = [row[n] for n in short]
         start = "".join(c.ljust(w + _BETWEEN) for c, w in zip(cells, widths, strict=True))
-        text = _broken(row[last], width - offset) or [""]
+        text = wrapped(row[last], width=width - offset) or [""]
         if len(cells[0]) > widths[0]:
             yield cells[0]
             start = " " * (widths[0] + _BETWEEN) + "".join(
@@ -397,9 +391,9 @@ def _entries(
         cells = [row[n] for n in short if row[n]]
         commands = [cell for cell in cells if cell.startswith("vibro ")]
         words = "  ".join(cell for cell in cells if cell not in commands)
-        yield from _broken(words, width, "    ")
+        yield from wrapped(words, "", "    ", width)
         yield from (f"    {command}" for command in commands)
-        yield from (f"    {line}" for line in _broken(row[last], width - 4))
+        yield from wrapped(row[last], "    ", "    ", width)
 
 
 _EVERY = 0.5
