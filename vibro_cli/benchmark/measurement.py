@@ -115,57 +115,64 @@ _LONG = 5.0
 """Runs that take so many times the time planned for one are repeated three times only."""
 
 
-Task = tuple[Callable[[], object], Callable[[], object]]
-"""What makes it ready, which is not timed, and what is timed."""
-
-
-def warmed(tasks: Sequence[Task]) -> Sequence[Task]:
-    """Run all tasks once, so that machine code is loaded and memory is there; return them."""
-    for ready, go in tasks:
-        ready()
-        go()
-    return tasks
-
-
-def by_turns(tasks: Sequence[Task], plan: Plan) -> list[list[float]]:
-    """Return the times (s) of tasks, each run in turn with the others, as a list for each."""
-    times: list[list[float]] = [[] for _ in tasks]
-    for turn in range(plan.repeats):
-        for number, (ready, go) in enumerate(tasks):
-            if turn >= 3 and min(times[number]) > _LONG * plan.target:
-                continue
-            ready()
-            start = time.perf_counter()
-            go()
-            times[number].append(time.perf_counter() - start)
-    return times
-
-
 class Job:
-    """Work whose impacts are counted as it is done."""
+    """Work that is timed, again and again; what makes it ready is not."""
 
     impacts = 0
+    """Of the last time, where only that tells."""
 
     def ready(self) -> None:
-        """Nothing is kept from run to run."""
+        """Nothing has to be made ready."""
 
     def go(self) -> None:
         """Do the work."""
         raise NotImplementedError
 
 
-def timed(rows: Sequence[Row], tasks: Sequence[Task], plan: Plan) -> list[Row]:
-    """Run tasks once, then by turns; return the rows, which are given their times."""
-    for row, times in zip(rows, by_turns(warmed(tasks), plan), strict=True):
-        row.take_times(times)
-    return list(rows)
+class Task(Job):
+    """A job that two functions do."""
+
+    def __init__(
+        self, go: Callable[[], object], ready: Callable[[], object] = lambda: None
+    ) -> None:
+        self._go, self._ready = go, ready
+
+    def ready(self) -> None:
+        """Make it ready."""
+        self._ready()
+
+    def go(self) -> None:
+        """Do the work."""
+        self._go()
 
 
-def counted(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
-    """Run jobs once, then by turns; return the rows, which are given their impacts and times."""
-    times = by_turns(warmed([(job.ready, job.go) for _, job in jobs]), plan)
+def warmed(jobs: Sequence[Job]) -> Sequence[Job]:
+    """Do all jobs once, so that machine code is loaded and memory is there; return them."""
+    for job in jobs:
+        job.ready()
+        job.go()
+    return jobs
+
+
+def by_turns(jobs: Sequence[Job], plan: Plan) -> list[list[float]]:
+    """Return the times (s) of jobs, each done in turn with the others, as a list for each."""
+    times: list[list[float]] = [[] for _ in jobs]
+    for turn in range(plan.repeats):
+        for job, taken in zip(jobs, times, strict=True):
+            if turn >= 3 and min(taken) > _LONG * plan.target:
+                continue
+            job.ready()
+            start = time.perf_counter()
+            job.go()
+            taken.append(time.perf_counter() - start)
+    return times
+
+
+def timed(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
+    """Do jobs once, then by turns; return the rows, which are given their times and impacts."""
+    times = by_turns(warmed([job for _, job in jobs]), plan)
     for (row, job), taken in zip(jobs, times, strict=True):
-        row.impacts = job.impacts
+        row.impacts = job.impacts or row.impacts
         row.take_times(taken)
     return [row for row, _ in jobs]
 
