@@ -10,6 +10,7 @@ import numpy as np
 
 from vibro_cli.compile.native import compiled
 from vibro_cli.kernels.ensemble.records import Stack, fill_stacked
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.impact_columns import (
     EIGHTS,
     FLAGS,
@@ -22,7 +23,7 @@ from vibro_cli.kernels.statistics.impact_columns import (
     fill_columns,
 )
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
-from vibro_cli.kernels.world import END_NAMES, NEVER, RUNNING, Flight, World
+from vibro_cli.kernels.world import END_NAMES, RUNNING, Flight, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
     GROWTH,
@@ -99,21 +100,6 @@ _OMEGA = "angular velocity about the contact point (null for a particle, which s
 _SIDE = count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
 
 
-def _who_and_where(sided: bool) -> Iterable[Column]:
-    """The bodies of an impact, and where they are."""
-    yield count("ball_a", "left body of the pair, from 1")
-    yield count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)")
-    if sided:
-        yield _SIDE
-    yield count("arc_a", "piece of the trace body a is on, from 1")
-    yield count("arc_b", "piece of the trace body b is on, from 1")
-    yield from _pair("angle", "", "rad", _ANGLE, nullable=True)
-    yield from _pair("s", "", "m", "arc length from the trace's left end to the contact point")
-    for body in ("a", "b"):
-        yield number(f"x_{body}", "m", f"horizontal place of the centre of body {body}")
-        yield number(f"y_{body}", "m", f"height of the centre of body {body}")
-
-
 def collisions(sided: bool = False, grown: bool = False) -> Table:
     """The table of impacts; `sided` for two bodies on a closed trace, which may meet two ways.
 
@@ -121,7 +107,17 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
     """
     columns = [
         *impact_head(),
-        *_who_and_where(sided),
+        count("ball_a", "left body of the pair, from 1"),
+        count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)"),
+        *([_SIDE] if sided else []),
+        count("arc_a", "piece of the trace body a is on, from 1"),
+        count("arc_b", "piece of the trace body b is on, from 1"),
+        *_pair("angle", "", "rad", _ANGLE, nullable=True),
+        *_pair("s", "", "m", "arc length from the trace's left end to the contact point"),
+        number("x_a", "m", "horizontal place of the centre of body a"),
+        number("y_a", "m", "height of the centre of body a"),
+        number("x_b", "m", "horizontal place of the centre of body b"),
+        number("y_b", "m", "height of the centre of body b"),
         *_before_and_after("rate", "rad/s", _RATE, nullable=True),
         *_before_and_after("omega", "rad/s", _OMEGA, nullable=True),
         *_before_and_after("speed", "m/s", "signed speed of the centre"),
