@@ -25,7 +25,7 @@ from vibro_cli.mechanics.system import (
 )
 from vibro_cli.mechanics.trace import ArcShape, Piece, Trace
 from vibro_cli.numerics import elementwise
-from vibro_cli.scenario.base import AnyScenario, BodyTable, Table, check_scenario
+from vibro_cli.scenario.base import AnyScenario, BodyTable, check_scenario
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
 from vibro_cli.scenario.problems import Problem, ScenarioError
@@ -84,7 +84,7 @@ Given = tuple[str, float | None]
 """A key of the scenario and its number, None where none is given."""
 
 
-def given(table: Table, path: str, *keys: str) -> list[Given]:
+def given(table: Any, path: str, *keys: str) -> list[Given]:
     """Return keys of a table at a path, with their numbers; 0 is right where its key allows it."""
     return [(f"{path}.{key}", getattr(table, key) or None) for key in keys]
 
