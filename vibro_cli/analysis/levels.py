@@ -13,10 +13,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.potential import Pull, Turning, inside, zeros
 from vibro_cli.mechanics.system import Body, TraceSystem
 from vibro_cli.mechanics.trace import Piece, Trace
-from vibro_cli.numerics.elementwise import EPSILON
 
 Array = NDArray[np.float64]
 

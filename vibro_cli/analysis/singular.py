@@ -23,8 +23,8 @@ from vibro_cli.analysis.levels import (
     level_positions,
     right_s,
 )
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import HUMP, VALLEY, Piece
-from vibro_cli.numerics.elementwise import EPSILON
 
 _ROUNDING = 64.0 * EPSILON
 CENTRE = "centre"

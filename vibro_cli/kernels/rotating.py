@@ -19,11 +19,11 @@ from vibro_cli.kernels.flow.flight import launch_and_log, take_energy
 from vibro_cli.kernels.flow.flow import angle_from_start
 from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_head
 from vibro_cli.kernels.flow.rotating_flow import half_way, pull
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.statistics import rotating_forces, run_statistics
 from vibro_cli.kernels.tangent import flight_jacobian, follow, rotating_jacobian
 from vibro_cli.kernels.world import (
-    NEVER,
     Flight,
     FlightRow,
     PairTrack,

@@ -24,8 +24,6 @@ CLOSING = 3  # in contact and approaching: an impact now, whatever the rounding 
 State = tuple[float, float, float]  # (S, C, P) of a body
 States = tuple[float, float, float, float, float, float]  # those of both bodies of a pair
 
-NEVER = 1.0e303  # a time, s, after the end of every run (a stop.time is at most 1e300)
-
 
 @struct
 class PieceData:

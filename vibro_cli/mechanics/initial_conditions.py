@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import Body, InitialState
 from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import elementwise
-from vibro_cli.numerics.elementwise import EPSILON
 
 GAP_ROUNDING = 16.0
 """At the start |gap| ≤ 16 eps of the positions is contact."""

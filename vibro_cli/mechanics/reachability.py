@@ -27,10 +27,10 @@ from itertools import combinations, pairwise
 from operator import and_
 from typing import Any
 
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import Body
 from vibro_cli.mechanics.trace import Piece, Trace, sine_cosine
 from vibro_cli.numerics import elementwise
-from vibro_cli.numerics.elementwise import EPSILON
 
 _SEARCH_LIMIT = 5000
 _RESOLUTION = 1e-9

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.potential import Turning
 from vibro_cli.mechanics.trace import Trace
 from vibro_cli.numerics import elementwise
-from vibro_cli.numerics.elementwise import EPSILON
 
 BALL = "ball"
 DISK = "disk"

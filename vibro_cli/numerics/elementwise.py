@@ -23,9 +23,6 @@ Some = Any
 """A number, an array of numbers with one axis, or a number with derivatives. Where a number goes in
 and out, all are said to be numbers, as everywhere else."""
 
-EPSILON = 2.0**-52
-"""The distance from 1 to the next double."""
-
 _NUMBERS = (float, int)
 
 

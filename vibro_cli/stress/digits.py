@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.oracles.oracle import Bounce, Event, Oracle, Told

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.elliptic import (
     ThetaConstants,
     carlson_rf,
     set_theta_constants,
     theta_functions,
 )
-from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.numerics.jacobi import Jacobi
 from vibro_cli.stress.oracles.scene import mp
 from vibro_cli.stress.scenes import Finding, Plan

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.numerics.elementwise import EPSILON
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.impacts import solved
 from vibro_cli.stress.oracles.oracle import first_contact

@@ -21,7 +21,8 @@ import numpy as np
 
 from vibro_cli.assemble import build_system
 from vibro_cli.compile.native import compiled
-from vibro_cli.kernels.world import NEVER, World
+from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.world import World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.scenario.loading import scenario_of

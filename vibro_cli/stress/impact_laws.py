@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.reachability import contact_angle
 from vibro_cli.mechanics.system import Body
-from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.stress.oracles.oracle import Oracle
 from vibro_cli.stress.oracles.scene import KAPPA, Real, mp, scene_of_system
 from vibro_cli.stress.scenes import (

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import InitialState, TraceSystem
-from vibro_cli.numerics.elementwise import EPSILON
 from vibro_cli.stress.oracles.reference_solver import (
     Happening,
     Impact,

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel, struct
 from vibro_cli.kernels.events.event_loop import proceed
-from vibro_cli.kernels.world import NEVER, Flight, World
+from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.world import Flight, World
 
 
 @struct

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_cli.kernels.contact.contact_kinematics import CONTACT_ROUNDING
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.stress.drawing import draw
 from vibro_cli.stress.oracles.sensitivity import neighbouring
@@ -314,7 +315,7 @@ FEW = 8.0
 # From then on that a body turns at a wall, up to rounding, too: no change of the inputs shows it
 # where the body, or its row, has started from that wall at rest.
 # Rounding of a place, as a share of the size of its coordinates.
-PLACES = 64.0 * 2.0**-52
+PLACES = 64.0 * EPSILON
 # Rounding of places and speeds, as a relative change of the inputs.
 ROUNDING = 2.0**-40
 # Of the trace's length: where such a change does as much, nothing is told from rounding.

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.numerics.elementwise import EPSILON
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.stress.scenes import (
     THREE_ARCS,
     VALLEY,

@@ -9,7 +9,8 @@ import pytest
 
 from vibro_cli.assemble import build_system
 from vibro_cli.kernels.ensemble.records import Points, Results
-from vibro_cli.kernels.world import LOG_FULL, NEVER
+from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.world import LOG_FULL
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of
 from vibro_cli.systems.trace.ensemble import Batch, empty_results, make_points

@@ -32,8 +32,8 @@ from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.over_time import energy_residuals, room_after
 from vibro_cli.figures.source import Array, Recorded, Table, kept, made
 from vibro_cli.figures.ticks import angle_ticks, number_ticks, with_power
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import VALLEY, Piece
-from vibro_cli.numerics.elementwise import EPSILON
 
 _HIGH = {"single": 46.0, "double": 56.0}
 _SMALL = {"single": 26.0, "double": 30.0}

@@ -29,8 +29,8 @@ from vibro_cli.figures.chart import (
     value_axis,
 )
 from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece
-from vibro_cli.numerics.elementwise import EPSILON
 
 MOST_FLIGHTS = 3000
 """Of more flights than this, of all bodies together, only the first are drawn over time."""

@@ -31,9 +31,9 @@ from vibro_cli.kernels.flow.flight import (
 )
 from vibro_cli.kernels.flow.flow import body_of_group, group_of_body, time_to
 from vibro_cli.kernels.impact.impulse_chain import contact_forces, keep_release
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import angle_sum, set_theta_constants, twice_angle
 from vibro_cli.kernels.world import (
-    NEVER,
     Flight,
     TrackData,
     World,

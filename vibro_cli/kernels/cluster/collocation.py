@@ -18,9 +18,9 @@ from vibro_cli.kernels.flow.flight import AT_END, BOUNDARY, LIFT_OFF, half_way_t
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, path_on_segment, polynomial_flow
 from vibro_cli.kernels.impact.impulse_chain import contact_forces, keep_release
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import angle_difference
 from vibro_cli.kernels.world import (
-    NEVER,
     Flight,
     TrackData,
     World,

@@ -26,7 +26,6 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 from vibro_cli.kernels.flow.flight import begin_flight, log_flight
 from vibro_cli.kernels.flow.flow import POLYNOMIAL
 from vibro_cli.kernels.impact.chattering import (
-    EPSILON,
     FORCED,
     FREE,
     LOST_BOUNCE,
@@ -49,6 +48,7 @@ from vibro_cli.kernels.impact.impulse_chain import (
     touched_wall,
 )
 from vibro_cli.kernels.impact.laws import SPEED_ROUNDING, TRANSLATIONAL, hold
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.world import (
     CLOSING,
     CONTACT_CLOSED,

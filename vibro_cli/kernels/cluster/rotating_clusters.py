@@ -58,10 +58,10 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     least_value,
     turned,
 )
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import angle_difference, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import set_quartic_constants, squared_rate
 from vibro_cli.kernels.world import (
-    NEVER,
     BodyForces,
     Flight,
     TrackData,

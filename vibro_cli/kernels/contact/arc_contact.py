@@ -39,6 +39,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_third_order,
     unresolved_step,
 )
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, twice_angle
 from vibro_cli.kernels.world import RELEASED, Flight, States, World, contact_of, flights_of
 
@@ -112,7 +113,7 @@ def inverted(x: float, x1: float, x2: float, x3: float) -> float:
 # Contacts guessed later than this many times the limit are not looked for.
 FAR_GUESS = 1.25
 # Two that part at less than this share of their rates do so by rounding: gravity alone decides.
-NO_PARTING = 32.0 * 2.220446049250313e-16
+NO_PARTING = 32.0 * EPSILON
 # The frequency of a difference of angles is taken as no less than half that of small swings.
 MOST_SOFTENING = 0.75
 

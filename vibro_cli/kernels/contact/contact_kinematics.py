@@ -14,6 +14,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.flow.flow import POLYNOMIAL, tangential_acceleration
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.elliptic import angle_difference, twice_angle
 from vibro_cli.kernels.world import (
     Flight,
@@ -123,7 +124,7 @@ def distance_gap(
 # The line of centres is level with the trace up to this share.
 LIFT_ROUNDING = 1.0e-14
 # At one instant gaps below this many units in the last place of the positions are contact.
-CONTACT_ROUNDING = 16.0 * 2.220446049250313e-16
+CONTACT_ROUNDING = 16.0 * EPSILON
 
 
 @kernel

@@ -36,6 +36,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_step_third_order,
     unresolved_step,
 )
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, theta_functions
 from vibro_cli.kernels.world import (
     PARTING,
@@ -61,7 +62,7 @@ FINAL_CORRECTION = 1.0e-5
 # ... and below this one where the iteration is of third order, not of fourth.
 FINAL_CORRECTION_BY_DISTANCE = 1.0e-6
 # Share of the size of the places by which a gap cannot be told from contact.
-UNRESOLVED = 4.0 * 2.220446049250313e-16
+UNRESOLVED = 4.0 * EPSILON
 # Times that, bodies are in one another by more than rounding and must not go further.
 DEEP = 4.0
 
@@ -310,7 +311,7 @@ SHORT = 0.001
 SETTLED = 1.0e-11
 MOST_STEPS = 6
 # Gaps at the start of a bounce below this share of the places are their rounding.
-PLACES_ROUNDING = 4.0 * 2.220446049250313e-16
+PLACES_ROUNDING = 4.0 * EPSILON
 # Near the top of a bounce a step of Newton's leads anywhere; one longer than this share is not his.
 LONG_STEP = 0.5
 

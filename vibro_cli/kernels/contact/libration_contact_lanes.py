@@ -46,6 +46,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     safe_time,
     time_of_rise,
 )
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import (
     REDUCTION_LIMIT,
     TRIGONOMETRIC,
@@ -53,7 +54,6 @@ from vibro_cli.kernels.numerics.elliptic import (
     trigonometric_form,
 )
 from vibro_cli.kernels.world import (
-    NEVER,
     PARTING,
     BodyData,
     Clock,

@@ -49,6 +49,7 @@ from vibro_cli.kernels.flow.flight import (
 from vibro_cli.kernels.flow.flow import CAUTION
 from vibro_cli.kernels.impact.chattering import SMALL_BOUNCE
 from vibro_cli.kernels.impact.laws import do_part, impact_of_pair
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_librations, set_theta_constants
 from vibro_cli.kernels.statistics.run_statistics import (
@@ -61,7 +62,6 @@ from vibro_cli.kernels.world import (
     COLLISION,
     END_COLLISIONS,
     LOG_FULL,
-    NEVER,
     PARTING,
     RUNNING,
     Flight,

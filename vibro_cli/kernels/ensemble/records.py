@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vibro_cli.compile.kernel import kernel, struct
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.impact_columns import Columns, Runs, fill_run
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
 from vibro_cli.kernels.world import (
     END_TIME,
-    NEVER,
     BodyData,
     Flight,
     ImpactRow,

@@ -18,10 +18,10 @@ from vibro_cli.kernels.contact.first_contact import (
 )
 from vibro_cli.kernels.flow.flight import state_at
 from vibro_cli.kernels.flow.flow import LINE
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.world import (
     CLOSING,
-    NEVER,
     PARTING,
     Flight,
     PairData,

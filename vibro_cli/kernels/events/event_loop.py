@@ -48,6 +48,7 @@ from vibro_cli.kernels.impact.laws import (
     log_impact,
     parts,
 )
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.world import (
     COLLISION,
@@ -60,7 +61,6 @@ from vibro_cli.kernels.world import (
     END_REST,
     END_TIME,
     LOG_FULL,
-    NEVER,
     PARTING,
     RELEASED,
     RUNNING,

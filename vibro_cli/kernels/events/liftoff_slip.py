@@ -19,8 +19,9 @@ from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, row_of, set_ends, set_forces
 from vibro_cli.kernels.flow.flight import squared_rate_at
 from vibro_cli.kernels.flow.flow import LINE, POLYNOMIAL, flow, recall_flight, time_to
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import quarter_period
-from vibro_cli.kernels.world import NEVER, BodyForces, Flight, World, track_on
+from vibro_cli.kernels.world import BodyForces, Flight, World, track_on
 
 TURNING = 0
 LIFT_OFF = 1

@@ -6,10 +6,10 @@ import math
 
 from vibro_cli.compile.kernel import SERIES_LENGTH, choose, kernel
 from vibro_cli.kernels.flow.flow import LINE, flow, time_ahead, time_to
+from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import set_theta_constants, set_two_theta_constants
 from vibro_cli.kernels.world import (
-    NEVER,
     BodyData,
     Flight,
     PieceData,
@@ -28,7 +28,7 @@ END_ROUNDING = 1.0e-9
 # A body brought to an end of its piece may be beyond it by the rounding of a flight (S, C).
 BEYOND_END = 1.0e-12
 # ... or, short of it, this share of what its sine is the difference of.
-SHORT_OF_END = 4.0 * 2.220446049250313e-16
+SHORT_OF_END = 4.0 * EPSILON
 # A state within this of an end of its piece, in S C - C S, is at that end.
 AT_END = 1.0e-14
 
@@ -373,7 +373,7 @@ def half_way_to(half: float) -> float:
 # Where ``P^2 + (SC)^2`` is below this, energy says nothing of where a state on the circle is.
 LEAST_SIZE = 1.0e-8
 # A way below this share of the places is lost in their rounding.
-NOWHERE = 16.0 * 2.220446049250313e-16
+NOWHERE = 16.0 * EPSILON
 
 
 @kernel

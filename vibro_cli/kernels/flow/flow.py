@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import SERIES_LENGTH, kernel, struct
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import (
     HYPERBOLIC_TINY,
     ROOT_COMPLEMENT_TINY,
@@ -26,7 +27,7 @@ from vibro_cli.kernels.numerics.elliptic import (
     theta_functions,
     trigonometric_form,
 )
-from vibro_cli.kernels.world import NEVER, Flight, FlightRow, TrackData, World, track_on
+from vibro_cli.kernels.world import Flight, FlightRow, TrackData, World, track_on
 
 LINE = 3  # a flight's form on a line, beside those of kernels.numerics.elliptic
 POLYNOMIAL = 4  # ... and on a segment of a motion in contact across pieces

@@ -34,10 +34,10 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     mirrored,
     turned,
 )
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import squared_rate
 from vibro_cli.kernels.world import (
-    NEVER,
     BodyData,
     Flight,
     FlightRow,

@@ -22,6 +22,7 @@ from vibro_cli.kernels.flow.flow import (
     polynomial_flow,
 )
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import sine_cosine, twice_angle
 from vibro_cli.kernels.numerics.weierstrass_motion import (
     period_of,
@@ -30,7 +31,7 @@ from vibro_cli.kernels.numerics.weierstrass_motion import (
     squared_rate,
     time_to_place,
 )
-from vibro_cli.kernels.world import NEVER, Flight
+from vibro_cli.kernels.world import Flight
 
 # A flight's form on a line, beside those of kernels.flow.flow: two of them have no parabola as gap.
 TURNING_LINE = 5

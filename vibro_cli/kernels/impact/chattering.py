@@ -43,6 +43,7 @@ from vibro_cli.kernels.impact.laws import (
     weight_and_response,
 )
 from vibro_cli.kernels.numerics.conservative_advancement import safe_step_second_order
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.world import (
     CLOSING,
     Flight,
@@ -55,7 +56,6 @@ from vibro_cli.kernels.world import (
     tracks_of,
 )
 
-EPSILON = 2.220446049250313e-16
 # A bounce must be this small against the bodies before its accumulation is looked at.
 SMALL_BOUNCE = 1.0e-4
 # A bounce lower than this many units in the last place of the places is lost in rounding.

@@ -21,10 +21,10 @@ from vibro_cli.kernels.contact.contact_kinematics import (
 )
 from vibro_cli.kernels.flow.flight import AT_END, is_at, state_at
 from vibro_cli.kernels.impact.laws import law_approach, weight_and_response
+from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.world import (
-    NEVER,
     Flight,
     FlightRow,
     PairData,
@@ -36,7 +36,7 @@ from vibro_cli.kernels.world import (
 )
 
 # Height of a bounce that is lost in rounding, as a share of the size of the places.
-BOUNCE_ROUNDING = 16.0 * 2.220446049250313e-16
+BOUNCE_ROUNDING = 16.0 * EPSILON
 
 
 @kernel

@@ -19,6 +19,7 @@ restitution on the speed of approach with rolling kept for ``normal-impulse``.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
 from vibro_cli.kernels.world import BodyData, PairData, World, flights_of, track_of
 
@@ -119,10 +120,10 @@ def separation_speed(normal_a: float, normal_b: float, speed_a: float, speed_b: 
 
 
 # A parting speed above -this (relative) is zero up to rounding.
-SPEED_ROUNDING = 8.0 * 2.220446049250313e-16
+SPEED_ROUNDING = 8.0 * EPSILON
 
 # Times closer than this share of themselves are one instant.
-SAME_INSTANT = 64.0 * 2.220446049250313e-16
+SAME_INSTANT = 64.0 * EPSILON
 
 
 @kernel

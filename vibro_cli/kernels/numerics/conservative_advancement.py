@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.elliptic import sine_cosine
 
 # In place of a bound that is zero, so that divisions by it have a result.
@@ -160,7 +161,6 @@ def first_root_of_parabola(g: float, rate: float, second: float) -> float:
 
 
 NO_ROOT = -1.0
-_EPSILON = 2.0**-52
 
 
 @kernel
@@ -211,7 +211,7 @@ def first_fall(row: Sequence[float], first: int, last: int, end: float) -> float
             step = -value / slope
         else:
             return NO_ROOT
-        if step <= 0.5 * _EPSILON * at:
+        if step <= 0.5 * EPSILON * at:
             return at
         at += step
         if at > end:

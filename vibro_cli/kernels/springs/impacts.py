@@ -24,6 +24,7 @@ from vibro_cli.kernels.impact.laws import (
     loss_of_impulse,
     weight_and_response,
 )
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.series import (
     acceleration_of,
@@ -54,7 +55,7 @@ from vibro_cli.kernels.springs.world import (
 from vibro_cli.kernels.world import END_INADMISSIBLE, RUNNING
 
 # Speeds within so much of each other, as a share of their sum, are equal but for rounding.
-ROUNDING = 8.0 * 2.0**-52
+ROUNDING = 8.0 * EPSILON
 # Bounces that would all be over within this share of 1/w0 are taken as one: what they would still
 # move the bodies by is below the square of it.
 NEARLY_OVER = 1.0e-7

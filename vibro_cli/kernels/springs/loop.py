@@ -6,6 +6,7 @@ import math
 
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.numerics.conservative_advancement import NO_ROOT, first_fall
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.springs.impacts import (
     collide_approaching,
@@ -21,7 +22,6 @@ from vibro_cli.kernels.springs.world import (
     FORCE,
     FREE,
     IMPACTS,
-    NEVER,
     ORDER,
     PARTING,
     PLACE,

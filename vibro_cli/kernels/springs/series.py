@@ -19,12 +19,12 @@ from collections.abc import Sequence
 
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.numerics.conservative_advancement import value_of
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
     FORCE,
     LENGTH,
-    NEVER,
     ORDER,
     PARTING,
     PLACE,

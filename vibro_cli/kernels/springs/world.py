@@ -41,8 +41,6 @@ COLLISION = 1
 CONTACT_CLOSED = 2
 CONTACT_OPENED = 3
 
-NEVER = 1.0e300  # an instant, s, after the end of every run
-
 
 @struct
 class SpringBody:

@@ -18,6 +18,7 @@ from vibro_cli.compile.kernel import BoolMatrix, FloatMatrix, IntMatrix, kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.rotating_flight import potential_head
 from vibro_cli.kernels.impact.laws import LAW_NAMES, TRANSLATIONAL
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.statistics.run_statistics import residual_gap
 from vibro_cli.kernels.world import ImpactRow, PieceData, TrackData, World, track_on
 
@@ -35,7 +36,6 @@ _END, _AFTER_LEVEL, _CREST = 0.0, 1.0, 2.0
 ROWS = 10
 """Rows of the table of hills for each body; its columns are three for each piece, and two."""
 
-_EPSILON = 2.0**-52
 _EQUAL = 1.0e-12  # heights closer than this fraction are those of one separatrix
 _PI, _TAU = math.pi, math.tau
 
@@ -120,7 +120,7 @@ def _crests(piece: PieceData, track: TrackData) -> tuple[int, float, float]:
     if piece.sign == 0.0:
         return 0, 0.0, 0.0
     top = 0.0 if piece.sign < 0.0 else _PI
-    near = 4.0 * _EPSILON
+    near = 4.0 * EPSILON
     count = 0
     first = other = 0.0
     angle = top + _TAU * math.floor((piece.angle_start - top) / _TAU)
@@ -206,7 +206,7 @@ def _barrier(world: World, hills: FloatMatrix, top: int, number: int, hill: int,
     """
     closed = world.settings[0].closed == 1
     height = hills[top + _HEIGHT, hill]
-    rounding = 4.0 * _EPSILON * (abs(height) + hills[top + _PLACE, number - 1])
+    rounding = 4.0 * EPSILON * (abs(height) + hills[top + _PLACE, number - 1])
     at = hill
     falling = True
     for _ in range(number):
@@ -239,7 +239,7 @@ def _is_level_end(world: World, hill: int, number: int) -> bool:
         return piece.tangent_y == 0.0
     angle = piece.angle_start if hill == 0 else piece.angle_end
     turn = math.floor(angle / _PI + 0.5) * _PI
-    return abs(angle - turn) <= 4.0 * _EPSILON * max(1.0, abs(angle))
+    return abs(angle - turn) <= 4.0 * EPSILON * max(1.0, abs(angle))
 
 
 @kernel
@@ -456,7 +456,7 @@ def _fill_row(
         impulse = mass_b * (row.speed_b_post - row.speed_b_pre)
     _number(columns, _IMPULSE, at, impulse if row.law == TRANSLATIONAL else math.nan)
     overlap = approach * approach / (2.0 * (pull_a + pull_b))
-    _flag(columns, 3, at, overlap < _GRAZING_UNITS * _EPSILON * (size_a + size_b))
+    _flag(columns, 3, at, overlap < _GRAZING_UNITS * EPSILON * (size_a + size_b))
     if around > 0.0:
         ahead = (s_b - s_a if end_a == 0 else s_a - s_b) % around
         _integer(columns, 6, at, _side(row, ahead <= 0.5 * around))

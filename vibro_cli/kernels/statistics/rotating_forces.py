@@ -51,6 +51,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     next_zero,
     turned,
 )
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.elliptic import (
     angle_difference,
     angle_sum,
@@ -60,7 +61,6 @@ from vibro_cli.kernels.numerics.elliptic import (
 from vibro_cli.kernels.numerics.weierstrass_motion import period_of, squared_rate
 from vibro_cli.kernels.statistics.run_statistics import Outcome, friction_demand
 from vibro_cli.kernels.world import (
-    NEVER,
     BodyData,
     BodyForces,
     Flight,

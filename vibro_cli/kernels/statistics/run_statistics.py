@@ -25,9 +25,9 @@ from vibro_cli.kernels.flow.flow import (
     half_period,
     recall_flight,
 )
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.world import (
     END_INADMISSIBLE,
-    NEVER,
     RUNNING,
     WALL,
     BodyData,

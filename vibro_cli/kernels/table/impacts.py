@@ -30,8 +30,9 @@ from vibro_cli.kernels.impact.laws import (
     loss_of_impulse,
     weight_and_response,
 )
+from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.numerics.double_double import pair_plus, pair_times
-from vibro_cli.kernels.table.walls import EPSILON, RESOLVED, present_place, touching_distance
+from vibro_cli.kernels.table.walls import RESOLVED, present_place, touching_distance
 from vibro_cli.kernels.table.world import CONIC, PairRow, World
 from vibro_cli.kernels.world import END_INADMISSIBLE, END_WALL_CONTACT, RUNNING, BodyData
 

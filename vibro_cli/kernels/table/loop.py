@@ -8,6 +8,7 @@ tournament above them are played again: log2 n each.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.table.impacts import bounce, collide, collide_jointly, find_group
 from vibro_cli.kernels.table.walls import (
@@ -17,7 +18,7 @@ from vibro_cli.kernels.table.walls import (
     time_to_distance,
     touching_distance,
 )
-from vibro_cli.kernels.table.world import MEETS_BALL, MEETS_WALL, NEVER, NO_WALL, NOTHING, World
+from vibro_cli.kernels.table.world import MEETS_BALL, MEETS_WALL, NO_WALL, NOTHING, World
 from vibro_cli.kernels.world import (
     END_ACCUMULATION,
     END_BOUNCES,

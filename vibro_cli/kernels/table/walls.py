@@ -15,11 +15,11 @@ from __future__ import annotations
 import math
 
 from vibro_cli.compile.kernel import kernel
+from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import difference_of_products, time_between
-from vibro_cli.kernels.table.world import CONIC, NEVER, Ball, Edge, Meeting, WallData, World
+from vibro_cli.kernels.table.world import CONIC, Ball, Edge, Meeting, WallData, World
 from vibro_cli.kernels.world import BodyData
 
-EPSILON = 2.0**-52
 MOST_STEPS = 200
 # Once steps are below this share of the half turn, they shrink until rounding decides them.
 SETTLED = 1.0e-6

@@ -17,8 +17,6 @@ NO_WALL = 0
 CONIC = 1  # an ellipse, or a circle
 POLYGON = 2
 
-NEVER = 1.0e300  # an instant, s, after the end of every run
-
 
 @struct
 class Ball:

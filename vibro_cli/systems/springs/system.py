@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.springs.loop import MOST_STEPS, advance
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
-    NEVER,
     ROW,
     Clock,
     Settings,

@@ -9,10 +9,10 @@ from itertools import combinations
 from typing import Any
 
 from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.table.loop import advance
 from vibro_cli.kernels.table.world import (
     CONIC,
-    NEVER,
     Ball,
     Clock,
     Edge,

@@ -24,10 +24,10 @@ from vibro_cli.kernels.ensemble.records import (
     StartData,
     SystemNumber,
 )
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome
 from vibro_cli.kernels.tangent.frame import TangentState
 from vibro_cli.kernels.world import (
-    NEVER,
     BodyData,
     Flight,
     ImpactRow,

@@ -19,15 +19,8 @@ from vibro_cli.kernels.events.liftoff_slip import (
     Span,
     find_passages,
 )
-from vibro_cli.kernels.world import (
-    CROSSING,
-    END_LIFT_OFF,
-    END_OF_TRACE,
-    NEVER,
-    WALL,
-    Flight,
-    World,
-)
+from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.world import CROSSING, END_LIFT_OFF, END_OF_TRACE, WALL, Flight, World
 from vibro_cli.systems.driver import called, chosen, joined, zeros
 from vibro_cli.systems.trace.motion import Paths
 

@@ -11,8 +11,8 @@ import math
 from vibro_cli.compile.kernel import interpreted_rows
 from vibro_cli.kernels.flow.flight import NOWHERE
 from vibro_cli.kernels.impact.laws import LAW_NAMES
+from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.world import (
-    NEVER,
     BodyForces,
     Clock,
     ContactRow,
