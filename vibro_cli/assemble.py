@@ -87,6 +87,11 @@ Given = tuple[str, float | None]
 """A key of the scenario and its number, None where none is given."""
 
 
+def given(table: Any, path: str, *keys: str) -> list[Given]:
+    """Return keys of a table at a path, with their numbers; 0 is right where its key allows it."""
+    return [(f"{path}.{key}", getattr(table, key) or None) for key in keys]
+
+
 class Findings:
     """Collects what is wrong, each with its place in the scenario."""
 

@@ -11,7 +11,7 @@ import math
 import multiprocessing
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
@@ -30,7 +30,6 @@ from vibro_cli.benchmark.measurement import (
     Task,
     by_turns,
     command,
-    counted,
     shared_out,
     timed,
     warmed,
@@ -114,8 +113,8 @@ def _measure_scenes(plan: Plan, part: str, scenes: dict[int, Scene]) -> list[Row
         Row(part, scene.name, "vibro", size=size, impacts=impacts) for size, scene in scenes.items()
     ]
     runners = [DriverRunner(scene.system, "compiled") for scene in scenes.values()]
-    tasks = [(lambda runner=runner: runner.ready(impacts), runner.go) for runner in runners]
-    for row, runner, times in zip(rows, runners, by_turns(warmed(tasks), plan), strict=True):
+    jobs = [Task(runner.go, partial(runner.ready, impacts)) for runner in runners]
+    for row, runner, times in zip(rows, runners, by_turns(warmed(jobs), plan), strict=True):
         try:
             row.crossings = runner.course().crossings
             row.take_times(times)
@@ -165,7 +164,7 @@ def _measure_batches(plan: Plan) -> list[Row]:
     ]
     for threads in sorted({1, min(2, cores), cores}):
         jobs.append((Row("cores", "circle", BATCH, size=threads), Crew(threads, size)))
-    return counted(jobs, plan)
+    return timed(jobs, plan)
 
 
 _GRID = """
@@ -257,7 +256,7 @@ def measure_on_all_cores(plan: Plan) -> list[Row]:
             row = Row(PART, _SCENE, NAME, f"{tolerance:g}", size=count)
             jobs.append((row, Processes(cores, count, tolerance)))
     try:
-        return counted(jobs, plan)
+        return timed(jobs, plan)
     finally:
         for _, job in jobs:
             if isinstance(job, Processes):
@@ -267,16 +266,15 @@ def measure_on_all_cores(plan: Plan) -> list[Row]:
 def measure_other_systems(plan: Plan) -> list[Row]:
     """Measure every scene by turns; an impact is one of two bodies, of a lone ball a bounce."""
     long = 5_000 if plan.form == "quick" else 200_000
-    rows, tasks = [], []
+    jobs = []
     for name, scene in timed_scenes("systems").items():
         impacts = long // scene.share
-        rows.append(Row("systems", name, "vibro", impacts=impacts))
-        run = _SystemRun(scene.document, impacts)
-        tasks.append((run.ready, run.go))
-    return timed(rows, tasks, plan)
+        row = Row("systems", name, "vibro", impacts=impacts)
+        jobs.append((row, _SystemRun(scene.document, impacts)))
+    return timed(jobs, plan)
 
 
-class _SystemRun:
+class _SystemRun(Job):
     """Runs of a scene of any system, so many impacts or bounces each."""
 
     def __init__(self, document: Document, impacts: int) -> None:
@@ -313,68 +311,51 @@ class _Searching(DriverRunner):
 def measure_skips(plan: Plan) -> list[Row]:
     """Measure each skip on a scene where it matters, with and without it by turns."""
     impacts = 500 if plan.form == "quick" else 20_000
-    rows, tasks = [], []
-    for skip, scene, with_it, without in _kernel_skips(impacts):
-        for setting, task in ((WITH, with_it), (WITHOUT, without)):
-            rows.append(Row("skips", scene.name, skip, setting, impacts=impacts))
-            tasks.append(task)
-    for setting, task in ((WITH, _tables(False)), (WITHOUT, _tables(True))):
-        rows.append(Row("skips", "three_arcs", TABLES, setting, impacts=_SHORT_RUN))
-        tasks.append(task)
-    return timed(rows, tasks, plan) + _measure_figures(plan)
+    jobs: list[tuple[Row, Job]] = []
+    for skip, scene, *runners in _kernel_skips():
+        for setting, runner in zip((WITH, WITHOUT), runners, strict=True):
+            row = Row("skips", scene.name, skip, setting, impacts=impacts)
+            jobs.append((row, Task(runner.go, partial(runner.ready, impacts))))
+    for setting, all_of_them in ((WITH, False), (WITHOUT, True)):
+        row = Row("skips", "three_arcs", TABLES, setting, impacts=_SHORT_RUN)
+        jobs.append((row, Task(partial(_make_tables, all_of_them))))
+    return timed(jobs, plan) + _measure_figures(plan)
 
 
 _SHORT_RUN = 300
 
 
-def _kernel_skips(impacts: int) -> list[tuple[str, Scene, Task, Task]]:
+def _kernel_skips() -> list[tuple[str, Scene, DriverRunner, DriverRunner]]:
+    """What is skipped, on which scene, and what runs it with the skip and without."""
     three, circle = BY_NAME["three_arcs"], BY_NAME["circle"]
     plain = [DriverRunner(scene.system, "compiled") for scene in (three, circle)]
-    searching = _Searching(three.system, "compiled")
-    keeping = DriverRunner(circle.system, "compiled", keep=True)
-
-    def task(runner: DriverRunner) -> Task:
-        return lambda: runner.ready(impacts), runner.go
-
     return [
-        (APART, three, task(plain[0]), task(searching)),
-        (ROWS, circle, task(plain[1]), task(keeping)),
+        (APART, three, plain[0], _Searching(three.system, "compiled")),
+        (ROWS, circle, plain[1], DriverRunner(circle.system, "compiled", keep=True)),
     ]
 
 
-def _tables(all_of_them: bool) -> Task:
+def _make_tables(all_of_them: bool) -> None:
     """A short interpreted run and its impacts, or all its tables."""
+    wanted = Wanted(step=0.01, turning_points=True, friction=0.3) if all_of_them else None
     system = BY_NAME["three_arcs"].system
-
-    def go() -> None:
-        wanted = Wanted(step=0.01, turning_points=True, friction=0.3) if all_of_them else None
-        run: Run = simulate_system(system, None, _SHORT_RUN, "python", wanted)
-        assert len(run.collisions["n"]) == _SHORT_RUN
-        if all_of_them:
-            assert run.motion is not None
-            assert run.events
-            assert run.summary
-
-    return _nothing, go
-
-
-def _nothing() -> None:
-    """Nothing has to be made ready."""
+    run: Run = simulate_system(system, None, _SHORT_RUN, "python", wanted)
+    assert len(run.collisions["n"]) == _SHORT_RUN
+    if all_of_them:
+        assert run.motion is not None
+        assert run.events
+        assert run.summary
 
 
 def _measure_figures(plan: Plan) -> list[Row]:
     """Whole processes of `vibro run` with and without figures."""
-    rows, tasks = [], []
-    with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
-        for setting, option in ((WITH, "--no-figures"), (WITHOUT, "--figures=default")):
-            rows.append(Row("skips", "three_arcs", FIGURES, setting, impacts=_SHORT_RUN))
-            tasks.append((_nothing, _process(Path(folder), option)))
-        return timed(rows, tasks, replace(plan, repeats=3))
-
-
-def _process(folder: Path, option: str) -> Callable[[], object]:
     document = BY_NAME["three_arcs"].document | {"stop": {"collisions": _SHORT_RUN}}
-    source = folder / "scene.json"
-    source.write_bytes(json_bytes(document))
-    target = str(folder / option.strip("-"))
-    return lambda: command("run", str(source), option, "-o", target)
+    jobs = []
+    with tempfile.TemporaryDirectory(prefix="vibro-bench-") as folder:
+        source = Path(folder) / "scene.json"
+        source.write_bytes(json_bytes(document))
+        for setting, option in ((WITH, "--no-figures"), (WITHOUT, "--figures=default")):
+            row = Row("skips", "three_arcs", FIGURES, setting, impacts=_SHORT_RUN)
+            target = str(Path(folder) / option.strip("-"))
+            jobs.append((row, Task(partial(command, "run", str(source), option, "-o", target))))
+        return timed(jobs, replace(plan, repeats=3))

@@ -32,8 +32,8 @@ from vibro_cli.benchmark.measurement import (
     Plan,
     Row,
     command,
-    counted,
     shared_out,
+    timed,
 )
 from vibro_cli.benchmark.methods.with_vibro import driver_of
 from vibro_cli.benchmark.scenes import BY_NAME, ball, timed_scenes
@@ -71,7 +71,7 @@ def measure_grid(plan: Plan) -> list[Row]:
             for method, kind in ((KERNEL, _Kernels), (GRID, _Whole)):
                 row = Row(GRID_PART, _SCENE, method, setting, size=chunks.points)
                 jobs.append((row, kind(one, chunks)))
-        rows = counted(jobs, plan)
+        rows = timed(jobs, plan)
         for _, job in jobs:
             job.ready()
     return rows

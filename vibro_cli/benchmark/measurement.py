@@ -11,11 +11,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from statistics import median
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
@@ -25,58 +25,31 @@ from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.tables import Origin, parquet_bytes, read_parquet, to_arrow
 from vibro_cli.systems.columns import Column, Table
 
-TABLE = Table(
-    "benchmark",
-    "one method with one setting on one task",
-    (
-        Column(
-            "part",
-            "string",
-            "",
-            "precision, bodies, arcs, scenarios, cores, grid, kept, memory, skips, systems or "
-            "command",
-        ),
-        Column("scene", "string", "", "name of the scene"),
-        Column("method", "string", "", "what was measured"),
-        Column("setting", "string", "", "tolerance, order of a series, or whether skipped"),
-        Column("size", "int64", "", "bodies, arcs, scenarios or threads, where varied", True),
-        Column("impacts", "int64", "", "impacts of a timed run, of all its scenarios"),
-        Column("crossings", "int64", "", "junctions crossed in it", True),
-        Column("repeats", "int64", "", "runs that were timed, by turns with the others"),
-        Column("seconds", "float64", "s", "median time of a run", True),
-        Column("spread", "float64", "", "interquartile range of the times over their median", True),
-        Column("per_impact", "float64", "s", "median time for each impact", True),
-        Column("compared", "int64", "", "impacts whose times were compared", True),
-        Column("error", "float64", "", "greatest relative error of their times", True),
-        Column("energy_drift", "float64", "", "relative change of the energy, k = 1", True),
-        Column("memory", "int64", "B", "greatest memory of the process", True),
-        Column("status", "string", "", "ok, lost (not the impacts of the motion) or failed"),
-        Column("note", "string", "", "what happened, if the status is not ok", True),
-    ),
-)
-
 
 @dataclass
 class Row:
-    """One row of the table."""
+    """One row of the table, whose columns its fields declare, with their meaning and unit."""
 
-    part: str
-    scene: str
-    method: str
-    setting: str = ""
-    size: int | None = None
-    impacts: int = 0
-    crossings: int | None = None
-    repeats: int = 0
-    seconds: float | None = None
-    spread: float | None = None
-    per_impact: float | None = None
-    compared: int | None = None
-    error: float | None = None
-    energy_drift: float | None = None
-    memory: int | None = None
-    status: str = "ok"
-    note: str | None = None
+    part: Annotated[
+        str,
+        "precision, bodies, arcs, scenarios, cores, grid, kept, memory, skips, systems or command",
+    ]
+    scene: Annotated[str, "name of the scene"]
+    method: Annotated[str, "what was measured"]
+    setting: Annotated[str, "tolerance, order of a series, or whether skipped"] = ""
+    size: Annotated[int | None, "bodies, arcs, scenarios or threads, where varied"] = None
+    impacts: Annotated[int, "impacts of a timed run, of all its scenarios"] = 0
+    crossings: Annotated[int | None, "junctions crossed in it"] = None
+    repeats: Annotated[int, "runs that were timed, by turns with the others"] = 0
+    seconds: Annotated[float | None, "median time of a run", "s"] = None
+    spread: Annotated[float | None, "interquartile range of the times over their median"] = None
+    per_impact: Annotated[float | None, "median time for each impact", "s"] = None
+    compared: Annotated[int | None, "impacts whose times were compared"] = None
+    error: Annotated[float | None, "greatest relative error of their times"] = None
+    energy_drift: Annotated[float | None, "relative change of the energy, k = 1"] = None
+    memory: Annotated[int | None, "greatest memory of the process", "B"] = None
+    status: Annotated[str, "ok, lost (not the impacts of the motion) or failed"] = "ok"
+    note: Annotated[str | None, "what happened, if the status is not ok"] = None
 
     def take_times(self, times: Sequence[float]) -> None:
         """Set what follows from the times of the runs."""
@@ -85,6 +58,21 @@ class Row:
         self.spread = float(quarters[1] - quarters[0]) / self.seconds
         if self.impacts:
             self.per_impact = self.seconds / self.impacts
+
+
+def _column(name: str, hint: Any) -> Column:
+    """The column that a field of a row declares."""
+    kind, text, *unit = get_args(hint)
+    plain, *null = get_args(kind) or (kind,)
+    types: dict[type, Any] = {str: "string", int: "int64", float: "float64"}
+    return Column(name, types[plain], "".join(unit), text, nullable=bool(null))
+
+
+TABLE = Table(
+    "benchmark",
+    "one method with one setting on one task",
+    tuple(_column(*field) for field in get_type_hints(Row, include_extras=True).items()),
+)
 
 
 @dataclass(frozen=True)
@@ -115,57 +103,64 @@ _LONG = 5.0
 """Runs that take so many times the time planned for one are repeated three times only."""
 
 
-Task = tuple[Callable[[], object], Callable[[], object]]
-"""What makes it ready, which is not timed, and what is timed."""
-
-
-def warmed(tasks: Sequence[Task]) -> Sequence[Task]:
-    """Run all tasks once, so that machine code is loaded and memory is there; return them."""
-    for ready, go in tasks:
-        ready()
-        go()
-    return tasks
-
-
-def by_turns(tasks: Sequence[Task], plan: Plan) -> list[list[float]]:
-    """Return the times (s) of tasks, each run in turn with the others, as a list for each."""
-    times: list[list[float]] = [[] for _ in tasks]
-    for turn in range(plan.repeats):
-        for number, (ready, go) in enumerate(tasks):
-            if turn >= 3 and min(times[number]) > _LONG * plan.target:
-                continue
-            ready()
-            start = time.perf_counter()
-            go()
-            times[number].append(time.perf_counter() - start)
-    return times
-
-
 class Job:
-    """Work whose impacts are counted as it is done."""
+    """Work that is timed, again and again; what makes it ready is not."""
 
     impacts = 0
+    """Of the last time, where only that tells."""
 
     def ready(self) -> None:
-        """Nothing is kept from run to run."""
+        """Nothing has to be made ready."""
 
     def go(self) -> None:
         """Do the work."""
         raise NotImplementedError
 
 
-def timed(rows: Sequence[Row], tasks: Sequence[Task], plan: Plan) -> list[Row]:
-    """Run tasks once, then by turns; return the rows, which are given their times."""
-    for row, times in zip(rows, by_turns(warmed(tasks), plan), strict=True):
-        row.take_times(times)
-    return list(rows)
+class Task(Job):
+    """A job that two functions do."""
+
+    def __init__(
+        self, go: Callable[[], object], ready: Callable[[], object] = lambda: None
+    ) -> None:
+        self._go, self._ready = go, ready
+
+    def ready(self) -> None:
+        """Make it ready."""
+        self._ready()
+
+    def go(self) -> None:
+        """Do the work."""
+        self._go()
 
 
-def counted(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
-    """Run jobs once, then by turns; return the rows, which are given their impacts and times."""
-    times = by_turns(warmed([(job.ready, job.go) for _, job in jobs]), plan)
+def warmed(jobs: Sequence[Job]) -> Sequence[Job]:
+    """Do all jobs once, so that machine code is loaded and memory is there; return them."""
+    for job in jobs:
+        job.ready()
+        job.go()
+    return jobs
+
+
+def by_turns(jobs: Sequence[Job], plan: Plan) -> list[list[float]]:
+    """Return the times (s) of jobs, each done in turn with the others, as a list for each."""
+    times: list[list[float]] = [[] for _ in jobs]
+    for turn in range(plan.repeats):
+        for job, taken in zip(jobs, times, strict=True):
+            if turn >= 3 and min(taken) > _LONG * plan.target:
+                continue
+            job.ready()
+            start = time.perf_counter()
+            job.go()
+            taken.append(time.perf_counter() - start)
+    return times
+
+
+def timed(jobs: Sequence[tuple[Row, Job]], plan: Plan) -> list[Row]:
+    """Do jobs once, then by turns; return the rows, which are given their times and impacts."""
+    times = by_turns(warmed([job for _, job in jobs]), plan)
     for (row, job), taken in zip(jobs, times, strict=True):
-        row.impacts = job.impacts
+        row.impacts = job.impacts or row.impacts
         row.take_times(taken)
     return [row for row, _ in jobs]
 
@@ -179,7 +174,7 @@ def parquet(rows: Sequence[Row], details: dict[str, Any]) -> bytes:
 def read_rows(path: Path) -> tuple[list[Row], dict[str, Any]]:
     """Return the rows of a table that was written, and its details."""
     table = read_parquet(path)
-    names = [field.name for field in fields(Row)]
+    names = [column.name for column in TABLE.columns]
     columns = {name: table.column(name).to_pylist() for name in names}
     rows = [Row(**{name: columns[name][n] for name in names}) for n in range(table.num_rows)]
     return rows, json.loads(table.schema.metadata[b"vibro:scenario"])

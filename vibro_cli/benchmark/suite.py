@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from vibro_cli.benchmark.cost import (
     measure_growth,
@@ -12,7 +13,7 @@ from vibro_cli.benchmark.cost import (
     measure_skips,
 )
 from vibro_cli.benchmark.end_to_end import measure_command, measure_grid
-from vibro_cli.benchmark.measurement import SERIES, Plan, Row, by_turns
+from vibro_cli.benchmark.measurement import SERIES, Plan, Row, Task, by_turns
 from vibro_cli.benchmark.methods import methods
 from vibro_cli.benchmark.methods.runner import Lost, Method, Runner, Setting
 from vibro_cli.benchmark.scenes import SCENES, Scene, errors_of_times, reference_times
@@ -59,11 +60,8 @@ def _measure_scene(plan: Plan, scene: Scene, found: list[Method]) -> list[Row]:
     chosen = [
         (row, runner) for row, runner, method in timed if _fitted(plan, scene, row, runner, method)
     ]
-    tasks = [
-        (lambda row=row, runner=runner: runner.ready(row.impacts), runner.go)
-        for row, runner in chosen
-    ]
-    for (row, runner), times in zip(chosen, by_turns(tasks, plan), strict=True):
+    jobs = [Task(runner.go, partial(runner.ready, row.impacts)) for row, runner in chosen]
+    for (row, runner), times in zip(chosen, by_turns(jobs, plan), strict=True):
         try:
             course = runner.course()
         except Lost as lost:

@@ -15,9 +15,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from vibro_cli.api import simulate
 from vibro_cli.assemble import build_system
 from vibro_cli.mechanics.system import TraceSystem
-from vibro_cli.scenario.loading import scenario_of
+from vibro_cli.scenario.loading import any_scenario_of, scenario_of
 from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
@@ -130,6 +131,11 @@ def solve(document: Document, engine: str = "python") -> Run:
     """Run a document."""
     stop = document["stop"]
     return simulate_system(system_of(document), stop.get("time"), stop.get("collisions"), engine)
+
+
+def solve_any(document: Document, engine: str = "compiled") -> Run:
+    """Run the document of any system."""
+    return simulate(any_scenario_of(document), engine)
 
 
 def energy_at(run: Run, t: float, side: str) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vibro_cli.assemble import Findings, Given, bodies_of
+from vibro_cli.assemble import Findings, Given, bodies_of, given
 from vibro_cli.mechanics.system import Body, touching_distance
 from vibro_cli.systems.springs.scenario import SpringsScenario
 from vibro_cli.systems.springs.system import InitialState, Spring, SpringsSystem
@@ -40,10 +40,10 @@ def _check_sizes(scenario: SpringsScenario, findings: Findings) -> None:
     numbers: list[Given] = []
     for number, ball in enumerate(scenario.balls, 1):
         path = f"balls[{number}]"
-        lengths += [(f"{path}.radius", ball.radius), (f"{path}.thickness", ball.thickness)]
-        lengths += [(f"{path}.spring.{key}", getattr(ball.spring, key)) for key in _LENGTHS]
-        numbers += [(f"{path}.{key}", getattr(ball, key)) for key in ("position", "speed", "omega")]
-        numbers.append((f"{path}.spring.foot", ball.spring.foot))
+        lengths += given(ball, path, "radius", "thickness")
+        lengths += given(ball.spring, f"{path}.spring", "length", "height")
+        numbers += given(ball, path, "position", "speed", "omega")
+        numbers += given(ball.spring, f"{path}.spring", "foot")
         stiffness = ball.spring.stiffness
         if not _STIFFNESSES[0] <= stiffness <= _STIFFNESSES[1]:
             expected = f"a stiffness from {_STIFFNESSES[0]} to {_STIFFNESSES[1]} N/m"
@@ -51,9 +51,6 @@ def _check_sizes(scenario: SpringsScenario, findings: Findings) -> None:
     findings.add_wrong_lengths(lengths)
     findings.add_wrong_numbers(numbers)
     findings.add_wrong_time(scenario.stop.time)
-
-
-_LENGTHS = ("length", "height")
 
 
 def _initial(

@@ -14,10 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_cli.api import simulate
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.springs.world import CONTACT_CLOSED, CONTACT_OPENED
-from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.stress.oracles.motion import (
     Series,
     Whole,
@@ -29,8 +27,8 @@ from vibro_cli.stress.oracles.motion import (
 )
 from vibro_cli.stress.oracles.scene import mp, speed_changes
 from vibro_cli.stress.oracles.sensitivity import check_maps
-from vibro_cli.stress.scenes import Document, Finding, Plan
-from vibro_cli.systems.run import Run, Stretch
+from vibro_cli.stress.scenes import Document, Finding, Plan, solve_any
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.springs.system import SpringsSystem, singular_points
 
 ORDER = 44
@@ -251,11 +249,6 @@ def check(plan: Plan) -> list[Finding]:
     return [*_energy(plan), _reversal(plan), _at_rest(plan), _balance(plan)]
 
 
-def solve(document: Document, engine: str = "compiled") -> Run:
-    """Run the document of bodies on springs."""
-    return simulate(any_scenario_of(document), engine)
-
-
 def _body(position: float, speed: float, shape: tuple[float, float], foot: float) -> Document:
     length, height = shape
     spring = {"stiffness": 6.0, "length": length, "height": height, "foot": foot}
@@ -288,7 +281,7 @@ def _energy(plan: Plan) -> list[Finding]:
     gap = Finding("distance left at an impact (ulp of 8 m)", tried, 8.0)
     for balls in _scenes().values():
         document = _document(balls, 1.0, collisions=impacts)
-        summary = solve(document).summary_record()
+        summary = solve_any(document).summary_record()
         drift.take(abs(summary["energy_drift"]), document)
         gap.take(summary["max_gap"] / math.ulp(8.0), document)
     return [drift, gap]
@@ -300,13 +293,13 @@ def _reversal(plan: Plan) -> Finding:
     error = Finding("error of return (m, m/s)", tried, 1e-12)
     for balls in _scenes().values():
         for duration in (1.0, 3.0, plan.amount(6, 10)):
-            forward = solve(_document(balls, 1.0, time=duration), "python").sample([duration])
+            forward = solve_any(_document(balls, 1.0, time=duration), "python").sample([duration])
             back = [
                 ball | {"position": float(forward["x"][n]), "speed": -float(forward["speed"][n])}
                 for n, ball in enumerate(balls)
             ]
             document = _document(back, 1.0, time=duration)
-            final = solve(document, "python").sample([duration])
+            final = solve_any(document, "python").sample([duration])
             for n, ball in enumerate(balls):
                 error.take(abs(float(final["x"][n]) - ball["position"]), document)
                 error.take(abs(float(final["speed"][n]) + ball["speed"]), document)
@@ -320,11 +313,11 @@ def _at_rest(plan: Plan) -> Finding:
     rng = np.random.default_rng([plan.seed, 5])
     for _ in range(plan.amount(10, 100)):
         shape = float(rng.uniform(0.5, 5.0)), float(rng.uniform(0.5, 5.0))
-        system = solve(_document([_body(0.0, 0.0, shape, 0.0)], 1.0, time=0.1), "python").system
+        system = solve_any(_document([_body(0.0, 0.0, shape, 0.0)], 1.0, time=0.1), "python").system
         for place, kind in singular_points(system.springs[0]):
             if kind == "centre":
                 document = _document([_body(place, 0.0, shape, 0.0)], 1.0, time=20.0)
-                final = solve(document, "python").sample([20.0])
+                final = solve_any(document, "python").sample([20.0])
                 distance.take(abs(float(final["x"][0]) - place), document)
     return distance
 
@@ -340,7 +333,7 @@ def _balance(plan: Plan) -> Finding:
             _body(2.4, 0.0, (0.5, 1.0), 0.0) | {"mass": 0.7},
         ][: plan.amount(2, 3)]
         document = _document(balls, k, time=20.0)
-        run = solve(document)
+        run = solve_any(document)
         summary = run.summary_record()
         lost = summary["energy_start"] - summary["energy_end"]
         found = float(np.sum(run.collisions["energy_loss"]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.assemble import Findings, Given, bodies_of
+from vibro_cli.assemble import Findings, Given, bodies_of, given
 from vibro_cli.mechanics.system import Body, touching_distance
 from vibro_cli.systems.table import system
 from vibro_cli.systems.table.scenario import TableBall, TableScenario
@@ -50,16 +50,15 @@ def _check_sizes(scenario: TableScenario, findings: Findings) -> None:
     lengths: list[Given] = []
     numbers: list[Given] = []
     if scenario.wall is not None:
-        keys: tuple[str, ...] = ("semi_axis_x", "semi_axis_y", "radius", "width", "depth")
-        lengths += [(f"wall.{key}", getattr(scenario.wall, key)) for key in keys]
-        numbers += [(f"wall.{key}", getattr(scenario.wall, key)) for key in "xy"]
+        sizes = ("semi_axis_x", "semi_axis_y", "radius", "width", "depth")
+        lengths += given(scenario.wall, "wall", *sizes)
+        numbers += given(scenario.wall, "wall", "x", "y")
         for number, corner in enumerate(scenario.wall.corners or (), 1):
             numbers += [(f"wall.corners[{number}][{n}]", corner[n - 1]) for n in (1, 2)]
     for number, ball in enumerate(scenario.balls, 1):
         path = f"balls[{number}]"
-        lengths += [(f"{path}.radius", ball.radius), (f"{path}.thickness", ball.thickness)]
-        keys = ("x", "y", "speed", "velocity_x", "velocity_y")
-        numbers += [(f"{path}.{key}", getattr(ball, key)) for key in keys]
+        lengths += given(ball, path, "radius", "thickness")
+        numbers += given(ball, path, "x", "y", "speed", "velocity_x", "velocity_y")
     findings.add_wrong_lengths(lengths)
     findings.add_wrong_numbers(numbers)
     findings.add_wrong_time(scenario.stop.time)

@@ -12,12 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from vibro_cli.api import simulate
 from vibro_cli.kernels.impact.laws import LAW_NAMES
-from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.stress.oracles.scene import mp, speed_changes
 from vibro_cli.stress.oracles.sensitivity import check_maps
-from vibro_cli.stress.scenes import Document, Finding, Plan
+from vibro_cli.stress.scenes import Document, Finding, Plan, solve_any
 from vibro_cli.systems.run import Run, Stretch
 from vibro_cli.systems.table.system import POLYGON, TableSystem
 
@@ -173,11 +171,6 @@ def check(plan: Plan) -> list[Finding]:
     return [*_foci(plan), _contact(plan), *_skew(plan), _rack(plan), *_gas(plan)]
 
 
-def solve(document: Document, engine: str = "compiled") -> Run:
-    """Run the document of a table."""
-    return simulate(any_scenario_of(document), engine)
-
-
 def _ball(rng: Generator, radius: float, reach: float = 0.3) -> Document:
     direction = float(rng.uniform(0.0, math.tau))
     x, y = map(float, rng.uniform(-reach, reach, 2))
@@ -209,12 +202,12 @@ def _foci(plan: Plan) -> list[Finding]:
     for _ in range(plan.amount(4, 12)):
         wall, particle = _ellipse(rng), _ball(rng, 0.0)
         document = {"system": "table", "wall": wall, "balls": [particle]}
-        run = solve({**document, "stop": {"bounces": bounces}})
+        run = solve_any({**document, "stop": {"bounces": bounces}})
         product.take(_product_drift(run, wall), document)
     for radius in (0.0, 0.05, 0.2):
         wall, ball = _ellipse(rng), _ball(rng, radius)
         document = {"system": "table", "wall": wall, "balls": [ball], "stop": {"bounces": far}}
-        escape.take(_beyond(solve(document), wall, radius), document)
+        escape.take(_beyond(solve_any(document), wall, radius), document)
     return [product, escape]
 
 
@@ -253,7 +246,7 @@ def _contact(plan: Plan) -> Finding:
         if side == "outside":
             ball["x"], ball["y"] = -3.0 * ball["velocity_x"], -3.0 * ball["velocity_y"]
         document = {"system": "table", "wall": wall, "balls": [ball], "stop": {"bounces": 1}}
-        run = solve(document, "python")
+        run = solve_any(document, "python")
         start = [[mp.mpf(ball[name]) for name in ("x", "y", "velocity_x", "velocity_y")]]
         t, t_low, normal = (float(run.bounces[name][0]) for name in ("t", "t_low", "normal_angle"))
         exact, _ = Twin(mp, run.system).contact(start, mp.zero, Told(t, (0,), normal))
@@ -283,7 +276,7 @@ def _skew(plan: Plan) -> list[Finding]:
             "system": "table", "balls": balls, "stop": {"collisions": 1, "time": 10.0},
             "collision": {"k": 1.0, "inadmissible": "normal-impulse"},
         }  # fmt: skip
-        rows = solve(document, "python").collisions
+        rows = solve_any(document, "python").collisions
         if len(rows["n"]) == 0:
             continue
         row = {name: values[0] for name, values in rows.items()}
@@ -314,7 +307,7 @@ def _rack(plan: Plan) -> Finding:
         collision = {"k": float(rng.choice([1.0, rng.uniform()]))}
         document = {"system": "table", "balls": balls, "collision": collision}
         document["stop"] = {"time": 5.0}
-        final = solve(document, "python").sample([5.0])
+        final = solve_any(document, "python").sample([5.0])
         mirror = [0, *(1 + places.index((row, -across)) for row, across in places)]
         off = [final[name] + sign * final[name][mirror] for name, sign in _MIRRORED.items()]
         distance.take(float(np.max(np.abs(off))), document)
@@ -342,7 +335,7 @@ def _gas(plan: Plan) -> list[Finding]:
             "wall": {"shape": "rectangle", "width": 2.0, "depth": 1.8, "k": 1.0},
             "collision": {"k": 1.0, "law": "normal-impulse"},
         }  # fmt: skip
-        summary = solve(document).summary_record()
+        summary = solve_any(document).summary_record()
         drift.take(abs(summary["energy_drift"]), document)
         gap.take(summary["max_gap"] / math.ulp(1.0), document)
     return [drift, gap]

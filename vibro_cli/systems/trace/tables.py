@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -90,21 +90,6 @@ _OMEGA = "angular velocity about the contact point (null for a particle, which s
 _SIDE = count("side", "side on which the bodies meet: 1, or −1 when body 2 is met from behind")
 
 
-def _who_and_where(sided: bool) -> Iterable[Column]:
-    """The bodies of an impact, and where they are."""
-    yield count("ball_a", "left body of the pair, from 1")
-    yield count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)")
-    if sided:
-        yield _SIDE
-    yield count("arc_a", "piece of the trace body a is on, from 1")
-    yield count("arc_b", "piece of the trace body b is on, from 1")
-    yield from _pair("angle", "rad", _ANGLE, nullable=True)
-    yield from _pair("s", "m", "arc length from the trace's left end to the contact point")
-    for body in ("a", "b"):
-        yield number(f"x_{body}", "m", f"horizontal place of the centre of body {body}")
-        yield number(f"y_{body}", "m", f"height of the centre of body {body}")
-
-
 def collisions(sided: bool = False, grown: bool = False) -> Table:
     """The table of impacts; `sided` for two bodies on a closed trace, which may meet two ways.
 
@@ -112,7 +97,17 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
     """
     columns = [
         *impact_head(),
-        *_who_and_where(sided),
+        count("ball_a", "left body of the pair, from 1"),
+        count("ball_b", "right body of the pair, from 1 (1 across the seam of a closed trace)"),
+        *([_SIDE] if sided else []),
+        count("arc_a", "piece of the trace body a is on, from 1"),
+        count("arc_b", "piece of the trace body b is on, from 1"),
+        *_pair("angle", "rad", _ANGLE, nullable=True),
+        *_pair("s", "m", "arc length from the trace's left end to the contact point"),
+        number("x_a", "m", "horizontal place of the centre of body a"),
+        number("y_a", "m", "height of the centre of body a"),
+        number("x_b", "m", "horizontal place of the centre of body b"),
+        number("y_b", "m", "height of the centre of body b"),
         *before_and_after("rate", "rad/s", _RATE, nullable=True),
         *before_and_after("omega", "rad/s", _OMEGA, nullable=True),
         *before_and_after("speed", "m/s", "signed speed of the centre"),
