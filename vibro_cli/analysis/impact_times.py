@@ -337,7 +337,7 @@ class _Walk:
             weight_and_response(law, self._records[body], normal)
             for body, normal in zip(bodies, normals, strict=True)
         )
-        k = system.restitution[min(int(struck["pair"]), len(system.restitution) - 1)]
+        k = system.restitution_of(int(struck["pair"]))
         impulse = (1.0 + k) * (qa * speeds[0] - qb * speeds[1]) / (qa * ha + qb * hb)
         return [speeds[0] - impulse * ha, speeds[1] + impulse * hb]
 

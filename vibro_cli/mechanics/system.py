@@ -11,7 +11,7 @@ from typing import Any
 
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.potential import Turning
-from vibro_cli.mechanics.trace import Trace
+from vibro_cli.mechanics.trace import Piece, Trace
 from vibro_cli.numerics import elementwise
 
 BALL = "ball"
@@ -55,6 +55,11 @@ def mass_from_density(
     return 2.0 * math.pi * radius * elementwise.power(thickness, 2) * density
 
 
+def natural_rate(gravity: float, kappa: float, rho: float) -> float:
+    """Return w = √(g/κρ), see :meth:`Body.natural_rate`."""
+    return elementwise.square_root(gravity / (kappa * rho))
+
+
 @dataclass(frozen=True)
 class Body:
     """A body of revolution on the trace."""
@@ -86,7 +91,7 @@ class Body:
         ``gravity`` is in m/s²; ``rho`` is the radius (m) of the path of the body's centre. Numbers
         may be arrays or carry derivatives (see ``numerics.elementwise``).
         """
-        return elementwise.square_root(gravity / (self.kappa * rho))
+        return natural_rate(gravity, self.kappa, rho)
 
 
 @dataclass(frozen=True)
@@ -132,6 +137,15 @@ class TraceSystem:
     """Wall at the right end of an open trace; None stops the run there."""
     turning: Turning | None
     """The vertical axis about which the trace turns, and its rate; None at rest."""
+
+    def restitution_of(self, pair: int) -> float:
+        """Return k of a pair (from 0): two bodies that meet two ways have one k for both."""
+        return self.restitution[min(pair, len(self.restitution) - 1)]
+
+    def fastest_rate(self, body: Body, piece: Piece) -> float:
+        """Return √(Ω² + g/κρ) (rad/s), no less than a body's rate of oscillation on an arc."""
+        turning = 0.0 if self.turning is None else self.turning.square
+        return math.sqrt(turning + self.gravity / (body.kappa * piece.path_radius(body.radius)))
 
 
 def neighbours(count: int, closed: bool) -> list[tuple[int, int]]:

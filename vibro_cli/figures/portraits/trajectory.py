@@ -204,9 +204,7 @@ def _pace(run: Recorded, ball: int, piece: Piece) -> float:
     """Return how many points a body's motion on a piece wants per second."""
     if piece.is_line:
         return 0.0
-    body = run.system.bodies[ball - 1]
-    turning = 0.0 if run.system.turning is None else run.system.turning.square
-    rate = math.sqrt(turning + run.system.gravity / (body.kappa * piece.path_radius(body.radius)))
+    rate = run.system.fastest_rate(run.system.bodies[ball - 1], piece)
     return _PER_PERIOD * rate / (2.0 * math.pi)
 
 

@@ -237,7 +237,7 @@ def points_of(system: TraceSystem, count: int, impacts: int) -> Points:
     rates = []
     for body, start in zip(system.bodies, system.initial, strict=True):
         rho = system.trace.pieces[start.piece].path_radius(body.radius)
-        frequency = float(np.sqrt(system.gravity / (body.kappa * rho)))
+        frequency = body.natural_rate(system.gravity, rho)
         rates.append(start.speed / (2.0 * frequency * rho))
     pairs = list(system.restitution) or [1.0]
     if system.trace.closed and len(system.bodies) == 2:

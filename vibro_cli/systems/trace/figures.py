@@ -92,7 +92,7 @@ def _small_periods(system: TraceSystem) -> list[float]:
     """
     turning = 0.0 if system.turning is None else system.turning.square
     rates = [
-        math.sqrt(turning + system.gravity / (body.kappa * piece.path_radius(body.radius)))
+        system.fastest_rate(body, piece)
         for piece in system.trace.pieces
         for body in system.bodies
         if not piece.is_line

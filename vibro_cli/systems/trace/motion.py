@@ -26,7 +26,7 @@ from vibro_cli.kernels.world import (
     Flight,
     World,
 )
-from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.mechanics.system import TraceSystem, natural_rate
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.numerics import elementwise
 from vibro_cli.systems import contract
@@ -153,7 +153,7 @@ class Places:
         """``w = sqrt(g/(kappa rho))`` (rad/s), 0 on lines."""
         rho = self._at(self.path_radius, body, piece)
         with np.errstate(divide="ignore"):
-            return np.where(rho > 0.0, np.sqrt(self.gravity / (self.kappa[body] * rho)), 0.0)
+            return np.where(rho > 0.0, natural_rate(self.gravity, self.kappa[body], rho), 0.0)
 
     def speed_factor(self, body: Any, piece: Any) -> Floats:
         """``v/P``: ``2 w rho`` on arcs, 1 on lines."""

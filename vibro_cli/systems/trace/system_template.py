@@ -239,7 +239,7 @@ class Setting:
 
     def _starts(self, scenario: Scenario, system: TraceSystem, sure: Array) -> Starts:
         """The starts of as many points as there are flags, from a system with initial states."""
-        count, k, pairs = len(sure), system.restitution, len(pairs_of(system))
+        count, pairs = len(sure), len(pairs_of(system))
         flights = [initial_flight(system, n) for n in range(len(system.bodies))]
         time, most = scenario.stop.time, scenario.stop.collisions
         state = {
@@ -250,7 +250,7 @@ class Setting:
             sure=sure,
             **state,
             mass=_table([body.mass for body in system.bodies], count),
-            restitution=_table([k[min(n, len(k) - 1)] for n in range(pairs)], count),
+            restitution=_table([system.restitution_of(n) for n in range(pairs)], count),
             stop_t=np.broadcast_to(np.nan if time is None else time, count),
             stop_collisions=np.broadcast_to(0 if most is None else most, count),
         )

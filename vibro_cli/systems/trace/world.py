@@ -349,7 +349,7 @@ def _pair_data(system: TraceSystem, a: int, b: int, seam: int, number: int) -> P
     pair.b = b
     pair.seam = seam
     # Two bodies on a closed trace meet on either side with the same k.
-    pair.restitution = system.restitution[min(number, len(system.restitution) - 1)]
+    pair.restitution = system.restitution_of(number)
     pair.law = LAW_NAMES.index(system.law)
     pair.distance = system.bodies[a].radius + system.bodies[b].radius
     pair.contact_t = NEVER
