@@ -173,7 +173,7 @@ def occurs(condition: Some) -> bool:
 
 
 def outside(value: Some, low: float, high: float) -> Some:
-    """Tell whether a value is not between two bounds, nor one of them; nan is not."""
+    """Tell whether a value is beyond one of two bounds, or nan."""
     inside = (low <= value) & (value <= high)
     return not inside if isinstance(inside, bool) else ~inside
 
