@@ -5,7 +5,7 @@ it, and docs/ holds it between markers; a test keeps them equal.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
@@ -13,7 +13,12 @@ from typing import Annotated, Any
 import typer
 
 from vibro_cli.commands.shared.error_handling import DONE, EXIT_CODES, CommandError, suggestion
-from vibro_cli.commands.shared.terminal import as_terminal_text, json_text, terminal_width
+from vibro_cli.commands.shared.terminal import (
+    as_terminal_text,
+    json_text,
+    markdown_table,
+    terminal_width,
+)
 from vibro_cli.systems import NAMES as SYSTEMS
 
 COMMON = ("quiet", "verbose", "log_format")
@@ -30,13 +35,6 @@ ENVIRONMENT = {
 }
 
 
-def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table in Markdown."""
-    names = list(head)
-    lines = [f"| {' | '.join(row)} |" for row in (names, *rows)]
-    return "\n".join([lines[0], f"|{'---|' * len(names)}", *lines[1:]])
-
-
 def commands(program: Any) -> str:
     """Every command and its options, from the program itself (the context of its main command)."""
     every = program.command.commands
@@ -44,7 +42,7 @@ def commands(program: Any) -> str:
         (f"`{' '.join(['vibro', name, *_arguments(command)])}`", _cell(command.help))
         for name, command in every.items()
     ]
-    parts = [table(("command", "what it does"), rows)]
+    parts = [markdown_table(("command", "what it does"), rows)]
     common = [option for option in _options(every["help"]) if option.name in COMMON]
     tables = {"Every command": common}
     for name, command in every.items():
@@ -52,7 +50,7 @@ def commands(program: Any) -> str:
         tables |= {f"`vibro {name}`": own} if own else {}
     for title, options in tables.items():
         rows = [(_names(option, program), _meaning(option)) for option in options]
-        parts += [f"{title}:", table(("option", "meaning"), rows)]
+        parts += [f"{title}:", markdown_table(("option", "meaning"), rows)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -105,7 +103,7 @@ def _table_of_keys(schema: dict[str, Any], below: str = "") -> str:
         for path, node, needed in keys_of(schema)
         if path.startswith(below) and not path.endswith("[i]")
     ]
-    return table(("key", "default", "meaning"), rows) + "\n"
+    return markdown_table(("key", "default", "meaning"), rows) + "\n"
 
 
 def _default(node: dict[str, Any]) -> str:
@@ -181,7 +179,7 @@ def laws() -> str:
 before the impact, ⁺ after it, ω the angular velocity of rolling, v the speed of the centre,
 κ = 1 + J_C/(m r²).
 
-{table(("law", "what it says"), rows)}
+{markdown_table(("law", "what it says"), rows)}
 
 Under `hedrih` and `translational` bodies of unequal radii, or of equal radii on two pieces of the
 trace, may approach each other still after the impact: they would go through one another. Every
@@ -207,7 +205,7 @@ dimension may also be a text with its unit, such as `"60 deg"`, `"7.8 g/cm^3"`, 
 converted exactly and rounded once. On the command line it needs no quotation marks of its own:
 `--set "balls[1].angle=-60 deg"`.
 
-{table(("quantity", "SI", "also"), rows)}
+{markdown_table(("quantity", "SI", "also"), rows)}
 
 Units are combined by a space, `*` or `/`, which divides by the next unit only, with powers such as
 `s^-2`, `s**-2` or `s⁻²`: `9.81 m s^-2` and `9.81 m/s^2` are the same. For that there are also
@@ -218,13 +216,13 @@ Units are combined by a space, `*` or `/`, which divides by the next unit only, 
 def exit_codes() -> str:
     """What the exit codes mean."""
     rows = [(str(code), text) for code, text in EXIT_CODES.items()]
-    return table(("exit code", "meaning"), rows) + "\n"
+    return markdown_table(("exit code", "meaning"), rows) + "\n"
 
 
 def environment() -> str:
     """The variables of the environment that are read."""
     rows = [(f"`{name}`", text) for name, text in ENVIRONMENT.items()]
-    return table(("variable", "meaning"), rows) + "\n"
+    return markdown_table(("variable", "meaning"), rows) + "\n"
 
 
 def figures() -> str:
@@ -239,8 +237,8 @@ def figures() -> str:
             kinds.setdefault(key, (title, []))[1].append(name)
     of_runs = [(f"`{key}`", title, ", ".join(of)) for key, (title, of) in kinds.items()]
     of_grids = [(f"`{key}`", kind.title, kind.needs) for key, kind in GRID_KINDS.items()]
-    run = table(("figure", "shows", "of"), of_runs)
-    grid = table(("figure", "shows", "drawn if"), of_grids)
+    run = markdown_table(("figure", "shows", "of"), of_runs)
+    grid = markdown_table(("figure", "shows", "drawn if"), of_grids)
     return f"Of a run:\n\n{run}\n\nOf a grid:\n\n{grid}\n"
 
 

@@ -24,13 +24,13 @@ from vibro_cli.grids.axes import (
 from vibro_cli.scenario import loading
 from vibro_cli.scenario.base import AnyScenario, exactly_one, model_of, system_of
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, identifier, json_schema
+from vibro_cli.scenario.forms import Source
 from vibro_cli.scenario.loading import Document, OverrideError, apply, load_document, located
 from vibro_cli.scenario.problems import (
     Fault,
     KeyPath,
     Problem,
     ScenarioError,
-    Source,
     listing,
     path_text,
     shown,

@@ -23,7 +23,8 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from vibro_cli.scenario import quantities as kinds
-from vibro_cli.scenario.problems import Fault, KeyPath, Place, Source, shown
+from vibro_cli.scenario.forms import Source
+from vibro_cli.scenario.problems import Fault, KeyPath, Place, shown
 from vibro_cli.systems import NAMES, system_named
 
 # Keys of one table of which at most one may be given.

@@ -20,7 +20,7 @@ from pydantic import ValidationError
 
 from vibro_cli.scenario import fields, forms
 from vibro_cli.scenario.base import AnyScenario, model_of, plain
-from vibro_cli.scenario.forms import MOST_BYTES, check_toml
+from vibro_cli.scenario.forms import MOST_BYTES, Source, check_toml, line_and_column
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
     Fault,
@@ -29,8 +29,6 @@ from vibro_cli.scenario.problems import (
     Place,
     Problem,
     ScenarioError,
-    Source,
-    line_and_column,
     parsed_path,
     path_text,
     shortened,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from vibro_cli.errors import VibroError, similar
 
@@ -164,58 +163,6 @@ class FormError(Exception):
         self.found = found
         self.expected = expected
         self.loc = loc
-
-
-def line_and_column(text: str, offset: int) -> tuple[int, int]:
-    """Return line and column, counted from 1, of an offset into a text."""
-    offset = min(max(offset, 0), len(text))
-    return text.count("\n", 0, offset) + 1, offset - (text.rfind("\n", 0, offset) + 1) + 1
-
-
-@dataclass(eq=False)
-class Source:
-    """The text a scenario was read from.
-
-    Any two are equal, so that scenarios are equal when their values are, wherever they came from.
-    """
-
-    file: str = "<scenario>"
-    form: str = ""
-    text: str = field(default="", repr=False)
-    overrides: tuple[tuple[KeyPath, str], ...] = ()
-    """Paths that were overridden, and what errors call the override."""
-    data: dict[str, Any] | None = field(default=None, repr=False)
-    """The data as it was given, after overrides: what further changes start from."""
-    _tree: Node | None = field(default=None, repr=False)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Source)
-
-    def __hash__(self) -> int:
-        return hash(Source)
-
-    def place(self, key_path: str | KeyPath, on_key: bool = False) -> Place:
-        """Return where a key was given, or the nearest table to it.
-
-        `key_path` is `balls[2].radius` counted from 1, or its parts counted from 0; `on_key`, the
-        place of the key is wanted, rather than that of its value.
-        """
-        loc = parsed_path(key_path) if isinstance(key_path, str) else key_path
-        for path, override in reversed(self.overrides):
-            if loc[: len(path)] == path:
-                return Place(override)
-        if not self.text:
-            return Place(self.file)
-        offset = self.tree().offset_of(loc, on_key)
-        return Place(self.file, *line_and_column(self.text, offset))
-
-    def tree(self) -> Node:
-        """Return the tree of places, made when it is first needed."""
-        if self._tree is None:
-            from vibro_cli.scenario.forms import places
-
-            self._tree = places(self.text, self.form)
-        return self._tree
 
 
 def parsed_path(text: str) -> KeyPath:

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from vibro_cli.commands.shared.terminal import markdown_table
+
 if TYPE_CHECKING:
     from vibro_cli.systems.contract import PaperRow, System
 
@@ -48,14 +50,15 @@ at results of those above."""
 
 def papers() -> str:
     """Every figure and equation of the papers with the command that shows it; the symbols."""
-    from vibro_cli.commands.help import table
-
     parts = [_BEFORE]
     for letter in LETTERS:
         cells = [(where, what, f"`{run}`", shown) for where, what, run, shown in rows_of(letter)]
-        parts += [f"Paper {letter}:", table(("where", "what", "command", "shown by"), cells)]
+        parts += [
+            f"Paper {letter}:",
+            markdown_table(("where", "what", "command", "shown by"), cells),
+        ]
     own = [symbol for kind in _systems() for symbol in kind.shown_of_papers.symbols]
-    symbols = table(("the papers", "here", "unit"), (*SYMBOLS, *own))
+    symbols = markdown_table(("the papers", "here", "unit"), (*SYMBOLS, *own))
     return "\n\n".join([*parts, "Symbols:", symbols, _NOT_SOLVED])
 
 

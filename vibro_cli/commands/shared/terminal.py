@@ -355,6 +355,13 @@ def _cells(row: str) -> list[str]:
     return [_plain(cell.strip()) for cell in _CELL.split(row)[1:-1]]
 
 
+def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    names = list(head)
+    lines = [f"| {' | '.join(row)} |" for row in (names, *rows)]
+    return "\n".join([lines[0], f"|{'---|' * len(names)}", *lines[1:]])
+
+
 def _table(rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
     """A table, head first, then the line below it: in columns where there is room for them."""
     head, body = rows[0], rows[2:]
