@@ -172,7 +172,7 @@ def _hand_over(world: World, pair: PairData, other: PairData) -> None:
     ux, uy = centre_tangent(piece_b, pair.b_s, pair.b_c)
     if (bx - ax) * (tx + ux) + (by - ay) * (ty + uy) >= 0.0:
         return
-    keep_states(other, (pair.b_s, pair.b_c, pair.b_p), (pair.a_s, pair.a_c, pair.a_p))
+    keep_states(other, (pair.b_s, pair.b_c, pair.b_p, pair.a_s, pair.a_c, pair.a_p))
     other.contact_t = pair.contact_t
     other.contact_t_low = pair.contact_t_low
     other.apart = 0
