@@ -139,7 +139,7 @@ def paths_of(
 @kernel
 def _gap_at(
     world: World, j: int, straight: bool, age_a: float, age_b: float
-) -> tuple[States, tuple[float, float, float]]:
+) -> tuple[States, float, float, float]:
     """States of a pair at ages (s) of its flights; its gap there and two derivatives of that."""
     a, b = flights_of(world, world.pairs[j])
     piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
@@ -149,7 +149,8 @@ def _gap_at(
     along_b = acceleration_at(b, track_b.path_radius, age_b, b_s, b_c)
     states = a_s, a_c, a_p, b_s, b_c, b_p
     along = along_a, along_b
-    return states, distance_gap(piece_a, track_a, piece_b, track_b, states, along, reach)
+    gap, rate, second = distance_gap(piece_a, track_a, piece_b, track_b, states, along, reach)
+    return states, gap, rate, second
 
 
 @kernel
@@ -162,14 +163,11 @@ def contact_by_distance(
     :func:`kernels.contact.arc_contact.contact_on_arc`.
     """
     pair = world.pairs[j]
-    a, b = flights_of(world, pair)
     age_a, age_b = ages
-    bound = a.acceleration_bound + b.acceleration_bound
-    bound_3 = _third_derivative_bound(world, j, straight, ages)
+    bound, bound_3 = _derivative_bounds(world, j, straight, ages)
     t = pair.searched
     while True:
-        states, derivatives = _gap_at(world, j, straight, age_a + t, age_b + t)
-        gap, rate, second = derivatives
+        states, gap, rate, second = _gap_at(world, j, straight, age_a + t, age_b + t)
         depth = -gap
         gap = max(gap, 0.0)
         begins = touching if t == 0.0 else 0
@@ -182,8 +180,7 @@ def contact_by_distance(
             if begins == RELEASED:
                 second = max(second, 0.0)
         step = safe_step_third_order(gap, rate, second, bound, bound_3)
-        bouncing = begins == PARTING and second < 0.0
-        if gap == 0.0 and rate >= 0.0 and not bouncing:
+        if gap == 0.0 and rate >= 0.0 and not (begins == PARTING and second < 0.0):
             step = max(step, _unresolved_step(world, j, straight, depth, second, bound_3))
         if rate < 0.0:
             guess = first_root_of_parabola(gap, rate, second)
@@ -218,12 +215,12 @@ def _unresolved_step(
 
 
 @kernel
-def _third_derivative_bound(world: World, j: int, straight: bool, ages: Ages) -> float:
-    """Bound on ``|d'''|`` (m/s^3) of the distance d of two bodies while they are apart.
+def _derivative_bounds(world: World, j: int, straight: bool, ages: Ages) -> tuple[float, float]:
+    """Bounds on ``-d''`` (m/s^2) and ``|d'''|`` (m/s^3) of the distance d of two bodies.
 
-    ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the relative velocity V, its part V_t across
-    the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <= 0.385 |V|^3``. On one line
-    nothing is across.
+    They hold while these are apart: ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the relative
+    velocity V, its part V_t across the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <=
+    0.385 |V|^3``. On one line nothing is across.
     """
     a, b = flights_of(world, world.pairs[j])
     age_a, age_b = ages
@@ -231,12 +228,13 @@ def _third_derivative_bound(world: World, j: int, straight: bool, ages: Ages) ->
     span = min(a.exit_after - age_a, b.exit_after - age_b)
     speed_a, jerk_a = speed_and_jerk(a, track_a, age_a + span)
     speed_b, jerk_b = speed_and_jerk(b, track_b, age_b + span)
+    acceleration = a.acceleration_bound + b.acceleration_bound
     if straight:
-        return jerk_a + jerk_b
+        return acceleration, jerk_a + jerk_b
     speed = speed_a + speed_b
     turning = speed / distance
-    acceleration = a.acceleration_bound + b.acceleration_bound
-    return jerk_a + jerk_b + turning * (3.0 * acceleration + 1.2 * turning * speed)
+    across = turning * (3.0 * acceleration + 1.2 * turning * speed)
+    return acceleration, jerk_a + jerk_b + across
 
 
 @kernel
@@ -287,8 +285,7 @@ def _refine_by_distance(
         return NONE_BEFORE_LIMIT
     h = guess
     for _ in range(12):
-        states, derivatives = _gap_at(world, j, straight, age_a + h, age_b + h)
-        gap, rate, second = derivatives
+        states, gap, rate, second = _gap_at(world, j, straight, age_a + h, age_b + h)
         if rate >= 0.0:
             return NONE_BEFORE_LIMIT
         change = -gap * rate / (rate * rate - 0.5 * gap * second)

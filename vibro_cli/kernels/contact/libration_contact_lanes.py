@@ -33,6 +33,7 @@ from vibro_cli.kernels.contact.arc_contact import (
 )
 from vibro_cli.kernels.contact.contact_kinematics import half_gap_sine
 from vibro_cli.kernels.contact.first_contact import FAR, FINAL_CORRECTION, LONG, NONE_BEFORE_LIMIT
+from vibro_cli.kernels.flow.flight import LEAST_SIZE, projected
 from vibro_cli.kernels.flow.flow import (
     advance_slightly,
     by_addition,
@@ -189,6 +190,24 @@ def _keep(swing: SwingLanes, where: bool, s: Lanes, c: Lanes, p: Lanes) -> None:
     swing.contact_s = choose(where, s, swing.contact_s)
     swing.contact_c = choose(where, c, swing.contact_c)
     swing.contact_p = choose(where, p, swing.contact_p)
+
+
+@kernel
+def project_swing(swing: SwingLanes) -> bool:
+    """Project the state of contact (see ``kernels.flow.flight.project``); where that fails."""
+    s = swing.contact_s
+    c = swing.contact_c
+    p = swing.contact_p
+    scale = 1.5 - 0.5 * (s * s + c * c)
+    s *= scale
+    c *= scale
+    sc = s * c
+    size = p * p + sc * sc
+    s, c, p = projected(swing, s, c, p, sc, size)
+    swing.contact_s = s
+    swing.contact_c = c
+    swing.contact_p = p
+    return size < LEAST_SIZE
 
 
 @struct

@@ -33,16 +33,15 @@ from vibro_cli.kernels.contact.libration_contact_lanes import (
     SwingLanes,
     contact_in_lanes,
     fits,
+    project_swing,
 )
 from vibro_cli.kernels.ensemble.records import Points, Results, prepare_point, tally_point
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
-    LEAST_SIZE,
     head_on_arc,
     launch_and_log,
     most_of_swings,
-    projected,
     size_of_root,
     widest_pull,
 )
@@ -196,8 +195,8 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     h, failed = contact_in_lanes(a, b, world.contacts[run.piece])
     t, t_low = add_to_time(run.t, run.t_low, h)
     failed = either(failed, time_between(t, t_low, run.stop_t, 0.0) >= 0.0)
-    failed = either(failed, _project(a))
-    failed = either(failed, _project(b))
+    failed = either(failed, project_swing(a))
+    failed = either(failed, project_swing(b))
     excess, lost = _collide(world, group)
     failed = either(failed, lost)
     failed = either(failed, either(_is_other(a, track_a), _is_other(b, track_b)))
@@ -213,24 +212,6 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     _take(a, failed)
     _take(b, failed)
     return either(failed, run.collisions >= run.stop_collisions)
-
-
-@kernel
-def _project(swing: SwingLanes) -> bool:
-    """Project the state of contact (see ``kernels.flow.flight.project``); where that fails."""
-    s = swing.contact_s
-    c = swing.contact_c
-    p = swing.contact_p
-    scale = 1.5 - 0.5 * (s * s + c * c)
-    s *= scale
-    c *= scale
-    sc = s * c
-    size = p * p + sc * sc
-    s, c, p = projected(swing, s, c, p, sc, size)
-    swing.contact_s = s
-    swing.contact_c = c
-    swing.contact_p = p
-    return size < LEAST_SIZE
 
 
 @kernel
