@@ -79,7 +79,16 @@ class BodyLanes(BodyData):
 
 
 @struct
-class SwingLanes(Flight):
+class Meeting(Flight):
+    """A flight and its state of contact."""
+
+    contact_s: float  # (S, C, P)
+    contact_c: float
+    contact_p: float
+
+
+@struct
+class SwingLanes(Meeting):
     """The flight of one body in every lane: a libration by itself, on the same arc in all."""
 
     flow_s: Lanes
@@ -103,7 +112,7 @@ class SwingLanes(Flight):
     cosine_scale: Lanes
     delta_scale: Lanes
     two_nome: Lanes
-    contact_s: Lanes  # (S, C, P) at the contact
+    contact_s: Lanes
     contact_c: Lanes
     contact_p: Lanes
     next_p: Lanes  # P after it, the energy and the parameter
@@ -193,7 +202,7 @@ def _keep(swing: SwingLanes, where: bool, s: Lanes, c: Lanes, p: Lanes) -> None:
 
 
 @kernel
-def project_swing(swing: SwingLanes) -> bool:
+def project_swing(swing: Meeting) -> bool:
     """Project the state of contact (see ``kernels.flow.flight.project``); where that fails."""
     s = swing.contact_s
     c = swing.contact_c
@@ -211,7 +220,7 @@ def project_swing(swing: SwingLanes) -> bool:
 
 
 @struct
-class TwoSwings(Flight):
+class TwoSwings(Meeting):
     """The flights of two bodies, a lane for each."""
 
     frequency: Two
@@ -234,7 +243,7 @@ class TwoSwings(Flight):
     cosine_scale: Two
     delta_scale: Two
     two_nome: Two
-    contact_s: Two  # (S, C, P) at the contact
+    contact_s: Two
     contact_c: Two
     contact_p: Two
     head: Two

@@ -35,7 +35,7 @@ from vibro_cli.kernels.contact.libration_contact_lanes import (
     fits,
     project_swing,
 )
-from vibro_cli.kernels.ensemble.records import Points, Results, prepare_point, tally_point
+from vibro_cli.kernels.ensemble.records import Points, prepare_point, tally_point
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
@@ -52,6 +52,7 @@ from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_librations, set_theta_constants
 from vibro_cli.kernels.statistics.run_statistics import (
     BELOW,
+    Results,
     arc_force,
     gap_on_arc,
     half_angle_on_arc,
@@ -63,7 +64,6 @@ from vibro_cli.kernels.world import (
     NEVER,
     PARTING,
     RUNNING,
-    Flight,
     PieceData,
     TrackData,
     World,
@@ -339,7 +339,6 @@ def _take(swing: SwingLanes, failed: bool) -> None:
 def run_points_in_lanes(
     world: World,
     fresh: World,
-    scratch: Sequence[Flight],
     points: Points,
     results: Results,
     first: int,
@@ -354,7 +353,7 @@ def run_points_in_lanes(
     made = 0
     working = 0
     for lane in range(LANES):
-        upcoming = _fill(world, fresh, scratch, points, results, group, lane, upcoming, last)
+        upcoming = _fill(world, fresh, points, results, group, lane, upcoming, last)
         working += 1 if group.slots[lane].point >= 0 else 0
     run = group.runs[0]
     while working > 0:
@@ -369,12 +368,10 @@ def run_points_in_lanes(
                 if point >= 0 and (failed or ended):
                     made -= 1 if failed else 0
                     _take_out(world, fresh, points, results, group, lane)
-                    if ended or not _alone(world, scratch, points, results, group, lane, 2):
+                    if ended or not _alone(world, points, results, group, lane, 2):
                         if ended:
-                            tally_point(world, 2, END_COLLISIONS, points, results, point, scratch)
-                        upcoming = _fill(
-                            world, fresh, scratch, points, results, group, lane, upcoming, last
-                        )
+                            tally_point(world, 2, END_COLLISIONS, points, results, point)
+                        upcoming = _fill(world, fresh, points, results, group, lane, upcoming, last)
                 working += 1 if group.slots[lane].point >= 0 else 0
     return made
 
@@ -383,7 +380,6 @@ def run_points_in_lanes(
 def _fill(
     world: World,
     fresh: World,
-    scratch: Sequence[Flight],
     points: Points,
     results: Results,
     group: LaneGroup,
@@ -397,7 +393,7 @@ def _fill(
         prepare_point(world, fresh, points, upcoming)
         proceed(world, True)
         upcoming += 1
-        if _alone(world, scratch, points, results, group, lane, 0):
+        if _alone(world, points, results, group, lane, 0):
             return upcoming
     group.slots[lane].point = -1
     return upcoming
@@ -406,7 +402,6 @@ def _fill(
 @kernel
 def _alone(
     world: World,
-    scratch: Sequence[Flight],
     points: Points,
     results: Results,
     group: LaneGroup,
@@ -428,13 +423,13 @@ def _alone(
         if cause == END_COLLISIONS and clock.collisions < most:
             cause = RUNNING
             if fits(world, group.runs[0].piece):
-                tally_point(world, known, RUNNING, points, results, point, scratch)
+                tally_point(world, known, RUNNING, points, results, point)
                 _put_in(world, points, group, lane)
                 return True
             stay = min(2 * stay, LONGEST_STAY)
     results.outcomes[point].end_cause = cause
     if cause != LOG_FULL:
-        tally_point(world, known, cause, points, results, point, scratch)
+        tally_point(world, known, cause, points, results, point)
     return False
 
 
