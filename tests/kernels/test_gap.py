@@ -75,8 +75,9 @@ def test_distance_and_its_derivatives(
         for body, flight in enumerate((a, b))
     ]
     gap, rate, second = distance_gap(
-        found.pieces[a.piece], found.tracks[0][a.piece], a.s, a.c, a.p, pull[0],
-        found.pieces[b.piece], found.tracks[1][b.piece], b.s, b.c, b.p, pull[1],
+        found.pieces[a.piece], found.tracks[0][a.piece],
+        found.pieces[b.piece], found.tracks[1][b.piece],
+        (a.s, a.c, a.p, b.s, b.c, b.p), (pull[0], pull[1]),
         sum(body.radius for body in BODIES),
     )  # fmt: skip
     exact = derivatives(twin, mp.zero)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from vibro_cli.assemble import build_system
-from vibro_cli.kernels.ensemble.records import Points, Results
+from vibro_cli.kernels.ensemble.records import Points
 from vibro_cli.kernels.numerics.constants import NEVER
+from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.world import LOG_FULL
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario import scenario_of

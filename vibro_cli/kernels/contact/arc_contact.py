@@ -63,9 +63,10 @@ def refine_on_arc(
         # Without the acceleration the iteration is of second order only.
         settled *= FINAL_CORRECTION
     for _ in range(12):
-        a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + h, age_b + h)
+        states = flow_of_two(a, b, age_a + h, age_b + h)
         world.clock[0].evaluations += 1
-        rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
+        a_s, a_c, a_p, b_s, b_c, b_p = states
+        rate = _rate_of_gap(a, b, states)
         second = angular_acceleration(b, b_s, b_c) - angular_acceleration(a, a_s, a_c)
         third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
         x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
@@ -78,7 +79,7 @@ def refine_on_arc(
         h += change
         if is_last(change, x1, x2, fastest, settled):
             before = age_a + h - change, age_b + h - change
-            keep_nudged(world, j, before, change, (a_s, a_c, a_p, b_s, b_c, b_p))
+            keep_nudged(world, j, before, change, states)
             return h
     return NONE_BEFORE_LIMIT
 
@@ -228,6 +229,7 @@ def frequency_of_difference(
 
 # Safety of the certificate of a single root against rounding: g'^2 > 2 A g.
 SINGLE_ROOT = 2.01
+UNCERTAIN = -2.0  # beside NONE_BEFORE_LIMIT
 
 
 @kernel
@@ -253,77 +255,132 @@ def contact_on_arc(
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     age_a, age_b = ages
-    touching = pair.touching
-    contact = contact_of(world, j)
     t = pair.searched
-    if t == 0.0 and touching != RELEASED and both_swing(a, b):
+    if t == 0.0 and pair.touching == RELEASED:
+        states = flow_of_two(a, b, age_a, age_b)
+        world.clock[0].evaluations += 1
+        t = released_step(a, b, states, _rate_of_gap(a, b, states))
+    elif t == 0.0 and both_swing(a, b):
         h, t = contact_of_swings(world, j, age_a, age_b, limit, orientation)
         if h >= 0.0:
             pair.searched = limit
             return h if h <= limit else NONE_BEFORE_LIMIT
-        if t > horizon:
-            pair.searched = t
-            return NONE_BEFORE_LIMIT
+    if t > horizon:
+        pair.searched = t
+        return NONE_BEFORE_LIMIT
+    return _contact_by_steps(world, j, ages, t, horizon, limit, orientation)
+
+
+@kernel
+def _contact_by_steps(
+    world: World, j: int, ages: Ages, t: float, horizon: float, limit: float, orientation: float
+) -> float:
+    """As :func:`contact_on_arc`, where there is no contact before a time t (s)."""
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
     bound_2 = a.angular_bound + b.angular_bound
     bound_3 = a.jerk_bound + b.jerk_bound
     while True:
-        a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a + t, age_b + t)
-        world.clock[0].evaluations += 1
-        x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
-        gap = contact.far_gap
-        if cosine > 0.0:
-            gap = 2.0 * x if x > 0.0 else 0.0
-        rate = 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
-        second = angular_acceleration_at(b, age_b + t, b_s, b_c)
-        second -= angular_acceleration_at(a, age_a + t, a_s, a_c)
-        if touching != 0 and t == 0.0:
-            if touching == RELEASED:
-                t = released_step(a, b, (a_s, a_c, a_p, b_s, b_c, b_p), rate)
-                if t > horizon:
-                    pair.searched = t
-                    return NONE_BEFORE_LIMIT
-                continue
+        states, x, cosine, derivatives = _gap_on_arc(world, j, ages, t, orientation)
+        gap, rate, second = derivatives
+        parting = t == 0.0 and pair.touching != 0
+        if parting:
             gap = 0.0
             rate = max(rate, 0.0)
             if rate == 0.0 and second <= 0.0:
                 # Marked as parting, but at rest against one another and pressed together.
-                keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
+                keep_states(pair, states)
                 return 0.0
         single = rate * rate > SINGLE_ROOT * bound_2 * gap * (1.0 + 0.5 * x * x)
         if rate < 0.0 and single and cosine > 0.0 and x < 0.5:
-            x2 = x * x
-            gap = 2.0 * x * (1.0 + x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0 + x2 * (15.0 / 336.0))))
-            if (
-                t + 2.0 * gap / (math.sqrt(rate * rate + 2.0 * bound_2 * max(gap, 0.0)) - rate)
-                > limit
-            ):
+            gap = _twice_arc_sine(x)
+            root = _first_root(world, j, ages, t, limit, states, (gap, rate, second), orientation)
+            if root != UNCERTAIN:
                 pair.searched = limit
-                return NONE_BEFORE_LIMIT
-            third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
-            h = _cubic_guess(gap, rate, second, third)
-            h = refine_on_arc(world, j, age_a + t, age_b + t, h, orientation)
-            before = NONE_BEFORE_LIMIT < h < -t
-            if before or (x <= 0.0 and not -t <= h <= 0.0):
-                # In contact by rounding, with no root since the begin: now, in the states of now.
-                keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
-                pair.searched = limit
-                return t
-            if h > NONE_BEFORE_LIMIT:
-                pair.searched = limit
-                return t + h if t + h <= limit else NONE_BEFORE_LIMIT
+                return root
         step = safe_step_third_order(max(gap, 0.0), rate, second, bound_2, bound_3)
         inside = x < -0.5 * DEEP * UNRESOLVED
-        if gap <= 0.0 and rate >= 0.0 and not inside and (touching == 0 or t > 0.0):
+        if gap <= 0.0 and rate >= 0.0 and not inside and not parting:
             # At least so long the bodies are in contact or apart by less than rounding.
             step = max(step, unresolved_step(second, bound_3, UNRESOLVED))
         if t + step > horizon:
             pair.searched = t + step
             return NONE_BEFORE_LIMIT
-        if t + step == t and (t > 0.0 or touching == 0):
+        if t + step == t and not parting:
             # The gap closes below the resolution of time: contact, tangential within rounding.
-            keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
+            keep_states(pair, states)
             return t
         t += step
+
+
+@kernel
+def _gap_on_arc(
+    world: World, j: int, ages: Ages, t: float, orientation: float
+) -> tuple[States, float, float, tuple[float, float, float]]:
+    """A pair a time t (s) later: states, sine and cosine of half the gap, gap and derivatives."""
+    a, b = flights_of(world, world.pairs[j])
+    age_a, age_b = ages
+    states = flow_of_two(a, b, age_a + t, age_b + t)
+    world.clock[0].evaluations += 1
+    a_s, a_c, _, b_s, b_c, _ = states
+    contact = contact_of(world, j)
+    x, cosine = half_gap_sine(contact, a_s, a_c, b_s, b_c, orientation)
+    gap = contact.far_gap
+    if cosine > 0.0:
+        gap = 2.0 * x if x > 0.0 else 0.0
+    second = angular_acceleration_at(b, age_b + t, b_s, b_c)
+    second -= angular_acceleration_at(a, age_a + t, a_s, a_c)
+    return states, x, cosine, (gap, _rate_of_gap(a, b, states), second)
+
+
+@kernel
+def _rate_of_gap(a: Flight, b: Flight, states: States) -> float:
+    """Rate (rad/s) of the gap of two bodies on one arc in their states."""
+    _, _, a_p, _, _, b_p = states
+    return 2.0 * (b.own_frequency * b_p - a.own_frequency * a_p)
+
+
+@kernel
+def _twice_arc_sine(x: float) -> float:
+    """Twice the angle of a sine below 0.5, nearly: the start of its series."""
+    x2 = x * x
+    return 2.0 * x * (1.0 + x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0 + x2 * (15.0 / 336.0))))
+
+
+@kernel
+def _first_root(
+    world: World,
+    j: int,
+    ages: Ages,
+    t: float,
+    limit: float,
+    states: States,
+    derivatives: tuple[float, float, float],
+    orientation: float,
+) -> float:
+    """Result of :func:`contact_on_arc` by the simple root ahead of a time t (s), the first there.
+
+    ``UNCERTAIN`` if it is not refined. ``derivatives`` are the gap and its first two.
+    """
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    age_a, age_b = ages
+    gap, rate, second = derivatives
+    bound = a.angular_bound + b.angular_bound
+    if t + 2.0 * gap / (math.sqrt(rate * rate + 2.0 * bound * max(gap, 0.0)) - rate) > limit:
+        return NONE_BEFORE_LIMIT
+    a_s, a_c, a_p, b_s, b_c, b_p = states
+    third = angular_jerk(b, b_s, b_c, b_p) - angular_jerk(a, a_s, a_c, a_p)
+    h = _cubic_guess(gap, rate, second, third)
+    h = refine_on_arc(world, j, age_a + t, age_b + t, h, orientation)
+    before = NONE_BEFORE_LIMIT < h < -t
+    if before or (gap <= 0.0 and not -t <= h <= 0.0):
+        # In contact by rounding, with no root since the begin: now, in the states of now.
+        keep_states(pair, states)
+        return t
+    if h > NONE_BEFORE_LIMIT:
+        return t + h if t + h <= limit else NONE_BEFORE_LIMIT
+    return UNCERTAIN
 
 
 @kernel

@@ -20,6 +20,7 @@ from vibro_cli.kernels.world import (
     Flight,
     PairTrack,
     PieceData,
+    States,
     TrackData,
     World,
     flights_of,
@@ -84,22 +85,19 @@ def centre_acceleration(
 def distance_gap(
     piece_a: PieceData,
     track_a: TrackData,
-    a_s: float,
-    a_c: float,
-    a_p: float,
-    a_tangential: float,
     piece_b: PieceData,
     track_b: TrackData,
-    b_s: float,
-    b_c: float,
-    b_p: float,
-    b_tangential: float,
+    states: States,
+    accelerations: tuple[float, float],
     contact_distance: float,
 ) -> tuple[float, float, float]:
     """Gap between two bodies as a distance, and its first two time derivatives.
 
-    ``d - (r_a + r_b)`` (m), ``d'`` (m/s), ``d''`` (m/s^2).
+    ``d - (r_a + r_b)`` (m), ``d'`` (m/s), ``d''`` (m/s^2), of their states and their accelerations
+    along their paths (m/s^2).
     """
+    a_s, a_c, a_p, b_s, b_c, b_p = states
+    along_a, along_b = accelerations
     ax, ay = centre_position(piece_a, track_a, a_s, a_c)
     bx, by = centre_position(piece_b, track_b, b_s, b_c)
     dx = bx - ax
@@ -112,8 +110,8 @@ def distance_gap(
     vb = track_b.speed_factor * b_p
     vx = vb * tbx - va * tax
     vy = vb * tby - va * tay
-    fax, fay = centre_acceleration(piece_a, track_a, a_s, a_c, a_p, a_tangential)
-    fbx, fby = centre_acceleration(piece_b, track_b, b_s, b_c, b_p, b_tangential)
+    fax, fay = centre_acceleration(piece_a, track_a, a_s, a_c, a_p, along_a)
+    fbx, fby = centre_acceleration(piece_b, track_b, b_s, b_c, b_p, along_b)
     rate = (dx * vx + dy * vy) * inverse
     # |dV|^2 - d'^2 is the square of the transverse velocity, without cancellation.
     across = (dx * vy - dy * vx) * inverse

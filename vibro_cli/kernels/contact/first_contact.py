@@ -25,7 +25,6 @@ from vibro_cli.kernels.flow.flow import (
     LINE,
     POLYNOMIAL,
     acceleration_at,
-    flow,
     flow_of_two,
     nudge,
     tangential_acceleration,
@@ -68,10 +67,9 @@ DEEP = 4.0
 
 
 @kernel
-def keep_states(pair: PairData, a: State, b: State) -> None:
+def keep_states(pair: PairData, states: States) -> None:
     """Keep states of both bodies as those of contact."""
-    pair.a_s, pair.a_c, pair.a_p = a
-    pair.b_s, pair.b_c, pair.b_p = b
+    pair.a_s, pair.a_c, pair.a_p, pair.b_s, pair.b_c, pair.b_p = states
 
 
 @kernel
@@ -79,8 +77,7 @@ def keep_flows(world: World, j: int, age_a: float, age_b: float) -> None:
     """Keep the states of a pair's flights at their ages (s) as those of contact."""
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
-    a_s, a_c, a_p, b_s, b_c, b_p = flow_of_two(a, b, age_a, age_b)
-    keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
+    keep_states(pair, flow_of_two(a, b, age_a, age_b))
 
 
 @kernel
@@ -90,8 +87,8 @@ def keep_nudged(world: World, j: int, ages: Ages, change: float, states: States)
     a, b = flights_of(world, pair)
     age_a, age_b = ages
     a_s, a_c, a_p, b_s, b_c, b_p = states
-    after_a = nudge(a, age_a, change, a_s, a_c, a_p)
-    keep_states(pair, after_a, nudge(b, age_b, change, b_s, b_c, b_p))
+    pair.a_s, pair.a_c, pair.a_p = nudge(a, age_a, change, a_s, a_c, a_p)
+    pair.b_s, pair.b_c, pair.b_p = nudge(b, age_b, change, b_s, b_c, b_p)
 
 
 @kernel
@@ -143,7 +140,7 @@ def paths_of(
 @kernel
 def _gap_at(
     world: World, j: int, straight: bool, age_a: float, age_b: float
-) -> tuple[States, tuple[float, float, float]]:
+) -> tuple[States, float, float, float]:
     """States of a pair at ages (s) of its flights; its gap there and two derivatives of that."""
     a, b = flights_of(world, world.pairs[j])
     piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
@@ -151,10 +148,10 @@ def _gap_at(
     world.clock[0].evaluations += 1
     along_a = acceleration_at(a, track_a.path_radius, age_a, a_s, a_c)
     along_b = acceleration_at(b, track_b.path_radius, age_b, b_s, b_c)
-    gap = distance_gap(
-        piece_a, track_a, a_s, a_c, a_p, along_a, piece_b, track_b, b_s, b_c, b_p, along_b, reach
-    )
-    return (a_s, a_c, a_p, b_s, b_c, b_p), gap
+    states = a_s, a_c, a_p, b_s, b_c, b_p
+    along = along_a, along_b
+    gap, rate, second = distance_gap(piece_a, track_a, piece_b, track_b, states, along, reach)
+    return states, gap, rate, second
 
 
 @kernel
@@ -167,62 +164,64 @@ def contact_by_distance(
     :func:`kernels.contact.arc_contact.contact_on_arc`.
     """
     pair = world.pairs[j]
-    a, b = flights_of(world, pair)
     age_a, age_b = ages
-    piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
-    bound = a.acceleration_bound + b.acceleration_bound
-    bound_3 = _third_derivative_bound(world, j, straight, ages)
-    fastest = max(pace(a), pace(b))
+    bound, bound_3 = _derivative_bounds(world, j, straight, ages)
     t = pair.searched
     while True:
-        states, derivatives = _gap_at(world, j, straight, age_a + t, age_b + t)
-        a_s, a_c, a_p, b_s, b_c, b_p = states
-        gap, rate, second = derivatives
+        states, gap, rate, second = _gap_at(world, j, straight, age_a + t, age_b + t)
         depth = -gap
-        if gap < 0.0:
-            gap = 0.0
-        if touching != 0 and t == 0.0:
+        gap = max(gap, 0.0)
+        begins = touching if t == 0.0 else 0
+        if begins != 0:
             gap = 0.0
             rate = max(rate, 0.0)
-            if rate == 0.0 and second < 0.0 and touching == PARTING:
-                keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
+            if rate == 0.0 and second < 0.0 and begins == PARTING:
+                keep_states(pair, states)
                 return 0.0
-            if touching == RELEASED:
+            if begins == RELEASED:
                 second = max(second, 0.0)
         step = safe_step_third_order(gap, rate, second, bound, bound_3)
-        bouncing = touching == PARTING and t == 0.0 and second < 0.0
-        if gap == 0.0 and rate >= 0.0 and not bouncing:
-            # At least so long the bodies are in contact or apart by less than rounding.
-            size = _size(piece_a, track_a) + _size(piece_b, track_b) + reach
-            if depth <= DEEP * UNRESOLVED * size:
-                step = max(step, unresolved_step(second, bound_3, UNRESOLVED * size))
+        if gap == 0.0 and rate >= 0.0 and not (begins == PARTING and second < 0.0):
+            step = max(step, _unresolved_step(world, j, straight, depth, second, bound_3))
         if rate < 0.0:
-            h = first_root_of_parabola(gap, rate, second)
-            if 0.0 <= h < 3.0 * step + 1.0e-9 and h * fastest < 1.0:
-                h = _refine_by_distance(world, j, straight, (age_a + t, age_b + t), h, step, bound)
-                if h > NONE_BEFORE_LIMIT:
-                    if t + h < 0.0:
-                        # In contact already, by rounding: now, in the states of now.
-                        keep_flows(world, j, age_a, age_b)
-                        return 0.0
-                    pair.searched = limit
-                    return t + h if t + h <= limit else NONE_BEFORE_LIMIT
+            guess = first_root_of_parabola(gap, rate, second)
+            h = _refine_by_distance(world, j, straight, (age_a + t, age_b + t), guess, step, bound)
+            if h > NONE_BEFORE_LIMIT:
+                if t + h < 0.0:
+                    # In contact already, by rounding: now, in the states of now.
+                    keep_flows(world, j, age_a, age_b)
+                    return 0.0
+                pair.searched = limit
+                return t + h if t + h <= limit else NONE_BEFORE_LIMIT
         if t + step > horizon:
             pair.searched = t + step
             return NONE_BEFORE_LIMIT
         if t + step == t:
-            keep_states(pair, (a_s, a_c, a_p), (b_s, b_c, b_p))
+            keep_states(pair, states)
             return t
         t += step
 
 
 @kernel
-def _third_derivative_bound(world: World, j: int, straight: bool, ages: Ages) -> float:
-    """Bound on ``|d'''|`` (m/s^3) of the distance d of two bodies while they are apart.
+def _unresolved_step(
+    world: World, j: int, straight: bool, depth: float, second: float, bound_3: float
+) -> float:
+    """Time (s) for which two bodies are at least in contact, or apart by less than rounding.
 
-    ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the relative velocity V, its part V_t across
-    the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <= 0.385 |V|^3``. On one line
-    nothing is across.
+    None if they are in one another by more than that, as deep (m) as they are.
+    """
+    piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
+    unresolved = UNRESOLVED * (_size(piece_a, track_a) + _size(piece_b, track_b) + reach)
+    return unresolved_step(second, bound_3, unresolved) if depth <= DEEP * unresolved else 0.0
+
+
+@kernel
+def _derivative_bounds(world: World, j: int, straight: bool, ages: Ages) -> tuple[float, float]:
+    """Bounds on ``-d''`` (m/s^2) and ``|d'''|`` (m/s^3) of the distance d of two bodies.
+
+    They hold while these are apart: ``d''' = n J + 3 (V_t A)/d - 3 d' V_t^2/d^2`` with the relative
+    velocity V, its part V_t across the line of centres, acceleration A and jerk J; ``|d'| V_t^2 <=
+    0.385 |V|^3``. On one line nothing is across.
     """
     a, b = flights_of(world, world.pairs[j])
     age_a, age_b = ages
@@ -230,12 +229,13 @@ def _third_derivative_bound(world: World, j: int, straight: bool, ages: Ages) ->
     span = min(a.exit_after - age_a, b.exit_after - age_b)
     speed_a, jerk_a = speed_and_jerk(a, track_a, age_a + span)
     speed_b, jerk_b = speed_and_jerk(b, track_b, age_b + span)
+    acceleration = a.acceleration_bound + b.acceleration_bound
     if straight:
-        return jerk_a + jerk_b
+        return acceleration, jerk_a + jerk_b
     speed = speed_a + speed_b
     turning = speed / distance
-    acceleration = a.acceleration_bound + b.acceleration_bound
-    return jerk_a + jerk_b + turning * (3.0 * acceleration + 1.2 * turning * speed)
+    across = turning * (3.0 * acceleration + 1.2 * turning * speed)
+    return acceleration, jerk_a + jerk_b + across
 
 
 @kernel
@@ -270,20 +270,23 @@ def _size(piece: PieceData, track: TrackData) -> float:
 
 @kernel
 def _refine_by_distance(
-    world: World, j: int, straight: bool, ages: Ages, h: float, safe: float, bound: float
+    world: World, j: int, straight: bool, ages: Ages, guess: float, safe: float, bound: float
 ) -> float:
     """Halley's iteration on the distance, accepted only if the root is certified to be the first.
+
+    A guess that is negative, or beyond what the derivatives tell of, leads nowhere.
 
     Before a root with slope ``d' < 0`` the gap is positive for ``2 |d'|/B``; if that reaches back
     into the safe step from now, no earlier root exists.
     """
     a, b = flights_of(world, world.pairs[j])
     age_a, age_b = ages
-    guess = h
     fastest = max(pace(a), pace(b))
+    if not (0.0 <= guess < 3.0 * safe + 1.0e-9 and guess * fastest < 1.0):
+        return NONE_BEFORE_LIMIT
+    h = guess
     for _ in range(12):
-        states, derivatives = _gap_at(world, j, straight, age_a + h, age_b + h)
-        gap, rate, second = derivatives
+        states, gap, rate, second = _gap_at(world, j, straight, age_a + h, age_b + h)
         if rate >= 0.0:
             return NONE_BEFORE_LIMIT
         change = -gap * rate / (rate * rate - 0.5 * gap * second)
@@ -420,10 +423,8 @@ def sharpened_on_arc(world: World, j: int, t: float, orientation: float) -> floa
 @kernel
 def _keep_flows_at(world: World, j: int, t: float) -> None:
     """Keep the states a time t (s) after the start of both flights as those of contact."""
-    pair = world.pairs[j]
-    a, b = flights_of(world, pair)
     world.clock[0].evaluations += 1
-    keep_states(pair, flow(a, t), flow(b, t))
+    keep_flows(world, j, t, t)
 
 
 @kernel

@@ -33,6 +33,7 @@ from vibro_cli.kernels.contact.arc_contact import (
 )
 from vibro_cli.kernels.contact.contact_kinematics import half_gap_sine
 from vibro_cli.kernels.contact.first_contact import FAR, FINAL_CORRECTION, LONG, NONE_BEFORE_LIMIT
+from vibro_cli.kernels.flow.flight import LEAST_SIZE, projected
 from vibro_cli.kernels.flow.flow import (
     advance_slightly,
     by_addition,
@@ -78,7 +79,16 @@ class BodyLanes(BodyData):
 
 
 @struct
-class SwingLanes(Flight):
+class Meeting(Flight):
+    """A flight and its state of contact."""
+
+    contact_s: float  # (S, C, P)
+    contact_c: float
+    contact_p: float
+
+
+@struct
+class SwingLanes(Meeting):
     """The flight of one body in every lane: a libration by itself, on the same arc in all."""
 
     flow_s: Lanes
@@ -102,7 +112,7 @@ class SwingLanes(Flight):
     cosine_scale: Lanes
     delta_scale: Lanes
     two_nome: Lanes
-    contact_s: Lanes  # (S, C, P) at the contact
+    contact_s: Lanes
     contact_c: Lanes
     contact_p: Lanes
     next_p: Lanes  # P after it, the energy and the parameter
@@ -191,8 +201,26 @@ def _keep(swing: SwingLanes, where: bool, s: Lanes, c: Lanes, p: Lanes) -> None:
     swing.contact_p = choose(where, p, swing.contact_p)
 
 
+@kernel
+def project_swing(swing: Meeting) -> bool:
+    """Project the state of contact (see ``kernels.flow.flight.project``); where that fails."""
+    s = swing.contact_s
+    c = swing.contact_c
+    p = swing.contact_p
+    scale = 1.5 - 0.5 * (s * s + c * c)
+    s *= scale
+    c *= scale
+    sc = s * c
+    size = p * p + sc * sc
+    s, c, p = projected(swing, s, c, p, sc, size)
+    swing.contact_s = s
+    swing.contact_c = c
+    swing.contact_p = p
+    return size < LEAST_SIZE
+
+
 @struct
-class TwoSwings(Flight):
+class TwoSwings(Meeting):
     """The flights of two bodies, a lane for each."""
 
     frequency: Two
@@ -215,7 +243,7 @@ class TwoSwings(Flight):
     cosine_scale: Two
     delta_scale: Two
     two_nome: Two
-    contact_s: Two  # (S, C, P) at the contact
+    contact_s: Two
     contact_c: Two
     contact_p: Two
     head: Two

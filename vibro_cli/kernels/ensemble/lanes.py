@@ -33,16 +33,15 @@ from vibro_cli.kernels.contact.libration_contact_lanes import (
     SwingLanes,
     contact_in_lanes,
     fits,
+    project_swing,
 )
-from vibro_cli.kernels.ensemble.records import Points, Results, prepare_point, tally_point
+from vibro_cli.kernels.ensemble.records import Points, prepare_point, tally_point
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
-    LEAST_SIZE,
     head_on_arc,
     launch_and_log,
     most_of_swings,
-    projected,
     size_of_root,
     widest_pull,
 )
@@ -54,6 +53,7 @@ from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.elliptic import PARAMETER_SPLIT, set_librations, set_theta_constants
 from vibro_cli.kernels.statistics.run_statistics import (
     BELOW,
+    Results,
     arc_force,
     gap_on_arc,
     half_angle_on_arc,
@@ -64,7 +64,6 @@ from vibro_cli.kernels.world import (
     LOG_FULL,
     PARTING,
     RUNNING,
-    Flight,
     PieceData,
     TrackData,
     World,
@@ -196,8 +195,8 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     h, failed = contact_in_lanes(a, b, world.contacts[run.piece])
     t, t_low = add_to_time(run.t, run.t_low, h)
     failed = either(failed, time_between(t, t_low, run.stop_t, 0.0) >= 0.0)
-    failed = either(failed, _project(a))
-    failed = either(failed, _project(b))
+    failed = either(failed, project_swing(a))
+    failed = either(failed, project_swing(b))
     excess, lost = _collide(world, group)
     failed = either(failed, lost)
     failed = either(failed, either(_is_other(a, track_a), _is_other(b, track_b)))
@@ -213,24 +212,6 @@ def next_impact(world: World, group: LaneGroup) -> bool:
     _take(a, failed)
     _take(b, failed)
     return either(failed, run.collisions >= run.stop_collisions)
-
-
-@kernel
-def _project(swing: SwingLanes) -> bool:
-    """Project the state of contact (see ``kernels.flow.flight.project``); where that fails."""
-    s = swing.contact_s
-    c = swing.contact_c
-    p = swing.contact_p
-    scale = 1.5 - 0.5 * (s * s + c * c)
-    s *= scale
-    c *= scale
-    sc = s * c
-    size = p * p + sc * sc
-    s, c, p = projected(swing, s, c, p, sc, size)
-    swing.contact_s = s
-    swing.contact_c = c
-    swing.contact_p = p
-    return size < LEAST_SIZE
 
 
 @kernel
@@ -358,7 +339,6 @@ def _take(swing: SwingLanes, failed: bool) -> None:
 def run_points_in_lanes(
     world: World,
     fresh: World,
-    scratch: Sequence[Flight],
     points: Points,
     results: Results,
     first: int,
@@ -373,7 +353,7 @@ def run_points_in_lanes(
     made = 0
     working = 0
     for lane in range(LANES):
-        upcoming = _fill(world, fresh, scratch, points, results, group, lane, upcoming, last)
+        upcoming = _fill(world, fresh, points, results, group, lane, upcoming, last)
         working += 1 if group.slots[lane].point >= 0 else 0
     run = group.runs[0]
     while working > 0:
@@ -388,12 +368,10 @@ def run_points_in_lanes(
                 if point >= 0 and (failed or ended):
                     made -= 1 if failed else 0
                     _take_out(world, fresh, points, results, group, lane)
-                    if ended or not _alone(world, scratch, points, results, group, lane, 2):
+                    if ended or not _alone(world, points, results, group, lane, 2):
                         if ended:
-                            tally_point(world, 2, END_COLLISIONS, points, results, point, scratch)
-                        upcoming = _fill(
-                            world, fresh, scratch, points, results, group, lane, upcoming, last
-                        )
+                            tally_point(world, 2, END_COLLISIONS, points, results, point)
+                        upcoming = _fill(world, fresh, points, results, group, lane, upcoming, last)
                 working += 1 if group.slots[lane].point >= 0 else 0
     return made
 
@@ -402,7 +380,6 @@ def run_points_in_lanes(
 def _fill(
     world: World,
     fresh: World,
-    scratch: Sequence[Flight],
     points: Points,
     results: Results,
     group: LaneGroup,
@@ -416,7 +393,7 @@ def _fill(
         prepare_point(world, fresh, points, upcoming)
         proceed(world, True)
         upcoming += 1
-        if _alone(world, scratch, points, results, group, lane, 0):
+        if _alone(world, points, results, group, lane, 0):
             return upcoming
     group.slots[lane].point = -1
     return upcoming
@@ -425,7 +402,6 @@ def _fill(
 @kernel
 def _alone(
     world: World,
-    scratch: Sequence[Flight],
     points: Points,
     results: Results,
     group: LaneGroup,
@@ -447,13 +423,13 @@ def _alone(
         if cause == END_COLLISIONS and clock.collisions < most:
             cause = RUNNING
             if fits(world, group.runs[0].piece):
-                tally_point(world, known, RUNNING, points, results, point, scratch)
+                tally_point(world, known, RUNNING, points, results, point)
                 _put_in(world, points, group, lane)
                 return True
             stay = min(2 * stay, LONGEST_STAY)
     results.outcomes[point].end_cause = cause
     if cause != LOG_FULL:
-        tally_point(world, known, cause, points, results, point, scratch)
+        tally_point(world, known, cause, points, results, point)
     return False
 
 

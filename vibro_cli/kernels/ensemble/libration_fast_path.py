@@ -15,18 +15,17 @@ from vibro_cli.kernels.contact.libration_contact_lanes import (
     TwoTracks,
     contact_of_two,
     fits,
+    project_swing,
 )
 from vibro_cli.kernels.events.event_loop import drop_rows, proceed
 from vibro_cli.kernels.flow.flight import (
     CREST_NEIGHBOURHOOD,
-    LEAST_SIZE,
     energy_on_piece,
     head_on_arc,
     launch,
     log_flight,
     most_of_swings,
     place_at,
-    projected,
     size_of_root,
     widest_pull,
 )
@@ -147,82 +146,98 @@ def _next_impact(world: World, two: TwoSwings, tracks: TwoTracks) -> bool:
     """Go on to the next impact; tell whether there is one of this kind."""
     settings = world.settings[0]
     clock = world.clock[0]
-    pair = world.pairs[0]
     a = world.flights[0]
     b = world.flights[1]
-    contact = world.contacts[a.piece]
-    h = contact_of_two(two, a, b, contact, clock)
+    h = contact_of_two(two, a, b, world.contacts[a.piece], clock)
     if h <= 0.0:
         return False
     t, t_low = add_to_time(clock.t, clock.t_low, h)
-    if time_between(t, t_low, settings.stop_t, 0.0) >= 0.0:
+    if time_between(t, t_low, settings.stop_t, 0.0) >= 0.0 or any_lane(project_swing(two)):
         return False
-    s = two.contact_s
-    c = two.contact_c
-    scale = 1.5 - 0.5 * (s * s + c * c)
-    s *= scale
-    c *= scale
-    sc = s * c
-    size = two.contact_p * two.contact_p + sc * sc
-    if any_lane(size < LEAST_SIZE):
+    before = tracks.speed_factor * two.contact_p
+    wa, wb, loss, bounces = _speeds_after(world, in_lane(before, 0), in_lane(before, 1))
+    if not bounces:
         return False
-    s, c, p = projected(two, s, c, two.contact_p, sc, size)
-    speed = tracks.speed_factor * p
-    va = in_lane(speed, 0)
-    vb = in_lane(speed, 1)
+    head_a = a.head
+    head_b = b.head
+    after = two_lanes(wa, wb) / tracks.speed_factor
+    more = _share_energy(world, two, tracks, after, loss)
+    if more < 0:
+        return False
+    clock.t = t
+    clock.t_low = t_low
+    _arrive(world, two, before)
+    row = world.impacts[clock.impact_rows]
+    log_impact(world, 0, wa, wb, settings.law, loss)
+    row.head_a_pre = head_a
+    row.head_b_pre = head_b
+    row.head_a_post = a.head
+    row.head_b_post = b.head
+    _depart(world, two, after, wa, wb, more)
+    return True
+
+
+@kernel
+def _speeds_after(world: World, va: float, vb: float) -> tuple[float, float, float, bool]:
+    """Speeds (m/s) after an impact, the energy (J) it takes, and whether it is no small bounce."""
+    settings = world.settings[0]
+    pair = world.pairs[0]
+    contact = world.contacts[world.flights[0].piece]
     wa, wb, loss = impact_of_pair(
         settings.law, pair.restitution, world.bodies[0], world.bodies[1],
         contact.normal_a, contact.normal_b, va, vb,
     )  # fmt: skip
     u = contact.normal_b * wb - contact.normal_a * wa
-    if u * u <= SMALL_BOUNCE * settings.gravity * pair.distance:
-        return False
-    if not do_part(contact.normal_a, contact.normal_b, wa, wb, abs(va) + abs(vb)):
-        return False
-    after = two_lanes(wa, wb) / tracks.speed_factor
-    before_a = a.head
-    before_b = b.head
-    more = _share_energy(world, two, tracks, s, c, after, loss)
-    if more < 0:
-        return False
-    clock.t = t
-    clock.t_low = t_low
-    place_at(a, t, t_low, in_lane(s, 0), in_lane(c, 0), in_lane(p, 0))
-    place_at(b, t, t_low, in_lane(s, 1), in_lane(c, 1), in_lane(p, 1))
-    a.speed = va
-    b.speed = vb
-    pair.normal_a = contact.normal_a
-    pair.normal_b = contact.normal_b
-    row = world.impacts[clock.impact_rows]
-    log_impact(world, 0, wa, wb, settings.law, loss)
-    row.head_a_pre = before_a
-    row.head_b_pre = before_b
-    row.head_a_post = a.head
-    row.head_b_post = b.head
-    two.flow_s = s
-    two.flow_c = c
-    two.flow_p = after
-    a.p = in_lane(after, 0)
-    b.p = in_lane(after, 1)
-    a.speed = wa
-    b.speed = wb
-    log_flight(world, 1 - more, COLLISION)
-    log_flight(world, more, COLLISION)
-    pair.touching = PARTING
-    return True
+    small = u * u <= SMALL_BOUNCE * settings.gravity * pair.distance
+    part = do_part(contact.normal_a, contact.normal_b, wa, wb, abs(va) + abs(vb))
+    return wa, wb, loss, part and not small
 
 
 @kernel
-def _share_energy(
-    world: World, two: TwoSwings, tracks: TwoTracks, s: Two, c: Two, p: Two, loss: float
-) -> int:
+def _arrive(world: World, two: TwoSwings, speed: Two) -> None:
+    """Put both bodies where they meet, with their speeds (m/s) before the impact."""
+    clock = world.clock[0]
+    pair = world.pairs[0]
+    contact = world.contacts[world.flights[0].piece]
+    for ball in range(2):
+        flight = world.flights[ball]
+        s = in_lane(two.contact_s, ball)
+        c = in_lane(two.contact_c, ball)
+        place_at(flight, clock.t, clock.t_low, s, c, in_lane(two.contact_p, ball))
+        flight.speed = in_lane(speed, ball)
+    pair.normal_a = contact.normal_a
+    pair.normal_b = contact.normal_b
+
+
+@kernel
+def _depart(
+    world: World, two: TwoSwings, p: Two, speed_a: float, speed_b: float, more: int
+) -> None:
+    """Begin and log the flights after an impact, by P and speeds (m/s), less energy first."""
+    a = world.flights[0]
+    b = world.flights[1]
+    two.flow_s = two.contact_s
+    two.flow_c = two.contact_c
+    two.flow_p = p
+    a.p = in_lane(p, 0)
+    b.p = in_lane(p, 1)
+    a.speed = speed_a
+    b.speed = speed_b
+    log_flight(world, 1 - more, COLLISION)
+    log_flight(world, more, COLLISION)
+    world.pairs[0].touching = PARTING
+
+
+@kernel
+def _share_energy(world: World, two: TwoSwings, tracks: TwoTracks, p: Two, loss: float) -> int:
     """Give both bodies their energies and parameters after an impact (see ``event_loop``).
 
     Returns the body with more energy; -1 if the flights after it are not librations far from a
     crest and the ends of the arc, or neither has more.
     """
-    a = world.flights[0]
-    b = world.flights[1]
+    a, b = world.flights[0], world.flights[1]
+    s = two.contact_s
+    c = two.contact_c
     if any_lane(c * c + p * p < CREST_NEIGHBOURHOOD) or any_lane(abs(p) >= abs(c)):
         return -1
     head = head_on_arc(tracks, s, c, p)

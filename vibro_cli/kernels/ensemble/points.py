@@ -11,12 +11,9 @@ from which a batch takes what the system of its next run needs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from vibro_cli.compile.kernel import FloatMatrix, kernel
 from vibro_cli.kernels.ensemble.records import (
     Points,
-    Results,
     Stack,
     end_of_point,
     install,
@@ -25,16 +22,16 @@ from vibro_cli.kernels.ensemble.records import (
 )
 from vibro_cli.kernels.events.event_loop import proceed
 from vibro_cli.kernels.impact.impulse_chain import last_number_of
+from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.tangent.follow import follow_tangents
 from vibro_cli.kernels.tangent.frame import Tangents
-from vibro_cli.kernels.world import LOG_FULL, RUNNING, Flight, World
+from vibro_cli.kernels.world import LOG_FULL, RUNNING, World
 
 
 @kernel
 def run_points(
     world: World,
     fresh: World,
-    scratch: Sequence[Flight],
     points: Points,
     results: Results,
     first: int,
@@ -63,7 +60,7 @@ def run_points(
             for row in range(clock.impact_rows):
                 results.impacts[filled + row] = world.impacts[row]  # type: ignore[index]
             filled += clock.impact_rows
-        tally_point(world, 0, cause, points, results, point, scratch)
+        tally_point(world, 0, cause, points, results, point)
         outcome.kept = clock.impact_rows if keep else 0
     return last, filled
 
@@ -72,7 +69,6 @@ def run_points(
 def run_stacked(
     world: World,
     fresh: World,
-    scratch: Sequence[Flight],
     points: Points,
     results: Results,
     stack: Stack,
@@ -90,7 +86,7 @@ def run_stacked(
         install(world, stack, system)
         for j in range(len(world.pairs)):
             fresh.pairs[j].distance = world.pairs[j].distance
-        reached, filled = run_points(world, fresh, scratch, points, results, at, until, filled)
+        reached, filled = run_points(world, fresh, points, results, at, until, filled)
         if reached < until:
             return reached, filled
         at = until
@@ -101,7 +97,6 @@ def run_stacked(
 def follow_points(
     world: World,
     fresh: World,
-    scratch: Sequence[Flight],
     points: Points,
     results: Results,
     stack: Stack,
@@ -132,9 +127,9 @@ def follow_points(
             if cause == LOG_FULL and world.clock[0].segment_rows > 0:
                 break
             now = RUNNING if cause == LOG_FULL else cause
-            tally_point(world, known, now, points, results, point, scratch)
+            tally_point(world, known, now, points, results, point)
             end_t, end_low = end_of_point(world, now, points, point)
-            follow_tangents(world, known, now, end_t, end_low, tangents, scratch)
+            follow_tangents(world, known, now, end_t, end_low, tangents, results.scratch)
             known = _keep_under_way(world)
         results.outcomes[point].end_cause = cause
         for column in range(len(tangents.frame)):

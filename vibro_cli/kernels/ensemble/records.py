@@ -8,11 +8,10 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.impact_columns import Columns, Runs, fill_run
-from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
+from vibro_cli.kernels.statistics.run_statistics import Results, tally
 from vibro_cli.kernels.world import (
     END_TIME,
     BodyData,
-    Flight,
     ImpactRow,
     PairTrack,
     PieceData,
@@ -55,14 +54,6 @@ class Points(NamedTuple):
     restitutions: Sequence[RestitutionData]  # run by run
 
 
-class Results(NamedTuple):
-    """What the runs of a batch gave."""
-
-    outcomes: Sequence[Outcome]  # one for each run
-    finals: Sequence[FinalState]  # run by run
-    impacts: Sequence[ImpactRow]  # of all runs, if they are kept
-
-
 @kernel
 def end_of_point(world: World, cause: int, points: Points, point: int) -> tuple[float, float]:
     """When a run, or a part of one, has ended (two doubles, s)."""
@@ -73,17 +64,11 @@ def end_of_point(world: World, cause: int, points: Points, point: int) -> tuple[
 
 @kernel
 def tally_point(
-    world: World,
-    known: int,
-    cause: int,
-    points: Points,
-    results: Results,
-    point: int,
-    scratch: Sequence[Flight],
+    world: World, known: int, cause: int, points: Points, results: Results, point: int
 ) -> None:
     """Tally a run, or a part of one (see ``kernels.statistics.run_statistics``)."""
     end_t, end_low = end_of_point(world, cause, points, point)
-    tally(world, known, cause, end_t, end_low, results.outcomes, point, results.finals, scratch)
+    tally(world, known, cause, end_t, end_low, results, point)
 
 
 @kernel

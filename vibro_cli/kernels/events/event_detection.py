@@ -36,6 +36,7 @@ from vibro_cli.kernels.world import (
 
 # Cosines of bounds are compared with room for their rounding.
 CAUTION = 1.0e-12
+NEVER_MEET = -2.0  # proved, beside NONE_BEFORE_LIMIT
 
 
 @kernel
@@ -74,66 +75,89 @@ def first_contact(world: World, horizon_t: float, horizon_low: float) -> int:
 @kernel
 def _search_pair(world: World, j: int, pair: PairData, ahead: float) -> None:
     """Go on with the search of one pair; a contact found is kept in the pair."""
-    settings = world.settings[0]
     clock = world.clock[0]
     clock.searches += 1
-    a, b = flights_of(world, pair)
-    apart = world.far[j * settings.pieces + a.piece][b.piece] == 1
-    apart = apart or (a.at_rest == 1 and b.at_rest == 1)
-    apart = apart or _is_left_to_the_other(world, pair)
-    laps = b.lap - a.lap + pair.seam
-    # Almost a lap ahead on the same line, b is behind a: they meet as the other pair, if at all.
-    apart = apart or (a.piece == b.piece and world.pieces[a.piece].sign == 0.0 and laps != 0)
-    if apart and pair.touching != CLOSING:
-        clock.skipped_apart += 1
-        pair.apart = 1
-        return
     if pair.touching == CLOSING:
         pair.contact_t = pair.begin_t
         pair.contact_t_low = pair.begin_t_low
         pair.a_s, pair.a_c, pair.a_p = state_at(world, pair.a, pair.begin_t, pair.begin_t_low)
         pair.b_s, pair.b_c, pair.b_p = state_at(world, pair.b, pair.begin_t, pair.begin_t_low)
         return
-    to_a = time_between(a.exit_t, a.exit_t_low, pair.begin_t, pair.begin_t_low)
-    to_b = time_between(b.exit_t, b.exit_t_low, pair.begin_t, pair.begin_t_low)
-    limit = min(to_a, to_b)
-    if pair.searched >= limit:
-        return  # to the end of a flight
-    # The end of a short bounce is known only once it is sharpened: no horizon comes before.
-    ahead = max(ahead, min(limit, short_bounce(a, b)))
-    touching = pair.touching
-    if settings.pairs == 2 and settings.bodies == 2 and touching == 0 and a.piece != b.piece:
-        touching = world.pairs[1 - j].touching
+    a, b = flights_of(world, pair)
+    laps = b.lap - a.lap + pair.seam
+    if _is_out_of_reach(world, j, laps):
+        h = NEVER_MEET
+    else:
+        to_a = time_between(a.exit_t, a.exit_t_low, pair.begin_t, pair.begin_t_low)
+        to_b = time_between(b.exit_t, b.exit_t_low, pair.begin_t, pair.begin_t_low)
+        limit = min(to_a, to_b)
+        if pair.searched >= limit:
+            return  # to the end of a flight
+        # The end of a short bounce is known only once it is sharpened: no horizon comes before.
+        ahead = max(ahead, min(limit, short_bounce(a, b)))
+        h = _time_of_contact(world, j, laps, ahead, limit)
+    if h == NEVER_MEET:
+        clock.skipped_apart += 1
+        pair.apart = 1
+    elif h >= 0.0:
+        pair.contact_t, pair.contact_t_low = add_to_time(pair.begin_t, pair.begin_t_low, h)
+        if _are_both_pairs(world, pair):
+            _hand_over(world, pair, world.pairs[1 - j])
+
+
+@kernel
+def _is_out_of_reach(world: World, j: int, laps: int) -> bool:
+    """Tell whether a pair cannot meet on its pieces, at rest, or as this pair."""
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    if world.far[j * world.settings[0].pieces + a.piece][b.piece] == 1:
+        return True
+    if (a.at_rest == 1 and b.at_rest == 1) or _is_left_to_the_other(world, pair):
+        return True
+    # Almost a lap ahead on the same line, b is behind a: they meet as the other pair, if at all.
+    return a.piece == b.piece and world.pieces[a.piece].sign == 0.0 and laps != 0
+
+
+@kernel
+def _time_of_contact(world: World, j: int, laps: int, ahead: float, limit: float) -> float:
+    """Time (s) of the first contact of a pair from where both its flights have begun.
+
+    ``NONE_BEFORE_LIMIT`` if it is not known yet, ``NEVER_MEET`` if there is none on these flights.
+    """
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
     age_a = time_between(pair.begin_t, pair.begin_t_low, a.t, a.t_low)
     age_b = time_between(pair.begin_t, pair.begin_t_low, b.t, b.t_low)
     ages = age_a, age_b
-    piece = world.pieces[a.piece]
-    straight = laps == 0 and _on_one_line(world, a, b)
-    if a.piece == b.piece and piece.sign != 0.0:
-        contact = contact_of(world, j)
+    if a.piece == b.piece and world.pieces[a.piece].sign != 0.0:
+        if kept_apart(a, b, contact_of(world, j), laps):
+            return NEVER_MEET
         orientation = 1.0 if laps == 0 else -1.0
-        if kept_apart(a, b, contact, laps):
-            clock.skipped_apart += 1
-            pair.apart = 1
-            return
         h = contact_on_arc(world, j, ages, ahead, limit, orientation)
         if h > 0.0 and pair.touching == PARTING:
             h = max(sharpened_on_arc(world, j, age_a + h, orientation) - age_a, 0.0)
-    elif a.form == LINE and b.form == LINE and straight:
-        between = world.pieces[b.piece].start_s - piece.start_s
-        h = contact_on_line(world, j, ages, touching, limit, between)
-    elif _separated(world, j, straight):
-        clock.skipped_apart += 1
-        pair.apart = 1
-        return
-    else:
-        h = contact_by_distance(world, j, straight, touching, ahead, limit, ages)
-        if h > 0.0 and touching == PARTING:
-            h = max(sharpened_by_distance(world, j, straight, age_a + h) - age_a, 0.0)
-    if h >= 0.0:
-        pair.contact_t, pair.contact_t_low = add_to_time(pair.begin_t, pair.begin_t_low, h)
-        if settings.pairs == 2 and settings.bodies == 2 and a.piece != b.piece:
-            _hand_over(world, pair, world.pairs[1 - j])
+        return h
+    touching = pair.touching
+    if touching == 0 and _are_both_pairs(world, pair):
+        touching = world.pairs[1 - j].touching
+    straight = laps == 0 and _on_one_line(world, a, b)
+    if a.form == LINE and b.form == LINE and straight:
+        between = world.pieces[b.piece].start_s - world.pieces[a.piece].start_s
+        return contact_on_line(world, j, ages, touching, limit, between)
+    if _separated(world, j, straight):
+        return NEVER_MEET
+    h = contact_by_distance(world, j, straight, touching, ahead, limit, ages)
+    if h > 0.0 and touching == PARTING:
+        h = max(sharpened_by_distance(world, j, straight, age_a + h) - age_a, 0.0)
+    return h
+
+
+@kernel
+def _are_both_pairs(world: World, pair: PairData) -> bool:
+    """Tell whether a pair's bodies are the only two, on two pieces of a closed trace: two pairs."""
+    settings = world.settings[0]
+    a, b = flights_of(world, pair)
+    return settings.pairs == 2 and settings.bodies == 2 and a.piece != b.piece
 
 
 @kernel
@@ -151,12 +175,7 @@ def _is_left_to_the_other(world: World, pair: PairData) -> bool:
 
     On two pieces one search finds the contact of either pair; while one lasts there is no other.
     """
-    settings = world.settings[0]
-    if settings.pairs != 2 or settings.bodies != 2:
-        return False
-    if world.flights[0].piece == world.flights[1].piece:
-        return False
-    return pair.seam == 1 or world.pairs[1].held == 1
+    return _are_both_pairs(world, pair) and (pair.seam == 1 or world.pairs[1].held == 1)
 
 
 @kernel
@@ -172,7 +191,7 @@ def _hand_over(world: World, pair: PairData, other: PairData) -> None:
     ux, uy = centre_tangent(piece_b, pair.b_s, pair.b_c)
     if (bx - ax) * (tx + ux) + (by - ay) * (ty + uy) >= 0.0:
         return
-    keep_states(other, (pair.b_s, pair.b_c, pair.b_p), (pair.a_s, pair.a_c, pair.a_p))
+    keep_states(other, (pair.b_s, pair.b_c, pair.b_p, pair.a_s, pair.a_c, pair.a_p))
     other.contact_t = pair.contact_t
     other.contact_t_low = pair.contact_t_low
     other.apart = 0

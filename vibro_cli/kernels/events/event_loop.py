@@ -128,47 +128,23 @@ def _is_bound(world: World, ball: int, s: float, c: float) -> bool:
 @kernel
 def _collide_alone(world: World, j: int) -> int:
     """Impact of two bodies that touch no other one."""
-    settings = world.settings[0]
     clock = world.clock[0]
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
-    track_a, track_b = tracks_of(world, pair)
-    if a.frequency > 0.0:
-        pair.a_s, pair.a_c, pair.a_p = project(a, pair.a_s, pair.a_c, pair.a_p)
-    if b.frequency > 0.0:
-        pair.b_s, pair.b_c, pair.b_p = project(b, pair.b_s, pair.b_c, pair.b_p)
-    place_at(a, pair.contact_t, pair.contact_t_low, pair.a_s, pair.a_c, pair.a_p)
-    place_at(b, pair.contact_t, pair.contact_t_low, pair.b_s, pair.b_c, pair.b_p)
-    set_normals(world, j)
-    a.speed = track_a.speed_factor * pair.a_p
-    b.speed = track_b.speed_factor * pair.b_p
-    law = settings.law
-    wa, wb, loss = impact_of_pair(
-        law, pair.restitution, body_a, body_b, pair.normal_a, pair.normal_b, a.speed, b.speed
-    )
-    substituted = 0
-    # What the law leaves of the speeds is rounded as they were before it.
-    admissible = parts(pair, wa, wb, abs(a.speed) + abs(b.speed))
-    if admissible == 0 and settings.substitute == 1:
-        law = NORMAL_IMPULSE
-        substituted = 1
-        wa, wb, loss = impact_of_pair(
-            law, pair.restitution, body_a, body_b, pair.normal_a, pair.normal_b, a.speed, b.speed
-        )
-    row = world.impacts[clock.impact_rows]
-    log_impact(world, j, wa, wb, law, loss)
-    row.substituted = substituted
-    row.admissible = admissible
-    if admissible == 0 and substituted == 0:
+    _bring_to_contact(world, j)
+    wa, wb, loss = _apply_law(world, j)
+    row = world.impacts[clock.impact_rows - 1]
+    if row.admissible == 0 and row.substituted == 0:
         complete_inadmissible(world, row)
         return END_INADMISSIBLE
-    if settings.one_sided == 1:
+    if world.settings[0].one_sided == 1:
         lifted = lifted_body(world, j)
         if lifted >= 0:
             clock.last_ball = lifted
             complete_inadmissible(world, row)
             return END_LIFT_OFF
+    track_a, track_b = tracks_of(world, pair)
     a.p = wa / track_a.speed_factor
     b.p = wb / track_b.speed_factor
     a.speed = wa
@@ -185,6 +161,50 @@ def _collide_alone(world: World, j: int) -> int:
     row.head_a_post = a.head
     row.head_b_post = b.head
     return RUNNING
+
+
+@kernel
+def _bring_to_contact(world: World, j: int) -> None:
+    """Put both bodies of a pair into their states of contact; set speeds and normals."""
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    track_a, track_b = tracks_of(world, pair)
+    if a.frequency > 0.0:
+        pair.a_s, pair.a_c, pair.a_p = project(a, pair.a_s, pair.a_c, pair.a_p)
+    if b.frequency > 0.0:
+        pair.b_s, pair.b_c, pair.b_p = project(b, pair.b_s, pair.b_c, pair.b_p)
+    place_at(a, pair.contact_t, pair.contact_t_low, pair.a_s, pair.a_c, pair.a_p)
+    place_at(b, pair.contact_t, pair.contact_t_low, pair.b_s, pair.b_c, pair.b_p)
+    set_normals(world, j)
+    a.speed = track_a.speed_factor * pair.a_p
+    b.speed = track_b.speed_factor * pair.b_p
+
+
+@kernel
+def _apply_law(world: World, j: int) -> tuple[float, float, float]:
+    """Log the impact of a pair by its law, or what is put in its place; speeds after it, loss."""
+    settings = world.settings[0]
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
+    law = settings.law
+    wa, wb, loss = impact_of_pair(
+        law, pair.restitution, body_a, body_b, pair.normal_a, pair.normal_b, a.speed, b.speed
+    )
+    substituted = 0
+    # What the law leaves of the speeds is rounded as they were before it.
+    admissible = parts(pair, wa, wb, abs(a.speed) + abs(b.speed))
+    if admissible == 0 and settings.substitute == 1:
+        law = NORMAL_IMPULSE
+        substituted = 1
+        wa, wb, loss = impact_of_pair(
+            law, pair.restitution, body_a, body_b, pair.normal_a, pair.normal_b, a.speed, b.speed
+        )
+    row = world.impacts[world.clock[0].impact_rows]
+    log_impact(world, j, wa, wb, law, loss)
+    row.substituted = substituted
+    row.admissible = admissible
+    return wa, wb, loss
 
 
 @kernel
@@ -427,24 +447,7 @@ def advance(world: World) -> int:
             if settings.keep == 1:
                 return LOG_FULL
             drop_rows(clock)
-        ball = _first_exit(world)
-        pair = _first_release(world) if clock.held_pairs > 0 else -1
-        horizon_t = settings.stop_t
-        horizon_low = 0.0
-        if ball >= 0:
-            flight = world.flights[ball]
-            if time_between(flight.exit_t, flight.exit_t_low, horizon_t, 0.0) <= 0.0:
-                horizon_t = flight.exit_t
-                horizon_low = flight.exit_t_low
-            else:
-                ball = -1
-        if pair >= 0:
-            held = world.pairs[pair]
-            if time_between(held.release_t, held.release_t_low, horizon_t, horizon_low) < 0.0:
-                horizon_t = held.release_t
-                horizon_low = held.release_t_low
-            else:
-                pair = -1
+        horizon_t, horizon_low, ball, pair = _horizon(world)
         meeting = first_contact(world, horizon_t, horizon_low)
         if meeting >= 0:
             horizon_t = world.pairs[meeting].contact_t
@@ -461,6 +464,33 @@ def advance(world: World) -> int:
             return _finish(world)
         if cause != RUNNING:
             return cause
+
+
+@kernel
+def _horizon(world: World) -> tuple[float, float, int, int]:
+    """When an event comes at the latest (two doubles, s): the stop, an end of a flight, a release.
+
+    Then the body whose flight ends before the stop, and the pair that parts before that; else -1.
+    """
+    t = world.settings[0].stop_t
+    low = 0.0
+    ball = _first_exit(world)
+    if ball >= 0:
+        flight = world.flights[ball]
+        if time_between(flight.exit_t, flight.exit_t_low, t, 0.0) <= 0.0:
+            t = flight.exit_t
+            low = flight.exit_t_low
+        else:
+            ball = -1
+    pair = _first_release(world) if world.clock[0].held_pairs > 0 else -1
+    if pair >= 0:
+        held = world.pairs[pair]
+        if time_between(held.release_t, held.release_t_low, t, low) < 0.0:
+            t = held.release_t
+            low = held.release_t_low
+        else:
+            pair = -1
+    return t, low, ball, pair
 
 
 @kernel

@@ -66,7 +66,6 @@ MOST_ROUNDS = 1000
 @kernel
 def collide_jointly(world: World, first: int, count: int) -> int:
     """Carry out the impacts of a chain of touching pairs at the present instant."""
-    settings = world.settings[0]
     clock = world.clock[0]
     _bring_chain(world, first, count)
     before = energy_of_chain(world, first, count)
@@ -85,15 +84,11 @@ def collide_jointly(world: World, first: int, count: int) -> int:
     if not admissible:
         _complete_as_law_says(world, start_row)
         return END_INADMISSIBLE
-    if settings.one_sided == 1 and _lifts(world, start_row):
+    if world.settings[0].one_sided == 1 and _lifts(world, start_row):
         _complete_as_law_says(world, start_row)
         return END_LIFT_OFF
     if clock.impact_rows > start_row:
-        # Speeds have changed: no pair need be held whatever its force, or stay released.
-        for step in range(count):
-            pair = pair_along(world, first, step)
-            pair.pressing = FREE
-            pair.touching = 0
+        _free_pairs(world, first, count)
     settle(world, first, count)
     launch_chain(world, first, count, COLLISION)
     # Bodies at walls are those of an open trace: their numbers do not go round.
@@ -109,6 +104,15 @@ def collide_jointly(world: World, first: int, count: int) -> int:
     for row in range(start_row, clock.impact_rows):
         _complete(world, world.impacts[row], clock.impact_rows - start_row)
     return RUNNING
+
+
+@kernel
+def _free_pairs(world: World, first: int, count: int) -> None:
+    """Speeds have changed: no pair of a chain need be held whatever its force, or stay released."""
+    for step in range(count):
+        pair = pair_along(world, first, step)
+        pair.pressing = FREE
+        pair.touching = 0
 
 
 @kernel

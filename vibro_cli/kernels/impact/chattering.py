@@ -334,12 +334,11 @@ def _earliest_contact(world: World, j: int) -> float:
     track_a, track_b = tracks_of(world, pair)
     a_s, a_c, a_p = state_at(world, pair.a, clock.t, clock.t_low)
     b_s, b_c, b_p = state_at(world, pair.b, clock.t, clock.t_low)
+    along_a = tangential_acceleration(a, track_a.path_radius, a_s, a_c)
+    along_b = tangential_acceleration(b, track_b.path_radius, b_s, b_c)
     gap, rate, _ = distance_gap(
-        world.pieces[a.piece], track_a, a_s, a_c, a_p,
-        tangential_acceleration(a, track_a.path_radius, a_s, a_c),
-        world.pieces[b.piece], track_b, b_s, b_c, b_p,
-        tangential_acceleration(b, track_b.path_radius, b_s, b_c),
-        pair.distance,
+        world.pieces[a.piece], track_a, world.pieces[b.piece], track_b,
+        (a_s, a_c, a_p, b_s, b_c, b_p), (along_a, along_b), pair.distance,
     )  # fmt: skip
     if pair.touching != 0:
         gap = 0.0  # whatever the rounding of their places says

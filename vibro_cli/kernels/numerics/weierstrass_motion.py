@@ -220,24 +220,34 @@ def _by_weierstrass(
     divided out, as long before the end of a period as the motion comes back to its start after the
     beginning. A motion that turns over never comes back.
     """
-    a3 = motion.quartic_3
-    rate = motion.start_rate
     if motion.turns_over == 0 and sigma < 0.0:
         # It repeats after a period of z, where both change their signs.
         sigma = -sigma
         slope = -slope
     square = sigma * sigma
     z = motion.root * square + level
-    if rate == 0.0:
+    if motion.start_rate == 0.0:
         # From a turning point: u = a3/z.
-        x = a3 * square
+        x = motion.quartic_3 * square
         size = 1.0 / (x * x + z * z)
         root = math.sqrt(size)
-        return x * root, z * root, 2.0 * a3 * slope * sigma * size
-    turns_back = motion.quartic_0 <= 0.0  # before infinity
-    if turns_back and (motion.turns_over == 1 or not _first_form_is_lost(motion, sigma, z, slope)):
-        return _by_first_form(motion, sigma, z, slope, 0.0)
+        return x * root, z * root, 2.0 * motion.quartic_3 * slope * sigma * size
+    if motion.quartic_0 <= 0.0:  # it turns back before infinity
+        turned, along, y = _first_form(motion, sigma, z, slope)
+        if motion.turns_over == 1 or not _is_lost(sigma, turned, along, y):
+            return _by_first_form(motion, sigma, z, slope, turned + along, y, 0.0)
+    return _by_second_form(motion, sigma, z, slope)
+
+
+@kernel
+def _by_second_form(
+    motion: QuarticConstants, sigma: float, z: float, slope: float
+) -> tuple[float, float, float]:
+    """As :func:`_by_weierstrass` by the form of whose X a factor is divided out."""
+    a3 = motion.quartic_3
+    rate = motion.start_rate
     a4 = rate * rate
+    square = sigma * sigma
     along = 2.0 * a3 * z + motion.quartic_1 * a4 * square
     turned = rate * _bend(motion, z, square)
     pushed = 4.0 * a3 * slope * sigma
@@ -259,25 +269,13 @@ def _by_weierstrass(
         terms = 2.0 * (abs(before) + abs(after)) * abs(sigma) + 2.0 * abs(rate * slope)
         terms += abs(sigma * along)
         if size < NEAR_NOTHING * (terms * terms):
-            return _by_first_form(motion, sigma, z, slope, sign)
+            first, rest, y = _first_form(motion, sigma, z, slope)
+            return _by_first_form(motion, sigma, z, slope, first + rest, y, sign)
         sign = -1.0 if x * sign < 0.0 or (x == 0.0 and y < 0.0) else 1.0
     moved = x_part * (turned - pushed) - 4.0 * a4 * slope * y
     size = 1.0 / size
     root = sign * math.sqrt(size)
     return x * root, y * root, moved * size
-
-
-@kernel
-def _first_form_is_lost(motion: QuarticConstants, sigma: float, z: float, slope: float) -> bool:
-    """Tell whether Weierstrass's own form, where ``a0 <= 0``, is nearly 0/0: its X cancels."""
-    a4 = motion.start_rate * motion.start_rate
-    square = sigma * sigma
-    turned = 2.0 * motion.start_rate * slope
-    along = sigma * (2.0 * motion.quartic_3 * z + motion.quartic_1 * a4 * square)
-    x = sigma * (turned + along)
-    y = 2.0 * z * z - 0.5 * motion.quartic_0 * a4 * (square * square)
-    terms = sigma * (abs(turned) + abs(along))
-    return x * x + y * y < CLEAR * (terms * terms)
 
 
 @kernel
@@ -289,21 +287,42 @@ def _bend(motion: QuarticConstants, z: float, square: float) -> float:
 
 
 @kernel
+def _first_form(
+    motion: QuarticConstants, sigma: float, z: float, slope: float
+) -> tuple[float, float, float]:
+    """Weierstrass's own form of ``u = X/Y``: both terms of ``X/sigma``, and Y."""
+    a4 = motion.start_rate * motion.start_rate
+    square = sigma * sigma
+    turned = 2.0 * motion.start_rate * slope
+    along = sigma * (2.0 * motion.quartic_3 * z + motion.quartic_1 * a4 * square)
+    return turned, along, 2.0 * z * z - 0.5 * motion.quartic_0 * a4 * (square * square)
+
+
+@kernel
+def _is_lost(sigma: float, turned: float, along: float, y: float) -> bool:
+    """Tell whether Weierstrass's own form, where ``a0 <= 0``, is nearly 0/0: its X cancels."""
+    x = sigma * (turned + along)
+    terms = sigma * (abs(turned) + abs(along))
+    return x * x + y * y < CLEAR * (terms * terms)
+
+
+@kernel
 def _by_first_form(
-    motion: QuarticConstants, sigma: float, z: float, slope: float, side: float
+    motion: QuarticConstants,
+    sigma: float,
+    z: float,
+    slope: float,
+    x_part: float,
+    y: float,
+    side: float,
 ) -> tuple[float, float, float]:
     """As :func:`_by_weierstrass` by Weierstrass's own form; ``side`` has the sign of ``sin h``.
 
     With ``a0 <= 0`` its signs are right: ``side`` is 0.
     """
-    a3 = motion.quartic_3
-    rate = motion.start_rate
-    a4 = rate * rate
-    square = sigma * sigma
-    x_part = 2.0 * rate * slope + sigma * (2.0 * a3 * z + motion.quartic_1 * a4 * square)
     x = sigma * x_part
-    y = 2.0 * z * z - 0.5 * motion.quartic_0 * a4 * (square * square)
-    turned = rate * _bend(motion, z, square) + 4.0 * a3 * slope * sigma
+    turned = motion.start_rate * _bend(motion, z, sigma * sigma)
+    turned += 4.0 * motion.quartic_3 * slope * sigma
     moved = 8.0 * x_part * z * slope - turned * y
     size = 1.0 / (x * x + y * y)
     root = math.sqrt(size)

@@ -427,10 +427,38 @@ def _fill_row(
     around: float,
 ) -> None:
     """Fill what an impact's own row tells: first what belongs to the pair, then both bodies."""
+    approach = _fill_pair(world, row, columns, at)
+    # Two bodies on a closed trace are 1 and 2, whichever pair found the contact.
+    end_a = 1 if around > 0.0 and row.a == 1 else 0
+    end_b = 1 - end_a
+    s_a, size_a, pull_a = _fill_body(
+        world, runs, run, columns, at, end_a, (row.a, row.piece_a, row.a_s, row.a_c),
+        (row.speed_a_pre, row.speed_a_post, row.head_a_pre, row.head_a_post),
+    )  # fmt: skip
+    s_b, size_b, pull_b = _fill_body(
+        world, runs, run, columns, at, end_b, (row.b, row.piece_b, row.b_s, row.b_c),
+        (row.speed_b_pre, row.speed_b_post, row.head_b_pre, row.head_b_post),
+    )  # fmt: skip
+    impulse = runs.masses[run, row.a] * (row.speed_a_post - row.speed_a_pre)
+    if end_b == 1:
+        impulse = runs.masses[run, row.b] * (row.speed_b_post - row.speed_b_pre)
+    _number(columns, _IMPULSE, at, impulse if row.law == TRANSLATIONAL else math.nan)
+    overlap = approach * approach / (2.0 * (pull_a + pull_b))
+    _flag(columns, 3, at, overlap < _GRAZING_UNITS * EPSILON * (size_a + size_b))
+    side = 0
+    if around > 0.0:
+        ahead = (s_b - s_a if end_a == 0 else s_a - s_b) % around
+        side = _side(row, ahead <= 0.5 * around)
+    _integer(columns, 6, at, side)
+
+
+@kernel
+def _fill_pair(world: World, row: ImpactRow, columns: Columns, at: int) -> float:
+    """Fill what belongs to the pair; returns the speed (m/s) of its approach."""
+    approach = row.normal_a * row.speed_a_pre - row.normal_b * row.speed_b_pre
     _number(columns, 0, at, row.t)
     _number(columns, 1, at, row.t_low)
     _number(columns, 3, at, row.loss)
-    approach = row.normal_a * row.speed_a_pre - row.normal_b * row.speed_b_pre
     _number(columns, 5, at, approach)
     _number(columns, 6, at, row.normal_b * row.speed_b_post - row.normal_a * row.speed_a_post)
     _number(columns, 7, at, residual_gap(world, row))
@@ -439,29 +467,7 @@ def _fill_row(
     _flag(columns, 1, at, row.substituted == 1)
     _flag(columns, 2, at, row.simultaneous == 1)
     _flag(columns, 4, at, row.contact == 1)
-    # Two bodies on a closed trace are 1 and 2, whichever pair found the contact.
-    end_a = 1 if around > 0.0 and row.a == 1 else 0
-    mass_a, mass_b = runs.masses[run, row.a], runs.masses[run, row.b]
-    end_b = 1 - end_a
-    s_a, size_a, pull_a = _fill_body(
-        world, runs.hills, columns, at, end_a, row.a, mass_a, (row.piece_a, row.a_s, row.a_c),
-        (row.speed_a_pre, row.speed_a_post), (row.head_a_pre, row.head_a_post),
-    )  # fmt: skip
-    s_b, size_b, pull_b = _fill_body(
-        world, runs.hills, columns, at, end_b, row.b, mass_b, (row.piece_b, row.b_s, row.b_c),
-        (row.speed_b_pre, row.speed_b_post), (row.head_b_pre, row.head_b_post),
-    )  # fmt: skip
-    impulse = mass_a * (row.speed_a_post - row.speed_a_pre)
-    if end_b == 1:
-        impulse = mass_b * (row.speed_b_post - row.speed_b_pre)
-    _number(columns, _IMPULSE, at, impulse if row.law == TRANSLATIONAL else math.nan)
-    overlap = approach * approach / (2.0 * (pull_a + pull_b))
-    _flag(columns, 3, at, overlap < _GRAZING_UNITS * EPSILON * (size_a + size_b))
-    if around > 0.0:
-        ahead = (s_b - s_a if end_a == 0 else s_a - s_b) % around
-        _integer(columns, 6, at, _side(row, ahead <= 0.5 * around))
-    else:
-        _integer(columns, 6, at, 0)
+    return approach
 
 
 @kernel
@@ -475,22 +481,22 @@ def _side(row: ImpactRow, near: bool) -> int:
 @kernel
 def _fill_body(
     world: World,
-    hills: FloatMatrix,
+    runs: Runs,
+    run: int,
     columns: Columns,
     at: int,
     end: int,
-    body: int,
-    mass: float,
-    place: tuple[int, float, float],
-    speeds: tuple[float, float],
-    heads: tuple[float, float],
+    place: tuple[int, int, float, float],
+    motion: tuple[float, float, float, float],
 ) -> tuple[float, float, float]:
-    """Fill the columns of one body at its place, piece and ``(S, C)``, before and after.
+    """Fill the columns of one body at its place, before and after the impact.
 
-    Returns the arc length (m) of its contact point, the size of its centre's coordinates (m), and
-    a bound on its acceleration (m/s^2).
+    ``place`` is the body, its piece and ``(S, C)``; ``motion`` its speed (m/s) before and after,
+    and its energy over weight (m). Returns the arc length (m) of its contact point, the size of its
+    centre's coordinates (m), and a bound on its acceleration (m/s^2).
     """
-    piece, s, c = place
+    body, piece, s, c = place
+    before, after, _, _ = motion
     data = world.pieces[piece]
     track = track_on(world, body, piece)
     along = place_on(data, s, c)
@@ -503,27 +509,49 @@ def _fill_body(
     _number(columns, _S + end, at, arc_length)
     _number(columns, _X + end, at, x)
     _number(columns, _Y + end, at, y)
-    radius = world.bodies[body].radius
-    slides = world.bodies[body].kappa == 1.0
-    weight = mass * world.settings[0].gravity
     for when in range(2):
-        later = end + _AFTER * when
-        speed = speeds[when]
-        _number(columns, _RATE + later, at, math.nan if line else speed / track.path_radius)
-        _number(columns, _OMEGA + later, at, math.nan if slides else speed / radius)
-        _number(columns, _SPEED + later, at, speed)
-        _number(columns, _ENERGY + later, at, weight * heads[when])
-        kinetic = 0.5 * world.bodies[body].kappa * mass * speed * speed
-        _number(columns, _KINETIC + later, at, kinetic)
-        regime = regime_of(world, hills, body, arc_length, heads[when])
-        _integer(columns, _REGIME + later, at, regime)
-        eight = side_of_eight(world, hills, body, arc_length, heads[when])
-        _integer(columns, _EIGHT + later, at, eight)
+        where = body, piece, arc_length
+        moving = motion[when], motion[2 + when]
+        _fill_motion(world, runs, run, columns, at, end + _AFTER * when, where, moving)
     if end == 1:
-        inertia = world.bodies[body].kappa * mass * radius
-        _number(columns, 4, at, inertia * (speeds[1] - speeds[0]))
-    central = 0.0 if line else speeds[0] * speeds[0] / track.path_radius
+        inertia = world.bodies[body].kappa * runs.masses[run, body] * world.bodies[body].radius
+        _number(columns, 4, at, inertia * (after - before))
+    central = 0.0 if line else before * before / track.path_radius
     return arc_length, abs(x) + abs(y), track.gravity_rate + central
+
+
+@kernel
+def _fill_motion(
+    world: World,
+    runs: Runs,
+    run: int,
+    columns: Columns,
+    at: int,
+    later: int,
+    where: tuple[int, int, float],
+    moving: tuple[float, float],
+) -> None:
+    """Fill the columns of one body's motion before or after an impact, ``later`` further on.
+
+    ``where`` is the body, its piece and the arc length (m); ``moving`` its speed (m/s) and its
+    energy over weight (m).
+    """
+    number, piece, arc_length = where
+    speed, head = moving
+    body = world.bodies[number]
+    mass = runs.masses[run, number]
+    line = world.pieces[piece].sign == 0.0
+    slides = body.kappa == 1.0
+    rho = track_on(world, number, piece).path_radius
+    _number(columns, _RATE + later, at, math.nan if line else speed / rho)
+    _number(columns, _OMEGA + later, at, math.nan if slides else speed / body.radius)
+    _number(columns, _SPEED + later, at, speed)
+    _number(columns, _ENERGY + later, at, mass * world.settings[0].gravity * head)
+    _number(columns, _KINETIC + later, at, 0.5 * body.kappa * mass * speed * speed)
+    regime = regime_of(world, runs.hills, number, arc_length, head)
+    _integer(columns, _REGIME + later, at, regime)
+    eight = side_of_eight(world, runs.hills, number, arc_length, head)
+    _integer(columns, _EIGHT + later, at, eight)
 
 
 @kernel

@@ -262,23 +262,41 @@ def tally_alone(
     row = world.log[number]
     body = world.bodies[row.body]
     track = track_on(world, row.body, row.piece)
-    sign = world.pieces[row.piece].sign
-    most = 0.0
-    if sign != 0.0:
-        bound, most, caution = _bounds_on_arc(world, row)
-        bound -= caution
-        known = outcome.most_demand == math.inf or outcome.most_demand * bound >= most
-        if body.weight * bound >= outcome.least_force and (most == 0.0 or known):
-            return  # it has surely neither less force nor more demand than known
-    recall_flight(world, row, number, scratch)
-    end_s, _, end_p = end
-    if track.path_radius == 0.0:
+    if world.pieces[row.piece].sign == 0.0:
+        recall_flight(world, row, number, scratch)
+        end_s, _, end_p = end
         _tally_on_line(body, track, row.s, outcome)
         _tally_on_line(body, track, end_s, outcome)
         if row.p * end_p < 0.0:
             _tally_on_line(body, track, row.s + turn_on_line(scratch), outcome)
         return
+    bound, most, caution = _bounds_on_arc(world, row)
+    bound -= caution
+    known = outcome.most_demand == math.inf or outcome.most_demand * bound >= most
+    if body.weight * bound >= outcome.least_force and (most == 0.0 or known):
+        return  # it has surely neither less force nor more demand than known
+    recall_flight(world, row, number, scratch)
     low, high = half_range(scratch, end, duration)
+    least = _least_on_arc(world, row, scratch, low, high)
+    outcome.least_force = min(outcome.least_force, body.weight * least)
+    if most == 0.0 or outcome.most_demand * least >= most:
+        # What is known is more than all that this flight can need.
+        return
+    if least <= 0.0:
+        outcome.most_demand = math.inf
+        return
+    sign = world.pieces[row.piece].sign
+    press = scaled(sign, press_harmonics(scratch, track.tilt, track.spread, body.kappa))
+    pull = scaled(1.0 - 1.0 / body.kappa, pull_harmonics(scratch))
+    outcome.most_demand = _greatest(pull, press, 2.0 * low, 2.0 * high, outcome.most_demand)
+
+
+@kernel
+def _least_on_arc(world: World, row: FlightRow, flight: Flight, low: float, high: float) -> float:
+    """Least normal force, as a share of the weight, between two half angles from the start."""
+    track = track_on(world, row.body, row.piece)
+    sign = world.pieces[row.piece].sign
+    kappa = world.bodies[row.body].kappa
     least = math.inf
     for place in range(track.extreme_count + 2):
         half = low if place == 0 else high
@@ -290,19 +308,10 @@ def tally_alone(
             half = math.atan2(sine, cosine)
         if low <= half <= high:
             s, c = sine_cosine(half)
-            rate = squared_rate(scratch, s, c)
+            rate = squared_rate(flight, s, c)
             s, c = angle_sum(row.s, row.c, s, c)
-            least = min(least, sign * arc_share(track, body.kappa, s, c, rate))
-    outcome.least_force = min(outcome.least_force, body.weight * least)
-    if most == 0.0 or outcome.most_demand * least >= most:
-        # What is known is more than all that this flight can need.
-        return
-    if least <= 0.0:
-        outcome.most_demand = math.inf
-        return
-    press = scaled(sign, press_harmonics(scratch, track.tilt, track.spread, body.kappa))
-    pull = scaled(1.0 - 1.0 / body.kappa, pull_harmonics(scratch))
-    outcome.most_demand = _greatest(pull, press, 2.0 * low, 2.0 * high, outcome.most_demand)
+            least = min(least, sign * arc_share(track, kappa, s, c, rate))
+    return least
 
 
 @kernel

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from vibro_cli.compile.kernel import kernel, struct
 from vibro_cli.kernels.cluster.trace_forces import AT_TIME, fit_forces, is_pendulum, set_forces
@@ -79,6 +80,15 @@ class FinalState:
     latest: int  # scratch: the row of its last flight
 
 
+class Results(NamedTuple):
+    """What runs gave."""
+
+    outcomes: Sequence[Outcome]  # one for each run
+    finals: Sequence[FinalState]  # one for each body, run by run
+    impacts: Sequence[ImpactRow]  # of all runs, if they are kept
+    scratch: Sequence[Flight]  # one
+
+
 @kernel
 def tally(
     world: World,
@@ -86,24 +96,22 @@ def tally(
     cause: int,
     end_t: float,
     end_t_low: float,
-    outcomes: Sequence[Outcome],
+    results: Results,
     number: int,
-    finals: Sequence[FinalState],
-    scratch: Sequence[Flight],
 ) -> None:
     """Fill in the outcome of a run, and the final state of every body.
 
     The logs hold all rows of the run. If ``known`` is not 0 but the number of bodies, it is a part
     of a run that is not the first: the log then begins with the present flight of every body, and
     the outcome tells of the parts before. The run has ended at ``end_t`` (two doubles, s) because
-    of ``cause``, or has not and that is ``RUNNING``. Its outcome is that of ``number``; ``finals``
-    has a row for each body, run by run.
+    of ``cause``, or has not and that is ``RUNNING``. Its results are those of ``number``.
     """
     clock = world.clock[0]
     bodies = world.settings[0].bodies
     first_final = number * bodies
-    outcome = outcomes[number]
-    flight = scratch[0]
+    outcome = results.outcomes[number]
+    finals = results.finals
+    flight = results.scratch[0]
     if known == 0:
         _begin(outcome)
     _tally_impacts(world, cause, outcome)

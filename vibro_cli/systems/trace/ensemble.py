@@ -18,14 +18,13 @@ from vibro_cli.kernels.ensemble.records import (
     PointData,
     Points,
     RestitutionData,
-    Results,
     SettingNumbers,
     Stack,
     StartData,
     SystemNumber,
 )
 from vibro_cli.kernels.numerics.constants import NEVER
-from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome
+from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results
 from vibro_cli.kernels.tangent.frame import TangentState
 from vibro_cli.kernels.world import (
     BodyData,
@@ -67,7 +66,6 @@ class Batch:
         """The records of the system; bodies, pairs, flights and clock are those of the last run."""
         copies: Any = {name: np.array(getattr(self.world, name)) for name in SYSTEM.loop.state}
         self._fresh = self.world._replace(**copies)
-        self._scratch: Any = np.zeros(1, dtype=engine.dtype(Flight))
         two = len(system.bodies) == 2 and not system.trace.closed
         free = system.turning is None and system.surface == "two-sided"
         self._group = lane_group() if in_lanes and two and free else None
@@ -113,7 +111,7 @@ class Batch:
     ) -> Progress:
         """Go on to before point ``last``, or until there is no room for the impacts of a point."""
         suits = stack is None and len(results.impacts) == 0 and done.point < last
-        given = self.world, self._fresh, self._scratch, points, results
+        given = self.world, self._fresh, points, results
         if self._group is not None and suits and self._suits_lanes(self._group, points, done):
             in_lanes = compiled(run_points_in_lanes)
             self.impacts_in_lanes += int(in_lanes(*given, done.point, last, self._group))
@@ -143,7 +141,7 @@ class Batch:
             )  # fmt: skip
         else:
             self.world.far[:] = 0  # type: ignore[index]
-        given = self.world, self._fresh, self._scratch, points, results, stack, tangents, sums
+        given = self.world, self._fresh, points, results, stack, tangents, sums
         compiled(follow_points, self._overrides)(*given)
         return sums
 
@@ -186,6 +184,7 @@ def empty_results(points: int, bodies: int, impact_rows: int) -> Results:
         outcomes=zeros(points, Outcome),
         finals=zeros(points * bodies, FinalState),
         impacts=zeros(impact_rows, ImpactRow),
+        scratch=zeros(1, Flight),
     )
 
 

@@ -21,9 +21,10 @@ from vibro_cli.grids.solving import (
     impact_table_of,
     is_followed,
 )
-from vibro_cli.kernels.ensemble.records import Points, Results, Stack
+from vibro_cli.kernels.ensemble.records import Points, Stack
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.statistics.impact_columns import WORDS
+from vibro_cli.kernels.statistics.run_statistics import Results
 from vibro_cli.kernels.world import LOG_FULL, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import KeyPath

@@ -22,8 +22,8 @@ from vibro_cli.kernels.statistics.impact_columns import (
     Runs,
     fill_columns,
 )
-from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, tally
-from vibro_cli.kernels.world import END_NAMES, RUNNING, Flight, World
+from vibro_cli.kernels.statistics.run_statistics import FinalState, Outcome, Results, tally
+from vibro_cli.kernels.world import END_NAMES, RUNNING, Flight, ImpactRow, World
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.columns import (
     GROWTH,
@@ -350,7 +350,9 @@ class Tables:
         if "motion" in names and wanted.motion:
             self._motion = Sampling(wanted)
         self._overrides = overrides
-        self._outcomes, self._finals = zeros(1, Outcome), zeros(bodies, FinalState)
+        self._results = Results(
+            zeros(1, Outcome), zeros(bodies, FinalState), zeros(0, ImpactRow), zeros(1, Flight)
+        )
         self._tangents = TangentMap(system) if wanted.lyapunov else None
         self._wants_exponents = "exponents" in names
 
@@ -370,10 +372,7 @@ class Tables:
             if grown is not None:
                 columns |= grown_columns(grown, columns["grazing"])
             self._sink("collisions", columns)
-        called(
-            tally, self._overrides, world, known, stretch.cause, *stretch.end, self._outcomes, 0,
-            self._finals, zeros(1, Flight),
-        )  # fmt: skip
+        called(tally, self._overrides, world, known, stretch.cause, *stretch.end, self._results, 0)
         if self._events is None and self._motion is None:
             return
         paths = Paths(self._places, world, logs["log"], *stretch.end, self._overrides)
@@ -392,7 +391,8 @@ class Tables:
     def summary(self) -> dict[str, Any]:
         """Return the columns of ``summary.parquet``, once the run has ended."""
         restitution = np.array([self._system.restitution])
-        columns = summary_columns(self._places, restitution, self._outcomes, self._finals)
+        outcomes, finals, _, _ = self._results
+        columns = summary_columns(self._places, restitution, outcomes, finals)
         return columns if self._tangents is None else columns | self._tangents.summary()
 
 
