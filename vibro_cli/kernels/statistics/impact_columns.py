@@ -495,63 +495,51 @@ def _fill_body(
     and its energy over weight (m). Returns the arc length (m) of its contact point, the size of its
     centre's coordinates (m), and a bound on its acceleration (m/s^2).
     """
-    body, piece, s, c = place
-    before, after, _, _ = motion
-    data = world.pieces[piece]
-    track = track_on(world, body, piece)
-    along = place_on(data, s, c)
-    line = data.sign == 0.0
-    arc_length = _along(data, along)
-    x, y = centre_position(data, track, s, c)
-    _integer(columns, 2 + end, at, body + 1)
-    _integer(columns, 4 + end, at, piece + 1)
-    _number(columns, _ANGLE + end, at, math.nan if line else along)
-    _number(columns, _S + end, at, arc_length)
-    _number(columns, _X + end, at, x)
-    _number(columns, _Y + end, at, y)
+    number, piece, _, _ = place
+    body = world.bodies[number]
+    track = track_on(world, number, piece)
+    line = world.pieces[piece].sign == 0.0
+    slides = body.kappa == 1.0
+    mass = runs.masses[run, number]
+    weight = mass * world.settings[0].gravity
+    arc_length, size = _fill_place(world, columns, at, end, place)
     for when in range(2):
-        where = body, piece, arc_length
-        moving = motion[when], motion[2 + when]
-        _fill_motion(world, runs, run, columns, at, end + _AFTER * when, where, moving)
+        later = end + _AFTER * when
+        speed = motion[when]
+        head = motion[2 + when]
+        _number(columns, _RATE + later, at, math.nan if line else speed / track.path_radius)
+        _number(columns, _OMEGA + later, at, math.nan if slides else speed / body.radius)
+        _number(columns, _SPEED + later, at, speed)
+        _number(columns, _ENERGY + later, at, weight * head)
+        _number(columns, _KINETIC + later, at, 0.5 * body.kappa * mass * speed * speed)
+        regime = regime_of(world, runs.hills, number, arc_length, head)
+        _integer(columns, _REGIME + later, at, regime)
+        eight = side_of_eight(world, runs.hills, number, arc_length, head)
+        _integer(columns, _EIGHT + later, at, eight)
     if end == 1:
-        inertia = world.bodies[body].kappa * runs.masses[run, body] * world.bodies[body].radius
-        _number(columns, 4, at, inertia * (after - before))
-    central = 0.0 if line else before * before / track.path_radius
-    return arc_length, abs(x) + abs(y), track.gravity_rate + central
+        inertia = body.kappa * mass * body.radius
+        _number(columns, 4, at, inertia * (motion[1] - motion[0]))
+    central = 0.0 if line else motion[0] * motion[0] / track.path_radius
+    return arc_length, size, track.gravity_rate + central
 
 
 @kernel
-def _fill_motion(
-    world: World,
-    runs: Runs,
-    run: int,
-    columns: Columns,
-    at: int,
-    later: int,
-    where: tuple[int, int, float],
-    moving: tuple[float, float],
-) -> None:
-    """Fill the columns of one body's motion before or after an impact, ``later`` further on.
-
-    ``where`` is the body, its piece and the arc length (m); ``moving`` its speed (m/s) and its
-    energy over weight (m).
-    """
-    number, piece, arc_length = where
-    speed, head = moving
-    body = world.bodies[number]
-    mass = runs.masses[run, number]
-    line = world.pieces[piece].sign == 0.0
-    slides = body.kappa == 1.0
-    rho = track_on(world, number, piece).path_radius
-    _number(columns, _RATE + later, at, math.nan if line else speed / rho)
-    _number(columns, _OMEGA + later, at, math.nan if slides else speed / body.radius)
-    _number(columns, _SPEED + later, at, speed)
-    _number(columns, _ENERGY + later, at, mass * world.settings[0].gravity * head)
-    _number(columns, _KINETIC + later, at, 0.5 * body.kappa * mass * speed * speed)
-    regime = regime_of(world, runs.hills, number, arc_length, head)
-    _integer(columns, _REGIME + later, at, regime)
-    eight = side_of_eight(world, runs.hills, number, arc_length, head)
-    _integer(columns, _EIGHT + later, at, eight)
+def _fill_place(
+    world: World, columns: Columns, at: int, end: int, place: tuple[int, int, float, float]
+) -> tuple[float, float]:
+    """Fill the columns of a body's place; returns its arc length (m) and its centre's size (m)."""
+    body, number, s, c = place
+    piece = world.pieces[number]
+    along = place_on(piece, s, c)
+    arc_length = _along(piece, along)
+    x, y = centre_position(piece, track_on(world, body, number), s, c)
+    _integer(columns, 2 + end, at, body + 1)
+    _integer(columns, 4 + end, at, number + 1)
+    _number(columns, _ANGLE + end, at, math.nan if piece.sign == 0.0 else along)
+    _number(columns, _S + end, at, arc_length)
+    _number(columns, _X + end, at, x)
+    _number(columns, _Y + end, at, y)
+    return arc_length, abs(x) + abs(y)
 
 
 @kernel
