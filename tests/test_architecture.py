@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.value_followed import modules_with_the_angle
 from vibro_cli.systems import NAMES
 
 ROOT = Path(__file__).parents[1]
@@ -314,3 +315,22 @@ def _is_of_the_kernels(node: ast.stmt) -> bool:
 def test_kernels_hold_nothing_but_kernels_and_structs(path: Path) -> None:
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         assert _is_of_the_kernels(node), f"{path}:{node.lineno}"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_functions_fit_a_screen(path: Path) -> None:
+    """At most 40 lines without the docstring, and at most 8 parameters."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef):
+            first = node.body[0]
+            is_text = ast.get_docstring(node) is not None
+            described = first.end_lineno - first.lineno + 1 if is_text and first.end_lineno else 0
+            assert node.end_lineno is not None
+            assert node.end_lineno - node.lineno + 1 - described <= 40, node.name
+            names = [one.arg for one in (*node.args.args, *node.args.kwonlyargs)]
+            assert len([name for name in names if name not in ("self", "cls")]) <= 8, node.name
+
+
+def test_few_modules_handle_the_angle_of_a_ball() -> None:
+    """From the scenario to the tables; most modules hand on what holds it."""
+    assert 5 < len(modules_with_the_angle()) <= 20
