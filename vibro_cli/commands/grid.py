@@ -141,17 +141,11 @@ def _read_shard(text: str) -> "Shard":
 
 def load(wishes: GridCommand) -> "Grid":
     """The grid that was asked for; raises `CommandError` with every problem of it."""
-    from vibro_cli.commands.shared.error_handling import reason
-    from vibro_cli.commands.shared.loading import invalid
+    from vibro_cli.commands.shared.loading import refusals_told
     from vibro_cli.grids.document import load_grid
-    from vibro_cli.scenario.problems import ScenarioError
 
-    try:
+    with refusals_told(wishes.source):
         return load_grid(wishes.source, wishes.overrides)
-    except ScenarioError as error:
-        raise invalid(error) from error
-    except OSError as error:
-        raise CommandError(f"{wishes.source}: cannot be read: {reason(error)}") from error
 
 
 def _workers(wishes: GridCommand) -> int:

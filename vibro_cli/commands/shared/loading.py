@@ -38,20 +38,20 @@ def load_any(source: str, overrides: Sequence[str]) -> tuple["AnyScenario", "Any
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import load_any as load_scenario
 
-    with _refusals_told(source):
+    with refusals_told(source):
         scenario = load_scenario(source, overrides)
         return scenario, build_any(scenario)
 
 
 @contextmanager
-def _refusals_told(source: str) -> Iterator[None]:
+def refusals_told(source: str) -> Iterator[None]:
     """Why what the block reads cannot be used is told as a `CommandError`."""
     from vibro_cli.scenario.problems import ScenarioError
 
     try:
         yield
     except ScenarioError as error:
-        raise invalid(error) from error
+        raise _invalid(error) from error
     except OSError as error:
         text = f"cannot be read: {reason(OSError(error.errno, error.strerror))}"
         if isinstance(error, FileNotFoundError):
@@ -60,7 +60,7 @@ def _refusals_told(source: str) -> Iterator[None]:
         raise CommandError(f"{source}: {text}", problems=[problem]) from error
 
 
-def invalid(error: "ScenarioError") -> CommandError:
+def _invalid(error: "ScenarioError") -> CommandError:
     """Everything that is wrong with a scenario or a grid, as a command tells it."""
     return CommandError(str(error), problems=[asdict(problem) for problem in error.problems])
 
@@ -88,7 +88,7 @@ def load_scenario_or_grid(
     from vibro_cli.assemble import build_any
     from vibro_cli.scenario.loading import any_scenario_of, is_grid, load_document
 
-    with _refusals_told(source):
+    with refusals_told(source):
         document = load_document(source)
         if is_grid(document.data):
             from vibro_cli.grids.document import grid_of
