@@ -60,6 +60,23 @@ def test_what_is_impossible_is_refused_with_its_place(name: str) -> None:
     assert found in caught.value.problems[0].found
 
 
+@pytest.mark.parametrize(
+    ("corners", "path", "expected"),
+    [
+        ([[0, 0], [1, 0]], "wall.corners", "a list of at least 3"),
+        ([[0, 0, 1], [1, 0], [1, 1]], "wall.corners[1]", "a list of at most 2"),
+        ([[0, 0], [1], [1, 1]], "wall.corners[2]", "a list of at least 2"),
+    ],
+)
+def test_a_polygon_has_three_corners_of_two_coordinates(
+    corners: list[list[float]], path: str, expected: str
+) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        solve(table([particle(0.5, 0.1, 0.0, 0.0)], {**BOW, "corners": corners}, time=1.0))
+    (problem,) = caught.value.problems
+    assert (problem.path, problem.expected) == (path, expected)
+
+
 def test_nothing_to_meet() -> None:
     assert solve(table([ball(0.0, 0.0, 1.0)], time=3.0)).sample([3.0])["x"][0] == 3.0
     assert solve(table([ball(0.0, 0.0, 1.0)], collisions=3)).end_cause == "no_more_collisions"

@@ -144,7 +144,6 @@ _EXPECTED = {
     "tuple_type": "a list",
     "union_tag_not_found": '"stop" or a table {wall = ...}',
     "union_tag_invalid": '"stop" or a table {wall = ...}',
-    "too_short": "a list of at least one",
 }
 
 
@@ -172,6 +171,10 @@ def _fault(details: ErrorDetails, root: Model) -> Fault:
         return Fault(loc, "nothing", _needed(loc, root))
     if kind == "extra_forbidden":
         return unknown_key(loc, root)
+    if kind in ("too_short", "too_long"):
+        least, most = context.get("min_length"), context.get("max_length")
+        expected = f"at least {least}" if kind == "too_short" else f"at most {most}"
+        return Fault(loc, shown(value), f"a list of {expected}")
     return Fault(
         loc, shown(value), _EXPECTED.get(kind, details["msg"][:1].lower() + details["msg"][1:])
     )
