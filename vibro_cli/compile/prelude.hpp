@@ -146,8 +146,17 @@ static inline Mask<count> has_bit(Lanes<count> lanes, int64_t bit) {
 }
 template <int count>
 static inline Lanes<count> with_lane(Lanes<count> lanes, int64_t number, double value) {
+#ifdef __AVX__  // a number written into a long register's memory is waited for at the next read
+  typedef typename Lanes<count>::Part Part;
+  typename Mask<count>::Part place;
+  for (int lane = 0; lane < lanes.width; lane++) place[lane] = lane;
+  return by_parts<Lanes<count>>([&](int at) {
+    return place == number - at * lanes.width ? value - Part{} : lanes.part[at];
+  });
+#else
   lanes.part[number / lanes.width][number % lanes.width] = value;
   return lanes;
+#endif
 }
 static inline Lanes<2> two_lanes(double first, double second) {
   return by_parts<Lanes<2>>([&](int) { return Lanes<2>::Part{first, second}; });
