@@ -88,8 +88,8 @@ Given = tuple[str, float | None]
 
 
 def given(table: Any, path: str, *keys: str) -> list[Given]:
-    """Return keys of a table at a path, with their numbers; 0 is right where its key allows it."""
-    return [(f"{path}.{key}", getattr(table, key) or None) for key in keys]
+    """Return keys of a table at a path, with their numbers."""
+    return [(f"{path}.{key}", getattr(table, key)) for key in keys]
 
 
 class Findings:
@@ -221,12 +221,12 @@ def check_sizes(scenario: Scenario, findings: Findings) -> None:
     speeds: list[Given] = []
     for number, arc in enumerate(scenario.trace.arcs, 1):
         path = f"trace.arcs[{number}]"
-        sizes += [(f"{path}.radius", arc.radius), (f"{path}.length", arc.length)]
+        sizes += given(arc, path, "radius", "length")
         slopes.append((f"{path}.end_slope", arc.end_slope))
     for number, ball in enumerate(scenario.balls, 1):
         path = f"balls[{number}]"
-        sizes += [(f"{path}.radius", ball.radius), (f"{path}.thickness", ball.thickness)]
-        speeds += [(f"{path}.{key}", getattr(ball, key)) for key in ("rate", "omega", "speed")]
+        sizes += given(ball, path, "radius", "thickness")
+        speeds += given(ball, path, "rate", "omega", "speed")
     findings.add_outside([("gravity", scenario.gravity)], SIZES, "an acceleration", " m/s^2")
     findings.add_wrong_time(scenario.stop.time)
     findings.add_wrong_lengths(sizes)
@@ -305,9 +305,16 @@ def check_fit(
 
 def check_gaps(trace: Trace, bodies: tuple[Body, ...], findings: Findings) -> None:
     """Check that no arc is so nearly a full turn that bodies touch through its gap."""
+    known: dict[tuple[float, float], list[Piece]] = {}
+    # Many bodies are mostly of a few sizes; arrays of them are not compared.
+    by_radii = all(elementwise.is_number(body.radius) for body in bodies)
     for a, b in combinations(range(len(bodies)), 2):
-        joined = reachability.joined_behind(trace, bodies[a].radius, bodies[b].radius)
-        for piece in findings.refused(trace.pieces, joined):
+        radii = bodies[a].radius, bodies[b].radius
+        pair = radii if by_radii else (a, b)
+        if pair not in known:
+            joined = reachability.joined_behind(trace, *radii)
+            known[pair] = findings.refused(trace.pieces, joined)
+        for piece in known[pair]:
             expected = f"one on which bodies {a + 1} and {b + 1} cannot touch through its gap"
             findings.add(f"trace.arcs[{piece.index + 1}].end_slope", _arc(piece), expected)
 
