@@ -39,13 +39,14 @@ def modules_with_the_angle() -> set[str]:
         if any(_is_it(one) for value in values for one in (value, *_within(value))):
             found.add(file)
 
+    before = sys.getprofile()
     with TemporaryDirectory() as folder:
         threading.setprofile(look)
         sys.setprofile(look)
         try:
             code = run_command_line([*ARGUMENTS, "-o", f"{folder}/run"])
         finally:
-            sys.setprofile(None)
+            sys.setprofile(before)
             threading.setprofile(None)
     assert code == 0
     return {file.removeprefix(PACKAGE) for file in found}

@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vibro_cli.grids.axes import (
     AXIS,
     COUNT,
@@ -22,7 +20,14 @@ from vibro_cli.grids.axes import (
     read_axis,
 )
 from vibro_cli.scenario import loading
-from vibro_cli.scenario.base import AnyScenario, exactly_one, model_of, system_of
+from vibro_cli.scenario.base import (
+    AnyScenario,
+    at_least_one,
+    exactly_one,
+    model_of,
+    plain,
+    system_of,
+)
 from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, identifier, json_schema
 from vibro_cli.scenario.forms import Source
 from vibro_cli.scenario.loading import Document, OverrideError, apply, load_document, located
@@ -428,7 +433,7 @@ def _axis() -> dict[str, Any]:
     rules: list[dict[str, Any]] = [
         exactly_one(*GENERATORS),
         {"not": {"required": ["path", "paths"]}},
-        {"anyOf": [{"required": [key]} for key in ("path", "paths", "table")]},
+        at_least_one("path", "paths", "table"),
     ]
     axis = _table("Some scalars of the scenario, and the values they go through.", AXIS)
     return {**axis, "allOf": rules}
@@ -457,14 +462,9 @@ def document_at(base: Document, values: PointValues) -> Document:
     data = base.data
     given: list[KeyPath] = []
     for path, value in values.items():
-        data = apply(data, path, plain_value(value), given)
+        data = apply(data, path, plain(value), given)
         given.append(path)
     return Document(data, base.source, base.name)
-
-
-def plain_value(value: Any) -> Any:
-    """Return a number of numpy as one of Python, all else as it is."""
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def reason_of(error: ScenarioError) -> str:

@@ -32,12 +32,13 @@ from vibro_cli.assemble import (
     trace_of,
 )
 from vibro_cli.grids.axes import Array, kind_of
-from vibro_cli.grids.document import document_at, plain_value, reason_of
+from vibro_cli.grids.document import document_at, reason_of
 from vibro_cli.mechanics.reachability import surely_sound
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.mechanics.trace import bends
 from vibro_cli.numerics.elementwise import outside, taken
 from vibro_cli.scenario import quantities as kinds
+from vibro_cli.scenario.base import plain
 from vibro_cli.scenario.loading import Document, scenario_of
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import KeyPath, ScenarioError
@@ -323,18 +324,18 @@ class Reader:
         A number that its key does not allow is told before anything else is looked at, so that
         the reason is the same for every point that has it.
         """
-        plain = {path: plain_value(value) for path, value in values.items()}
+        given = {path: plain(value) for path, value in values.items()}
         known = self._known
         refused: tuple[tuple[KeyPath, Any], ...] = ()
         if known is not None:
-            refused = tuple(item for item in plain.items() if not known.allows(*item))
+            refused = tuple(item for item in given.items() if not known.allows(*item))
             if refused in self._reasons:
                 return self._reasons[refused]
         try:
             if known is None or refused:
-                scenario = scenario_of(document_at(self._base, plain))
+                scenario = scenario_of(document_at(self._base, given))
             else:
-                numbers = {path: kind_of(path).read(value) for path, value in plain.items()}
+                numbers = {path: kind_of(path).read(value) for path, value in given.items()}
                 scenario = changed(known.scenario, numbers)
         except ScenarioError as error:
             reason = reason_of(error)
@@ -345,6 +346,6 @@ class Reader:
             point = Setting(scenario, build_system(scenario))
         except ScenarioError as error:
             return reason_of(error)
-        if known is None and all(map(is_number, plain)):
+        if known is None and all(map(is_number, given)):
             self._known = point
         return point

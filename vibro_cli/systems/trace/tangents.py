@@ -85,7 +85,7 @@ def follow_system(
     stop_collisions: int | None,
     engine_name: str = "compiled",
 ) -> TangentRun:
-    """Solve a system and its tangent map; arguments as of ``systems.trace.run.simulate_system``."""
+    """Solve a system and its tangent map; arguments as of ``systems.trace.simulate_system``."""
     stretches: Any = begun(SYSTEM, system, Limits(stop_time, stop_collisions), engine_name)
     followed = TangentMap(system, times=True)
     own = make_world(system, None, None)
