@@ -158,12 +158,13 @@ def _compiled(
     ]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda task: _run(task, work), tasks))
-    # The wheel's runtime has sines of its own, which are not to the bit those that Python calls.
-    own_runtime = ["-rtlib=none"] if ZIG in command else []
-    link = [*command, "-shared", "-fPIC", *own_runtime, *more_flags]
+    # The wheel would build its own runtime first, which takes a minute; its sines are not to the bit
+    # those that Python calls. The machine's own libraries have all that kernels need.
+    own_runtime = ["-nostdlib", "-lc"] if ZIG in command else []
+    link = [*command, "-shared", "-fPIC", *more_flags]
     for level in levels:
         objects = [f"{name}-{level}.o" for name in names]
-        _run([*link, "-o", library_name(level), *objects, "-lm"], work)
+        _run([*link, "-o", library_name(level), *objects, *own_runtime, "-lm"], work)
     return [work / library_name(level) for level in levels]
 
 
