@@ -15,7 +15,7 @@ from vibro_cli.kernels.contact.contact_kinematics import centre_position, suppor
 from vibro_cli.kernels.events import event_detection, event_loop, liftoff_slip
 from vibro_cli.kernels.events.event_detection import CAUTION
 from vibro_cli.kernels.flow import flight, flow, rotating_flight, rotating_flow
-from vibro_cli.kernels.flow.flight import launch_and_log, take_energy
+from vibro_cli.kernels.flow.flight import launch_and_log, start_from_state, take_energy
 from vibro_cli.kernels.flow.flow import angle_from_start
 from vibro_cli.kernels.flow.rotating_flight import set_track, speed_of_head
 from vibro_cli.kernels.flow.rotating_flow import half_way, pull
@@ -59,9 +59,7 @@ def never_swings(flight: Flight) -> bool:
 @kernel
 def begin_rotating_flight(world: World, ball: int, cause: int, from_state: int) -> None:
     """Launch and log the flight whose state is set; its constants follow from its start."""
-    world.flights[ball].anchor = -1
-    if from_state == 1:
-        take_energy(world, ball)
+    _take_start(world, ball, from_state)
     launch_and_log(world, ball, cause)
 
 
@@ -69,9 +67,22 @@ def begin_rotating_flight(world: World, ball: int, cause: int, from_state: int) 
 def begin_two_flights(
     world: World, ball: int, other: int, cause: int, from_state: int, other_from_state: int
 ) -> None:
-    """Do what :func:`begin_rotating_flight` does for two bodies, one after the other."""
-    begin_rotating_flight(world, ball, cause, from_state)
-    begin_rotating_flight(world, other, cause, other_from_state)
+    """Do what :func:`begin_rotating_flight` does for two bodies, step by step in turns."""
+    _take_start(world, ball, from_state)
+    _take_start(world, other, other_from_state)
+    launch_and_log(world, ball, cause)
+    launch_and_log(world, other, cause)
+
+
+@kernel
+def _take_start(world: World, ball: int, from_state: int) -> None:
+    """Set the constants of the flow that starts from the state of a flight."""
+    flight = world.flights[ball]
+    flight.anchor = -1
+    if from_state == 1:
+        take_energy(world, ball)
+    start_from_state(flight)
+    set_track(flight, track_of(world, ball))
 
 
 @kernel

@@ -272,8 +272,7 @@ def set_track(flight: Flight, track: TrackData) -> None:
 def launch_on_piece(
     flight: Flight, body: BodyData, piece: PieceData, track: TrackData, one_sided: int
 ) -> None:
-    """Set the form of a flight on its piece, its bounds, and how and after what time it ends."""
-    set_track(flight, track)
+    """Set the bounds of a flight whose flow is set (:func:`set_track`), and its end."""
     if piece.sign == 0.0:
         launch_on_line(flight, track)
     else:

@@ -232,50 +232,56 @@ def _by_weierstrass(
         size = 1.0 / (x * x + z * z)
         root = math.sqrt(size)
         return x * root, z * root, 2.0 * motion.quartic_3 * slope * sigma * size
-    if motion.quartic_0 <= 0.0:  # it turns back before infinity
-        turned, along, y = _first_form(motion, sigma, z, slope)
-        if motion.turns_over == 1 or not _is_lost(sigma, turned, along, y):
-            return _by_first_form(motion, sigma, z, slope, turned + along, y, 0.0)
-    return _by_second_form(motion, sigma, z, slope)
+    side = 0.0
+    by_second = motion.quartic_0 > 0.0  # it may pass infinity
+    if not by_second and motion.turns_over == 0:
+        by_second = _is_first_form_lost(motion, sigma, z, slope)
+    if by_second:
+        x, y, moved, side, by_second = _by_second_form(motion, sigma, z, slope)
+    if not by_second:
+        x, y, moved = _by_first_form(motion, sigma, z, slope)
+        side = -1.0 if x * side < 0.0 else 1.0
+    size = 1.0 / (x * x + y * y)
+    root = side * math.sqrt(size)
+    return x * root, y * root, moved * size
 
 
 @kernel
 def _by_second_form(
     motion: QuarticConstants, sigma: float, z: float, slope: float
-) -> tuple[float, float, float]:
-    """As :func:`_by_weierstrass` by the form of whose X a factor is divided out."""
+) -> tuple[float, float, float, float, bool]:
+    """X, Y and ``X' Y - X Y'`` by the form of whose X a factor is divided out, and their sign.
+
+    And whether it is far from 0/0. If not, the sign is that of ``sin h``, for the first form.
+    """
     a3 = motion.quartic_3
     rate = motion.start_rate
     a4 = rate * rate
     square = sigma * sigma
     along = 2.0 * a3 * z + motion.quartic_1 * a4 * square
-    turned = rate * _bend(motion, z, square)
-    pushed = 4.0 * a3 * slope * sigma
     before = a4 * z
     after = motion.back * square
     x_part = 2.0 * (before - after)
     x = sigma * x_part
     y = 2.0 * rate * slope - sigma * along
-    size = x * x + y * y
-    if motion.turns_over == 1:
-        sign = 1.0 if rate > 0.0 else -1.0
-    else:
+    sign = 1.0 if rate > 0.0 else -1.0
+    clear = True
+    if motion.turns_over == 0:
         # On which side of the start it is: it has not come back yet, or has.
         if motion.returns_early == 1:
             ahead = slope > 0.0 and x_part > 0.0
         else:
             ahead = slope >= 0.0 or x_part < 0.0
-        sign = rate if ahead else -rate
+        side = rate if ahead else -rate
         terms = 2.0 * (abs(before) + abs(after)) * abs(sigma) + 2.0 * abs(rate * slope)
         terms += abs(sigma * along)
-        if size < NEAR_NOTHING * (terms * terms):
-            first, rest, y = _first_form(motion, sigma, z, slope)
-            return _by_first_form(motion, sigma, z, slope, first + rest, y, sign)
-        sign = -1.0 if x * sign < 0.0 or (x == 0.0 and y < 0.0) else 1.0
-    moved = x_part * (turned - pushed) - 4.0 * a4 * slope * y
-    size = 1.0 / size
-    root = sign * math.sqrt(size)
-    return x * root, y * root, moved * size
+        clear = x * x + y * y >= NEAR_NOTHING * (terms * terms)
+        sign = -1.0 if x * side < 0.0 or (x == 0.0 and y < 0.0) else 1.0
+        if not clear:
+            sign = side
+    turned = rate * _bend(motion, z, square)
+    pushed = 4.0 * a3 * slope * sigma
+    return x, y, x_part * (turned - pushed) - 4.0 * a4 * slope * y, sign, clear
 
 
 @kernel
@@ -299,8 +305,9 @@ def _first_form(
 
 
 @kernel
-def _is_lost(sigma: float, turned: float, along: float, y: float) -> bool:
+def _is_first_form_lost(motion: QuarticConstants, sigma: float, z: float, slope: float) -> bool:
     """Tell whether Weierstrass's own form, where ``a0 <= 0``, is nearly 0/0: its X cancels."""
+    turned, along, y = _first_form(motion, sigma, z, slope)
     x = sigma * (turned + along)
     terms = sigma * (abs(turned) + abs(along))
     return x * x + y * y < CLEAR * (terms * terms)
@@ -308,27 +315,14 @@ def _is_lost(sigma: float, turned: float, along: float, y: float) -> bool:
 
 @kernel
 def _by_first_form(
-    motion: QuarticConstants,
-    sigma: float,
-    z: float,
-    slope: float,
-    x_part: float,
-    y: float,
-    side: float,
+    motion: QuarticConstants, sigma: float, z: float, slope: float
 ) -> tuple[float, float, float]:
-    """As :func:`_by_weierstrass` by Weierstrass's own form; ``side`` has the sign of ``sin h``.
-
-    With ``a0 <= 0`` its signs are right: ``side`` is 0.
-    """
-    x = sigma * x_part
+    """X, Y and ``X' Y - X Y'`` by Weierstrass's own form, whose signs are right if ``a0 <= 0``."""
+    first, rest, y = _first_form(motion, sigma, z, slope)
+    x_part = first + rest
     turned = motion.start_rate * _bend(motion, z, sigma * sigma)
     turned += 4.0 * motion.quartic_3 * slope * sigma
-    moved = 8.0 * x_part * z * slope - turned * y
-    size = 1.0 / (x * x + y * y)
-    root = math.sqrt(size)
-    if x * side < 0.0:
-        root = -root
-    return x * root, y * root, moved * size
+    return sigma * x_part, y, 8.0 * x_part * z * slope - turned * y
 
 
 @kernel
