@@ -10,8 +10,8 @@ import jsonschema
 import pytest
 
 from tests.two_balls import SCENARIO
-from vibro_cli.grids.axes import GENERATORS
 from vibro_cli.grids.document import grid_schema, load_grid
+from vibro_cli.grids.models import GENERATORS
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.systems import NAMES as SYSTEMS
 
@@ -50,6 +50,8 @@ WRONG = {
     "n of a product": BASE + "n = 4\n" + AXIS + "values = [0.9]",
     "an unknown key": BASE + "chunks = 4\n" + AXIS + "values = [0.9]",
     "an unknown column": BASE + AXIS + 'values = [1]\nkeep = {collisions = true, columns = ["u"]}',
+    "no columns": BASE + AXIS + "values = [1]\nkeep = {collisions = true, columns = []}",
+    "columns without collisions": BASE + AXIS + 'values = [1]\nkeep = {columns = ["t"]}',
     "a negative seed": BASE + "seed = -1\n" + AXIS + "values = [0.9]",
 }
 
@@ -88,8 +90,8 @@ def test_schema_and_reader_refuse(text: str, tmp_path: Path) -> None:
 def test_every_key_has_a_description() -> None:
     schema = grid_schema()
     tables: dict[str, dict[str, Any]] = schema["$defs"]
-    assert set(GENERATORS) < set(tables["Axis"]["properties"])
-    for table in (schema, tables["Axis"], tables["Keep"]):
+    assert set(GENERATORS) < set(tables["AxisTable"]["properties"])
+    for table in (schema, tables["AxisTable"], tables["Keep"]):
         assert all(value["description"] for value in table["properties"].values())
 
 
@@ -97,3 +99,10 @@ def test_every_key_has_a_description() -> None:
 def test_the_grids_of_the_gallery_fit(path: Path) -> None:
     system = "table" if "billiards" in path.stem else "trace"
     jsonschema.validate(tomllib.loads(path.read_text()), grid_schema(system))
+
+
+@pytest.mark.parametrize("name", ['"../beside"', "5", '""', '"a/b"'])
+def test_a_name_is_one_of_a_folder(name: str, tmp_path: Path) -> None:
+    text = f"name = {name}\n" + BASE + AXIS + "values = [0.9]"
+    assert not is_read(tmp_path, text)
+    assert not is_valid(text)

@@ -81,7 +81,7 @@ def test_a_table_of_scenarios(write: Path, tmp_path: Path, suffix: str) -> None:
 
 AXIS = 'base = "base.toml"\n[[axes]]\n'
 WRONG = {
-    "no base": ("mode = 'zip'\n", ["found neither, expected one of base or scenario"]),
+    "no base": ("mode = 'zip'\n", ["found none of them, expected one of base or scenario"]),
     "unknown path": (
         AXIS + 'path = "balls[1].angel"\nvalues = [1]\n',
         [":3:8: axes[1].path: ", 'the unknown key "angel"', 'did you mean "angle"?'],

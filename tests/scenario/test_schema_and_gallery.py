@@ -11,6 +11,7 @@ import pytest
 from tests.scenario.texts import parse_any, parse_scenario
 from vibro_cli.scenario import Scenario, ScenarioError, gallery
 from vibro_cli.scenario.fields import json_schema
+from vibro_cli.scenario.loading import any_scenario_of, apply, parse
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
@@ -120,3 +121,23 @@ def test_the_schema_takes_units_where_there_is_a_dimension() -> None:
     assert properties["inertia_ratio"]["type"] == "number"
     assert properties["body"]["enum"] == ["ball", "disk", "hollow_ball", "hoop", "particle"]
     assert properties["body"]["default"] == "ball"
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "entries"),
+    [
+        ("three_arcs", "trace.arcs", 0),
+        ("three_arcs", "balls", 0),
+        ("two_disks", "balls", 0),
+        ("elliptic_wall", "balls", 0),
+        ("elliptic_wall", "wall.corners", 2),
+    ],
+)
+def test_schema_and_reader_refuse_lists_of_wrong_lengths(name: str, key: str, entries: int) -> None:
+    data = tomllib.loads(gallery.text(name))
+    change = parse(f"{key}={[[0.0, 1.0]] * entries if entries == 2 else [1.0] * entries}")
+    changed = apply(data, change.path, change.value)
+    schema = json_schema(data.get("system", "trace"))
+    assert not jsonschema.Draft202012Validator(schema).is_valid(changed)
+    with pytest.raises(ScenarioError, match=r"expected a list of at (least|most)"):
+        any_scenario_of(changed)

@@ -158,8 +158,8 @@ def _compiled(
     ]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda task: _run(task, work), tasks))
-    # The wheel would build its own runtime first, which takes a minute; its sines are not to the bit
-    # those that Python calls. The machine's own libraries have all that kernels need.
+    # The wheel would first build its runtime, which takes a minute, and whose sines are not to the
+    # bit those that Python calls. The machine's own libraries have all that kernels need.
     own_runtime = ["-nostdlib", "-lc"] if ZIG in command else []
     link = [*command, "-shared", "-fPIC", *more_flags]
     for level in levels:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from vibro_cli.grids.models import GENERATORS, AxisTable
 from vibro_cli.scenario import fields
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.fields import Model, unknown_key
@@ -24,7 +25,6 @@ from vibro_cli.scenario.problems import (
     parsed_path,
     path_text,
     shown,
-    suggestion,
 )
 
 # What a grid's tables do not depend on.
@@ -98,60 +98,9 @@ def read_number(kind: kinds.Kind, value: Any) -> Any:
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
-GENERATORS = ("values", "linspace", "logspace", "uniform", "table")
 _MOST_VALUES = 100_000_000
 # Longer lists stand in the resolved grid by their digest.
 _LISTED = 10_000
-
-_END = {"type": ["number", "string"]}
-COUNT = {"type": "integer", "minimum": 1}
-
-
-def _list_of(*items: dict[str, Any], least: int | None = None) -> dict[str, Any]:
-    fewest = len(items) if least is None else least
-    return {"type": "array", "prefixItems": list(items), "minItems": fewest, "items": False}
-
-
-_SPACED = _list_of(_END, _END, COUNT)
-# The keys of an axis in a grid file, as its JSON Schema has them.
-AXIS: dict[str, dict[str, Any]] = {
-    "path": {
-        "description": "The scalar of the scenario that the axis changes, such as balls[1].angle; "
-        "counted from 1.",
-        "type": "string",
-    },
-    "paths": {
-        "description": "Or several scalars, which go through their values together.",
-        "type": "array",
-        "items": {"type": "string"},
-        "minItems": 1,
-    },
-    "values": {
-        "description": "The values, numbers or words; of several paths one for all, or a list "
-        "with one for each.",
-        "type": "array",
-        "minItems": 1,
-    },
-    "linspace": {
-        "description": "[low, high, count]: equal steps, both ends included; the ends may carry a "
-        "unit.",
-        **_SPACED,
-    },
-    "logspace": {
-        "description": "[low, high, count]: equal ratios, both ends included.",
-        **_SPACED,
-    },
-    "uniform": {
-        "description": "[low, high]: the interval that a mode with n draws from; "
-        "[low, high, count]: random values.",
-        **_list_of(_END, _END, COUNT, least=2),
-    },
-    "table": {
-        "description": "A .parquet or .csv file, whose columns are named by paths: a row is one "
-        "value of the axis; with path or paths only those columns.",
-        "type": "string",
-    },
-}
 
 
 class Wrong(Exception):
@@ -192,52 +141,35 @@ class Axis:
         return self.at(np.minimum((share * len(self)).astype(np.int64), len(self) - 1))
 
 
-def read_axis(given: Any, loc: KeyPath, folder: Path, seed: int, root: Model) -> Axis:
+def read_axis(given: AxisTable, loc: KeyPath, folder: Path, seed: int, root: Model) -> Axis:
     """Return the axis that a table of a grid file describes, of scenarios with the model `root`.
 
     `loc` is its path in the file, whose folder is where paths of tables start from. Raises `Wrong`
     with the first thing that is wrong with it.
     """
-    if not isinstance(given, dict):
-        raise Wrong(loc, shown(given), "a table with a path and its values")
-    for key in given:
-        if key not in AXIS:
-            known = listing(AXIS) + suggestion(str(key), AXIS)
-            raise Wrong((*loc, key), f"the unknown key {shown(key)}", known, on_key=True)
-    generators = [key for key in GENERATORS if key in given]
-    if len(generators) != 1:
-        found = listing(generators, "and") if generators else "none of them"
-        where = (*loc, generators[-1]) if generators else loc
-        raise Wrong(where, found, f"one of {listing(GENERATORS)}", on_key=bool(generators))
-    if generators[0] == "table":
-        return _from_table(given, loc, folder, root)
-    paths = _read_paths(given, loc)
-    found_kinds = tuple(_kind(path, where, root) for path, where in paths)
-    axis_paths = tuple(path for path, _ in paths)
-    key = generators[0]
-    return _READERS[key](axis_paths, found_kinds, given[key], (*loc, key), seed)
+    if given.table is not None:
+        return _from_table(given, given.table, (*loc, "table"), folder, root)
+    paths = tuple(parsed_path(text) for text in _texts(given))
+    places: list[KeyPath] = [(*loc, "path")]
+    if given.paths is not None:
+        places = [(*loc, "paths", i) for i in range(len(paths))]
+    of = tuple(_kind(path, where, root) for path, where in zip(paths, places, strict=True))
+    key = next(key for key in GENERATORS if getattr(given, key) is not None)
+    return _READERS[key](paths, of, getattr(given, key), (*loc, key), seed)
 
 
-def _read_paths(given: dict[str, Any], loc: KeyPath) -> list[tuple[KeyPath, KeyPath]]:
-    """The paths of an axis, and where in the file they stand."""
-    if ("path" in given) == ("paths" in given):
-        both = "path" in given
-        where = (*loc, "paths") if both else loc
-        raise Wrong(where, "path and paths" if both else "neither", "one of path or paths", both)
-    if "path" in given:
-        return [(_path(given["path"], (*loc, "path")), (*loc, "path"))]
-    listed = given["paths"]
-    if not isinstance(listed, list) or not listed:
-        raise Wrong((*loc, "paths"), shown(listed), "a list of paths")
-    return [(_path(text, (*loc, "paths", i)), (*loc, "paths", i)) for i, text in enumerate(listed)]
+def _texts(given: AxisTable) -> tuple[str, ...]:
+    """The paths of an axis as the file has them."""
+    return given.paths or () if given.path is None else (given.path,)
 
 
-def _path(text: Any, loc: KeyPath) -> KeyPath:
+def _path(name: str, loc: KeyPath) -> KeyPath:
+    """The path that a column of a table is named by."""
     try:
-        return parsed_path(text if isinstance(text, str) else "")
+        return parsed_path(name)
     except ValueError:
-        expected = "a path such as collision.k or balls[1].angle, counted from 1"
-        raise Wrong(loc, shown(text), expected) from None
+        expected = "columns named by paths such as collision.k or balls[1].angle, counted from 1"
+        raise Wrong(loc, f"the column {shown(name)}", expected) from None
 
 
 def _kind(path: KeyPath, loc: KeyPath, root: Model) -> kinds.Kind:
@@ -264,8 +196,6 @@ def _listed(
     paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, seed: int
 ) -> Axis:
     """``values``: one for all paths at a time, or a list with one for each."""
-    if not isinstance(given, list) or not given:
-        raise Wrong(loc, shown(given), "a list of at least one value")
     rows = []
     for i, value in enumerate(given):
         row = value if isinstance(value, list) else [value] * len(paths)
@@ -295,17 +225,12 @@ def _digest(columns: list[Array]) -> str:
     return digest.hexdigest()
 
 
-def _numbers(
-    of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, forms: tuple[int, ...]
-) -> list[Any]:
+def _numbers(of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath) -> list[Any]:
     """Two ends in SI units and, if the form has it, a count."""
     if not all(isinstance(kind, kinds.Quantity) for kind in of):
         raise Wrong(loc, str(loc[-1]), "values: this path has no real numbers", on_key=True)
     if len({kind.dimension for kind in of if isinstance(kind, kinds.Quantity)}) > 1:
         raise Wrong(loc, "paths of different dimensions", "paths of one dimension, or values")
-    forms_text = listing("[low, high, count]" if n == 3 else "[low, high]" for n in forms)
-    if not isinstance(given, list) or len(given) not in forms:
-        raise Wrong(loc, shown(given), forms_text)
     numbers = [_value(of[0], value, (*loc, i)) for i, value in enumerate(given[:2])]
     if len(given) == 3:
         count = given[2]
@@ -320,7 +245,7 @@ def _spaced(
     paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, seed: int
 ) -> Axis:
     """``linspace`` and ``logspace``: from one end to the other, both included."""
-    low, high, count = _numbers(of, given, loc, (3,))
+    low, high, count = _numbers(of, given, loc)
     if loc[-1] == "logspace":
         if not (low != 0.0 and high != 0.0 and (low > 0.0) == (high > 0.0)):
             raise Wrong(loc, f"{low!r} to {high!r}", "two ends of one sign, neither of them 0")
@@ -338,7 +263,7 @@ def _uniform(
     paths: tuple[KeyPath, ...], of: tuple[kinds.Kind, ...], given: Any, loc: KeyPath, seed: int
 ) -> Axis:
     """``uniform``: an interval for a design to draw from, or a number of random values."""
-    numbers = _numbers(of, given, loc, (2, 3))
+    numbers = _numbers(of, given, loc)
     low, high = numbers[:2]
     resolved = {"paths": [path_text(path) for path in paths], "uniform": numbers}
     if len(numbers) == 2:
@@ -357,23 +282,19 @@ _READERS: dict[str, _Reader] = {
 }
 
 
-def _from_table(given: dict[str, Any], loc: KeyPath, folder: Path, root: Model) -> Axis:
+def _from_table(given: AxisTable, name: str, where: KeyPath, folder: Path, root: Model) -> Axis:
     """The columns of a parquet or CSV file, named by paths: a row is one value of the axis."""
     from vibro_cli.storage.frame import UnreadableTable, read_columns
 
-    where = (*loc, "table")
-    if not isinstance(given["table"], str):
-        raise Wrong(where, shown(given["table"]), "the name of a .parquet or .csv file")
     try:
-        table = read_columns(folder / given["table"])
+        table = read_columns(folder / name)
     except UnreadableTable as error:
-        raise Wrong(where, f"{shown(given['table'])}, {error}", "a .parquet or .csv file") from None
-    if "path" in given or "paths" in given:
-        named = [path_text(path) for path, _ in _read_paths(given, loc)]
-        missing = [name for name in named if name not in table]
+        raise Wrong(where, f"{shown(name)}, {error}", "a .parquet or .csv file") from None
+    if wanted := [path_text(parsed_path(text)) for text in _texts(given)]:
+        missing = [name for name in wanted if name not in table]
         if missing:
             raise Wrong(where, f"columns {listing(table, 'and')}", f"a column {missing[0]}")
-        table = {name: table[name] for name in named}
+        table = {name: table[name] for name in wanted}
     paths = tuple(_path(name, where) for name in table)
     of = tuple(_kind(path, where, root) for path in paths)
     columns = [
@@ -404,11 +325,6 @@ def _table_column(kind: kinds.Kind, values: Array, name: str, loc: KeyPath) -> A
             found = f"{error.fault.found} in row {row + 1} of column {name}"
             raise Wrong(loc, found, error.fault.expected) from None
     return _column(kind, read)
-
-
-SAMPLED = ("latin-hypercube", "sobol")
-"""Modes that draw a number of points from the axes."""
-MODES = ("product", "zip", *SAMPLED)
 
 
 @dataclass(frozen=True)

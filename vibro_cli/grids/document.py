@@ -3,32 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from vibro_cli.grids.axes import (
-    AXIS,
-    COUNT,
-    GENERATORS,
-    MODES,
-    SAMPLED,
-    Axis,
-    Design,
-    Wrong,
-    read_axis,
-)
-from vibro_cli.scenario import loading
-from vibro_cli.scenario.base import (
-    AnyScenario,
-    at_least_one,
-    exactly_one,
-    model_of,
-    plain,
-    system_of,
-)
-from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, identifier, json_schema
+from pydantic import ValidationError
+
+from vibro_cli.grids.axes import Axis, Design, Wrong, read_axis
+from vibro_cli.grids.models import GridFile, Keep, faults_between
+from vibro_cli.scenario import fields, loading
+from vibro_cli.scenario.base import AnyScenario, model_of, plain, system_of
+from vibro_cli.scenario.fields import DIALECT, SCHEMA_KEY, identifier, json_schema, schema_of
 from vibro_cli.scenario.forms import Source
 from vibro_cli.scenario.loading import Document, OverrideError, apply, load_document, located
 from vibro_cli.scenario.problems import (
@@ -36,7 +22,6 @@ from vibro_cli.scenario.problems import (
     KeyPath,
     Problem,
     ScenarioError,
-    listing,
     path_text,
     shown,
     suggestion,
@@ -44,15 +29,6 @@ from vibro_cli.scenario.problems import (
 from vibro_cli.storage.tables import table_named
 from vibro_cli.systems import system_named
 from vibro_cli.systems.columns import Column
-
-
-@dataclass(frozen=True)
-class Keep:
-    """What of each scenario is written beside its summary."""
-
-    collisions: bool = False
-    columns: tuple[str, ...] | None = None
-    """Columns of the tables of impacts, all of them for None."""
 
 
 @dataclass(frozen=True)
@@ -135,28 +111,27 @@ def grid_of(document: Document, folder: Path, overrides: Sequence[str] = ()) -> 
         place = document.source.place((next(iter(document.data)),), on_key=True)
         expected = "a grid: base (or scenario) and axes; vibro run solves a scenario"
         raise ScenarioError([Problem.at(place, "", "a scenario", expected)])
-    problems: list[Problem] = []
-
-    def collect(error: Wrong) -> None:
-        problems.extend(located([error.fault], document.source))
-
-    _check_keys(document.data, _PROPERTIES, (), collect)
-    base = _base(document, folder, overrides, problems)
-    keep = Keep()
-    try:
-        keep = _keep(document.data.get("keep", {}), base, collect)
-    except Wrong as error:
-        collect(error)
-    try:
-        _check_chunk_points(document.data)
-        design = _design(document, folder, base, collect)
-    except Wrong as error:
-        collect(error)
+    given = _keys_of(document)
+    base, problems = _base(document, folder, overrides)
+    faults: list[Fault] = []
+    keep = _keep(given.keep, system_of(base.data), faults)
+    design = _design(given, folder, base, faults)
+    problems += located(faults, document.source)
     if problems:
         raise ScenarioError(sorted(problems, key=lambda one: (one.line or 0, one.column or 0)))
-    assert base is not None
-    name = document.data.get("name", document.name)
-    return Grid(name, base, design, keep, document.data.get("chunk_points"))
+    return Grid(given.name or document.name, base, design, keep, given.chunk_points)
+
+
+def _keys_of(document: Document) -> GridFile:
+    """What the file says, as far as it can be checked without its scenario."""
+    faults = list(faults_between(document.data))
+    try:
+        given = GridFile.model_validate(document.data)
+    except ValidationError as error:
+        faults += fields.faults(error, GridFile)
+    if faults:
+        raise ScenarioError(located(faults, document.source))
+    return given
 
 
 def _is_scenario(data: dict[str, Any]) -> bool:
@@ -164,51 +139,31 @@ def _is_scenario(data: dict[str, Any]) -> bool:
     return bool(data) and "balls" in data and not {"base", "scenario", "axes"} & set(data)
 
 
-def _check_keys(table: dict[str, Any], known: Collection[str], loc: KeyPath, collect: Any) -> None:
-    for key in table:
-        if key not in known:
-            expected = listing(known) + suggestion(str(key), known)
-            collect(Wrong((*loc, key), f"the unknown key {shown(key)}", expected, on_key=True))
-
-
 def _base(
-    document: Document, folder: Path, overrides: Sequence[str], problems: list[Problem]
-) -> Document | None:
-    """The scenario that the axes change, with overrides, as it is before any rule is checked."""
-    data = document.data
-    if ("base" in data) == ("scenario" in data):
-        both = "base" in data
-        found = "base and scenario" if both else "neither"
-        fault = Fault(("scenario",) if both else (), found, "one of base or scenario", both)
-        problems.extend(located([fault], document.source))
-        return None
-    try:
-        given = _referred(document, folder) if "base" in data else _inline(document)
-    except ScenarioError as error:
-        problems.extend(error.problems)
-        return None
+    document: Document, folder: Path, overrides: Sequence[str]
+) -> tuple[Document, list[Problem]]:
+    """The scenario that the axes change, with overrides, as it is before any rule is checked.
+
+    And what is wrong with the overrides.
+    """
+    outer = document.source
+    if "base" in document.data:
+        given = _referred(document, folder)
+    else:
+        within = _Within(outer.file, outer.form, outer.text)
+        given = Document(document.data["scenario"], within, document.name)
     changed, texts, wrong = loading.overridden(given.data, overrides)
-    problems.extend(wrong)
-    return Document(changed, replace(given.source, overrides=tuple(texts)), given.name)
+    return Document(changed, replace(given.source, overrides=tuple(texts)), given.name), wrong
 
 
 def _referred(document: Document, folder: Path) -> Document:
     name = document.data["base"]
-    if isinstance(name, str):
-        try:
-            return load_document(folder / name)
-        except OSError as error:
-            found = f"{shown(name)}, which cannot be read ({error.strerror or error})"
-            raise _error(document.source, Fault(("base",), found, "a scenario file")) from error
-    raise _error(document.source, Fault(("base",), shown(name), "the name of a scenario file"))
-
-
-def _inline(document: Document) -> Document:
-    given = document.data["scenario"]
-    if not isinstance(given, dict):
-        raise _error(document.source, Fault(("scenario",), shown(given), "a table: the scenario"))
-    outer = document.source
-    return Document(given, _Within(outer.file, outer.form, outer.text), document.name)
+    try:
+        return load_document(folder / name)
+    except OSError as error:
+        found = f"{shown(name)}, which cannot be read ({error.strerror or error})"
+        fault = Fault(("base",), found, "a scenario file")
+        raise ScenarioError(located([fault], document.source)) from error
 
 
 class _Within(Source):
@@ -224,83 +179,42 @@ class _Within(Source):
         return super().place(("scenario", *loc), on_key)
 
 
-def _error(source: Source, fault: Fault) -> ScenarioError:
-    return ScenarioError(located([fault], source))
-
-
 def impact_columns_of(system: str) -> tuple[Column, ...]:
     """Return all columns of the tables of a system's impacts, each once."""
     tables = [table_named(name, ("side",), system) for name in system_named(system).impact_tables]
     return tuple({column.name: column for table in tables for column in table.columns}.values())
 
 
-def _keep(given: Any, base: Document | None, collect: Any) -> Keep:
-    if not isinstance(given, dict):
-        raise Wrong(("keep",), shown(given), "a table with collisions and columns")
-    _check_keys(given, _KEEP_SCHEMA, ("keep",), collect)
-    kept, columns = given.get("collisions", False), given.get("columns")
-    if not isinstance(kept, bool):
-        raise Wrong(("keep", "collisions"), shown(kept), "true or false")
-    if columns is None:
-        return Keep(kept)
-    system = system_of({} if base is None else base.data)
+def _keep(given: Keep, system: str, faults: list[Fault]) -> Keep:
+    """What is kept, columns in the order of the tables."""
     known = [column.name for column in impact_columns_of(system)]
-    if not isinstance(columns, list) or not columns:
-        raise Wrong(("keep", "columns"), shown(columns), "a list of columns")
-    for i, name in enumerate(columns):
+    for i, name in enumerate(given.columns or ()):
         if name not in known:
-            close = suggestion(name, known) if isinstance(name, str) else ""
-            raise Wrong(("keep", "columns", i), shown(name), f"a column of collisions{close}")
-    if not kept:
-        raise Wrong(("keep", "columns"), "columns without collisions", "collisions = true", True)
-    return Keep(True, tuple(name for name in known if name in columns))
+            expected = f"a column of collisions{suggestion(name, known)}"
+            faults.append(Fault(("keep", "columns", i), shown(name), expected))
+    if given.columns is None:
+        return given
+    columns = tuple(name for name in known if name in given.columns)
+    return given.model_copy(update={"columns": columns})
 
 
-def _check_chunk_points(data: dict[str, Any]) -> None:
-    size = data.get("chunk_points")
-    whole = isinstance(size, int) and not isinstance(size, bool) and size >= 1
-    if "chunk_points" in data and not whole:
-        raise Wrong(("chunk_points",), shown(size), "a whole number of at least 1")
-
-
-def _design(document: Document, folder: Path, base: Document | None, collect: Any) -> Design:
-    data = document.data
-    mode = data.get("mode", "product")
-    if mode not in MODES:
-        words = listing(f'"{word}"' for word in MODES)
-        hint = suggestion(mode, MODES) if isinstance(mode, str) else ""
-        raise Wrong(("mode",), shown(mode), words + hint)
-    count, seed = data.get("n"), data.get("seed", 0)
-    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**63:
-        raise Wrong(("seed",), shown(seed), "a whole number from 0 below 2^63")
-    _check_count(mode, count)
-    given = data.get("axes")
-    if not isinstance(given, list) or not given:
-        where: KeyPath = ("axes",) if "axes" in data else ()
-        found = shown(given) if "axes" in data else "no axes"
-        raise Wrong(where, found, "at least one [[axes]] with a path and its values")
-    axes = []
-    for i, table in enumerate(given):
+def _design(given: GridFile, folder: Path, base: Document, faults: list[Fault]) -> Design:
+    axes: list[Axis] = []
+    points = 0
+    for i, table in enumerate(given.axes):
         try:
-            root = model_of({} if base is None else base.data)
-            axes.append(read_axis(table, ("axes", i), folder, seed, root))
+            axes.append(read_axis(table, ("axes", i), folder, given.seed, model_of(base.data)))
             _check_paths(axes, base)
         except Wrong as error:
-            collect(error)
-    return Design(tuple(axes), mode, _points(mode, count, axes), seed)
+            faults.append(error.fault)
+    try:
+        points = _points(given.mode, given.n, axes)
+    except Wrong as error:
+        faults.append(error.fault)
+    return Design(tuple(axes), given.mode, points, given.seed)
 
 
-def _check_count(mode: str, count: Any) -> None:
-    sampled = mode in SAMPLED
-    if sampled and (not isinstance(count, int) or isinstance(count, bool) or count < 1):
-        found = "nothing" if count is None else shown(count)
-        where: KeyPath = ("n",) if count is not None else ()
-        raise Wrong(where, found, f"n, the number of points of mode {mode}, at least 1")
-    if not sampled and count is not None:
-        raise Wrong(("n",), shown(count), f"no n in mode {mode}: the axes tell", on_key=True)
-
-
-def _check_paths(axes: list[Axis], base: Document | None) -> None:
+def _check_paths(axes: list[Axis], base: Document) -> None:
     """Check that the paths of the last axis lead somewhere, and that no axis before has them."""
     number = len(axes) - 1
     loc: KeyPath = ("axes", number)
@@ -308,8 +222,6 @@ def _check_paths(axes: list[Axis], base: Document | None) -> None:
     for i, path in enumerate(axes[-1].paths):
         if path in before or path in axes[-1].paths[:i]:
             raise Wrong(loc, f"{path_text(path)} twice", "each path on one axis only")
-        if base is None:
-            continue
         try:
             apply(base.data, path, None)
         except OverrideError as error:
@@ -338,110 +250,25 @@ def _points(mode: str, count: int | None, axes: list[Axis]) -> int:
     return total
 
 
-_KEEP_SCHEMA: dict[str, dict[str, Any]] = {
-    "collisions": {
-        "description": "Whether every impact is kept, beside the summaries.",
-        "type": "boolean",
-        "default": False,
-    },
-    "columns": {
-        "description": "Columns of the tables of impacts; all of them if not given.",
-        "type": "array",
-        "minItems": 1,
-    },
-}
-_PROPERTIES: dict[str, dict[str, Any]] = {
-    "name": {
-        "description": "Name of the grid and of its folder; the file's stem if not given.",
-        "type": "string",
-    },
-    "base": {
-        "description": "File of the scenario that the axes change, from this file's folder.",
-        "type": "string",
-    },
-    "scenario": {
-        "description": "Or that scenario itself, inline; what the axes give may be left out.",
-        "$ref": "#/$defs/Scenario",
-    },
-    "mode": {
-        "description": "How the axes make points: product (each value with each, the last "
-        "axis changing fastest), zip (one after the other), or a design of n points.",
-        "enum": list(MODES),
-        "default": MODES[0],
-    },
-    "n": {"description": "Number of points of a latin-hypercube or sobol design.", **COUNT},
-    "seed": {
-        "description": "Seed of whatever is random.",
-        "type": "integer",
-        "minimum": 0,
-        "default": 0,
-    },
-    "axes": {
-        "description": "The axes, at least one.",
-        "type": "array",
-        "minItems": 1,
-        "items": {"$ref": "#/$defs/Axis"},
-    },
-    "keep": {
-        "description": "What is kept of each scenario beside its summary.",
-        "$ref": "#/$defs/Keep",
-    },
-    "chunk_points": {
-        "description": "Points of a part on the disk; as many as make a good file if not given.",
-        **COUNT,
-    },
-}
-
-
 def grid_schema(system: str = "trace") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of grids over a system's scenarios as plain data."""
     within = _incomplete(json_schema(system))
     tables = within.pop("$defs")
     del within["$schema"], within["$id"], within["patternProperties"]
+    schema = schema_of(GridFile)
+    words = schema["properties"]["scenario"]["description"]
+    schema["properties"]["scenario"] = {"description": words, "$ref": "#/$defs/Scenario"}
     names = [column.name for column in impact_columns_of(system)]
-    keep = {**_KEEP_SCHEMA, "columns": {**_KEEP_SCHEMA["columns"], "items": {"enum": names}}}
+    schema["$defs"]["Keep"]["properties"]["columns"]["items"] = {"enum": names}
+    tables["Scenario"] = {**within, "description": "A scenario, not complete without the axes."}
     return {
         "$schema": DIALECT,
         "$id": identifier(f"grid-{system}"),
-        "title": "vibro grid",
-        "description": "A scenario, by reference or inline, and the axes that change it.",
-        "type": "object",
-        "additionalProperties": False,
-        "properties": _PROPERTIES,
+        **schema,
         **SCHEMA_KEY,
-        "required": ["axes"],
-        "allOf": [exactly_one("base", "scenario"), _count_of_samples()],
-        "$defs": {
-            **tables,
-            "Scenario": {**within, "description": "A scenario, not complete without the axes."},
-            "Axis": _axis(),
-            "Keep": _table("What is kept of each scenario beside its summary.", keep),
-        },
+        "title": "vibro grid",
+        "$defs": {**tables, **schema["$defs"]},
     }
-
-
-def _table(description: str, properties: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "description": description,
-        "type": "object",
-        "additionalProperties": False,
-        "properties": properties,
-    }
-
-
-def _axis() -> dict[str, Any]:
-    rules: list[dict[str, Any]] = [
-        exactly_one(*GENERATORS),
-        {"not": {"required": ["path", "paths"]}},
-        at_least_one("path", "paths", "table"),
-    ]
-    axis = _table("Some scalars of the scenario, and the values they go through.", AXIS)
-    return {**axis, "allOf": rules}
-
-
-def _count_of_samples() -> dict[str, Any]:
-    sampled = {"properties": {"mode": {"enum": list(SAMPLED)}}, "required": ["mode"]}
-    return {"if": sampled, "then": {"required": ["n"]}, "else": {"not": {"required": ["n"]}}}
 
 
 def _incomplete(value: Any) -> Any:

@@ -7,20 +7,22 @@ key `system` tells, and the object of that system has it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
     PrivateAttr,
     ValidationError,
     model_validator,
 )
-from pydantic_core import InitErrorDetails
+from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.forms import Source
@@ -52,9 +54,34 @@ def at_most_one(*keys: str) -> Rule:
     return {"not": {"anyOf": [{"required": pair} for pair in pairs]}}
 
 
-def as_tuple(value: object) -> object:
-    """Return a list of a file as a tuple, which does not change."""
-    return tuple(value) if isinstance(value, list) else value
+@dataclass(frozen=True)
+class Listed:
+    """Annotation of a list, which becomes a tuple: what its entries are, and how many."""
+
+    entries: str
+    least: int = 0
+    most: int | None = None
+
+    def read(self, value: object) -> tuple[Any, ...]:
+        """Return the list as a tuple, or raise a `PydanticCustomError`; entries are not checked."""
+        if not isinstance(value, (list, tuple)):
+            raise kinds.fault(shown(value), f"a list of {self.entries}")
+        if len(value) < self.least:
+            raise kinds.fault(shown(value), f"a list of at least {self.least}")
+        if self.most is not None and len(value) > self.most:
+            raise kinds.fault(shown(value), f"a list of at most {self.most}")
+        return tuple(value)
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        lengths = {"minItems": self.least or None, "maxItems": self.most}
+        return {**handler(schema), **{key: n for key, n in lengths.items() if n is not None}}
 
 
 class Table(BaseModel):
@@ -269,12 +296,6 @@ def model_of(data: Any) -> type[AnyScenario]:
 BodyKind = Literal["ball", "disk", "hollow_ball", "hoop", "particle"]
 
 
-def _as_times(value: object) -> object:
-    if isinstance(value, (list, tuple)):
-        return tuple(value)
-    raise kinds.fault(shown(value), "a list of times")
-
-
 class BodyTable(Table):
     """What a body is: its kind, its radius and its mass."""
 
@@ -308,7 +329,5 @@ class Sampling(Table):
 
     step: Annotated[float | None, kinds.TIME] = None
     """Time step of the sampled motion in s."""
-    times: Annotated[
-        tuple[Annotated[float, kinds.INSTANT], ...] | None, BeforeValidator(_as_times)
-    ] = None
+    times: Annotated[tuple[Annotated[float, kinds.INSTANT], ...] | None, Listed("times")] = None
     """Times of the sampled motion in s, ascending; instead of a step."""

@@ -141,7 +141,6 @@ _EXPECTED = {
     "model_type": "a table",
     "model_attributes_type": "a table",
     "dict_type": "a table",
-    "tuple_type": "a list",
     "union_tag_not_found": '"stop" or a table {wall = ...}',
     "union_tag_invalid": '"stop" or a table {wall = ...}',
 }
@@ -171,10 +170,6 @@ def _fault(details: ErrorDetails, root: Model) -> Fault:
         return Fault(loc, "nothing", _needed(loc, root))
     if kind == "extra_forbidden":
         return unknown_key(loc, root)
-    if kind in ("too_short", "too_long"):
-        least, most = context.get("min_length"), context.get("max_length")
-        expected = f"at least {least}" if kind == "too_short" else f"at most {most}"
-        return Fault(loc, shown(value), f"a list of {expected}")
     return Fault(
         loc, shown(value), _EXPECTED.get(kind, details["msg"][:1].lower() + details["msg"][1:])
     )
@@ -226,17 +221,23 @@ def identifier(name: str) -> str:
 
 def json_schema(system: str = "trace") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a system's scenarios as plain data."""
-    root = model_named(system)
-    schema: dict[str, Any] = _cleaned(_described(root))
-    for _, model in tables(root, ""):
-        if model.rules:
-            schema["$defs"][model.__name__]["allOf"] = list(model.rules)
+    schema = schema_of(model_named(system))
     for table, key in (("", "name"), ("", "collision"), ("Collision", "k")):
         part = schema["$defs"].get(table) if table else schema
         if part is not None:
             del part["properties"][key]["default"]  # these depend on the file and on its bodies
     head = {"$schema": DIALECT, "$id": identifier(system)}
     return {**head, **schema, **SCHEMA_KEY, "title": "vibro scenario"}
+
+
+def schema_of(root: Model) -> dict[str, Any]:
+    """Return the JSON Schema of a model as plain data, with the rules between keys."""
+    schema: dict[str, Any] = _cleaned(_described(root))
+    for _, model in tables(root, ""):
+        if model.rules:
+            part = schema if model is root else schema["$defs"][model.__name__]
+            part["allOf"] = list(model.rules)
+    return schema
 
 
 def _described(root: Model) -> dict[str, Any]:

@@ -22,10 +22,10 @@ from vibro_cli.scenario.base import (
     SAMPLES,
     AnyScenario,
     BodyTable,
+    Listed,
     Rule,
     Sampling,
     Table,
-    as_tuple,
     at_least_one,
     at_most_one,
     exactly_one,
@@ -415,7 +415,7 @@ class Trace(Table):
     ends the run."""
     turning: Annotated[Turning | None, BeforeValidator(_not_null)] = None
     """The trace turns about a vertical axis; left out, it stands still."""
-    arcs: Annotated[tuple[Arc, ...], BeforeValidator(as_tuple), Field(min_length=1)]
+    arcs: Annotated[tuple[Arc, ...], Listed("arcs", 1)]
     """The pieces, from left to right."""
 
 
@@ -525,7 +525,7 @@ class Scenario(AnyScenario):
     """Acceleration of gravity in m/s^2."""
     trace: Trace
     """The trace the bodies roll on."""
-    balls: Annotated[tuple[Ball, ...], BeforeValidator(as_tuple), Field(min_length=1)]
+    balls: Annotated[tuple[Ball, ...], Listed("bodies", 1)]
     """The bodies, from left to right."""
     collision: Collision = Collision()
     """The impact law; needed with two bodies or more."""

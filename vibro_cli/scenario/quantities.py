@@ -176,21 +176,23 @@ class Quantity(Kind):
 
 @dataclass(frozen=True)
 class Count(Kind):
-    """A whole number, at least 1 and below 2^63."""
+    """A whole number below 2^63, of at least 1 or another least one."""
+
+    least: int = 1
 
     def read(self, value: object) -> int:
         """Return the whole number."""
         if isinstance(value, int) and not isinstance(value, bool) and self.allows(value):
             return value
-        raise fault(shown(value), "a whole number of at least 1")
+        raise fault(shown(value), f"a whole number of at least {self.least}")
 
     def allows(self, number: Any) -> Any:
         """Tell whether a whole number is one of these; of an array, which are."""
-        return (number >= 1) & (number < 2**63)
+        return (number >= self.least) & (number < 2**63)
 
     def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema: an integer from 1."""
-        return {"type": "integer", "minimum": 1}
+        """Return the JSON Schema: an integer from the least."""
+        return {"type": "integer", "minimum": self.least}
 
 
 @dataclass(frozen=True)
@@ -211,6 +213,23 @@ class Word(Kind):
         if len(self.words) == 1:
             return {"const": self.words[0], "type": "string"}
         return {"enum": list(self.words), "type": "string"}
+
+
+@dataclass(frozen=True)
+class Text(Kind):
+    """Any text; `meaning` says of what."""
+
+    meaning: str
+
+    def read(self, value: object) -> str:
+        """Return the text."""
+        if isinstance(value, str):
+            return value
+        raise fault(shown(value), self.meaning)
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON Schema: a string."""
+        return {"type": "string"}
 
 
 @dataclass(frozen=True)

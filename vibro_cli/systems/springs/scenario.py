@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import (
@@ -17,9 +17,9 @@ from vibro_cli.scenario.base import (
     SAMPLES,
     AnyScenario,
     BodyTable,
+    Listed,
     Sampling,
     Table,
-    as_tuple,
     at_most_one,
     exactly_one,
 )
@@ -89,7 +89,7 @@ class SpringsScenario(AnyScenario):
 
     system: Annotated[Literal["springs"], kinds.Word(("springs",))]
     """What is solved: bodies on a line, each with its spring."""
-    balls: Annotated[tuple[SpringBall, ...], BeforeValidator(as_tuple), Field(min_length=1)]
+    balls: Annotated[tuple[SpringBall, ...], Listed("bodies", 1)]
     """The bodies, from left to right."""
     collision: Collision = Collision()
     """The impact law; needed with two bodies or more."""

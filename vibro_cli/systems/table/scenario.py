@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import (
@@ -17,9 +17,9 @@ from vibro_cli.scenario.base import (
     SAMPLES,
     AnyScenario,
     BodyTable,
+    Listed,
     Sampling,
     Table,
-    as_tuple,
     at_least_one,
 )
 from vibro_cli.scenario.models import (
@@ -52,8 +52,7 @@ _POLAR, _CARTESIAN = ("speed", "direction"), ("velocity_x", "velocity_y")
 
 Corner = Annotated[
     tuple[Annotated[float, kinds.POSITION], ...],
-    BeforeValidator(as_tuple),
-    Field(min_length=2, max_length=2),
+    Listed("x and y", 2, 2),
 ]
 
 
@@ -80,9 +79,7 @@ class Wall(Table):
     """Side of a rectangle along x in m."""
     depth: Annotated[float | None, kinds.LENGTH] = None
     """Side of a rectangle along y in m."""
-    corners: Annotated[
-        tuple[Corner, ...] | None, BeforeValidator(as_tuple), Field(min_length=3)
-    ] = None
+    corners: Annotated[tuple[Corner, ...] | None, Listed("corners", 3)] = None
     """Corners [x, y] of a polygon in m, in order around it."""
 
 
@@ -141,7 +138,7 @@ class TableScenario(AnyScenario):
     """What is solved: balls on a horizontal plane."""
     wall: Wall | None = None
     """A wall around the balls, or an obstacle among them; left out, the plane is free."""
-    balls: Annotated[tuple[TableBall, ...], BeforeValidator(as_tuple), Field(min_length=1)]
+    balls: Annotated[tuple[TableBall, ...], Listed("balls", 1)]
     """The balls, in any order."""
     collision: TableCollision = TableCollision()
     """The impact law; needed with two balls or more."""
