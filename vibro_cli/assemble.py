@@ -78,20 +78,6 @@ def system_of(
     )
 
 
-# Within these bounds no product or quotient of the mechanics leaves the range of doubles.
-SIZES = (1e-30, 1e30)
-# Beyond it the sum of two times, or a time in units of a period, leaves that range.
-LONGEST = 1e300
-
-Given = tuple[str, float | None]
-"""A key of the scenario and its number, None where none is given."""
-
-
-def given(table: Any, path: str, *keys: str) -> list[Given]:
-    """Return keys of a table at a path, with their numbers."""
-    return [(f"{path}.{key}", getattr(table, key)) for key in keys]
-
-
 class Findings:
     """Collects what is wrong, each with its place in the scenario."""
 
@@ -111,30 +97,6 @@ class Findings:
         """Add what was found at a key, and what was expected there."""
         place = self._scenario.place(path)
         self.problems.append(Problem.at(place, path, found, expected))
-
-    def add_outside(
-        self, given: Iterable[Given], bounds: tuple[float, float], what: str, unit: str = ""
-    ) -> None:
-        """Add the numbers that are not within bounds; 0 is one where its key allows it."""
-        low, high = bounds
-        for path, number in given:
-            if number is None:
-                continue
-            if self.refuse((number != 0.0) & elementwise.outside(number, low, high)):
-                self.add(path, repr(number), f"{what} from {low} to {high}{unit}")
-
-    def add_wrong_lengths(self, given: Iterable[Given]) -> None:
-        """Add the lengths (m) that doubles cannot compute with."""
-        self.add_outside(given, SIZES, "a length", " m")
-
-    def add_wrong_numbers(self, given: Iterable[Given]) -> None:
-        """Add the places, speeds and rates that doubles cannot compute with."""
-        self.add_outside(given, (-SIZES[1], SIZES[1]), "a number")
-
-    def add_wrong_time(self, stop_time: float | None) -> None:
-        """Add the end of the run (s) if doubles cannot compute with it."""
-        if stop_time is not None and self.refuse(stop_time > LONGEST):
-            self.add("stop.time", repr(stop_time), f"a time up to {LONGEST} s")
 
     def settle(self) -> None:
         """Raise everything found so far, in the order of the file."""
@@ -173,8 +135,6 @@ def body_of(ball: BodyTable) -> Body:
 
 _CLOSING_TOLERANCE = 1e-12
 
-# Slopes (rad).
-_SLOPES = (-1e3, 1e3)
 # Rates of turning (rad/s), of either sign.
 _RATES = (1e-10, 1e10)
 
@@ -186,8 +146,6 @@ def build_system(scenario: Scenario) -> TraceSystem:
     that do not fit it, that could touch over others, or that start out of order or overlapping.
     """
     findings = Findings(scenario)
-    check_sizes(scenario, findings)
-    findings.settle()
     trace = _trace(scenario, findings)
     bodies = bodies_of(scenario.balls, findings)
     findings.settle()
@@ -212,26 +170,6 @@ def _trace(scenario: Scenario, findings: Findings) -> Trace:
     except ValueError as error:
         findings.add("trace.arcs", str(error), "pieces that make a chain")
         raise ScenarioError(findings.problems) from error
-
-
-def check_sizes(scenario: Scenario, findings: Findings) -> None:
-    """Check that sizes, slopes, speeds and times are such that doubles can compute with them."""
-    sizes: list[Given] = []
-    slopes: list[Given] = [("trace.start_slope", scenario.trace.start_slope)]
-    speeds: list[Given] = []
-    for number, arc in enumerate(scenario.trace.arcs, 1):
-        path = f"trace.arcs[{number}]"
-        sizes += given(arc, path, "radius", "length")
-        slopes.append((f"{path}.end_slope", arc.end_slope))
-    for number, ball in enumerate(scenario.balls, 1):
-        path = f"balls[{number}]"
-        sizes += given(ball, path, "radius", "thickness")
-        speeds += given(ball, path, "rate", "omega", "speed")
-    findings.add_outside([("gravity", scenario.gravity)], SIZES, "an acceleration", " m/s^2")
-    findings.add_wrong_time(scenario.stop.time)
-    findings.add_wrong_lengths(sizes)
-    findings.add_outside(slopes, _SLOPES, "a slope", " rad")
-    findings.add_wrong_numbers(speeds)
 
 
 def _turning(scenario: Scenario, trace: Trace, findings: Findings) -> Turning | None:

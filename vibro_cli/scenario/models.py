@@ -112,14 +112,14 @@ def rows(data: Data, key: str) -> list[tuple[int, Data]]:
 def _pieces(data: Data) -> list[Piece]:
     """Return the chain of pieces, as far as the data tell it."""
     trace = section(data, "trace")
-    slope = kinds.ANGLE.read_or_none(trace.get("start_slope"))
+    slope = kinds.SLOPE.read_or_none(trace.get("start_slope"))
     arcs = trace.get("arcs")
     pieces = []
     for arc in arcs if isinstance(arcs, list) else []:
         given: Data = arc if isinstance(arc, Mapping) else {}
         shape = given.get("shape")
         known = shape if shape in ("valley", "hump", "line") else None
-        end = slope if known == "line" else kinds.ANGLE.read_or_none(given.get("end_slope"))
+        end = slope if known == "line" else kinds.SLOPE.read_or_none(given.get("end_slope"))
         length = kinds.LENGTH.read_or_none(given.get("length")) if known == "line" else None
         pieces.append(Piece(known, slope, end, length))
         slope = end
@@ -385,7 +385,7 @@ class Arc(Table):
     """Radius of the arc in m; a line has none."""
     length: Annotated[float | None, kinds.LENGTH] = None
     """Length of a line in m; an arc has none, its end slope gives it."""
-    end_slope: Annotated[float | None, kinds.ANGLE] = None
+    end_slope: Annotated[float | None, kinds.SLOPE] = None
     """Slope of the tangent where the arc ends, in rad: greater than at its start in a valley,
     less on a hump; a line keeps its slope."""
 
@@ -406,7 +406,7 @@ class Turning(Table):
 class Trace(Table):
     """The trace: a chain of pieces that share their tangents, from left to right."""
 
-    start_slope: Annotated[float, kinds.ANGLE]
+    start_slope: Annotated[float, kinds.SLOPE]
     """Slope of the tangent at the left end, in rad."""
     closed: Annotated[bool, kinds.FLAG] = False
     """Whether the trace ends where and how it began."""

@@ -84,7 +84,8 @@ class Quantity(Kind):
     """A finite real number, with a dimension (then also a text with its unit) and bounds.
 
     `dimension` is a key of `DIMENSIONS` or empty; `above` is an open lower bound, `at_least`
-    and `at_most` are closed ones; `bounds` says them in other words.
+    and `at_most` are closed ones; `bounds` says them in other words. Numbers other than 0 that
+    are not `within` leave the range of doubles in products and quotients of the mechanics.
     """
 
     dimension: str = ""
@@ -92,6 +93,7 @@ class Quantity(Kind):
     at_least: float | None = None
     at_most: float | None = None
     bounds: str = ""
+    within: tuple[float, float] | None = None
 
     @property
     def unit(self) -> str:
@@ -103,12 +105,19 @@ class Quantity(Kind):
         number = self._number(value)
         if not math.isfinite(number):
             raise fault(self._found(value, number), f"a finite number{self._bounds()}")
-        if not self.allows(number):
+        if not self._in_bounds(number):
             raise fault(self._found(value, number), f"a number{self._bounds()}")
+        if not self._is_computable(number):
+            low, high = self.within or (0.0, 0.0)
+            expected = f"{self._named()} from {low:g} to {high:g} {self.unit}"
+            raise fault(self._found(value, number), expected)
         return number
 
     def allows(self, number: Any) -> Any:
         """Tell whether an SI value is finite and within the bounds; of an array, which are."""
+        return self._in_bounds(number) & self._is_computable(number)
+
+    def _in_bounds(self, number: Any) -> Any:
         allowed = abs(number) < math.inf
         if self.above is not None:
             allowed = allowed & (number > self.above)
@@ -117,6 +126,10 @@ class Quantity(Kind):
         if self.at_most is not None:
             allowed = allowed & (number <= self.at_most)
         return allowed
+
+    def _is_computable(self, number: Any) -> Any:
+        low, high = self.within or (-math.inf, math.inf)
+        return (number == 0.0) | ((number >= low) & (number <= high))
 
     def _number(self, value: object) -> float:
         if isinstance(value, str) and self.dimension:
@@ -132,13 +145,15 @@ class Quantity(Kind):
             return math.inf if value > 0 else -math.inf
 
     def _with_unit(self, text: str) -> float:
-        article = "an" if self.dimension[0] in "aeiou" else "a"
-        expected = f"{article} {self.dimension} ({EXAMPLES[self.dimension]}, ...)"
+        expected = f"{self._named()} ({EXAMPLES[self.dimension]}, ...)"
         try:
             return to_si(text, self.dimension)
         except UnitError as error:
             found = f"{error.found} in {shown(text)}" if error.found else shown(text)
             raise fault(found, expected + error.hint) from None
+
+    def _named(self) -> str:
+        return f"{'an' if self.dimension[0] in 'aeiou' else 'a'} {self.dimension}"
 
     def _found(self, value: object, number: float) -> str:
         if isinstance(value, str):
@@ -157,12 +172,11 @@ class Quantity(Kind):
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema: a number, or for a dimension also a text with its unit."""
         number: dict[str, Any] = {"type": "number"}
-        bounds = (
-            ("exclusiveMinimum", self.above),
-            ("minimum", self.at_least),
-            ("maximum", self.at_most),
-        )
-        number.update({word: bound for word, bound in bounds if bound is not None})
+        low, high = self.within or (None, self.at_most)
+        bounds = {"exclusiveMinimum": self.above, "minimum": self.at_least, "maximum": high}
+        if low is not None and self.at_least is None and (self.above is None or low > self.above):
+            bounds |= {"exclusiveMinimum": None, "minimum": low}
+        number.update({word: bound for word, bound in bounds.items() if bound is not None})
         if not self.dimension:
             return number
         example = EXAMPLES[self.dimension].split(", ")
@@ -266,18 +280,25 @@ class Name(Kind):
         return {"type": "string", "minLength": 1, "maxLength": 100, "pattern": r"^[^/\\]+$"}
 
 
-POSITION = Quantity("length")
-LENGTH = Quantity("length", above=0)
-RADIUS = Quantity("length", at_least=0, bounds="greater than 0 (0 only for a lone particle)")
+_SIZES = (1e-30, 1e30)
+_NUMBERS = (-1e30, 1e30)
+_TIMES = (0.0, 1e300)
+
+POSITION = Quantity("length", within=_NUMBERS)
+LENGTH = Quantity("length", above=0, within=_SIZES)
+RADIUS = Quantity(
+    "length", at_least=0, bounds="greater than 0 (0 only for a lone particle)", within=_SIZES
+)
 MASS = Quantity("mass", above=0)
 DENSITY = Quantity("density", above=0)
-STIFFNESS = Quantity("stiffness", above=0)
-TIME = Quantity("time", above=0)
-INSTANT = Quantity("time", at_least=0)
+STIFFNESS = Quantity("stiffness", above=0, within=_SIZES)
+TIME = Quantity("time", above=0, within=_TIMES)
+INSTANT = Quantity("time", at_least=0, within=_TIMES)
 ANGLE = Quantity("angle")
-ANGULAR_RATE = Quantity("angular rate")
-SPEED = Quantity("speed")
-GRAVITY = Quantity("acceleration", above=0)
+SLOPE = Quantity("angle", within=(-1e3, 1e3))
+ANGULAR_RATE = Quantity("angular rate", within=_NUMBERS)
+SPEED = Quantity("speed", within=_NUMBERS)
+GRAVITY = Quantity("acceleration", above=0, within=_SIZES)
 RATIO = Quantity(at_least=0)
 RESTITUTION = Quantity(at_least=0, at_most=1)
 COUNT = Count()

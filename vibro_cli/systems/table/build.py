@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.assemble import Findings, Given, bodies_of, given
+from vibro_cli.assemble import Findings, bodies_of
 from vibro_cli.mechanics.system import Body, touching_distance
 from vibro_cli.systems.table import system
 from vibro_cli.systems.table.scenario import TableBall, TableScenario
@@ -15,12 +15,10 @@ from vibro_cli.systems.table.system import InitialState, Point, TableSystem, Wal
 def build_table(scenario: TableScenario) -> TableSystem:
     """Return the system of a scenario, checked against the mechanics.
 
-    Raises ScenarioError with every problem: numbers that doubles cannot compute with, a polygon
+    Raises ScenarioError with every problem: masses that doubles cannot compute with, a polygon
     that meets itself, balls that do not fit the wall, reach into it, or overlap.
     """
     findings = Findings(scenario)
-    _check_sizes(scenario, findings)
-    findings.settle()
     bodies = bodies_of(scenario.balls, findings)
     wall = _wall(scenario.wall, findings)
     findings.settle()
@@ -44,24 +42,6 @@ def velocity_of(ball: TableBall) -> Point:
     if ball.speed is not None and ball.direction is not None:
         return ball.speed * math.cos(ball.direction), ball.speed * math.sin(ball.direction)
     return ball.velocity_x or 0.0, ball.velocity_y or 0.0
-
-
-def _check_sizes(scenario: TableScenario, findings: Findings) -> None:
-    lengths: list[Given] = []
-    numbers: list[Given] = []
-    if scenario.wall is not None:
-        sizes = ("semi_axis_x", "semi_axis_y", "radius", "width", "depth")
-        lengths += given(scenario.wall, "wall", *sizes)
-        numbers += given(scenario.wall, "wall", "x", "y")
-        for number, corner in enumerate(scenario.wall.corners or (), 1):
-            numbers += [(f"wall.corners[{number}][{n}]", corner[n - 1]) for n in (1, 2)]
-    for number, ball in enumerate(scenario.balls, 1):
-        path = f"balls[{number}]"
-        lengths += given(ball, path, "radius", "thickness")
-        numbers += given(ball, path, "x", "y", "speed", "velocity_x", "velocity_y")
-    findings.add_wrong_lengths(lengths)
-    findings.add_wrong_numbers(numbers)
-    findings.add_wrong_time(scenario.stop.time)
 
 
 def _wall(table: WallTable | None, findings: Findings) -> Wall | None:

@@ -24,7 +24,6 @@ from vibro_cli.assemble import (
     build_system,
     check_fit,
     check_gaps,
-    check_sizes,
     check_turns,
     check_walls,
     initial_states,
@@ -176,7 +175,6 @@ class Setting:
         scenario, on_new_trace = changed(self._placed, values), any(p[0] == "trace" for p in values)
         numbers = Soundness(scenario, count)
         numbers.check_values(values)
-        check_sizes(scenario, numbers)
         if on_new_trace:
             _check_slopes(scenario, numbers)
         if self.system.turning is not None or (on_new_trace and scenario.trace.closed):
@@ -208,7 +206,6 @@ class Setting:
         findings = Soundness(scenario, len(systems.points))
         with np.errstate(all="ignore"):
             findings.check_values(values)
-            check_sizes(scenario, findings)
             bodies = bodies_of(scenario.balls, findings)
             initial = initial_states(scenario, system.trace, bodies, findings)
             check_walls(scenario, system.trace, bodies, initial, findings)
