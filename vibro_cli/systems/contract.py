@@ -203,11 +203,9 @@ class System(ABC):
         """Say what was not computed of a run with this clock and end (s), and why."""
         return wanted.left_out(end)
 
-    def solver(self, grid: Grid, engine: str) -> Solver:
-        """Return a solver of the points of a grid: without another, each is a run of its own."""
-        from vibro_cli.grids.solving import RunSolver
-
-        return RunSolver(grid, engine)
+    def solver(self, grid: Grid, engine: str) -> Solver | None:
+        """Return a solver of the points of a grid, None where each is a run of its own."""
+        return None
 
     @property
     def timed_scenes(self) -> Mapping[str, TimedScene]:
@@ -306,11 +304,12 @@ class System(ABC):
     def method(self, scenario: Mapping[str, Any]) -> str:
         """Return how a scenario (its plain values) is solved, in a sentence or two."""
 
-    def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
-        """Return what stands in a report about a run with a name, see report/content.py."""
-        from vibro_cli.report.content import section
+    def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any] | None:
+        """Return what a report says of a run, None where it is that of every system's runs.
 
-        return section(run, name, beside)
+        See report/content.py.
+        """
+        return None
 
     def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
         """Return what a scenario means, as plain values, see systems/describe.py."""
