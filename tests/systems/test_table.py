@@ -358,6 +358,13 @@ def test_an_angled_room_is_left_by_no_corner() -> None:
             assert np.all(inner[near] >= r - 1e-12)
 
 
+def test_a_missed_obstacle_is_never_met() -> None:
+    circle = {"shape": "circle", "radius": 0.7, "k": 0.9, "side": "outside"}
+    for wall in (circle, ellipse(1.0, 0.6, side="outside")):
+        run = solve(table([ball(3.0, 3.0, 2.0, 2.0)], wall, bounces=1))
+        assert run.end_cause == "no_more_collisions"
+
+
 def test_into_a_corner_both_components_turn_round() -> None:
     run = solve(table([particle(0.0, 0.0, 1.0, 1.0)], box(2.0, 2.0), time=2.5))
     assert list(run.bounces["t"]) == [1.0, 1.0]

@@ -41,7 +41,8 @@ def meet_wall(world: World, body: BodyData, ball: Ball, x: float, y: float, to: 
     if speed < SLOWEST:
         return NEVER
     if wall.kind == CONIC:
-        return _meet_conic(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, to) / speed
+        way = _meet_conic(wall, body.radius, x, y, ball.vx / speed, ball.vy / speed, to)
+        return way / speed if way < NEVER else NEVER
     best = NEVER
     for index in range(len(world.edges)):
         edge = world.edges[index]
