@@ -9,7 +9,10 @@ import pytest
 from tests.systems import springs_cases
 from tests.systems.springs_cases import disk, spring, springs
 from tests.systems.table_cases import Document, ball, box, ellipse, particle, solve, table
+from vibro_cli.api import simulate
 from vibro_cli.scenario import ScenarioError
+from vibro_cli.scenario.loading import any_scenario_of
+from vibro_cli.systems import driver
 
 BOW = {"shape": "polygon", "corners": [[0, 0], [1, 1], [1, 0], [0, 1]], "k": 1.0}
 HELD = spring(6.0, 5.0, 1.0, 0.0)
@@ -97,3 +100,15 @@ def test_touching_balls_start_in_contact() -> None:
     balls[1]["touching"] = "previous"
     run = springs_cases.solve(springs(balls, 1.0, collisions=1))
     assert run.collisions["t"][0] == 0.0
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_a_ball_that_meets_no_other_is_not_followed_for_ever(
+    monkeypatch: pytest.MonkeyPatch, engine: str
+) -> None:
+    monkeypatch.setattr(driver, "QUIET_ROWS", 4000)
+    lone = [ball(0.3, 0.1, 0.9, 0.7)]
+    with pytest.raises(driver.TooQuiet, match="among the last 4,000 impacts on the wall"):
+        simulate(any_scenario_of(table(lone, box(3.0, 2.0), collisions=1)), engine)
+    bounded = simulate(any_scenario_of(table(lone, box(3.0, 2.0), bounces=40_000)), engine)
+    assert bounded.end_cause == "bounces"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -66,6 +66,9 @@ class EventLoop:
     searches cut short by a stop are repeated."""
     quiet_log: tuple[str, str] | None = None
     """A log that may not grow for very long without an impact, and what its rows are in words."""
+    other_stops: Mapping[str, float] | None = None
+    """Settings of stops that need no impact, with their values where there is no such stop; where
+    there is one that log may grow."""
     quiet_cause: tuple[int, str] | None = None
     """The cause with which the loop gives up for want of impacts, and among what in words."""
     finishes: bool = False
@@ -131,6 +134,7 @@ class Driver:
             loop itself gives up.
         """
         loop = self._loop
+        quiet_log = loop.quiet_log if self._needs_impacts() else None
         collisions, quiet = -1.0, 0
         while True:
             cause = self._advance()
@@ -141,13 +145,21 @@ class Driver:
             if cause != LOG_FULL:
                 yield cause
                 return
-            if loop.quiet_log is not None:
-                log, words = loop.quiet_log
+            if quiet_log is not None:
+                log, words = quiet_log
                 if self.clock_value("collisions") != collisions:
                     collisions, quiet = self.clock_value("collisions"), self.rows[log]
                 if self.rows[log] > quiet + QUIET_ROWS:
                     raise self._too_quiet(f"{QUIET_ROWS:,} {words}")
             yield cause
+
+    def _needs_impacts(self) -> bool:
+        """Whether no stop ends the run but one by impacts, where the loop has other stops."""
+        settings: Any = self.world.settings[0]
+        read = settings.__getitem__ if self.engine == "compiled" else partial(getattr, settings)
+        return all(
+            read(name) == no_stop for name, no_stop in (self._loop.other_stops or {}).items()
+        )
 
     def _too_quiet(self, words: str) -> TooQuiet:
         return TooQuiet(
