@@ -325,6 +325,23 @@ def test_lasting_contact_takes_two_directions(k: float, turns: bool) -> None:
     np.testing.assert_allclose(found.matrix, _by_neighbours(system, 2.0, 1e-6), atol=1e-8)
 
 
+@pytest.mark.parametrize("k", [0.0, 0.3])
+@pytest.mark.parametrize("third", [False, True])
+def test_contact_of_unequal_kinds_closes_by_the_mass_that_translational_keeps(
+    k: float, third: bool
+) -> None:
+    """Bounces keep sum m v, lasting contact sum kappa m v; a third body comes to a held pair."""
+    balls = [ball(-0.9, mass=2.0), ball(0.2, body="hoop")]
+    balls += [ball(0.7, mass=0.7, body="disk")] if third else []
+    document = scene(VALLEY, balls, k, "translational", time=3.0)
+    if third:
+        document["collision"]["k"] = [k, 0.0]
+    system = system_of(document)
+    assert "contact_closed" in simulate_system(system, 3.0, None).events["event"]
+    found = follow_system(system, 3.0, None).matrix
+    np.testing.assert_allclose(found, _by_neighbours(system, 3.0, 1e-4), atol=5e-7)
+
+
 def test_joint_impacts_are_marked() -> None:
     balls = [ball(-0.6), ball(0.0), {"radius": 0.1, "mass": 1.0, "arc": 1, "angle": 0.6}]
     found = follow_system(system_of(scene(VALLEY, balls, 1.0, collisions=2)), None, 2)

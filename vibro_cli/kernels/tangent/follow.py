@@ -49,6 +49,7 @@ from vibro_cli.kernels.tangent.frame import (
 )
 from vibro_cli.kernels.world import (
     COLLISION,
+    CONTACT_CLOSED,
     CROSSING,
     RUNNING,
     SEGMENT,
@@ -64,6 +65,10 @@ from vibro_cli.kernels.world import (
 _IMPULSE = 0
 _NORMAL_A, _NORMAL_B = 1, 2  # derivatives of n t of both bodies
 _DELAY = 3
+# Ratios of speeds that differ from 1 by less do so by rounding: normals are the same.
+SAME_NORMALS = 1.0e-12
+# Two that part at less than this share of their speeds do so by rounding.
+NO_PARTING = 1.0e-11
 
 
 @kernel
@@ -511,28 +516,122 @@ def _constrain(
 @kernel
 def _unite(world: World, tangents: Tangents, row: FlightRow) -> None:
     """Project tangent vectors onto the common motion of a group, which keeps its momentum."""
-    bodies = world.settings[0].bodies
     tangents.state[0].lost = 1
-    by_mass = world.settings[0].law == TRANSLATIONAL
+    by_mass = world.settings[0].law == TRANSLATIONAL and _acts_along_centres(world, tangents, row)
+    closes = by_mass and row.cause == CONTACT_CLOSED
+    drift = tangents.state[0].time_scale * _drift(world, tangents, row) if closes else 0.0
     for column in range(len(tangents.frame)):
-        for part in range(2):
-            ratio = 1.0
-            momentum = 0.0
-            inertia = 0.0
-            for step in range(row.group_count):
-                ball = (row.group_first + step) % bodies
-                if step > 0:
-                    ratio *= _ratio(world, tangents, (ball - 1) % bodies, ball)
-                body = world.bodies[ball]
-                weight = (body.mass if by_mass else body.rolling_mass) * ratio
-                momentum += weight * tangents.frame[2 * ball + part, column]
-                inertia += weight * ratio
-            ratio = 1.0
-            for step in range(row.group_count):
-                ball = (row.group_first + step) % bodies
-                if step > 0:
-                    ratio *= _ratio(world, tangents, (ball - 1) % bodies, ball)
-                tangents.frame[2 * ball + part, column] = ratio * momentum / inertia
+        later = _delay_of_contact(world, tangents, row, column) if closes else 0.0
+        way, inertia = _momentum(world, tangents, row, column, 0, by_mass)
+        rate, _ = _momentum(world, tangents, row, column, 1, by_mass)
+        ratio = 1.0
+        for step in range(row.group_count):
+            ball = (row.group_first + step) % world.settings[0].bodies
+            if step > 0:
+                ratio *= _ratio(world, tangents, _before(world, ball), ball)
+            tangents.frame[2 * ball, column] = ratio * way / inertia
+            tangents.frame[2 * ball + 1, column] = ratio * rate / inertia + ratio * later * drift
+
+
+@kernel
+def _momentum(
+    world: World, tangents: Tangents, row: FlightRow, column: int, part: int, by_mass: bool
+) -> tuple[float, float]:
+    """Momentum of the ways or rates of a group in a tangent vector, and what it has for one."""
+    ratio = 1.0
+    momentum = 0.0
+    inertia = 0.0
+    for step in range(row.group_count):
+        ball = (row.group_first + step) % world.settings[0].bodies
+        if step > 0:
+            ratio *= _ratio(world, tangents, _before(world, ball), ball)
+        body = world.bodies[ball]
+        weight = (body.mass if by_mass else body.rolling_mass) * ratio
+        momentum += weight * tangents.frame[2 * ball + part, column]
+        inertia += weight * ratio
+    return momentum, inertia
+
+
+@kernel
+def _before(world: World, ball: int) -> int:
+    """Number of the body left of another one."""
+    return (ball - 1) % world.settings[0].bodies
+
+
+@kernel
+def _acts_along_centres(world: World, tangents: Tangents, row: FlightRow) -> bool:
+    """Tell whether the speeds along the lines of centres of a group are those of its bodies."""
+    for step in range(1, row.group_count):
+        ball = (row.group_first + step) % world.settings[0].bodies
+        if abs(_ratio(world, tangents, _before(world, ball), ball) - 1.0) > SAME_NORMALS:
+            return False
+    return True
+
+
+@kernel
+def _drift(world: World, tangents: Tangents, row: FlightRow) -> float:
+    """Mean of the accelerations (m/s^2) with which bodies come into contact, less their common one.
+
+    ``translational`` keeps ``sum m v`` in bounces, lasting contact ``sum kappa m v``.
+    """
+    momentum = 0.0
+    mass = 0.0
+    rolling_momentum = 0.0
+    rolling = 0.0
+    for step in range(row.group_count):
+        ball = (row.group_first + step) % world.settings[0].bodies
+        body = world.bodies[ball]
+        momentum += body.mass * tangents.arriving[ball, 1]
+        mass += body.mass
+        rolling_momentum += body.rolling_mass * tangents.arriving[ball, 1]
+        rolling += body.rolling_mass
+    return momentum / mass - rolling_momentum / rolling
+
+
+@kernel
+def _closing_pair(world: World, tangents: Tangents, row: FlightRow) -> int:
+    """Number of the left body of the pair of a group that is pressed together most, not yet held.
+
+    Bodies that were in contact before come with the same acceleration.
+    """
+    closing = row.group_first
+    most = 0.0
+    for step in range(1, row.group_count):
+        ball = (row.group_first + step) % world.settings[0].bodies
+        c = tangents.arriving[_before(world, ball), 1] - tangents.arriving[ball, 1]
+        if c > most:
+            most = c
+            closing = _before(world, ball)
+    return closing
+
+
+@kernel
+def _delay_of_contact(world: World, tangents: Tangents, row: FlightRow, column: int) -> float:
+    """By how much later (s) a contact closes, ``2 u/(c (1 - k))`` after its last bounce.
+
+    The change ``r`` of the parting speed ``u``, at one time, is that at the bounce less ``c dt``
+    for its delay ``dt``, in which the gap has changed by ``-u dt``; ``c`` is the approach
+    acceleration. A plastic impact has no bounces: what is left of ``r`` then is ``-c dt`` alone.
+    The solver adds nothing to the time of bounces of bodies that are held to others.
+    """
+    tau = tangents.state[0].time_scale
+    a = _closing_pair(world, tangents, row)
+    b = (a + 1) % world.settings[0].bodies
+    speed_a = tangents.arriving[a, 0]
+    speed_b = tangents.arriving[b, 0]
+    c: float = tangents.arriving[a, 1] - tangents.arriving[b, 1]
+    if c <= 0.0:
+        return 0.0
+    way: float = tangents.frame[2 * b, column] - tangents.frame[2 * a, column]
+    rate: float = (tangents.frame[2 * b + 1, column] - tangents.frame[2 * a + 1, column]) / tau
+    k: float = world.pairs[a].restitution
+    u: float = speed_b - speed_a
+    if k == 0.0 or u <= NO_PARTING * (abs(speed_a) + abs(speed_b)):
+        return rate / c
+    delay: float = -way / u
+    if row.group_count > 2:
+        return delay
+    return delay + 2.0 * (rate - c * delay) / (c * (1.0 - k))
 
 
 @kernel
