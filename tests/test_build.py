@@ -125,7 +125,7 @@ def test_laws_that_surprise_are_warned_of() -> None:
     for balls, law, words in (
         (unequal, "hedrih", "the hedrih law between bodies of unequal radii"),
         (mixed, "translational", "the translational law does not conserve"),
-        (unequal, "translational", None),
+        (unequal, "translational", "the translational law between bodies of unequal radii"),
         (mixed, "hedrih", None),
         (unequal, "normal-impulse", None),
         (mixed, "normal-impulse", None),

@@ -333,7 +333,8 @@ def _jumps(run: StoredRun, column: str) -> list[list[str]]:
 
 def _impacts(run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
     known = {column.name: column for column in table_named("collisions", ()).columns}
-    columns = [known[name] for name in _COLUMNS]
+    # Folders that an older version wrote may have fewer columns.
+    columns = [known[name] for name in _COLUMNS if name in run.collisions]
     words = {
         "words": "impacts",
         "none": "was no impact",
