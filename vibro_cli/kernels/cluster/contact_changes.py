@@ -47,7 +47,7 @@ from vibro_cli.kernels.impact.impulse_chain import (
     stand_at_wall,
     touched_wall,
 )
-from vibro_cli.kernels.impact.laws import SPEED_ROUNDING, TRANSLATIONAL, hold
+from vibro_cli.kernels.impact.laws import SPEED_ROUNDING, balances_mass, hold
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.world import (
     CLOSING,
@@ -139,7 +139,7 @@ def _keeps_small_impacts(world: World, flight: Flight) -> bool:
 
     What ``translational`` balances is not what making normal speeds equal does.
     """
-    return world.settings[0].law == TRANSLATIONAL and flight.impacts > 1
+    return balances_mass(world.settings[0].law) and flight.impacts > 1
 
 
 @kernel

@@ -37,7 +37,7 @@ from vibro_cli.kernels.impact.impulse_chain import (
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
     SPEED_ROUNDING,
-    TRANSLATIONAL,
+    balances_mass,
     impact_of_pair,
     separation_speed,
     weight_and_response,
@@ -86,7 +86,7 @@ def closing_law(world: World, first: int, count: int) -> int:
     each of them. ``hedrih`` then balances the same as ``normal-impulse``.
     """
     law = world.settings[0].law
-    if law != TRANSLATIONAL:
+    if not balances_mass(law):
         return NORMAL_IMPULSE
     for step in range(count):
         if not _law_is_normal(world, number_along(world, first, step), law):
@@ -222,7 +222,7 @@ def _drift(world: World, j: int) -> float:
     pair = world.pairs[j]
     body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
     a, b = flights_of(world, pair)
-    if pair.law != TRANSLATIONAL or body_a.kappa == body_b.kappa or a.grouped + b.grouped > 0:
+    if not balances_mass(pair.law) or body_a.kappa == body_b.kappa or a.grouped + b.grouped > 0:
         return 0.0
     pull_a = free_acceleration(world, pair.a)
     pull_b = free_acceleration(world, pair.b)
@@ -394,7 +394,7 @@ def _equalise_run(world: World, begin: int, length: int, rounding: float) -> Non
     for step in range(length):
         j = number_along(world, begin, step)
         pair = world.pairs[j]
-        if law == TRANSLATIONAL:
+        if balances_mass(law):
             pair.closing_loss += half_approach(world, j, law)
         pair.closing_loss *= pair.solution
     end = number_along(world, begin, length)
@@ -414,7 +414,7 @@ def _is_held_by_wall(world: World, ball: int, rounding: float) -> bool:
 def half_approach(world: World, j: int, law: int) -> float:
     """Half the speed whose sum before and after, times the impulse of a pair, is its work (m/s)."""
     pair = world.pairs[j]
-    if law == TRANSLATIONAL:
+    if balances_mass(law):
         # The law balances m v, the bodies carry kappa m v^2/2.
         a = world.bodies[pair.a].kappa * world.flights[pair.a].speed
         return 0.5 * (a - world.bodies[pair.b].kappa * world.flights[pair.b].speed)

@@ -40,6 +40,15 @@ def weight_and_response(law: int, body: BodyData, normal: float) -> tuple[float,
 
 
 @kernel
+def balances_mass(law: int) -> bool:
+    """Tell whether a law keeps ``sum m v`` of two bodies, where others keep ``sum kappa m v``.
+
+    It is asked wherever lasting contact begins: what bounces keep is what is left of them.
+    """
+    return law == TRANSLATIONAL
+
+
+@kernel
 def law_approach(
     law: int,
     body_a: BodyData,

@@ -18,7 +18,7 @@ from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.impact.laws import (
     HEDRIH,
     NORMAL_IMPULSE,
-    TRANSLATIONAL,
+    balances_mass,
     impact_of_pair,
     law_approach,
     loss_of_impulse,
@@ -471,7 +471,7 @@ def _equalise(world: World, first: int, end: int) -> float:
     total = 0.0
     for body in range(first, end + 1):
         mass = world.bodies[body].rolling_mass
-        if world.settings[0].law == TRANSLATIONAL:
+        if balances_mass(world.settings[0].law):
             mass = world.bodies[body].mass
         moving += mass * world.springs[body].v
         total += mass

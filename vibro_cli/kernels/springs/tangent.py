@@ -17,7 +17,7 @@ matrix. Where contact begins, changes are projected onto the common motion.
 from __future__ import annotations
 
 from vibro_cli.compile.kernel import FloatMatrix, kernel
-from vibro_cli.kernels.impact.laws import TRANSLATIONAL, weight_and_response
+from vibro_cli.kernels.impact.laws import balances_mass, weight_and_response
 from vibro_cli.kernels.numerics.double_double import add_to_time, time_between
 from vibro_cli.kernels.numerics.tridiagonal import solve_from_both_ends
 from vibro_cli.kernels.springs.impacts import (
@@ -444,7 +444,7 @@ def _unite(world: World, tangents: Tangents, first: int, count: int, column: int
         total = 0.0
         for body in range(first, first + count):
             mass = world.bodies[body].rolling_mass
-            if world.settings[0].law == TRANSLATIONAL:
+            if balances_mass(world.settings[0].law):
                 mass = world.bodies[body].mass
             momentum += mass * tangents.frame[2 * body + part, column]
             total += mass

@@ -28,7 +28,7 @@ from vibro_cli.kernels.contact.contact_kinematics import centre_position, centre
 from vibro_cli.kernels.flow.flow import acceleration_at, recall_flight
 from vibro_cli.kernels.impact.laws import (
     NORMAL_IMPULSE,
-    TRANSLATIONAL,
+    balances_mass,
     law_approach,
     weight_and_response,
 )
@@ -517,7 +517,7 @@ def _constrain(
 def _unite(world: World, tangents: Tangents, row: FlightRow) -> None:
     """Project tangent vectors onto the common motion of a group, which keeps its momentum."""
     tangents.state[0].lost = 1
-    by_mass = world.settings[0].law == TRANSLATIONAL and _acts_along_centres(world, tangents, row)
+    by_mass = balances_mass(world.settings[0].law) and _acts_along_centres(world, tangents, row)
     closes = by_mass and row.cause == CONTACT_CLOSED
     drift = tangents.state[0].time_scale * _drift(world, tangents, row) if closes else 0.0
     for column in range(len(tangents.frame)):
