@@ -150,10 +150,6 @@ def test_the_first_ten_impacts_against_fifty_digits(name: str) -> None:
                 assert abs(value - known) <= 1e-12 * min(1.0, max(speed, 0.1))
 
 
-# A law is some ten operations on speeds, of which an impulse may change one by twice the fastest.
-LAW_ROUNDING = 4e-15
-
-
 @given(
     angle=st.floats(-1.2, 1.2),
     radii=st.tuples(st.floats(0.05, 0.2), st.floats(0.05, 0.2)),
@@ -177,9 +173,9 @@ def test_a_law_acts_along_the_line_of_centres(
     row = {name: values[0] for name, values in run.collisions.items()}
     for end, (normal, tangential) in exact_components(row, radii, masses, k).items():
         for name, known in (("normal", normal), ("tangential", tangential)):
-            assert abs(component(row, end, "post", name) - known) <= LAW_ROUNDING * fastest(row)
-        assert abs(row[f"normal_speed_{end}_post"] - normal) <= LAW_ROUNDING * fastest(row)
-        assert abs(row[f"tangential_speed_{end}"] - tangential) <= LAW_ROUNDING * fastest(row)
+            assert abs(component(row, end, "post", name) - known) <= 1e-15 * fastest(row)
+        assert abs(row[f"normal_speed_{end}_post"] - normal) <= 1e-15 * fastest(row)
+        assert abs(row[f"tangential_speed_{end}"] - tangential) <= 1e-15 * fastest(row)
 
 
 def component(row: dict[str, Any], end: str, when: str, name: str) -> Any:
