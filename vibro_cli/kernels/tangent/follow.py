@@ -59,6 +59,7 @@ from vibro_cli.kernels.world import (
     FlightRow,
     ImpactRow,
     World,
+    number_along,
 )
 
 # Columns of the scratch rows of a joint impact.
@@ -68,7 +69,7 @@ _DELAY = 3
 # Ratios of speeds that differ from 1 by less do so by rounding: normals are the same.
 SAME_NORMALS = 1.0e-12
 # Two that part at less than this share of their speeds do so by rounding.
-NO_PARTING = 1.0e-11
+LEAST_PARTING = 1.0e-11
 
 
 @kernel
@@ -520,15 +521,16 @@ def _unite(world: World, tangents: Tangents, row: FlightRow) -> None:
     by_mass = balances_mass(world.settings[0].law) and _acts_along_centres(world, tangents, row)
     closes = by_mass and row.cause == CONTACT_CLOSED
     drift = tangents.state[0].time_scale * _drift(world, tangents, row) if closes else 0.0
+    pressed = _closing_pair(world, tangents, row) if closes else 0
     for column in range(len(tangents.frame)):
-        later = _delay_of_contact(world, tangents, row, column) if closes else 0.0
+        later = _delay_of_contact(world, tangents, row, pressed, column) if closes else 0.0
         way, inertia = _momentum(world, tangents, row, column, 0, by_mass)
         rate, _ = _momentum(world, tangents, row, column, 1, by_mass)
         ratio = 1.0
         for step in range(row.group_count):
-            ball = (row.group_first + step) % world.settings[0].bodies
+            ball = number_along(world, row.group_first, step)
             if step > 0:
-                ratio *= _ratio(world, tangents, _before(world, ball), ball)
+                ratio *= _ratio(world, tangents, number_along(world, ball, -1), ball)
             tangents.frame[2 * ball, column] = ratio * way / inertia
             tangents.frame[2 * ball + 1, column] = ratio * rate / inertia + ratio * later * drift
 
@@ -542,9 +544,9 @@ def _momentum(
     momentum = 0.0
     inertia = 0.0
     for step in range(row.group_count):
-        ball = (row.group_first + step) % world.settings[0].bodies
+        ball = number_along(world, row.group_first, step)
         if step > 0:
-            ratio *= _ratio(world, tangents, _before(world, ball), ball)
+            ratio *= _ratio(world, tangents, number_along(world, ball, -1), ball)
         body = world.bodies[ball]
         weight = (body.mass if by_mass else body.rolling_mass) * ratio
         momentum += weight * tangents.frame[2 * ball + part, column]
@@ -553,17 +555,11 @@ def _momentum(
 
 
 @kernel
-def _before(world: World, ball: int) -> int:
-    """Number of the body left of another one."""
-    return (ball - 1) % world.settings[0].bodies
-
-
-@kernel
 def _acts_along_centres(world: World, tangents: Tangents, row: FlightRow) -> bool:
     """Tell whether the speeds along the lines of centres of a group are those of its bodies."""
     for step in range(1, row.group_count):
-        ball = (row.group_first + step) % world.settings[0].bodies
-        if abs(_ratio(world, tangents, _before(world, ball), ball) - 1.0) > SAME_NORMALS:
+        ball = number_along(world, row.group_first, step)
+        if abs(_ratio(world, tangents, number_along(world, ball, -1), ball) - 1.0) > SAME_NORMALS:
             return False
     return True
 
@@ -579,7 +575,7 @@ def _drift(world: World, tangents: Tangents, row: FlightRow) -> float:
     rolling_momentum = 0.0
     rolling = 0.0
     for step in range(row.group_count):
-        ball = (row.group_first + step) % world.settings[0].bodies
+        ball = number_along(world, row.group_first, step)
         body = world.bodies[ball]
         momentum += body.mass * tangents.arriving[ball, 1]
         mass += body.mass
@@ -597,17 +593,19 @@ def _closing_pair(world: World, tangents: Tangents, row: FlightRow) -> int:
     closing = row.group_first
     most = 0.0
     for step in range(1, row.group_count):
-        ball = (row.group_first + step) % world.settings[0].bodies
-        c = tangents.arriving[_before(world, ball), 1] - tangents.arriving[ball, 1]
+        ball = number_along(world, row.group_first, step)
+        c = tangents.arriving[number_along(world, ball, -1), 1] - tangents.arriving[ball, 1]
         if c > most:
             most = c
-            closing = _before(world, ball)
+            closing = number_along(world, ball, -1)
     return closing
 
 
 @kernel
-def _delay_of_contact(world: World, tangents: Tangents, row: FlightRow, column: int) -> float:
-    """By how much later (s) a contact closes, ``2 u/(c (1 - k))`` after its last bounce.
+def _delay_of_contact(
+    world: World, tangents: Tangents, row: FlightRow, a: int, column: int
+) -> float:
+    """By how much later (s) the contact right of body ``a`` closes: ``2 u/(c (1 - k))`` after a bounce.
 
     The change ``r`` of the parting speed ``u``, at one time, is that at the bounce less ``c dt``
     for its delay ``dt``, in which the gap has changed by ``-u dt``; ``c`` is the approach
@@ -615,8 +613,7 @@ def _delay_of_contact(world: World, tangents: Tangents, row: FlightRow, column: 
     The solver adds nothing to the time of bounces of bodies that are held to others.
     """
     tau = tangents.state[0].time_scale
-    a = _closing_pair(world, tangents, row)
-    b = (a + 1) % world.settings[0].bodies
+    b = number_along(world, a, 1)
     speed_a = tangents.arriving[a, 0]
     speed_b = tangents.arriving[b, 0]
     c: float = tangents.arriving[a, 1] - tangents.arriving[b, 1]
@@ -626,7 +623,7 @@ def _delay_of_contact(world: World, tangents: Tangents, row: FlightRow, column: 
     rate: float = (tangents.frame[2 * b + 1, column] - tangents.frame[2 * a + 1, column]) / tau
     k: float = world.pairs[a].restitution
     u: float = speed_b - speed_a
-    if k == 0.0 or u <= NO_PARTING * (abs(speed_a) + abs(speed_b)):
+    if k == 0.0 or u <= LEAST_PARTING * (abs(speed_a) + abs(speed_b)):
         return rate / c
     delay: float = -way / u
     if row.group_count > 2:
