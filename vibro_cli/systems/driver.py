@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -155,11 +155,8 @@ class Driver:
 
     def _needs_impacts(self) -> bool:
         """Whether no stop ends the run but one by impacts, where the loop has other stops."""
-        settings: Any = self.world.settings[0]
-        read = settings.__getitem__ if self.engine == "compiled" else partial(getattr, settings)
-        return all(
-            read(name) == no_stop for name, no_stop in (self._loop.other_stops or {}).items()
-        )
+        stops = (self._loop.other_stops or {}).items()
+        return all(_get(self.world.settings, name) == no_stop for name, no_stop in stops)
 
     def _too_quiet(self, words: str) -> TooQuiet:
         return TooQuiet(
@@ -207,8 +204,7 @@ class Driver:
 
     def clock_value(self, name: str) -> float:
         """Return a field of the run's clock, whichever engine holds it."""
-        clock: Any = self.world.clock[0]
-        return float(clock[name] if self.engine == "compiled" else getattr(clock, name))
+        return float(_get(self.world.clock, name))
 
     def clock(self) -> dict[str, Any]:
         """Return all fields of the run's clock."""
@@ -266,6 +262,11 @@ def compiled_world(loop: EventLoop, world: Any, logs_of: Any = None) -> Any:
             kind = np.float64 if len(rows) and isinstance(rows[0], float) else np.int64
             arrays[name] = np.array(rows, dtype=kind)
     return type(world)(**arrays)
+
+
+def _get(records: Any, field: str) -> Any:
+    """Return the value of a field of the only record of an array, or of interpreted ones."""
+    return records[field][0] if isinstance(records, np.ndarray) else getattr(records[0], field)
 
 
 def _set(records: Any, field: str, value: Any) -> None:
