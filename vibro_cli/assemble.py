@@ -31,7 +31,7 @@ from vibro_cli.numerics.elementwise import Some
 from vibro_cli.scenario.base import AnyScenario, BodyTable, check_scenario
 from vibro_cli.scenario.models import Ball, Scenario
 from vibro_cli.scenario.models import Wall as WallTable
-from vibro_cli.scenario.problems import Problem, ScenarioError
+from vibro_cli.scenario.problems import Problem, ScenarioError, in_order
 from vibro_cli.systems import system_named
 
 
@@ -101,8 +101,7 @@ class Findings:
     def settle(self) -> None:
         """Raise everything found so far, in the order of the file."""
         if self.problems:
-            by_place = sorted(self.problems, key=lambda found: (found.line or 0, found.column or 0))
-            raise ScenarioError(by_place)
+            raise ScenarioError(in_order(self.problems))
 
 
 _MASSES = (1e-100, 1e100)

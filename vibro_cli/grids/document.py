@@ -22,6 +22,7 @@ from vibro_cli.scenario.problems import (
     KeyPath,
     Problem,
     ScenarioError,
+    in_order,
     path_text,
     shown,
     suggestion,
@@ -118,7 +119,7 @@ def grid_of(document: Document, folder: Path, overrides: Sequence[str] = ()) -> 
     design = _design(given, folder, base, faults)
     problems += located(faults, document.source)
     if problems:
-        raise ScenarioError(sorted(problems, key=lambda one: (one.line or 0, one.column or 0)))
+        raise ScenarioError(in_order(problems))
     return Grid(given.name or document.name, base, design, keep, given.chunk_points)
 
 

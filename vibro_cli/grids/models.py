@@ -11,7 +11,7 @@ from pydantic import Field
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.base import Listed, Rule, Table, at_least_one, at_most_one, exactly_one
 from vibro_cli.scenario.models import Data, one_of, rows, section
-from vibro_cli.scenario.problems import Fault, listing, parsed_path, shown
+from vibro_cli.scenario.problems import A_PATH, Fault, listing, parsed_path, shown
 
 GENERATORS = ("values", "linspace", "logspace", "uniform", "table")
 """Keys of an axis of which each gives its values in a way of its own."""
@@ -22,21 +22,17 @@ _SOURCES = ("base", "scenario")
 _PATHS = ("path", "paths")
 
 
-class _Path(kinds.Kind):
+class _Path(kinds.Text):
     """A path of the scenario, such as balls[1].angle."""
 
     def read(self, value: object) -> str:
         """Return the path."""
+        text = super().read(value)
         try:
-            parsed_path(value if isinstance(value, str) else "")
+            parsed_path(text)
         except ValueError:
-            expected = "a path such as collision.k or balls[1].angle, counted from 1"
-            raise kinds.fault(shown(value), expected) from None
-        return str(value)
-
-    def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema: a string."""
-        return {"type": "string"}
+            raise kinds.fault(shown(text), self.meaning) from None
+        return text
 
 
 @dataclass(frozen=True)
@@ -50,8 +46,9 @@ class _Ends(kinds.Kind):
 
     def read(self, value: object) -> list[Any]:
         """Return the list."""
-        forms = {3: "[low, high, count]"} if self.count_needed else {}
-        forms = forms or {2: "[low, high]", 3: "[low, high, count]"}
+        forms = {2: "[low, high]", 3: "[low, high, count]"}
+        if self.count_needed:
+            del forms[2]
         if isinstance(value, list) and len(value) in forms:
             return value
         raise kinds.fault(shown(value), listing(forms.values()))
@@ -76,9 +73,9 @@ class AxisTable(Table):
         at_least_one(*_PATHS, "table"),
     )
 
-    path: Annotated[str | None, _Path()] = None
+    path: Annotated[str | None, _Path(A_PATH)] = None
     """The scalar of the scenario that the axis changes, such as balls[1].angle; counted from 1."""
-    paths: Annotated[tuple[Annotated[str, _Path()], ...] | None, Listed("paths", 1)] = None
+    paths: Annotated[tuple[Annotated[str, _Path(A_PATH)], ...] | None, Listed("paths", 1)] = None
     """Or several scalars, which go through their values together."""
     values: Annotated[tuple[Any, ...] | None, Listed("values", 1)] = None
     """The values, numbers or words; of several paths one for all, or a list with one for each."""

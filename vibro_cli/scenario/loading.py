@@ -23,12 +23,14 @@ from vibro_cli.scenario.base import AnyScenario, model_of, plain
 from vibro_cli.scenario.forms import MOST_BYTES, Source, check_toml, line_and_column
 from vibro_cli.scenario.models import Scenario
 from vibro_cli.scenario.problems import (
+    A_PATH,
     Fault,
     FormError,
     KeyPath,
     Place,
     Problem,
     ScenarioError,
+    in_order,
     parsed_path,
     path_text,
     shortened,
@@ -81,8 +83,7 @@ def _path(text: str) -> KeyPath:
     try:
         return parsed_path(text)
     except ValueError:
-        expected = "a path such as collision.k or balls[1].angle, counted from 1"
-        raise OverrideError(Fault((), shown(text), expected)) from None
+        raise OverrideError(Fault((), shown(text), A_PATH)) from None
 
 
 def parse_value(text: str) -> Any:
@@ -296,7 +297,7 @@ def _changed(
 def located(faults: Iterable[Fault], source: Source) -> list[Problem]:
     """Return faults as problems with their places, in the order of the file."""
     problems = [_problem(fault, source.place(fault.loc, fault.on_key)) for fault in faults]
-    return sorted(problems, key=lambda p: (p.line or 0, p.column or 0))
+    return in_order(problems)
 
 
 def _problem(fault: Fault, place: Place) -> Problem:

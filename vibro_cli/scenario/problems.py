@@ -52,6 +52,11 @@ class Problem:
         return ": ".join(part for part in (place, self.path, self.message, pair) if part)
 
 
+def in_order(problems: Iterable[Problem]) -> list[Problem]:
+    """Return problems in the order of the file."""
+    return sorted(problems, key=lambda one: (one.line or 0, one.column or 0))
+
+
 class ScenarioError(VibroError):
     """A scenario that cannot be used; `problems` lists everything that is wrong with it."""
 
@@ -163,6 +168,10 @@ class FormError(Exception):
         self.found = found
         self.expected = expected
         self.loc = loc
+
+
+A_PATH = "a path such as collision.k or balls[1].angle, counted from 1"
+"""What is expected where a text is no path."""
 
 
 def parsed_path(text: str) -> KeyPath:

@@ -93,7 +93,7 @@ class Quantity(Kind):
     at_least: float | None = None
     at_most: float | None = None
     bounds: str = ""
-    within: tuple[float, float] | None = None
+    within: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def unit(self) -> str:
@@ -108,7 +108,7 @@ class Quantity(Kind):
         if not self._in_bounds(number):
             raise fault(self._found(value, number), f"a number{self._bounds()}")
         if not self._is_computable(number):
-            low, high = self.within or (0.0, 0.0)
+            low, high = self.within
             expected = f"{self._named()} from {low:g} to {high:g} {self.unit}"
             raise fault(self._found(value, number), expected)
         return number
@@ -128,7 +128,7 @@ class Quantity(Kind):
         return allowed
 
     def _is_computable(self, number: Any) -> Any:
-        low, high = self.within or (-math.inf, math.inf)
+        low, high = self.within
         return (number == 0.0) | ((number >= low) & (number <= high))
 
     def _number(self, value: object) -> float:
@@ -172,11 +172,13 @@ class Quantity(Kind):
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema: a number, or for a dimension also a text with its unit."""
         number: dict[str, Any] = {"type": "number"}
-        low, high = self.within or (None, self.at_most)
-        bounds = {"exclusiveMinimum": self.above, "minimum": self.at_least, "maximum": high}
-        if low is not None and self.at_least is None and (self.above is None or low > self.above):
-            bounds |= {"exclusiveMinimum": None, "minimum": low}
-        number.update({word: bound for word, bound in bounds.items() if bound is not None})
+        low, high = self.within
+        bounds = {"exclusiveMinimum": self.above, "minimum": self.at_least}
+        if self.at_least is None and (self.above is None or low > self.above):
+            bounds = {"minimum": low}
+        bounds["maximum"] = high if self.at_most is None else self.at_most
+        given = {word: bound for word, bound in bounds.items() if bound is not None}
+        number |= {word: bound for word, bound in given.items() if math.isfinite(bound)}
         if not self.dimension:
             return number
         example = EXAMPLES[self.dimension].split(", ")
