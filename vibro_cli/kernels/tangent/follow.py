@@ -605,7 +605,7 @@ def _closing_pair(world: World, tangents: Tangents, row: FlightRow) -> int:
 def _delay_of_contact(
     world: World, tangents: Tangents, row: FlightRow, a: int, column: int
 ) -> float:
-    """By how much later (s) body ``a`` is held by its right one, ``2 u/(c (1 - k))`` after a bounce.
+    """By how much later (s) body ``a`` is held by its right, ``2 u/(c (1 - k))`` after a bounce.
 
     The change ``r`` of the parting speed ``u``, at one time, is that at the bounce less ``c dt``
     for its delay ``dt``, in which the gap has changed by ``-u dt``; ``c`` is the approach
