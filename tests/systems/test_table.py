@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.highprecision import table as twin
 from tests.systems.table_cases import Document, ball, box, ellipse, particle, solve, table
+from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.systems.run import Run
 
@@ -150,17 +151,45 @@ def test_the_first_ten_impacts_against_fifty_digits(name: str) -> None:
                 assert abs(value - known) <= 1e-12 * min(1.0, max(speed, 0.1))
 
 
+# Of a velocity after an impact, relative to the fastest. The normal, the impulse and the sums have
+# some fifteen roundings, which an impact that turns a ball round doubles: in two million scenes at
+# most 1.7e-15 came of them; the median is an eighth of it.
+ROUNDING = 2e-15
+TYPICAL_ROUNDING = 2.5e-16
+
+
 @given(
     angle=st.floats(-1.2, 1.2),
     radii=st.tuples(st.floats(0.05, 0.2), st.floats(0.05, 0.2)),
     masses=st.tuples(st.floats(0.1, 10.0), st.floats(0.1, 10.0)),
     k=st.floats(0.0, 1.0),
-    law=st.sampled_from(["hedrih", "normal-impulse", "translational"]),
+    law=st.sampled_from(LAW_NAMES),
 )
+@example(0.0, (0.13262284589506762, 0.1522211404749953), (1.0, 0.25), 0.5, "hedrih")
 @settings(deadline=None)
 def test_a_law_acts_along_the_line_of_centres(
     angle: float, radii: tuple[float, float], masses: tuple[float, float], k: float, law: str
 ) -> None:
+    assert law_error(angle, radii, masses, k, law) <= ROUNDING
+
+
+@pytest.mark.parametrize("law", LAW_NAMES)
+def test_a_typical_impact_has_a_few_roundings(law: str) -> None:
+    rng = np.random.default_rng(20261125)
+    errors = [
+        law_error(
+            rng.uniform(-0.8, 0.8), tuple(rng.uniform(0.05, 0.2, 2)),
+            tuple(rng.uniform(0.1, 10.0, 2)), rng.uniform(), law,
+        )
+        for _ in range(200)
+    ]  # fmt: skip
+    assert np.median(errors) <= TYPICAL_ROUNDING
+
+
+def law_error(
+    angle: float, radii: tuple[float, ...], masses: tuple[float, ...], k: float, law: str
+) -> float:
+    """Largest error of the components after an impact by a law, of the fastest; 0 if they miss."""
     touch = 2.0 * math.sqrt(radii[0] * radii[1])
     first = ball(0.0, 0.0, 1.0, 0.3, radius=radii[0], mass=masses[0])
     x, y = 1.01 * touch * math.cos(angle), 1.01 * touch * math.sin(angle)
@@ -169,13 +198,15 @@ def test_a_law_acts_along_the_line_of_centres(
     document["collision"] |= {"law": law, "inadmissible": "normal-impulse"}
     run = solve(document)
     if not len(run.collisions["n"]):
-        return  # they miss
+        return 0.0
     row = {name: values[0] for name, values in run.collisions.items()}
+    errors = []
     for end, (normal, tangential) in exact_components(row, radii, masses, k).items():
         for name, known in (("normal", normal), ("tangential", tangential)):
-            assert abs(component(row, end, "post", name) - known) <= 1e-15 * fastest(row)
-        assert abs(row[f"normal_speed_{end}_post"] - normal) <= 1e-15 * fastest(row)
-        assert abs(row[f"tangential_speed_{end}"] - tangential) <= 1e-15 * fastest(row)
+            errors.append(abs(component(row, end, "post", name) - known))
+        errors.append(abs(row[f"normal_speed_{end}_post"] - normal))
+        errors.append(abs(row[f"tangential_speed_{end}"] - tangential))
+    return float(max(errors)) / fastest(row)
 
 
 def component(row: dict[str, Any], end: str, when: str, name: str) -> Any:
@@ -197,7 +228,7 @@ def fastest(row: dict[str, Any]) -> float:
 
 
 def exact_components(
-    row: dict[str, Any], radii: tuple[float, float], masses: tuple[float, float], k: float
+    row: dict[str, Any], radii: tuple[float, ...], masses: tuple[float, ...], k: float
 ) -> dict[str, tuple[Any, Any]]:
     """Components along and across the line of centres after the law of a row, to 50 digits."""
     r, m = [twin.number(v) for v in radii], [twin.number(v) * 7 / 5 for v in masses]
