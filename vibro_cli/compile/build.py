@@ -116,19 +116,12 @@ def build(
         If a kernel uses what the subset does not have.
     """
     command = compiler()
-    with _work_folder(folder) as work, ThreadPoolExecutor(os.cpu_count()) as pool:
+    with _work_folder(folder) as work:
         shutil.copy(PRELUDE, work)
-        tasks = []
-        for program in programs:  # each compiles while the next is translated
+        for program in programs:
             (work / f"{program.name}.cpp").write_text(program.source())
-            for level in levels:
-                options = [*flags(level, command), *more_flags, "-c", "-o", _object(program, level)]
-                task = [*command, *options, f"{program.name}.cpp"]
-                tasks.append(pool.submit(_run, task, work))
-        for running in tasks:
-            running.result()
-        link = [*command, "-shared", "-fPIC", *more_flags]
-        made = [_linked(programs, link, level, work) for level in levels]
+        names = [program.name for program in programs]
+        made = _compiled(command, more_flags, names, levels, work)
         record = work / RECORD
         record.write_text(json.dumps(_record(levels), indent=1) + "\n")
         for path in (*made, record):
@@ -150,19 +143,29 @@ def _work_folder(folder: Path) -> Iterator[Path]:
         os.close(handle)
 
 
-def _linked(programs: Sequence[Program], command: Sequence[str], level: str, work: Path) -> Path:
-    """Link the programs for a kind of processor; return the library."""
+def _compiled(
+    command: Sequence[str],
+    more_flags: Sequence[str],
+    names: Sequence[str],
+    levels: Sequence[str],
+    work: Path,
+) -> list[Path]:
+    """Compile and link the sources for every kind of processor."""
+    tasks = [
+        [*command, *flags(level, command), *more_flags, "-c", "-o", f"{name}.o", source]
+        for level in levels
+        for source, name in ((f"{name}.cpp", f"{name}-{level}") for name in names)
+    ]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(lambda task: _run(task, work), tasks))
     # The wheel would first build its runtime, which takes a minute, and whose sines are not to the
     # bit those that Python calls. The machine's own libraries have all that kernels need.
     own_runtime = ["-nostdlib", "-lc"] if ZIG in command else []
-    objects = [_object(program, level) for program in programs]
-    name = library_name(level)
-    _run([*command, "-o", name, *objects, *own_runtime, "-lm"], work)
-    return work / name
-
-
-def _object(program: Program, level: str) -> str:
-    return f"{program.name}-{level}.o"
+    link = [*command, "-shared", "-fPIC", *more_flags]
+    for level in levels:
+        objects = [f"{name}-{level}.o" for name in names]
+        _run([*link, "-o", library_name(level), *objects, *own_runtime, "-lm"], work)
+    return [work / library_name(level) for level in levels]
 
 
 def _record(levels: Sequence[str]) -> dict[str, Any]:
