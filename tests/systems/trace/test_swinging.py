@@ -68,3 +68,13 @@ def test_rows_of_the_event_loop(
     assert ours.clock_value("collisions") == theirs.clock_value("collisions") > 10
     for name in LOOP.work_done:
         assert ours.clock_value(name) == theirs.clock_value(name)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_rows_keep_nothing_of_the_lasting_contact_logged_there_before(engine: str) -> None:
+    log = _run(_system(CHAIN, (-1.2, 0.1), law="normal-impulse", k=0.495), engine).logs["log"]
+    rows = log.table()
+    alone = rows[rows["grouped"] == 0]
+    assert 100 < len(alone) < len(rows) - 100
+    for field in ("group_count", "flow_s", "flow_c", "rate_ratio", "frequency", "segment"):
+        assert not alone[field].any(), field
