@@ -456,6 +456,25 @@ def test_a_plastic_ball_stays_at_a_curved_wall_and_the_run_says_so() -> None:
     assert gaps[-1] < 1e-5 * gaps[0]
 
 
+@pytest.mark.parametrize("place", [0.0, 0.1, 2.0])
+@pytest.mark.parametrize("skim", [0.0, 3e-8])
+def test_a_ball_that_moves_along_a_curved_wall_stays_at_it(place: float, skim: float) -> None:
+    x, y = 0.9 * np.cos(place), 0.9 * np.sin(place)
+    along = place + 0.5 * np.pi - skim
+    rolling = ball(x, y, np.cos(along), np.sin(along), radius=0.1)
+    run = solve(table([rolling], {"shape": "circle", "radius": 1.0, "k": 1.0}, time=1.0))
+    assert run.end_cause == "wall_contact"
+    assert run.end_time <= 2e-7
+
+
+def test_a_ball_that_skims_along_a_circle_goes_from_chord_to_chord() -> None:
+    skim = 1e-3
+    rolling = ball(0.9, 0.0, np.sin(skim), np.cos(skim), radius=0.1)
+    run = solve(table([rolling], {"shape": "circle", "radius": 1.0, "k": 1.0}, bounces=1000))
+    chord = 2.0 * 0.9 * np.sin(skim)
+    np.testing.assert_allclose(run.bounces["t"], chord * np.arange(1000), rtol=1e-6, atol=1e-12)
+
+
 def test_a_ball_hit_from_both_sides_at_once() -> None:
     balls = [ball(-1.0, 0.0, 1.0), ball(0.0, 0.0), ball(1.0, 0.0, -1.0)]
     run = solve(table(balls, k=0.25, time=100.0))

@@ -211,9 +211,9 @@ def bounce(world: World, ball: int) -> int:
     state.square = max(state.square - taken, 0.0)
     state.vx, state.vy = _kept(world, ball, vx, vy)
     row.vx_post, row.vy_post = state.vx, state.vy
-    # Bounces along a concave wall follow one another ever faster, until the ball stays there.
+    # Where k < 1 bounces along a concave wall come ever faster, until the ball stays there.
     concave = wall.kind == CONIC and wall.side > 0.0
-    if concave and k < 1.0 and k * closing <= ALONG_THE_WALL * speed:
+    if concave and k * closing <= ALONG_THE_WALL * speed:
         return END_WALL_CONTACT
     return RUNNING
 
