@@ -164,6 +164,7 @@ TURNING = Overrides(
     {
         flow.flow: rotating_flow.flow,
         flow.angular_acceleration: rotating_flow.angular_acceleration,
+        flow.acceleration_slopes: rotating_flow.acceleration_slopes,
         flow.angular_jerk: rotating_flow.angular_jerk,
         flow.tangential_acceleration: rotating_flow.tangential_acceleration,
         flow.nudge: rotating_flow.nudge,

@@ -202,6 +202,13 @@ def pendulum_jerk(w: float, s: float, c: float, rate: float) -> float:
 
 
 @kernel
+def acceleration_slopes(flight: Flight, s: float, c: float) -> tuple[float, float]:
+    """Derivatives (1/s^2) with the angle of the acceleration of a body alone on an arc: two."""
+    w = flight.frequency
+    return -(w * w) * ((c - s) * (c + s)), 2.0 * (w * w * s * c)
+
+
+@kernel
 def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: float) -> float:
     """Acceleration (m/s^2) of a body's centre along its path."""
     if flight.form == LINE:

@@ -160,6 +160,15 @@ def angular_jerk(flight: Flight, s: float, c: float, p: float) -> float:
 
 
 @kernel
+def acceleration_slopes(flight: Flight, s: float, c: float) -> tuple[float, float]:
+    """Derivatives (1/s^2) with the angle of the acceleration of a body alone on an arc: two."""
+    w = flight.frequency
+    sine, cosine = twice_angle(s, c)
+    bend = sine - flight.tilt * cosine - 4.0 * flight.spread * (sine * cosine)
+    return w * w * stiffness(flight.tilt, flight.spread, s, c), w * w * bend
+
+
+@kernel
 def tangential_acceleration(flight: Flight, path_radius: float, s: float, c: float) -> float:
     """Acceleration (m/s^2) of a body's centre along its path."""
     if flight.form == TURNING_LINE:

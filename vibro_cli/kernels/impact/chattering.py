@@ -1,8 +1,8 @@
 """Bounces of a pair left to itself, summed in closed form (Zeno), and their limit: a common speed.
 
-With the parting speed u, the approach acceleration ``c`` and its rate ``c'`` all further bounces
-last ``T = T0 - c' T0^2/(3 c)``, ``T0 = 2 u/(c (1 - k))``. It is taken when what this leaves out is
-smaller than the rounding of the gap makes the time of the next bounce uncertain. Of bodies held to
+With the parting speed u and the approach acceleration ``c`` all further bounces last ``T0 = 2 u/(c
+(1 - k))``, and for a free pair on one arc what :func:`_changes` adds. It is taken when what this
+leaves out is smaller than what the rounding of the gap has made uncertain. Of bodies held to
 others, or leaning on a wall, each bounce is a sequence of impacts of them all, which leaves the
 same share of the speed each time: that of the last bounce stands for k.
 
@@ -14,6 +14,8 @@ stays as it was, and is all that is left in the end.
 
 from __future__ import annotations
 
+import math
+
 from vibro_cli.compile.kernel import kernel
 from vibro_cli.kernels.contact.contact_kinematics import (
     distance_gap,
@@ -24,7 +26,11 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     speed_of_pair,
 )
 from vibro_cli.kernels.flow.flight import state_at
-from vibro_cli.kernels.flow.flow import angular_jerk, tangential_acceleration
+from vibro_cli.kernels.flow.flow import (
+    acceleration_slopes,
+    angular_acceleration,
+    tangential_acceleration,
+)
 from vibro_cli.kernels.impact.impulse_chain import (
     apply_impulses,
     held_from,
@@ -52,12 +58,13 @@ from vibro_cli.kernels.world import (
     flights_of,
     number_along,
     pair_along,
-    track_of,
     tracks_of,
 )
 
 # A bounce must be this small against the bodies before its accumulation is looked at.
 SMALL_BOUNCE = 1.0e-4
+# Free bounces are told by contact from this share of the distance of the centres down.
+LOW_BOUNCE = 1.0e-8
 # A bounce lower than this many units in the last place of the places is lost in rounding.
 LOST_BOUNCE = 4.0
 # Bodies that go less than this share of that from bounce to bounce go nowhere.
@@ -176,7 +183,7 @@ def _summed(
     if not lost and 0.5 * abs(_drift(world, j)) * delay * delay > rounding:
         return NOT_YET
     if not lost:
-        delay = _refined(world, j, u, c, rounding, delay)
+        delay = _refined(world, j, u, c, share, rounding, delay)
         if delay < 0.0 or not _undisturbed(world, j, delay):
             return NOT_YET
     if delay >= world.flights[pair.a].exit_after or delay >= world.flights[pair.b].exit_after:
@@ -251,8 +258,13 @@ def carry_drift(world: World, j: int, delay: float) -> float:
 
 
 @kernel
-def _refined(world: World, j: int, u: float, c: float, rounding: float, first_term: float) -> float:
-    """The sum of the bounces with the change of ``c``, ``NOT_YET`` while that leaves out much."""
+def _refined(
+    world: World, j: int, u: float, c: float, share: float, rounding: float, first_term: float
+) -> float:
+    """The sum of the bounces with the changes of ``c``, ``NOT_YET`` while that leaves out much.
+
+    Nor is it taken while they are so high that contact, by which they are told, is far from them.
+    """
     pair = world.pairs[j]
     a, b = flights_of(world, pair)
     free = a.piece == b.piece and a.grouped == 0 and b.grouped == 0 and a.own_frequency > 0.0
@@ -261,14 +273,48 @@ def _refined(world: World, j: int, u: float, c: float, rounding: float, first_te
         rate += (a.acceleration_bound + b.acceleration_bound) * _fastest(world, j)
         missing = first_term * first_term * rate / c
         return first_term if missing * u <= rounding else NOT_YET
-    jerk = angular_jerk(b, b.s, b.c, b.p) - angular_jerk(a, a.s, a.c, a.p)
-    # On one arc the distance grows with the angle by n t_a rho_a.
-    track = track_of(world, pair.a)
-    relative = jerk * track.path_radius * pair.normal_a / c
-    missing = first_term * first_term * first_term * (rate / c) * (rate / c)
-    if missing * u > rounding:
+    # What each bounce before has left uncertain of the speed is a series of squares.
+    left = 1.0 - share
+    uncertain = rounding / (u * left * math.sqrt(left * (1.0 + share)))
+    missing = first_term * rate / c
+    if first_term * missing * missing * missing > uncertain:
         return NOT_YET
-    return first_term * (1.0 + relative * first_term * (1.0 / 3.0))
+    if u * u > 2.0 * c * LOW_BOUNCE * pair.distance:
+        return NOT_YET
+    return first_term * (1.0 + _changes(world, j, c, share, first_term))
+
+
+@kernel
+def _changes(world: World, j: int, c: float, k: float, time: float) -> float:
+    """What changes of ``c`` add to the sum T of the bounces of a free pair on one arc, over T.
+
+    ``-c' T/3c`` and, over ``9 (1 + k + k^2)``: ``(2 + 3k + 2k^2) (c' T/c)^2``, three quarters of
+    ``-(1 + k)^2 c'' T^2/c`` and of ``-(1 - k)^2 w^2 T^2``. The derivatives of ``c`` are those on
+    the motion in contact; ``w^2`` is that with the gap.
+    """
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    track_a, track_b = tracks_of(world, pair)
+    _, gives_a = weight_and_response(pair.law, world.bodies[pair.a], pair.normal_a)
+    _, gives_b = weight_and_response(pair.law, world.bodies[pair.b], pair.normal_b)
+    # Of a change of the difference of both angles.
+    share_a = gives_a * track_b.path_radius
+    share_a /= share_a + gives_b * track_a.path_radius
+    share_b = 1.0 - share_a
+    slope_a, bend_a = acceleration_slopes(a, a.s, a.c)
+    slope_b, bend_b = acceleration_slopes(b, b.s, b.c)
+    rate = 2.0 * (share_b * a.own_frequency * a.p + share_a * b.own_frequency * b.p)
+    acceleration = share_b * angular_acceleration(a, a.s, a.c)
+    acceleration += share_a * angular_acceleration(b, b.s, b.c)
+    # On one arc the distance grows with the angle by n t_a rho_a.
+    scale = track_a.path_radius * pair.normal_a * time / c
+    slope = scale * (slope_b - slope_a)
+    first = slope * rate
+    second = (scale * (bend_b - bend_a) * rate * rate + slope * acceleration) * time
+    own = (slope_a * share_a + slope_b * share_b) * (time * time)
+    terms = 0.75 * ((1.0 + k) * (1.0 + k) * second + (1.0 - k) * (1.0 - k) * own)
+    terms += (2.0 + 3.0 * k + 2.0 * k * k) * first * first
+    return first * (1.0 / 3.0) + terms / (9.0 * (1.0 + k + k * k))
 
 
 @kernel

@@ -1,0 +1,69 @@
+"""The time at which the bounces of a free pair end, against their continuation in 50 digits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibro_cli.assemble import build_system
+from vibro_cli.scenario import scenario_of
+from vibro_cli.stress.oracles.oracle import Oracle
+from vibro_cli.stress.oracles.scene import mp, scene_of_system
+from vibro_cli.systems.run import Run
+from vibro_cli.systems.trace import simulate_system
+
+ENDS = 100.0  # s
+
+
+def _run(law: str, k: float, balls: list[dict[str, Any]], **trace: Any) -> Run:
+    document = {
+        "gravity": 9.81,
+        "trace": {
+            "start_slope": "-170 deg",
+            "arcs": [{"shape": "valley", "radius": 1.3, "end_slope": "170 deg"}],
+            **trace,
+        },
+        "balls": [
+            {"radius": 0.12, "mass": 1.7, "arc": 1, "angle": -0.9, **balls[0]},
+            {"radius": 0.12, "mass": 0.6, "arc": 1, "angle": 0.4, **balls[1]},
+        ],
+        "collision": {"law": law, "k": k, "inadmissible": "normal-impulse"},
+        "stop": {"time": ENDS},
+    }
+    return simulate_system(build_system(scenario_of(document)), ENDS, None)
+
+
+TURNING = {"turning": {"through_arc": 1, "rate": 1.4}}
+
+
+@pytest.mark.parametrize("trace", [{}, TURNING], ids=["at rest", "turning"])
+@pytest.mark.parametrize(("k", "mark"), [(0.2, 2e-13), (0.6, 2e-13), (0.9, 1e-10)])
+@pytest.mark.parametrize(
+    ("law", "balls"),
+    [
+        ("normal-impulse", [{}, {"radius": 0.08}]),
+        ("normal-impulse", [{"body": "disk"}, {"body": "hoop"}]),
+        ("hedrih", [{"body": "hoop"}, {}]),
+        ("translational", [{}, {}]),
+    ],
+    ids=["radii", "kinds", "hedrih", "translational"],
+)
+def test_bounces_end_when_their_continuation_does(
+    law: str, balls: list[dict[str, Any]], k: float, mark: float, trace: dict[str, Any]
+) -> None:
+    run = _run(law, k, balls, **trace)
+    closed = run.events["event"] == "contact_closed"
+    found, lasted = (float(run.events[name][closed][0]) for name in ("t", "value"))
+    told = Oracle(scene_of_system(run.system), run.system.law, True).run(
+        mp.mpf(ENDS), last="contact_closed"
+    )
+    assert abs(found / told.events[-1].t - 1) <= mark
+    assert lasted > 1e-5
+    # What is told by contact is as low as the documentation says.
+    rows = run.collisions
+    last = int(np.flatnonzero(rows["t"] < found)[-1])
+    assert found - float(rows["t"][last]) == pytest.approx(lasted, rel=1e-9)
+    speed = abs(float(rows["separation_speed"][last]))
+    assert 0.25 * speed * lasted * (1.0 - k) <= 1.01e-8 * 0.24
