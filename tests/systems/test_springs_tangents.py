@@ -65,6 +65,17 @@ def test_lasting_contact_that_opens_by_its_force_agrees_with_50_digits() -> None
     assert error <= 1e-13
 
 
+def test_lasting_contact_that_an_impact_ends_agrees_with_50_digits() -> None:
+    balls = [disk(-1.5, 0.0, spring(5.0, 0.5, 1.0, 0.3)), *PRESSED[1:]]
+    document = springs(balls, [1.0, 0.0], collisions=2, time=20.0)
+    states = follow(document)[2].logs["states"][::3]
+    assert states["cause"].tolist() == [0, 2, 1, 3]
+    assert states["t"][2] == states["t"][3]
+    error = map_error(document, stress.neighbours)
+    assert error is not None
+    assert error <= 1e-13
+
+
 @pytest.mark.parametrize("k", [1.0, 0.9, 0.0])
 def test_both_engines_give_the_same_bits(k: float) -> None:
     document = springs(FIGURE_FIVE, k, collisions=12, time=60.0)

@@ -99,9 +99,12 @@ class Twin:
             [start[2 * n] - mp.mpf(spring.foot), start[2 * n + 1]]
             for n, spring in enumerate(self.springs)
         ]
-        now = mp.zero
+        now, before = mp.zero, None
         for one in told:
-            now = self._fly(now, mp.mpf(one.t), one)
+            # Contact that an impact of a neighbour ends is over with it; else its force has gone.
+            if one.law or one.t != before:
+                now = self._fly(now, mp.mpf(one.t), one)
+            before = one.t
             if one.law:
                 self._collide(one)
             else:
