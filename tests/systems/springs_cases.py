@@ -28,7 +28,7 @@ def disk(position: float, speed: float, held: Document, **more: Any) -> Document
     }
 
 
-def springs(balls: list[Document], k: float = 1.0, **stop: Any) -> Document:
+def springs(balls: list[Document], k: float | list[float] = 1.0, **stop: Any) -> Document:
     document: Document = {"system": "springs", "balls": balls, "stop": stop}
     return {**document, "collision": {"k": k}} if len(balls) > 1 else document
 
