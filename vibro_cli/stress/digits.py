@@ -234,7 +234,10 @@ def _lasting(told: Told) -> Lasting:
 
 MARK = 64.0  # of eps times the amplification
 INSTANTS = 16
-CHANGE = 2.0**-30  # of an input, relative
+# Of an input, relative. A greater one can grow to what it changes, such as the speeds of small
+# bounces, and no further: what is lost by then would look as if it were known.
+CHANGE = 2.0**-40
+GAP = 2.0**-30  # that parts bodies: clear of the rounding of places, below which they touch
 # Motion beyond this amplification says nothing any more.
 LOST = 1.0e6
 MOST_EVENTS = 300
@@ -355,7 +358,7 @@ def parted_documents(document: Document, run: Run) -> Iterator[Document]:
         del ball["touching"]
         ball["arc"] = state.piece + 1
         key = "position" if run.system.trace.pieces[state.piece].is_line else "angle"
-        ball[key] = state.position + CHANGE * max(abs(state.position), 1.0)
+        ball[key] = state.position + GAP * max(abs(state.position), 1.0)
         yield changed
 
 
@@ -364,21 +367,21 @@ def amplification(document: Document, run: Run, times: Floats, ours: Floats) -> 
     size = np.abs(ours).max(axis=0)
     grown = np.broadcast_to(np.maximum(size, 1.0), ours.shape).copy()
     for other in changed_documents(document):
-        grown = np.maximum(grown, _growth_to(other, times, ours))
+        grown = np.maximum(grown, _growth_to(other, CHANGE, times, ours))
     for other in parted_documents(document, run):
-        change = _growth_to(other, times, ours)
+        change = _growth_to(other, GAP, times, ours)
         if change.max() < LOST:  # else what was one impact of several is another sequence
             grown = np.maximum(grown, change)
     return np.maximum.accumulate(grown.max(axis=1, keepdims=True), axis=0) + 0.0 * grown
 
 
-def _growth_to(document: Document, times: Floats, ours: Floats) -> Floats:
+def _growth_to(document: Document, change: float, times: Floats, ours: Floats) -> Floats:
     """How far a changed motion is, in units of the change; 0 where there is none."""
     try:
         theirs = motion_at(solve(document, "compiled"), times)
     except (ScenarioError, ArithmeticError, ValueError):
         return 0.0 * ours  # a closed trace does not close any more, bodies overlap, it ends before
-    return np.abs(theirs - ours) / CHANGE
+    return np.abs(theirs - ours) / change
 
 
 def _decided_by_rounding(run: Run, told: Told) -> bool:
