@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -250,6 +251,12 @@ def test_a_run_of_other_parameters_is_not_replaced(tmp_path: Path, run: Run) -> 
         other.save(folder, figures=False)
     other.save(folder, figures=False, force=True)
     assert open_run(folder).summary == other.summary
+
+
+@pytest.mark.parametrize("path", ["collision.k", "balls[1].angle", "gravity"])
+def test_a_run_that_goes_on_stays_the_same_run(run: Run, path: str) -> None:
+    with pytest.raises(CannotContinue, match=re.escape(f"found a value for {path}, expected one")):
+        run.continued({path: 0.5, "stop.time": 12})
 
 
 def test_a_continued_run_is_that_of_one_without_a_break(tmp_path: Path, run: Run) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import polars as pl
 import pyarrow.parquet as pq
 import pytest
 from scipy.stats import chi2, kstest
@@ -75,6 +77,25 @@ def test_instants_that_are_missing_and_errors_of_each_count() -> None:
     found = fit(_circle(), {"n": rows + 1, "t": t, "error": error}, PATHS)
     np.testing.assert_allclose(found.values, TRUE, atol=1e-4)
     assert found.residuals[2] == pytest.approx(0.3, abs=1e-4)
+
+
+def _as_pandas(table: Any) -> pd.DataFrame:
+    return pd.DataFrame(dict(table))
+
+
+@pytest.mark.parametrize("as_table", [lambda table: table, pl.DataFrame, _as_pandas])
+def test_the_table_of_a_run_is_fitted_as_it_is(as_table: Any) -> None:
+    collisions = simulate(_circle(30)).collisions
+    start = _circle().replace({"collision.k": 0.88, "balls[2].mass": 2.9})
+    found = fit(start, as_table(collisions), PATHS)
+    np.testing.assert_allclose(found.values, TRUE, rtol=1e-9)
+    assert found.measured.pairs is not None
+
+
+@pytest.mark.parametrize("noise", [-1e-3, 0.0, float("nan"), float("inf"), "1 ms"])
+def test_noise_is_a_time_greater_than_0(noise: Any) -> None:
+    with pytest.raises(ValueError, match=r"noise: found .*, expected seconds, greater than 0"):
+        fit(_circle(), [0.1, 0.2, 0.3], PATHS, noise)
 
 
 def test_a_start_whose_motion_soon_is_another_one_is_good_enough() -> None:

@@ -128,11 +128,14 @@ def measured_of(columns: Mapping[str, Any]) -> Measured:
     return Measured(number, t, error, pairs)
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+
+
 def _numbers(columns: Mapping[str, Any], name: str) -> Floats:
     found = []
     for row, value in enumerate(columns[name], 1):
-        numeric = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-        if not numeric or not math.isfinite(value):
+        if not _is_number(value) or not math.isfinite(value):
             raise NotMeasured(f"row {row}: {name}: found {value!r}, expected a number")
         found.append(float(value))
     return np.array(found, dtype=np.float64)
@@ -279,7 +282,12 @@ def fit_impacts(
     NoFit
         If there are fewer instants than numbers, if the motion has not the measured impacts, if
         the instants do not tell of a number or of two apart, or if the method does not arrive.
+    ValueError
+        For a noise that is no time greater than 0.
     """
+    given: Any = noise
+    if noise is not None and not (_is_number(given) and 0.0 < given < math.inf):
+        raise ValueError(f"noise: found {noise!r}, expected seconds, greater than 0")
     problem = _Problem(scenario, measured, tuple(free), noise)
     problem.check()
     start = problem.values_at_start()

@@ -20,6 +20,8 @@ from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
 from vibro_cli.storage.tables import read_parquet, table_named, to_arrow, units_of_numbers
+from vibro_cli.systems.driver import CannotContinue
+from vibro_cli.systems.wanted import CHANGEABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -145,12 +147,22 @@ class Run:
         Parameters
         ----------
         changes
-            Values by their paths as for ``scenario.replace``, such as ``{"stop.time": 120}``.
+            Values of ``stop`` and ``output`` by their paths as for ``scenario.replace``, such as
+            ``{"stop.time": 120}``.
         engine
             As for :func:`simulate`.
 
-        Raises ``CannotContinue`` if the run had ended for good, or is past the new stop.
+        Raises
+        ------
+        CannotContinue
+            If the run had ended for good, is past the new stop, or would be another run.
         """
+        for path in changes:
+            if path.partition(".")[0] not in CHANGEABLE:
+                raise CannotContinue(
+                    f"found a value for {path}, expected one of {' or '.join(CHANGEABLE)} (the "
+                    "rest of the scenario of a run that goes on stays as it was)"
+                )
         before = self.solved.checkpoint(), self.solved.history()
         return _solved(self.scenario.replace(changes), engine, *before)
 

@@ -163,7 +163,8 @@ def fit(
         With the values to begin with.
     measured
         The instants (s), a table with them (``t``, and if wanted ``n``, ``error``, ``ball_a``,
-        ``ball_b``), or a CSV or parquet file, as for ``vibro fit``.
+        ``ball_b``) such as that of a run or a frame, or a CSV or parquet file, as for ``vibro
+        fit``.
     free
         Paths of the numbers, such as ``"collision.k"``, or their bounds by their paths (SI units,
         radians).
@@ -187,5 +188,11 @@ def fit(
     if isinstance(measured, (str, Path)):
         told = read_measured(measured)
     else:
-        told = measured_of(measured if isinstance(measured, Mapping) else {"t": measured})
+        told = measured_of(_columns_of(measured))
     return fit_impacts(cast("Scenario", scenario), told, numbers, noise)
+
+
+def _columns_of(measured: Any) -> Mapping[str, Any]:
+    """The columns of a mapping, a table or a frame by their names; instants alone as ``t``."""
+    names = measured.keys() if hasattr(measured, "keys") else getattr(measured, "columns", None)
+    return {"t": measured} if names is None else {name: measured[name] for name in names}

@@ -23,6 +23,9 @@ UNLIMITED = 2**62
 FINAL = ("inadmissible", "end_of_trace", "lift_off", "wall_contact", "accumulation")
 """Ends after which nothing can follow, whatever the stop."""
 
+CHANGEABLE = ("stop", "output")
+"""Sections of a scenario that may be others when a run goes on."""
+
 # A time beyond the end by its rounding is the end.
 ROUNDING = 1.0e-12
 

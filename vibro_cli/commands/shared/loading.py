@@ -136,9 +136,6 @@ def check_names(scenarios: Sequence["AnyScenario"]) -> None:
             )
 
 
-CHANGEABLE = ("stop", "output")
-
-
 def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, EarlierRun | None]":
     """The scenario that goes on, and what a folder keeps of its run.
 
@@ -148,6 +145,7 @@ def read_earlier(folder: Path, overrides: Sequence[str]) -> "tuple[Path, Earlier
     overrides that would make it another run.
     """
     from vibro_cli.storage.folders import read_earlier_run, scenario_of_killed_run
+    from vibro_cli.systems.wanted import CHANGEABLE
 
     for text in overrides:
         section = text.partition("=")[0].strip().partition(".")[0]
