@@ -122,6 +122,8 @@ def check_impacts(plan: Plan) -> list[Finding]:
             flight = _Flight(run.system, twin, happening, last)
             last = happening
             exact += twin.follow([happening])
+            if not flight.is_a_start():
+                continue
             error, resolution = flight.error_and_resolution()
             if resolution <= RESOLVED:
                 single.take(error, _as_document(document, flight.system))
@@ -218,6 +220,11 @@ class _Flight:
             scene = in_contact(scene, last.a, last.b)
             self.bounces = (event.a, event.b) == (last.a, last.b)
         self.twin = Twin(scene)
+
+    def is_a_start(self) -> bool:
+        """Whether the bodies stand in order; those that have gone over the seam once do not."""
+        places = [(state.piece, state.position) for state in self.system.initial]
+        return places == sorted(places)
 
     def error_and_resolution(self) -> tuple[float, float]:
         """Error of the event's instant, and what a unit of the last place of the start does to it.
