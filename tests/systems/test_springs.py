@@ -155,3 +155,15 @@ def test_the_frequency_is_the_papers() -> None:
     assert system.frequency(0) == pytest.approx(
         math.sqrt(6.0 * 0.4**2 / body.rolling_inertia), rel=1e-15
     )
+
+
+def test_all_impacts_that_are_solved_together_are_marked() -> None:
+    """A body at rest between two that meet it at once, its mirror image: it stays at rest."""
+    balls = [
+        disk(place, speed, spring(1.0, 1.0, 1.0, place), radius=0.1)
+        for place, speed in ((0.0, 1.0), (0.2, 0.0), (0.4, -1.0))
+    ]
+    rows = solve(springs(balls, 0.5, collisions=2, time=1.0)).collisions
+    np.testing.assert_allclose(rows["t"], [0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(rows["speed_b_post"], [0.0, -rows["speed_a_post"][0]], atol=1e-15)
+    assert rows["simultaneous"].tolist() == [True, True]

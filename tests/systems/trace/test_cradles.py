@@ -152,3 +152,25 @@ def test_beyond_that_k_they_part() -> None:
     first = float(run.collisions["t"][0])
     speeds = run.sample([first])["speed"]
     assert all(b - a > 1e-5 for a, b in pairwise(speeds))
+
+
+def test_impacts_handed_on_at_one_instant_are_marked() -> None:
+    """On a line, where all is known: the first ball stops, the last one goes on."""
+    balls: list[dict[str, Any]] = [
+        {"radius": 0.1, "mass": 1.0, "arc": 1, "position": 0.1, "speed": 1.0},
+        {"radius": 0.1, "mass": 1.0, "arc": 1, "position": 2.0, "speed": 0.0},
+        {"radius": 0.1, "mass": 1.0, "arc": 1, "touching": "previous"},
+    ]
+    document = {
+        "gravity": 9.81,
+        "trace": {"start_slope": 0.0, "arcs": [{"shape": "line", "length": 10.0}]},
+        "balls": balls,
+        "collision": {"k": 1.0},
+        "stop": {"time": STOP},
+        "analysis": {"lyapunov": True},
+    }
+    for engine in ("compiled", "python"):
+        rows = simulate(scenario_of(document), engine).collisions
+        np.testing.assert_allclose(rows["t"], [1.7, 1.7], rtol=1e-15)
+        assert rows["simultaneous"].tolist() == [False, True]
+        assert rows["smooth"].tolist() == [False, False]

@@ -67,7 +67,7 @@ MOST_ROUNDS = 1000
 def collide_jointly(world: World, first: int, count: int) -> int:
     """Carry out the impacts of a chain of touching pairs at the present instant."""
     clock = world.clock[0]
-    _bring_chain(world, first, count)
+    rounds = _bring_chain(world, first, count)
     before = energy_of_chain(world, first, count)
     start_row = clock.impact_rows
     loss = 0.0
@@ -102,7 +102,7 @@ def collide_jointly(world: World, first: int, count: int) -> int:
     after = energy_of_chain(world, first, count)
     clock.energy_correction += abs(before - loss - after)
     for row in range(start_row, clock.impact_rows):
-        _complete(world, world.impacts[row], clock.impact_rows - start_row)
+        _complete(world, world.impacts[row], clock.impact_rows - start_row + rounds)
     return RUNNING
 
 
@@ -197,10 +197,17 @@ def _closing_loss_left(world: World, j: int, start_row: int) -> float:
 
 
 @kernel
-def _bring_chain(world: World, first: int, count: int) -> None:
-    """Put the bodies of a chain into their states at the instant; set speeds and normals."""
+def _bring_chain(world: World, first: int, count: int) -> int:
+    """Put the bodies of a chain into their states at the instant; set speeds and normals.
+
+    Returns 1 if one of them has had an impact at this very instant before, else 0.
+    """
     clock = world.clock[0]
+    rounds = 0
     for step in range(count + 1):
+        flight = flight_along(world, first, step)
+        if flight.impacts > 0 and flight.t == clock.t and flight.t_low == clock.t_low:
+            rounds = 1
         bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
         set_speed(world, number_along(world, first, step))
     for step in range(count):
@@ -212,6 +219,7 @@ def _bring_chain(world: World, first: int, count: int) -> None:
     for step in range(count + 1):
         flight_along(world, first, step).impacts = most + 1
         flight_along(world, first, step).wall_side = 0
+    return rounds
 
 
 @kernel

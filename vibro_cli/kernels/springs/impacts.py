@@ -151,7 +151,8 @@ def _collide_jointly(world: World, first: int, count: int) -> int:
     clock = world.clock[0]
     start = clock.impact_rows
     for pair in range(first, first + count):
-        _new_row(world, pair)
+        row = _new_row(world, pair)
+        row.simultaneous = 1 if count > 1 else row.simultaneous
     law = world.settings[0].law
     if not _impulses(world, start, count, law):
         for number in range(start, start + count):

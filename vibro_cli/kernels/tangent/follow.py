@@ -665,4 +665,17 @@ def _tell(world: World, tangents: Tangents, begin: int, end: int) -> None:
         tell_growth(tangents, impact, row.a, row.b, 2)
         fine = end == begin + 1 and row.simultaneous == 0 and row.contact == 0
         tell_smooth(tangents, impact, 1, fine)
+        if row.simultaneous == 1:
+            _spoil(world, tangents, impact)
     tangents.state[0].rough = 0
+
+
+@kernel
+def _spoil(world: World, tangents: Tangents, impact: int) -> None:
+    """Mark the impacts before one that share its instant: the order of all decides."""
+    row = world.impacts[impact]
+    number = impact - 1
+    while number >= 0 and world.impacts[number].t == row.t:
+        if world.impacts[number].t_low == row.t_low:
+            tangents.smooth[0, number] = 0
+        number -= 1

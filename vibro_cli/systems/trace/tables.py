@@ -115,7 +115,8 @@ def collisions(sided: bool = False, grown: bool = False) -> Table:
         *impact_tail(
             "energy lost in the impact; where contact begins, in all further bounces too",
             "distance of the surfaces left at that time",
-            "whether other pairs collide at the same instant, or the row stands for all that would",
+            "whether others are solved with it, one came before it at the same instant, or the row "
+            "stands for all that would follow",
         ),
         flag("contact", "whether lasting contact of the pair begins here"),
         *before_and_after("kinetic_energy", "J", KINETIC),
