@@ -1,8 +1,10 @@
 """The Python interface: what the command line does, with the same words and the same results."""
 
+import copy
 import json
 import logging
 import re
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable
@@ -347,6 +349,21 @@ def test_a_sweep_in_a_folder_is_that_of_the_command(tmp_path: Path) -> None:
     with pytest.raises(GridChanged):
         sweep(example("three_arcs"), {"collision.k": [0.5]}, tmp_path / "python")
     assert made.stored.points > 1
+
+
+def test_a_temporary_grid_lasts_as_long_as_its_copies(tmp_path: Path) -> None:
+    scenario, axes = load_scenario(SOURCE, ["stop.time=5"]), {"collision.k": [0.8, 0.9]}
+    made = sweep(scenario, axes, collisions=True)
+    folder, copies = made.stored.folder, [copy.copy(made), copy.deepcopy(made)]
+    del made
+    assert [one.collisions.rows for one in copies] == [4, 4]
+    with pytest.raises(TypeError, match=r"found a grid in a temporary folder.*sweep"):
+        pickle.dumps(copies.pop())
+    assert folder.is_dir()
+    copies.clear()
+    assert not folder.exists()
+    kept = sweep(scenario, axes, tmp_path / "kept")
+    assert pickle.loads(pickle.dumps(kept)).summary.to_arrow().equals(kept.summary.to_arrow())
 
 
 def test_errors_of_folders(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -36,6 +36,23 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger("vibro_cli")
 
 
+class _Temporary:
+    """A temporary folder, which a grid and its copies share: removed once none of them is used."""
+
+    def __init__(self) -> None:
+        self.path = Path(tempfile.mkdtemp(prefix="vibro-"))
+        self.remove = weakref.finalize(self, shutil.rmtree, self.path)
+
+    def __deepcopy__(self, memo: object) -> _Temporary:
+        return self
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "found a grid in a temporary folder, which ends with this process; expected one in a "
+            "folder, sweep(..., folder=...), to be pickled or handed to another process"
+        )
+
+
 @dataclass(frozen=True)
 class Grid:
     """A scenario solved for many values: the summary of every point, and the impacts if kept.
@@ -45,6 +62,8 @@ class Grid:
 
     stored: StoredGrid = field(repr=False)
     """The folder as it was read."""
+    _temporary: _Temporary | None = field(default=None, repr=False)
+    """The owner of the folder, if it is to be removed."""
 
     @property
     def name(self) -> str:
@@ -204,7 +223,8 @@ def sweep(
         fastest.
     folder
         Where the dataset goes; what it holds of this grid already is not solved again. By default
-        it is kept in a temporary folder for as long as the grid is used.
+        it is kept in a temporary folder for as long as the grid or a copy of it is used; such a
+        grid cannot be pickled.
     mode
         How the axes are combined: ``"product"``, ``"zip"``, ``"latin-hypercube"`` or ``"sobol"``;
         the latter two take ``n`` (and ``seed``) too.
@@ -224,16 +244,18 @@ def sweep(
         If the folder holds another grid.
     """
     grid = _grid_of(source, axes, {"mode": mode, **more}, collisions)
-    target = Path(tempfile.mkdtemp(prefix="vibro-") if folder is None else folder)
+    temporary = None
+    if folder is None:
+        temporary = _Temporary()
+        folder = temporary.path
+    target = Path(folder)
     try:
         solve_into(target, grid, workers, force=force)
-        found = Grid(open_stored_grid(target))
+        found = Grid(open_stored_grid(target), temporary)
     except BaseException:
-        if folder is None:
-            shutil.rmtree(target)
+        if temporary is not None:
+            temporary.remove()
         raise
-    if folder is None:
-        weakref.finalize(found, shutil.rmtree, target)
     _LOG.info("%s: %s points", found.name, f"{found.stored.points:,}")
     return found
 
