@@ -5,6 +5,7 @@ import json
 import logging
 import re
 import pickle
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -373,6 +374,25 @@ def test_errors_of_folders(tmp_path: Path) -> None:
         open_grid(tmp_path)
     with pytest.raises(vibro_cli.NoManifest):
         verify(tmp_path)
+
+
+def test_a_folder_that_has_gone_is_told(tmp_path: Path, run: Run) -> None:
+    opened = open_run(run.save(tmp_path / "run", figures=False))
+    grid = sweep(run.scenario, {"collision.k": [0.8, 0.9]}, tmp_path / "grid", collisions=True)
+    for folder in ("run", "grid"):
+        shutil.rmtree(tmp_path / folder)
+    uses: list[Callable[[], object]] = [
+        lambda: opened.tables,
+        lambda: opened.collisions,
+        lambda: opened.motion,
+        lambda: grid.summary,
+        lambda: grid.collisions,
+        lambda: grid.section(),
+        lambda: grid.figure("diagram"),
+    ]
+    for use in uses:
+        with pytest.raises(FileNotFoundError, match=str(tmp_path)):
+            use()
 
 
 def test_check_tells_what_is_doubtful() -> None:

@@ -81,10 +81,11 @@ class Run:
 
     @cached_property
     def tables(self) -> dict[str, Table]:
-        """Every table of the run by its name, as its folder has them."""
-        if self.folder is not None:
-            files = {name: self.folder / f"{name}.parquet" for name in self._table_names}
-            return {n: Table(n, read_parquet(file)) for n, file in files.items() if file.exists()}
+        """Every table of the run by its name, as its folder has them; ``OSError`` if it is gone."""
+        if self.stored is not None and self.folder is not None:
+            files = {name: f"{name}.parquet" for name in self._table_names}
+            kept = {n: file for n, file in files.items() if file in self.stored.manifest["files"]}
+            return {n: Table(n, read_parquet(self.folder / file)) for n, file in kept.items()}
         made = {n: folders.run_table(self.solved, n, self.scenario) for n in self._table_names}
         return {name: Table(name, data) for name, data in made.items() if data is not None}
 

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from errno import ENOENT
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -260,9 +261,9 @@ class StoredGrid:
     def table(self, name: str) -> pyarrow.Table:
         """Return a table of all points, such as ``collisions``.
 
-        Raises ``KeyError`` where the grid has none of that name.
+        Raises ``KeyError`` where the grid has none of that name, ``OSError`` where it is gone.
         """
-        parts = _parts(self.folder / name)
+        parts = self._parts(name)
         if not parts:
             raise KeyError(f"the grid {self.name} kept no table {name}")
         return _read(parts)
@@ -280,7 +281,7 @@ class StoredGrid:
     def _impact_schema(self) -> pyarrow.Schema | None:
         import pyarrow.parquet as parquet
 
-        part = next(iter(_parts(self.folder / "collisions")), None)
+        part = next(iter(self._parts("collisions")), None)
         return None if part is None else parquet.read_schema(part)
 
     def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
@@ -288,7 +289,14 @@ class StoredGrid:
         import pyarrow.compute as compute
 
         wanted = compute.field("scenario").isin(scenarios.tolist())
-        return _columns(_read(_parts(self.folder / "collisions"), list(columns), filter=wanted))
+        return _columns(_read(self._parts("collisions"), list(columns), filter=wanted))
+
+    def _parts(self, name: str) -> list[Path]:
+        """The files of a table, none where the grid did not keep it."""
+        parts = _parts(self.folder / name)
+        if not parts and any(file.startswith(f"{name}/") for file in self.manifest["files"]):
+            raise FileNotFoundError(ENOENT, "the table is gone", str(self.folder / name))
+        return parts
 
 
 def is_grid(folder: Path) -> bool:
