@@ -376,6 +376,24 @@ def test_errors_of_folders(tmp_path: Path) -> None:
         verify(tmp_path)
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"axes": {"collision.k": [0.5]}},
+        {"collisions": True},
+        {"collisions": False},
+        {"mode": "zip"},
+        {"n": 3},
+        {"foo": 1},
+    ],
+)
+def test_a_grid_file_takes_no_settings_beside_it(tmp_path: Path, given: dict[str, Any]) -> None:
+    file = ROOT / "scenarios/grids/three_arcs_grid.toml"
+    with pytest.raises(TypeError, match=f"found {next(iter(given))}= beside a grid file"):
+        sweep(file, folder=tmp_path / "grid", **given)
+    assert not (tmp_path / "grid").exists()
+
+
 def test_a_folder_that_has_gone_is_told(tmp_path: Path, run: Run) -> None:
     opened = open_run(run.save(tmp_path / "run", figures=False))
     grid = sweep(run.scenario, {"collision.k": [0.8, 0.9]}, tmp_path / "grid", collisions=True)

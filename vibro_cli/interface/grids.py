@@ -205,8 +205,8 @@ def sweep(
     axes: Mapping[str, Any] | None = None,
     folder: str | Path | None = None,
     *,
-    mode: str = "product",
-    collisions: bool | Sequence[str] = False,
+    mode: str | None = None,
+    collisions: bool | Sequence[str] | None = None,
     workers: int = 0,
     force: bool = False,
     **more: int,
@@ -216,7 +216,8 @@ def sweep(
     Parameters
     ----------
     source
-        A scenario; or a grid file, which has the axes and all else in it.
+        A scenario; or a grid file, which has the axes, the mode and what is kept in it: with one,
+        only ``folder``, ``workers`` and ``force`` may be given.
     axes
         The values by their paths: a sequence or array of them, or what a grid file says of an axis,
         such as ``{"linspace": ["-80 deg", "-65 deg", 121]}``. Of a product, the last axis changes
@@ -226,10 +227,10 @@ def sweep(
         it is kept in a temporary folder for as long as the grid or a copy of it is used; such a
         grid cannot be pickled.
     mode
-        How the axes are combined: ``"product"``, ``"zip"``, ``"latin-hypercube"`` or ``"sobol"``;
-        the latter two take ``n`` (and ``seed``) too.
+        How the axes are combined: ``"product"``, as by default, ``"zip"``, ``"latin-hypercube"`` or
+        ``"sobol"``; the latter two take ``n`` (and ``seed``) too.
     collisions
-        Whether every impact is kept too; or the names of the columns that are.
+        Whether every impact is kept too; or the names of the columns that are. By default none is.
     workers
         Threads; 0 for one on each processor.
     force
@@ -242,8 +243,10 @@ def sweep(
         status ``invalid`` and the reason.
     GridChanged
         If the folder holds another grid.
+    TypeError
+        For axes and the like beside a grid file.
     """
-    grid = _grid_of(source, axes, {"mode": mode, **more}, collisions)
+    grid = _grid_of(source, axes=axes, mode=mode, collisions=collisions, **more)
     temporary = None
     if folder is None:
         temporary = _Temporary()
@@ -260,30 +263,28 @@ def sweep(
     return found
 
 
-def _grid_of(
-    source: AnyScenario | str | Path,
-    axes: Mapping[str, Any] | None,
-    settings: Mapping[str, Any],
-    collisions: bool | Sequence[str],
-) -> GridDocument:
-    """The grid that was asked for."""
+def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
+    """The grid that was asked for, settings as :func:`sweep` takes them, None if not given."""
     from vibro_cli.scenario.base import check_scenario, plain
 
+    given = {name: value for name, value in settings.items() if value is not None}
     if isinstance(source, str | Path):
-        if axes is not None:
-            raise TypeError("a grid file has its axes in it; expected a scenario with axes=")
+        if given:
+            found = ", ".join(f"{name}=" for name in given)
+            raise TypeError(f"found {found} beside a grid file, which says this; expected none")
         return load_grid(source)
     check_scenario(source)
-    kept = {"collisions": bool(collisions)}
+    axes, kept = given.pop("axes", {}), plain(given.pop("collisions", False))
+    keep = {"collisions": kept is not False}
     data = {
         "name": source.name,
         "scenario": source.given(),
         "axes": [
             {"path": path, **(plain(one) if isinstance(one, Mapping) else {"values": plain(one)})}
-            for path, one in (axes or {}).items()
+            for path, one in axes.items()
         ],
-        "keep": kept if isinstance(collisions, bool) else {**kept, "columns": list(collisions)},
-        **settings,
+        "keep": keep if isinstance(kept, bool) else {**keep, "columns": kept},
+        **given,
     }
     return grid_of(Document(data, name=source.name), Path())
 
