@@ -100,6 +100,22 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert changed.resolved()["collision"]["k"] == [0.5]
 
 
+@pytest.mark.parametrize("kind", [list, tuple, np.array, pl.Series, pd.Series, pa.array])
+def test_values_are_sequences_or_arrays(kind: Callable[[list[float]], Any]) -> None:
+    scenario = load_scenario(SOURCE, ["stop.time=2"])
+    grid = sweep(scenario, {"collision.k": kind([0.25, 0.5])})
+    assert grid.summary["collision.k"].tolist() == [0.25, 0.5]
+    changed = scenario.replace({"collision.k": kind([0.25])})
+    assert changed.resolved()["collision"]["k"] == [0.25]
+
+
+def test_whole_numbers_are_a_range() -> None:
+    grid = sweep(example("three_arcs"), {"stop.collisions": range(1, 4)})
+    assert grid.summary["collisions"].tolist() == [1, 2, 3]
+    with pytest.raises(ScenarioError, match='found "abc", expected a list of values'):
+        sweep(example("three_arcs"), {"collision.k": "abc"})
+
+
 def test_replace_changes_what_set_changes() -> None:
     texts = ["collision.k=0.7", "balls[1].angle=-60 deg", "balls[2].mass=2 kg", "stop.time=1e1"]
     changes = {

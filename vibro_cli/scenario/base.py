@@ -6,7 +6,7 @@ key `system` tells, and the object of that system has it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
@@ -227,14 +227,16 @@ class AnyScenario(Table):
 
 
 def plain(value: Any) -> Any:
-    """Return data in which models are dictionaries, and tuples and arrays are lists."""
+    """Return data in which models are dictionaries, and sequences and arrays are lists."""
     if isinstance(value, BaseModel):
         return value.model_dump(exclude_none=True)
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if hasattr(value, "tolist"):  # a number or an array of numpy, which is not imported for this
         return value.tolist()
-    if isinstance(value, (list, tuple)):
+    if hasattr(value, "__array__"):  # what numpy makes an array of, such as a series of polars
+        return value.__array__().tolist()
+    if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
         return [plain(item) for item in value]
     return value
 
