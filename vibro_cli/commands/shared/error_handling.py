@@ -185,7 +185,10 @@ _EXPECTED = {
     "bool_parsing": "true or false (1 or 0)",
     "int_parsing": "a whole number",
     "float_parsing": "a number",
+    "greater_than_equal": "a number of at least {ge:g}",
+    "less_than_equal": "a number of at most {le:g}",
 }
+"""What was expected, by the kind of pydantic's error, with the numbers of its context."""
 
 
 def usage_error(error: typer.TyperException) -> CommandError:
@@ -209,7 +212,7 @@ def _words(error: typer.TyperException) -> str:
 def _refused_value(error: Any, details: dict[str, Any]) -> str:
     """A value that an option or argument does not take (`details` are pydantic's)."""
     found, message = str(details["input"]), str(details["msg"]).removeprefix("Value error, ")
-    expected = _EXPECTED.get(details["type"])
+    expected = _EXPECTED.get(details["type"], "").format(**details.get("ctx", {}))
     choices = re.fullmatch(r".* is not one of (.*?)\.?", message, re.DOTALL)
     if choices:
         words = re.findall(r"'([^']*)'", choices[1])
