@@ -10,7 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import duckdb
 import numpy as np
@@ -296,13 +296,71 @@ def test_figures(tmp_path: Path, run: Run) -> None:
     assert drawn.save(tmp_path / "portrait.v1.pdf").read_bytes().startswith(b"%PDF")
     with pytest.raises(ValueError, match="found the kind of figure 'portrat', expected one of"):
         run.figure("portrat")
-    with pytest.raises(ValueError, match="found body 3, expected a number from 1 to 2"):
+    with pytest.raises(ValueError, match="body: found 3, expected a whole number from 1 to 2"):
         run.figure(body=3)
     with pytest.raises(ValueError, match="unknown figure format"):
         drawn.save(tmp_path / "portrait.bmp")
     lone = simulate(example("lone_particle"))
     with pytest.raises(ValueError, match="has nothing to show as intervals"):
         lone.figure("intervals")
+
+
+WRONG: dict[str, tuple[Callable[[Run], object], str]] = {
+    "fps of none": (lambda run: run.film("f.html", fps=0), "found 0, expected a whole number from"),
+    "fps below": (lambda run: run.film("f.html", fps=-5), "fps: found -5, expected"),
+    "pace": (lambda run: run.film("f.html", pace=float("inf")), "pace: found inf, expected"),
+    "pace nan": (lambda run: run.film("f.html", pace=float("nan")), "pace: found nan, expected"),
+    "part of a body": (
+        lambda run: run.figure("portrait", body=cast("int", 1.5)),
+        "body: found 1.5",
+    ),
+    "text": (
+        lambda run: run.figure("portrait", body=cast("int", "1")),
+        'body: found "1", expected',
+    ),
+    "truth": (lambda run: run.figure("portrait", body=True), "body: found true, expected"),
+    "portrait": (lambda run: portrait(run.scenario, body=cast("int", 1.5)), "body: found 1.5, exp"),
+    "impacts": (lambda run: orbit(run.scenario, impacts=-1), "impacts: found -1, expected"),
+    "period": (lambda run: orbit(run.scenario, period=0.0), "period: found 0.0, expected"),
+    "workers": (lambda run: simulate_many([run.scenario], -1), "workers: found -1, expected"),
+    "transient": (lambda run: run.section(transient=-1), "transient: found -1, expected"),
+    "part": (lambda run: run.section(transient=cast("int", 2.5)), "transient: found 2.5, expected"),
+    "pair": (
+        lambda run: run.section(pair=cast("Any", "1-2")),
+        'pair: found "1-2", expected a list',
+    ),
+    "columns": (lambda run: run.section("t"), 'columns: found "t", expected a list of columns'),
+    "shape": (lambda run: run.sample([[1, 2], [3, 4]]), r"times: found an array of shape \(2, 2\)"),
+    "inf": (lambda run: run.sample([np.inf], extrapolate=True), "t = inf s .*expected a finite"),
+    "figures": (lambda run: run.save("f", figures="portrait"), 'found "portrait", expected a list'),
+    "changes": (lambda run: run.scenario.replace(cast("Any", [1])), "changes: found a list of 1"),
+    "axes": (
+        lambda run: sweep(run.scenario, cast("Any", [("n", 1)])),
+        "axes: found a list of 1, ex",
+    ),
+    "name": (lambda run: example(cast("str", 3)), "name: found 3, expected the name"),
+    "data": (lambda run: Scenario.from_dict(cast("Any", None)), "data: found null, expected"),
+    "overrides": (lambda run: load_scenario(SOURCE, "stop.time=1"), "overrides: found .*a list of"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_wrong_argument_is_told(
+    run: Run, wrong: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    use, message = WRONG[wrong]
+    with pytest.raises(ValueError, match=message):
+        use(run)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_wrong_argument_of_a_sweep_begins_no_folder(tmp_path: Path, run: Run) -> None:
+    with pytest.raises(ValueError, match="workers: found -1, expected a whole number of at least"):
+        sweep(run.scenario, {"collision.k": [0.5]}, tmp_path / "grid", workers=-1)
+    assert not (tmp_path / "grid").exists()
+    with pytest.raises(ScenarioError, match='found "1", expected a path'):
+        run.scenario.replace(cast("Any", {1: 1}))
 
 
 def test_a_portrait_without_a_run_and_a_film(tmp_path: Path, run: Run) -> None:

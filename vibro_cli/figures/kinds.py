@@ -23,6 +23,8 @@ from vibro_cli.figures.over_axis import (
 )
 from vibro_cli.figures.runs.over_impacts import exponents, intervals
 from vibro_cli.figures.ticks import symbol_of
+from vibro_cli.scenario.base import checked
+from vibro_cli.scenario.quantities import Count
 
 Source = TypeVar("Source")
 
@@ -130,9 +132,8 @@ def draw_one(run: Any, name: str, body: int = 1, width: str = "double") -> Figur
     kind, bodies = kinds[name], len(run.system.bodies)
     if isinstance(kind, Kind):
         return kind.draw(run, width)
-    if not 1 <= body <= bodies:
-        raise ValueError(f"found body {body}, expected a number from 1 to {bodies}")
-    return kind.draw(run, body, width)  # type: ignore[no-any-return]
+    number = checked("body", body, Count(1, bodies))
+    return kind.draw(run, number, width)  # type: ignore[no-any-return]
 
 
 CONTACT_WORDS = "last impact, where contact begins [s]"

@@ -37,7 +37,9 @@ from vibro_cli.figures.maps import (
 from vibro_cli.figures.source import Array
 from vibro_cli.figures.ticks import symbol_of
 from vibro_cli.mechanics.trace import HUMP, VALLEY
+from vibro_cli.scenario.base import Listed, checked
 from vibro_cli.scenario.problems import suggestion
+from vibro_cli.scenario.quantities import Count
 from vibro_cli.systems.wanted import FINAL
 
 _ROW = {"single": (26.0,) * 4, "double": (34.0,) * 4}
@@ -228,8 +230,7 @@ def quantities_of(names: Sequence[str], units: Mapping[str, str]) -> list[Quanti
 
     Raises ValueError for a name that is no column, and for more than two.
     """
-    if len(names) > 2:
-        raise ValueError(f"found {len(names)} columns, expected at most two")
+    checked("columns", names, Listed("columns", most=2))
     for name in names:
         if name not in units:
             hint = suggestion(name, list(units))
@@ -261,6 +262,14 @@ class Section:
     """Of these bodies (from 1, the left one first), of all where there is none."""
     transient: int | None = None
     """How many of a run are left out at its beginning; else all but the last 20 of longer runs."""
+
+    def __post_init__(self) -> None:
+        """Check both; raises ValueError."""
+        if self.transient is not None:
+            checked("transient", self.transient, Count(0))
+        if self.pair is not None:
+            for body in checked("pair", self.pair, Listed("two bodies", 2, 2)):
+                checked("pair", body, Count())
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -18,7 +18,9 @@ from vibro_cli import __version__
 from vibro_cli.grids.document import grid_of, load_grid
 from vibro_cli.grids.workers import solve_into
 from vibro_cli.interface import Drawing
+from vibro_cli.scenario.base import Listed, check_scenario, checked, plain
 from vibro_cli.scenario.loading import Document
+from vibro_cli.scenario.quantities import Count, Dictionary
 from vibro_cli.storage.frame import Table
 from vibro_cli.storage.stored import open_grid as open_stored_grid
 
@@ -178,7 +180,8 @@ class Grid:
         """
         from vibro_cli.figures.analyses import mapped_basins
 
-        return mapped_basins(self.stored, outcome)
+        columns = checked("outcome", outcome, Listed("columns of the summary"))
+        return mapped_basins(self.stored, columns)
 
     def report(self, file: str | Path, maps: Sequence[str] = ()) -> Path:
         """Write the page that explains the grid, as ``vibro report`` does; return its path.
@@ -189,7 +192,8 @@ class Grid:
         from vibro_cli.storage.files import write_file
 
         target = Path(file)
-        write_file(target, grid_html(self.stored, target.parent, __version__, maps))
+        columns = checked("maps", maps, Listed("columns of the summary"))
+        write_file(target, grid_html(self.stored, target.parent, __version__, columns))
         return target
 
     def __repr__(self) -> str:
@@ -246,6 +250,7 @@ def sweep(
     TypeError
         For axes and the like beside a grid file.
     """
+    workers = checked("workers", workers, Count(0))
     grid = _grid_of(source, axes=axes, mode=mode, collisions=collisions, **more)
     temporary = None
     if folder is None:
@@ -265,8 +270,6 @@ def sweep(
 
 def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
     """The grid that was asked for, settings as :func:`sweep` takes them, None if not given."""
-    from vibro_cli.scenario.base import check_scenario, plain
-
     given = {name: value for name, value in settings.items() if value is not None}
     if isinstance(source, str | Path):
         if given:
@@ -274,13 +277,14 @@ def _grid_of(source: AnyScenario | str | Path, **settings: Any) -> GridDocument:
             raise TypeError(f"found {found} beside a grid file, which says this; expected none")
         return load_grid(source)
     check_scenario(source)
-    axes, kept = given.pop("axes", {}), plain(given.pop("collisions", False))
+    axes = checked("axes", given.pop("axes", {}), Dictionary("values by their paths"))
+    kept = plain(given.pop("collisions", False))
     keep = {"collisions": kept is not False}
     data = {
         "name": source.name,
         "scenario": source.given(),
         "axes": [
-            {"path": path, **(plain(one) if isinstance(one, Mapping) else {"values": plain(one)})}
+            {"path": path, **(one if isinstance(one, Mapping) else {"values": one})}
             for path, one in axes.items()
         ],
         "keep": keep if isinstance(kept, bool) else {**keep, "columns": kept},

@@ -14,6 +14,8 @@ from vibro_cli import __version__, api
 from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
 from vibro_cli.interface import Drawing, figures_of
+from vibro_cli.scenario.base import Listed, checked
+from vibro_cli.scenario.quantities import Count, Quantity
 from vibro_cli.storage import folders
 from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.frame import Table
@@ -196,7 +198,7 @@ class Run:
         target = Path("outputs") / self.name if folder is None else Path(folder)
         if isinstance(figures, bool):
             figures = self._shown.kind.default_figures if figures else ()
-        files = figures_of(self._shown, figures)
+        files = figures_of(self._shown, checked("figures", figures, Listed("kinds of figures")))
         folders.write_run(self.solved, self.scenario, target, files, force)
         return target
 
@@ -294,20 +296,23 @@ class Run:
         pace
             Motion's time in a second of the film, s.
         fps
-            Frames in a second of the film; of a GIF a divisor of 100.
+            Frames in a second of the film, from 1 to 100; of a GIF a divisor of 100.
 
         Raises
         ------
         ValueError
-            For another suffix, and times outside the run.
+            For another suffix, pace or number of frames, and times outside the run.
         NoFilm
             If ffmpeg is not there, or fails.
         """
         from vibro_cli.figures.film import FORMS
 
         target, last = Path(file), self.summary["end_time"]
+        fps, pace = checked("fps", fps, _FPS), checked("pace", pace, _PACE)
+        start = checked("start", start, Quantity())
         form = target.suffix.lower().removeprefix(".")
-        stop = min(last, start + _SECONDS * pace) if end is None else end
+        end = min(last, start + _SECONDS * pace) if end is None else end
+        stop = checked("end", end, Quantity())
         if form not in (*FORMS, "html") or (form == "gif" and 100 % fps):
             raise ValueError(
                 f"found {target.name!r} with {fps} frames a second, expected .html, .mp4, or .gif "
@@ -348,6 +353,8 @@ class Run:
         return f"<table><caption>{escape(_in_words(self))}</caption>{rows}</table>"
 
 
+_FPS, _PACE = Count(1, 100), Quantity(at_least=1e-6)
+"""As of `vibro report`."""
 _SECONDS = 30.0
 """Length of a film (s) where no end is asked for."""
 
@@ -429,7 +436,7 @@ def simulate_many(
 
     Raises as :func:`simulate`, for the first scenario that cannot be run.
     """
-    with ThreadPoolExecutor(workers or available_cores()) as pool:
+    with ThreadPoolExecutor(checked("workers", workers, Count(0)) or available_cores()) as pool:
         return list(pool.map(lambda one: _solved(one, engine), scenarios))
 
 

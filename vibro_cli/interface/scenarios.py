@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, cast
 from vibro_cli.assemble import build_any, warnings_of
 from vibro_cli.interface import Drawing
 from vibro_cli.scenario import gallery
+from vibro_cli.scenario.base import Listed, checked
 from vibro_cli.scenario.loading import any_scenario_of, load_any, parse_document
+from vibro_cli.scenario.quantities import Count, Quantity, Text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +32,7 @@ def example(name: str) -> AnyScenario:
 
     Raises ``ScenarioError`` with the names there are.
     """
+    checked("name", name, Text("the name of a scenario of the gallery, a text"))
     return any_scenario_of(parse_document(gallery.text(name), "toml", f"{name}.toml", name))
 
 
@@ -50,7 +53,7 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> AnyScena
     OSError
         If the file cannot be read.
     """
-    return load_any(source, overrides)
+    return load_any(source, checked("overrides", overrides, Listed("texts path=value")))
 
 
 def check(scenario: AnyScenario) -> tuple[str, ...]:
@@ -86,8 +89,7 @@ def portrait(scenario: AnyScenario, body: int = 1, width: str = "double") -> Dra
 
     system = build_any(scenario)
     bodies = len(system.bodies)
-    if not 1 <= body <= bodies:
-        raise ValueError(f"found body {body}, expected a number from 1 to {bodies}")
+    body = checked("body", body, Count(1, bodies))
     _, figures = system_named(scenario.system).portrait(system, width, True)
     for stem, figure in figures.items():
         if str(body) in stem.split("_"):  # equal bodies share one: portrait_1_2
@@ -112,10 +114,14 @@ def orbit(scenario: AnyScenario, impacts: int | None = None, period: float | Non
     NoOrbit
         If there is none.
     ScenarioError, ValueError
-        If the scenario is mechanically impossible, or of another system.
+        If the scenario is mechanically impossible, or of another system; for another number.
     """
     from vibro_cli.analysis.orbits import find_orbit
 
+    if impacts is not None:
+        impacts = checked("impacts", impacts, Count())
+    if period is not None:
+        period = checked("period", period, Quantity(above=0.0))
     system = _system_of_trace(scenario)
     return find_orbit(system, impacts, period, scenario.stop.time or 1000.0)
 

@@ -22,7 +22,7 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from pydantic_core import CoreSchema, InitErrorDetails, core_schema
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from vibro_cli.scenario import quantities as kinds
 from vibro_cli.scenario.forms import Source
@@ -172,6 +172,7 @@ class AnyScenario(Table):
         """
         from vibro_cli.scenario.loading import any_scenario_of
 
+        checked("data", data, kinds.Dictionary("values by the keys of a scenario file"))
         return any_scenario_of(data)
 
     def replace(self, changes: Mapping[str, Any]) -> Self:
@@ -191,6 +192,7 @@ class AnyScenario(Table):
         """
         from vibro_cli.scenario.loading import replaced
 
+        checked("changes", changes, kinds.Dictionary("values by their paths"))
         return replaced(self, changes)
 
     def _repr_html_(self) -> str:
@@ -277,6 +279,17 @@ def check_scenario(found: object) -> None:
     if not isinstance(found, AnyScenario):
         shown = f"{found!r:.60} ({type(found).__name__})"
         raise TypeError(f"found {shown}, expected a scenario: load_scenario(file) reads one")
+
+
+def checked(name: str, value: Any, kind: kinds.Kind | Listed) -> Any:
+    """Return an argument of a function as its kind reads it.
+
+    Raises ``ValueError`` with the argument's name, what was found and what was expected.
+    """
+    try:
+        return kind.read(plain(value))
+    except PydanticCustomError as error:
+        raise ValueError(f"{name}: {error.message()}") from None
 
 
 def model_named(system: str) -> type[AnyScenario]:

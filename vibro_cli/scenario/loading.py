@@ -76,7 +76,7 @@ def given(path: str, value: Any) -> Override:
     Numbers and arrays of numpy are taken as those of Python. Raises `OverrideError` if the text is
     no path.
     """
-    return Override(_path(path), plain(value), f"{path}={value!r}")
+    return Override(_path(str(path)), plain(value), f"{path}={value!r}")
 
 
 def _path(text: str) -> KeyPath:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -192,23 +192,30 @@ class Quantity(Kind):
 
 @dataclass(frozen=True)
 class Count(Kind):
-    """A whole number below 2^63, of at least 1 or another least one."""
+    """A whole number below 2^63, of at least 1 or another least one, of at most another one."""
 
     least: int = 1
+    most: int | None = None
 
     def read(self, value: object) -> int:
         """Return the whole number."""
         if isinstance(value, int) and not isinstance(value, bool) and self.allows(value):
             return value
-        raise fault(shown(value), f"a whole number of at least {self.least}")
+        bounds = f"of at least {self.least}"
+        if self.most is not None:
+            bounds = f"from {self.least} to {self.most}"
+        raise fault(shown(value), f"a whole number {bounds}")
 
     def allows(self, number: Any) -> Any:
         """Tell whether a whole number is one of these; of an array, which are."""
-        return (number >= self.least) & (number < 2**63)
+        return (number >= self.least) & (
+            number < 2**63 if self.most is None else number <= self.most
+        )
 
     def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema: an integer from the least."""
-        return {"type": "integer", "minimum": self.least}
+        """Return the JSON Schema: an integer from the least to the greatest."""
+        bounds = {"minimum": self.least, "maximum": self.most}
+        return {"type": "integer", **{word: n for word, n in bounds.items() if n is not None}}
 
 
 @dataclass(frozen=True)
@@ -246,6 +253,23 @@ class Text(Kind):
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema: a string."""
         return {"type": "string"}
+
+
+@dataclass(frozen=True)
+class Dictionary(Kind):
+    """Values by their names; `meaning` says of what."""
+
+    meaning: str
+
+    def read(self, value: object) -> Mapping[str, Any]:
+        """Return the dictionary; what is in it is not checked."""
+        if isinstance(value, Mapping):
+            return value
+        raise fault(shown(value), f"a dictionary of {self.meaning}")
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON Schema: an object."""
+        return {"type": "object"}
 
 
 @dataclass(frozen=True)

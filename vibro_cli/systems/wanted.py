@@ -36,14 +36,20 @@ def within_run(times: Any, end: float, extrapolate: bool) -> Instants:
     Raises
     ------
     ValueError
-        If one is before the start or after the end, unless they are to be extrapolated.
+        If one is before the start or after the end, or not finite if they are to be extrapolated;
+        for an array of several dimensions.
     """
     instants = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    outside = instants[~_reached(instants, end)]
-    if extrapolate or not len(outside):
+    if instants.ndim > 1:
+        raise ValueError(f"times: found an array of shape {instants.shape}, expected shape (n,)")
+    outside = instants[~(np.isfinite(instants) if extrapolate else _reached(instants, end))]
+    if not len(outside):
         return instants
+    found = f"t = {float(outside[0])!r} s is outside the run, expected a"
+    if extrapolate:
+        raise ValueError(f"{found} finite time")
     raise ValueError(
-        f"t = {float(outside[0])!r} s is outside the run, expected a time from 0 to {end!r} s "
+        f"{found} time from 0 to {end!r} s "
         "(extrapolate=True goes on with the first and last flights, as if nothing happened)"
     )
 
