@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from tests.figures.runs import on_circle, on_three_arcs
 from vibro_cli.figures.portraits.portrait import phase_portrait
-from vibro_cli.figures.style import FORMATS, render, save
+from vibro_cli.figures.style import FORMATS, render
+from vibro_cli.interface import Drawing
 
 pytestmark = pytest.mark.long
 
@@ -54,12 +55,13 @@ def test_svg_has_no_date() -> None:
     assert b"<dc:date>" not in render(phase_portrait(on_three_arcs(), 1), "svg")
 
 
-def test_files_are_written_by_their_stem(tmp_path: Path) -> None:
+def test_files_are_written_as_they_are_named(tmp_path: Path) -> None:
     figure = phase_portrait(on_three_arcs(), 1)
-    paths = save(figure, tmp_path / "portrait_1.5", ("png", "svg"))
-    assert [path.name for path in paths] == ["portrait_1.5.png", "portrait_1.5.svg"]
+    names = ["portrait_1.5.PNG", "portrait_1.5.svg"]
+    paths = [Drawing("portrait_1", figure).save(tmp_path / name) for name in names]
+    assert [path.name for path in paths] == names
     assert paths[0].read_bytes() == render(figure, "png")
-    assert sorted(path.name for path in tmp_path.iterdir()) == [path.name for path in paths]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
 
 
 def test_unknown_format_is_refused() -> None:

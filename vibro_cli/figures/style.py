@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
-
-from vibro_cli.storage.files import write_file
 
 WIDTHS = {"single": 85.0, "double": 170.0}
 """Width of a figure (mm) for one column or two columns of a journal."""
@@ -132,20 +129,6 @@ def render(figure: Figure, form: str, dpi: float = 300.0) -> bytes:
 def has_rasters(figure: Figure) -> bool:
     """Return whether some of a figure is drawn as a raster in vector files, being too much."""
     return bool(figure.findobj(lambda artist: bool(artist.get_rasterized())))
-
-
-def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png", "pdf")) -> tuple[Path, ...]:
-    """Write a figure as `stem.png`, `stem.pdf`, …, each file whole, and return the paths.
-
-    Raises ValueError for an unknown format and OSError when a file cannot be written.
-    """
-    contents = {form: render(figure, form) for form in formats}
-    paths = []
-    for form, content in contents.items():
-        path = stem.with_name(f"{stem.name}.{form}")
-        write_file(path, content)
-        paths.append(path)
-    return tuple(paths)
 
 
 def render_pages(figures: Iterable[Figure]) -> bytes:

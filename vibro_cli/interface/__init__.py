@@ -25,15 +25,18 @@ class Drawing:
     """The figure of matplotlib."""
 
     def save(self, file: str | Path) -> Path:
-        """Write the figure as PNG, PDF or SVG, by the file's suffix; equal figures, equal bytes.
+        """Write the figure as PNG, PDF or SVG, by the file's suffix, and return its path.
+
+        Equal figures give equal bytes.
 
         Raises ``ValueError`` for another suffix and ``OSError`` where it cannot be written.
         """
-        from vibro_cli.figures.style import save
+        from vibro_cli.figures.style import render
+        from vibro_cli.storage.files import write_file
 
         target = Path(file)
-        (written,) = save(self.figure, target.with_suffix(""), (target.suffix[1:].lower(),))
-        return written
+        write_file(target, render(self.figure, target.suffix[1:].lower()))
+        return target
 
     def _repr_png_(self) -> bytes:
         from vibro_cli.figures.style import render
