@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from threading import Event, Thread
 
 import matplotlib
 import pytest
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 
 from tests.figures.runs import on_circle, on_three_arcs
 from vibro_cli.figures.portraits.portrait import phase_portrait
-from vibro_cli.figures.style import FORMATS, render
+from vibro_cli.figures.style import FORMATS, journal, render
 from vibro_cli.interface import Drawing
 
 pytestmark = pytest.mark.long
@@ -36,6 +37,24 @@ def test_the_readers_own_settings_change_nothing(form: str) -> None:
     with matplotlib.rc_context({"font.size": 20.0, "axes.facecolor": "red", "savefig.dpi": 50.0}):
         assert render(phase_portrait(on_three_arcs(), 1), form) == expected
         assert matplotlib.rcParams["font.size"] == 20.0  # and are left as they were
+
+
+def test_threads_leave_the_readers_settings_as_they_were() -> None:
+    before = dict(matplotlib.rcParams)
+    begun, go = Event(), Event()
+
+    def draw() -> None:
+        with journal():
+            begun.set()
+            go.wait()
+
+    other = Thread(target=draw)
+    with journal():
+        other.start()
+        begun.wait(0.2)  # were it let in, it would restore the settings of this one
+    go.set()
+    other.join()
+    assert dict(matplotlib.rcParams) == before
 
 
 @pytest.mark.parametrize(("width", "millimetres"), [("single", 85), ("double", 170)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from threading import RLock
 from typing import Any
 
 import matplotlib
@@ -79,14 +80,18 @@ _RC: Any = {  # the stubs want each key as a literal
 _SIZES = ("font.size", "axes.labelsize", "xtick.labelsize", "ytick.labelsize")
 
 
+_ONE_AT_A_TIME = RLock()
+"""The settings of matplotlib are those of all threads."""
+
+
 @contextmanager
 def journal(larger: float = 1.0) -> Iterator[None]:
     """Draw within this context: the style of the figures, whatever the reader's own settings are.
 
     Letters are `larger` by this factor. Figures are made as `matplotlib.figure.Figure`, without
-    pyplot and its global state.
+    pyplot and its global state. Other threads wait until it ends.
     """
-    with matplotlib.rc_context():
+    with _ONE_AT_A_TIME, matplotlib.rc_context():
         matplotlib.rcdefaults()
         sizes = {name: size * larger for name, size in _RC.items() if name in _SIZES}
         matplotlib.rcParams.update(_RC | sizes)
