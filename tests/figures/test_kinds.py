@@ -287,3 +287,28 @@ def test_bodies_that_stay_in_contact_have_no_figure_of_accuracy() -> None:
     drawn = {one.name for one in draw_all(run, None, "single")}
     assert "accuracy" not in drawn
     assert "energy" in drawn
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("three_arcs", ("stop.time=1e-9",)),
+        ("lone_particle", ("balls[1].arc=2", "balls[1].angle=1e-8", "stop.time=0.5")),
+        ("lone_particle", ("balls[1].arc=2", "balls[1].angle=1e-14", "stop.time=0.5")),
+    ],
+)
+def test_a_motion_of_hardly_any_extent_is_drawn(name: str, overrides: tuple[str, ...]) -> None:
+    """From rest, so that the energy of the body is the potential energy of its start."""
+    run = run_of(name, *overrides)
+    assert {"energy_portrait_1", "space_time"} <= {one.name for one in draw_all(run)}
+    lower = energy_portrait(run, 1).axes[1]
+    place = float(run.sample([0.0])["s"][0])
+    along, energy = (np.asarray(values) for values in lower.lines[0].get_data())
+    (level,) = {
+        float(y)
+        for line in lower.collections
+        for y in np.asarray(line.get_paths()[0].vertices)[:, 1]
+    }
+    assert float(np.interp(place, along, energy)) == pytest.approx(level, rel=1e-12)
+    low, high = lower.get_ylim()
+    assert low + 0.1 * (high - low) < level < high - 0.1 * (high - low)

@@ -12,6 +12,7 @@ from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,
     decimals,
+    limits_apart,
     number_ticks,
     vertical_ticks,
     with_power,
@@ -112,3 +113,14 @@ def test_impacts_are_counted_in_whole_numbers() -> None:
 def test_no_tick_is_at_a_sixteenth_of_pi() -> None:
     ticks = angle_ticks(-1.4, -0.9, 120.0)
     assert not any("π" in label for label in ticks.labels)
+
+
+@pytest.mark.parametrize("value", [1.0, -3.0e5, 211.3])
+def test_limits_that_are_nearly_one_number_are_moved_apart(value: float) -> None:
+    low, high = limits_apart(value, float(np.nextafter(value, np.inf)))
+    assert high - low == pytest.approx(1e-9 * abs(value), rel=1e-5)
+    assert low < value < high
+    assert limits_apart(0.0, 1e-300) == (0.0, 1e-300)
+    assert limits_apart(-1.0, 1.0) == (-1.0, 1.0)
+    assert vertical_ticks(low, high, 40.0).places
+    assert len(vertical_ticks(value, float(np.nextafter(value, np.inf)), 40.0).places) <= 2

@@ -22,6 +22,7 @@ from vibro_cli.figures.ticks import (
     CHARACTER,
     Ticks,
     label_axis,
+    limits_apart,
     number_ticks,
     vertical_angle_ticks,
     vertical_ticks,
@@ -208,6 +209,7 @@ def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, 
     """
     if not high > low:
         low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
+    low, high = limits_apart(low, high)
     room = 0.06 * (high - low)
     axes.set_ylim(low - room, high + room)
     ticked = vertical_angle_ticks if unit == "rad" else vertical_ticks

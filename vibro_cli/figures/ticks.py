@@ -72,6 +72,8 @@ _PARTS_OF_PI = (
     Fraction(1, 8),
 )
 _ENOUGH = 4
+_NEAREST = 1e-9
+"""Least range of an axis, as a share of its greatest number."""
 LEAST = 3
 """Labels from which a scale can be read, where there is room for them."""
 
@@ -151,7 +153,7 @@ def vertical_ticks(low: float, high: float, height: float) -> Ticks:
     """Return ticks at round numbers for a vertical axis from `low` to `high`, `height` mm high."""
     edge = _EDGE / height * (high - low)
     ticks = _round_numbers(low + edge, high, max(2, int(height / _LINE)))
-    if max(map(len, ticks.labels)) <= _LONGEST:
+    if max(map(len, ticks.labels), default=0) <= _LONGEST:
         return ticks
     power = _power(max(map(abs, ticks.places)))
     return Ticks(ticks.places, decimals([place / 10.0**power for place in ticks.places]), power)
@@ -189,6 +191,12 @@ def _round_numbers(
     values = locator.tick_values(low, high)
     places = tuple(float(value) for value in values if low <= value <= high)
     return Ticks(places, decimals([place / 10.0**power for place in places]), power)
+
+
+def limits_apart(low: float, high: float) -> tuple[float, float]:
+    """Return the limits of an axis, moved apart where nearly no double lies between them."""
+    room = 0.5 * (_NEAREST * max(abs(low), abs(high)) - (high - low))
+    return (low - room, high + room) if room > 0.0 else (low, high)
 
 
 def round_below(value: float) -> float:

@@ -26,7 +26,7 @@ from vibro_cli.figures.portraits.portrait import draw_motion, greatest_rate, leg
 from vibro_cli.figures.portraits.trace_phase_plane import behind_along, draw_junctions
 from vibro_cli.figures.portraits.trajectory import Branches, Jumps, Trajectory, trajectory
 from vibro_cli.figures.source import Array, Recorded
-from vibro_cli.figures.ticks import label_axis, vertical_ticks
+from vibro_cli.figures.ticks import label_axis, limits_apart, vertical_ticks
 from vibro_cli.mechanics.trace import Piece, Trace
 
 _HIGH = (58.0, 36.0)
@@ -51,7 +51,7 @@ def panels_over(
 
 def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
     """Set the axis of the energies (J)."""
-    top = highest if highest > lowest else lowest + 1.0
+    lowest, top = limits_apart(lowest, highest if highest > lowest else lowest + 1.0)
     lower.axes.set_ylim(lowest, top)
     label_axis(lower.axes.yaxis, vertical_ticks(lowest, top, lower.height), "$E$", "J")
 
@@ -117,7 +117,7 @@ def energy_portrait(run: Recorded, ball: int, width: str = "single") -> Figure:
         symbols = Symbols(rf"$s_{{{ball}}}$", rf"$v_{{{ball}}}$")
         figure, upper, lower = panels_over(width, window, len(rows), symbols)
         draw_motion([upper], path, behind)
-        places, values = _potential(landscape)
+        places, values = _potential(landscape, window)
         lower.axes.plot(places, values, zorder=1.5, **POTENTIAL)
         draw_energies(lower, path, energies, coloured_until(path))
         for panel in (upper, lower):
@@ -177,14 +177,17 @@ def _arc_length(piece: Piece, position: Array) -> Array:
     return piece.start_s + piece.radius * (position - piece.angle_start)
 
 
-def _potential(landscape: Landscape) -> tuple[Array, Array]:
-    """Return arc lengths (m) along the trace and the potential energies there (J)."""
-    places, values = [], []
+def _potential(landscape: Landscape, window: Window) -> tuple[Array, Array]:
+    """Return arc lengths (m) along the trace and the potential energies there (J).
+
+    Dense on the whole trace, and again in the window, which may be a very small part of it.
+    """
+    places = [np.linspace(window.low, window.high, _DENSE)]
     for piece in landscape.trace.pieces:
         position = np.linspace(piece.angle_start, piece.angle_end, _DENSE)
         places.append(_arc_length(piece, position))
-        values.append(landscape.potential(piece, position))
-    return np.concatenate(places), np.concatenate(values)
+    along = np.sort(np.clip(np.concatenate(places), 0.0, landscape.trace.length))
+    return along, _potential_at(landscape, along)
 
 
 def _potential_at(landscape: Landscape, s: Array) -> Array:
@@ -224,4 +227,4 @@ def _window(trace: Trace, path: Trajectory, behind: Background) -> Window:
         low = max(low, float(np.min(branches.position)) - _BESIDE * extent)
         high = min(high, float(np.max(branches.position)) + _BESIDE * extent)
         through = 0.0
-    return straight(low, high, _MARGIN * (max(reached, through) or 1.0))
+    return straight(*limits_apart(low, high), _MARGIN * (max(reached, through) or 1.0))
