@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,11 +13,11 @@ from vibro_cli.figures.maps import Coordinate
 from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,
+    axis_words,
     decimals,
     limits_apart,
     number_ticks,
     vertical_ticks,
-    with_power,
     without_overlaps,
 )
 
@@ -99,8 +101,9 @@ def test_long_numbers_of_a_horizontal_axis_get_a_power_of_ten() -> None:
     assert (small.power, large.power) == (-3, 6)
     assert "−4" in small.labels
     assert "4" in large.labels
-    assert with_power("m", small) == "$10^{-3}$ m"
-    assert with_power("m", number_ticks(0.0, 4.0, 60.0)) == "m"
+    assert axis_words("s", "m", small) == "s [$10^{-3}$ m]"
+    assert axis_words("s", "m", number_ticks(0.0, 4.0, 60.0)) == "s [m]"
+    assert axis_words("share", "", large) == "share [$10^{6}$]"
 
 
 def test_impacts_are_counted_in_whole_numbers() -> None:
@@ -123,4 +126,26 @@ def test_limits_that_are_nearly_one_number_are_moved_apart(value: float) -> None
     assert limits_apart(0.0, 1e-300) == (0.0, 1e-300)
     assert limits_apart(-1.0, 1.0) == (-1.0, 1.0)
     assert vertical_ticks(low, high, 40.0).places
-    assert len(vertical_ticks(value, float(np.nextafter(value, np.inf)), 40.0).places) <= 2
+    assert len(vertical_ticks(math.pi * value, math.pi * value, 40.0).places) <= 1
+
+
+@pytest.mark.parametrize("ticked", [number_ticks, vertical_ticks])
+@pytest.mark.parametrize("middle", [math.pi / 2, -211.30172973, 7.0e5])
+@pytest.mark.parametrize("extent", [1e-4, 3e-6, 2e-8, 1e-9])
+def test_labels_of_limits_near_one_another_count_from_a_number_between_them(
+    ticked: Callable[[float, float, float], Ticks], middle: float, extent: float
+) -> None:
+    """What a reader adds up, from the name of the axis and its labels, is where the ticks are."""
+    low, high = middle - 0.5 * extent * abs(middle), middle + 0.5 * extent * abs(middle)
+    ticks = ticked(low, high, 60.0)
+    assert len(set(ticks.labels)) == len(ticks.labels) >= 3
+    assert max(map(len, ticks.labels)) <= 6
+    found = re.fullmatch(
+        r"s ([−+]) (\S+) \[(?:\$10\^\{(-?\d+)\}\$ )?m\]", axis_words("s", "m", ticks)
+    )
+    assert found is not None
+    sign, offset, power = found.groups()
+    shift = float(offset) if sign == "−" else -float(offset)
+    for place, text in zip(ticks.places, ticks.labels, strict=True):
+        read = shift + float(text.replace("−", "-")) * 10.0 ** int(power or 0)
+        assert read == pytest.approx(place, abs=1e-6 * (high - low) + 4e-16 * abs(middle))

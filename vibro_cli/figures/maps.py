@@ -28,6 +28,7 @@ from vibro_cli.figures.ticks import (
     LEAST,
     Ticks,
     angle_ticks,
+    axis_words,
     label_axis,
     number_ticks,
     vertical_angle_ticks,
@@ -428,10 +429,8 @@ def quantity_map(
     with style.journal():
         norm = _norm(own, least_log)
         ticks = _bar_ticks(norm, _HIGH[width])
-        words = label
-        if ticks.power:
-            quantity, _, unit = label.partition(" [")
-            words = f"{quantity} [$10^{{{ticks.power}}}${' ' + unit if unit else ']'}"
+        quantity, _, unit = label.partition(" [")
+        words = axis_words(quantity, unit.removesuffix("]"), ticks)
         room = _BAR + max(text_width(text) for text in ticks.labels)
         figure, axes = _panel(shown, width, 0.0, room)
         colours = style.time_colours()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from matplotlib.axis import Axis, YAxis
@@ -74,6 +74,8 @@ _PARTS_OF_PI = (
 _ENOUGH = 4
 _NEAREST = 1e-9
 """Least range of an axis, as a share of its greatest number."""
+_FROM_WITHIN = 2e-4
+"""Range of an axis, as a share of its greatest number, below which labels count from within it."""
 LEAST = 3
 """Labels from which a scale can be read, where there is room for them."""
 
@@ -86,6 +88,8 @@ class Ticks:
     labels: tuple[str, ...]
     power: int = 0
     """The labels are in units of ten to this power."""
+    offset: float = 0.0
+    """The labels count from this number."""
 
 
 def angle_ticks(low: float, high: float, width: float) -> Ticks:
@@ -134,6 +138,9 @@ def number_ticks(low: float, high: float, width: float, whole: bool = False) -> 
 
     Only whole numbers with `whole`.
     """
+    offset = _offset(low, high)
+    if offset:
+        return _counted_from(offset, number_ticks(low - offset, high - offset, width, whole))
     largest = max(abs(low), abs(high))
     power = 0 if _PLAIN[0] <= largest < _PLAIN[1] or not largest else _power(largest)
     chosen = Ticks((), ())
@@ -151,6 +158,9 @@ def number_ticks(low: float, high: float, width: float, whole: bool = False) -> 
 
 def vertical_ticks(low: float, high: float, height: float) -> Ticks:
     """Return ticks at round numbers for a vertical axis from `low` to `high`, `height` mm high."""
+    offset = _offset(low, high)
+    if offset:
+        return _counted_from(offset, vertical_ticks(low - offset, high - offset, height))
     edge = _EDGE / height * (high - low)
     ticks = _round_numbers(low + edge, high, max(2, int(height / _LINE)))
     if max(map(len, ticks.labels), default=0) <= _LONGEST:
@@ -159,14 +169,29 @@ def vertical_ticks(low: float, high: float, height: float) -> Ticks:
     return Ticks(ticks.places, decimals([place / 10.0**power for place in ticks.places]), power)
 
 
+def _offset(low: float, high: float) -> float:
+    """Return a round number within limits that lie near one another, else 0."""
+    if not 0.0 < high - low < _FROM_WITHIN * max(abs(low), abs(high)):
+        return 0.0
+    return round(0.5 * (low + high), -math.floor(math.log10(high - low)))
+
+
+def _counted_from(offset: float, ticks: Ticks) -> Ticks:
+    """Return the ticks of the differences from a number at the numbers themselves."""
+    return replace(ticks, places=tuple(offset + place for place in ticks.places), offset=offset)
+
+
 def _power(largest: float) -> int:
     """Return the power of ten, a multiple of three, in which numbers up to one are written."""
     return 3 * math.floor(math.log10(largest) / 3.0)
 
 
-def with_power(unit: str, ticks: Ticks) -> str:
-    """Return the unit of an axis with the power of ten of its labels: `10⁻³ m`."""
-    return rf"$10^{{{ticks.power}}}$ {unit}".rstrip() if ticks.power else unit
+def axis_words(name: str, unit: str, ticks: Ticks) -> str:
+    """Return the name of an axis, from what its labels count, and its unit: `s − 1.2 [10⁻⁶ m]`."""
+    if ticks.offset:
+        name += f" {'−' if ticks.offset > 0.0 else '+'} {abs(ticks.offset):.12g}"
+    scaled = rf"$10^{{{ticks.power}}}$ {unit}".rstrip() if ticks.power else unit
+    return f"{name} [{scaled}]" if scaled else name
 
 
 def label_axis(
@@ -180,8 +205,7 @@ def label_axis(
     if isinstance(axis, YAxis):
         axis.labelpad = 1.0
     if labelled:
-        scaled = with_power(unit, ticks)
-        axis.set_label_text((f"{name} [{scaled}]" if scaled else name) + after)
+        axis.set_label_text(axis_words(name, unit, ticks) + after)
 
 
 def _round_numbers(
@@ -253,10 +277,9 @@ def without_overlaps(
         else:
             last = mark
     return [
-        Ticks(
-            ticks.places,
-            tuple("" if (n, k) in dropped else text for k, text in enumerate(ticks.labels)),
-            ticks.power,
+        replace(
+            ticks,
+            labels=tuple("" if (n, k) in dropped else text for k, text in enumerate(ticks.labels)),
         )
         for n, (_, _, ticks) in enumerate(rows)
     ]

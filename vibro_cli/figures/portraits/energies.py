@@ -180,9 +180,10 @@ def _arc_length(piece: Piece, position: Array) -> Array:
 def _potential(landscape: Landscape, window: Window) -> tuple[Array, Array]:
     """Return arc lengths (m) along the trace and the potential energies there (J).
 
-    Dense on the whole trace, and again in the window, which may be a very small part of it.
+    Dense on the whole trace, and again around the window, which may be a very small part of it.
     """
-    places = [np.linspace(window.low, window.high, _DENSE)]
+    beside = window.high - window.low
+    places = [np.linspace(window.low - beside, window.high + beside, 3 * _DENSE)]
     for piece in landscape.trace.pieces:
         position = np.linspace(piece.angle_start, piece.angle_end, _DENSE)
         places.append(_arc_length(piece, position))
