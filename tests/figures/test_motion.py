@@ -117,6 +117,20 @@ def test_trails_break_at_the_seam() -> None:
         assert np.nanmax(np.abs(np.diff(way.across))) < 0.5 * run.system.trace.length
 
 
+def test_the_plane_shows_the_speeds_at_impacts_between_frames() -> None:
+    run = run_of("five_balls")
+    frames = film_on_trace(run, frame_times(0.0, 2.0, 0.5, 10))
+    table, plane = run.collisions, Stage(frames, 50.0).plane
+    rows = table["t"] <= 2.0
+    speeds = np.concatenate(
+        [table[f"speed_{side}_{when}"][rows] for side in "ab" for when in ("pre", "post")]
+    )
+    assert np.max(np.abs(speeds)) > np.max(np.abs(frames.up))
+    low, high = plane.get_ylim()
+    assert low < np.min(speeds)
+    assert np.max(speeds) < high
+
+
 def test_the_stage_places_what_it_shows() -> None:
     """Pixels from the map of the page against matplotlib's own."""
     _, all_frames = shown("three_arcs", 1.0)

@@ -29,6 +29,7 @@ from vibro_cli.errors import VibroError
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look, number_plane
 from vibro_cli.figures.source import Array, made
+from vibro_cli.figures.ticks import limits_apart
 
 
 @dataclass(frozen=True)
@@ -286,13 +287,16 @@ class Stage:
         self.drawn_radii = [max(one, _LEAST * 2.0 * half[0]) for one in self.ground.radii]
 
     def _draw_plane(self, panel: Panel) -> None:
-        """Draw the axes of speed against place, as wide as the motion."""
+        """Draw the axes of speed against place, as wide as the motion, between frames too."""
         axes, frames = self.plane, self.frames
         box = axes.get_position()
-        for values, limits in ((frames.across, axes.set_xlim), (frames.up, axes.set_ylim)):
-            low, high = float(np.min(values)), float(np.max(values))
+        across = [frames.across.ravel(), *(way.across for way in frames.trails)]
+        up = [frames.up.ravel(), *(way.up for way in frames.trails)]
+        for values, limits in ((across, axes.set_xlim), (up, axes.set_ylim)):
+            reached = np.concatenate(values)
+            low, high = float(np.nanmin(reached)), float(np.nanmax(reached))
             room = _MARGIN * (high - low) or 0.1 * abs(high) or 1.0
-            limits(low - room, high + room)
+            limits(*limits_apart(low - room, high + room))
         size = (
             box.width * SIZE[0] * _INCH / _LARGER,
             box.height * SIZE[1] * _INCH / _LARGER,
