@@ -465,3 +465,14 @@ def test_an_unknown_figure_is_refused_before_anything_runs(vibro: Vibro, tmp_pat
     assert outcome.code == 2
     assert "found 'velocity' (did you mean 'velocities'?), expected all or some" in outcome.err
     assert not (tmp_path / "run").exists()
+
+
+def test_a_figure_that_is_named_and_shows_nothing_is_told(vibro: Vibro, tmp_path: Path) -> None:
+    few = ("--set", "stop={collisions = 1}", "-o", "run", "--force")
+    path = GALLERY / "turning_circle.toml"
+    outcome = vibro("run", path, *few, "--figures", "energy,intervals")
+    assert outcome.code == 0
+    assert "turning-circle: the run has nothing to show as intervals" in outcome.err
+    assert {file.stem for file in tmp_path.glob("run/*.png")} == {"energy"}
+    for figures in ("all", "default", "energy,accuracy"):
+        assert "nothing to show" not in vibro("run", path, *few, "--figures", figures).err

@@ -7,7 +7,7 @@ import contextlib
 import re
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from vibro_cli.systems.run import Streamed
 
 _NONE = ("0", "false", "none")
+_DEFAULT = ("default", "1", "true")
 _OTHERS = " and ".join([*PLURALS.values()][1:])
 
 
@@ -152,7 +153,7 @@ class RunCommand:
         asked = _kinds_drawn(self.earlier) if self.figures is None else self.figures.strip()
         if self.no_figures or asked.lower() in _NONE:
             return []
-        if asked.lower() in ("default", "1", "true"):
+        if asked.lower() in _DEFAULT:
             return list(system_named(system).default_figures)
         known = list(system_named(system).figures)
         names = known if asked == "all" else [name.strip() for name in asked.split(",")]
@@ -263,9 +264,14 @@ def _kinds_drawn(earlier: Path | None) -> str:
     manifest = None if earlier is None else read_manifest(earlier)
     if manifest is None:
         return "default"
-    pictures = [Path(file).stem for file in manifest["files"] if file.endswith(".png")]
+    return ",".join(_kinds_in(manifest["files"])) or "0"
+
+
+def _kinds_in(files: Iterable[str]) -> list[str]:
+    """The kinds of figures among files, each as often as there are figures of it."""
+    pictures = [Path(file).stem for file in files if file.endswith(".png")]
     # Where there is a figure of each body, its number follows the kind: portrait_1.png.
-    return ",".join(re.sub(r"_\d+$", "", stem) for stem in pictures) or "0"
+    return [re.sub(r"_\d+$", "", stem) for stem in pictures]
 
 
 def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
@@ -436,7 +442,7 @@ def _standard_output(form: str, scenario: "AnyScenario") -> "Iterator[Sink]":
 def _figures(
     wishes: RunCommand, scenario: "AnyScenario", result: "Streamed", folder: "StreamedFolder"
 ) -> dict[str, bytes]:
-    """The figures of the run, which is solved again for them."""
+    """The figures of the run, which is solved again for them; tells of those that show nothing."""
     from vibro_cli.interface import figures_of
     from vibro_cli.storage.stored import stored_run
 
@@ -445,4 +451,10 @@ def _figures(
         return {}
     written, summary = folder.end_tables(), result.summary_record()
     run = stored_run(written, scenario, result.checkpoint(), {}, summary)
-    return figures_of(run.whole or run, names)
+    files = figures_of(run.whole or run, names)
+    if (wishes.figures or "all").strip().lower() not in ("all", *_DEFAULT):
+        for name in names:
+            if name not in _kinds_in(files):
+                text = f"{scenario.name}: the run has nothing to show as {name}"
+                say(text, "warning", scenario=scenario.name)
+    return files

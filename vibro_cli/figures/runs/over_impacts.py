@@ -149,11 +149,8 @@ def intervals(run: Recorded, width: str = "single") -> Figure | None:
 def accuracy(run: Recorded, width: str = "single") -> Figure | None:
     """Return the residual gap of each impact and the energy error of each free flight.
 
-    None for a trace that turns about a vertical, and where bodies in lasting contact do nothing
-    else.
+    None where bodies in lasting contact do nothing else.
     """
-    if run.system.turning is not None:
-        return None
     table = run.collisions
     gap = np.abs(np.asarray(table["gap"], dtype=np.float64))
     time, error, flights = _errors(run)

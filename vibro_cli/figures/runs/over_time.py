@@ -179,9 +179,11 @@ def _kept_levels(flights: Table, mine: Integers) -> tuple[Integers, Integers]:
 
 def _pace(run: Recorded, ball: int, piece: Piece) -> float:
     """Return the points a second that the energy of a body wants, in contact on a piece."""
-    body = run.system.bodies[ball - 1]
+    body, turning = run.system.bodies[ball - 1], run.system.turning
     radius = run.system.trace.length if piece.is_line else piece.path_radius(body.radius)
-    return _PER_PERIOD * body.natural_rate(run.system.gravity, radius) / (2.0 * math.pi)
+    turned = 0.0 if turning is None else turning.rate
+    rate = math.hypot(body.natural_rate(run.system.gravity, radius), turned)
+    return _PER_PERIOD * rate / (2.0 * math.pi)
 
 
 def energy_residuals(run: Recorded) -> Iterator[tuple[Array, Array]]:
@@ -236,13 +238,8 @@ IMPACT: dict[str, Any] = {
 }
 
 
-def energies(run: Recorded, width: str = "single") -> Figure | None:
-    """Return the energy of each body and of all against time, and what impacts lose, if they do.
-
-    None for a trace that turns about a vertical: its energy is another one.
-    """
-    if run.system.turning is not None:
-        return None
+def energies(run: Recorded, width: str = "single") -> Figure:
+    """Return the energy of each body and of all against time, and what impacts lose, if they do."""
     until, lines = _courses(run)
     table = run.collisions
     losses = np.asarray(table["t"]), np.asarray(table["energy_loss"], dtype=np.float64)

@@ -177,9 +177,9 @@ FIGURES: dict[str, Kind[Recorded] | KindOfBody] = {
     "energy": Kind(
         energies,
         "Energies",
-        "Energy of each body and of all against time, each from the lowest place of its centre; "
-        "below, what each impact loses. Of lasting contact at the end some periods only; steps too "
-        "close to be told apart are bands, from the least to the greatest.",
+        "Energy of each body and of all against time, each from its least potential energy on the "
+        "trace; below, what each impact loses. Of lasting contact at the end some periods only; "
+        "steps too close to be told apart are bands, from the least to the greatest.",
     ),
     "space_time": Kind(
         space_time,
