@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -81,6 +82,26 @@ def test_no_text_is_cut_off_or_overlaps_another(name: str, width: str) -> None:
     impacts = min(len(run_of(name).collisions["n"]), 2 if width == "single" else 4)
     assert len(figure.axes) == 2 * impacts
     assert_texts_are_apart(figure)
+
+
+@pytest.mark.parametrize("width", ["single", "double"])
+@pytest.mark.parametrize("gravity", [1e6, 3e11, 1e-5])
+@pytest.mark.parametrize("radius", [0.1, 1e-4])
+def test_large_and_small_values_have_a_prefix(radius: float, gravity: float, width: str) -> None:
+    """As many rad/s in words as in the table, and no text over the next panel."""
+    radii = [f"balls[{ball}].radius={radius}" for ball in (1, 2)]
+    changes = [f"gravity={gravity}", "stop={collisions = 4}", *radii]
+    run = simulate(load_scenario(FOLDER / "three_arcs.toml", changes))
+    figure = velocities(run, width)
+    assert figure is not None
+    assert_texts_are_apart(figure)
+    powers = {"p": -12, "n": -9, "µ": -6, "m": -3, "": 0, "k": 3, "M": 6, "G": 9}
+    said = [re.fullmatch(r"= (\S+) (\S?)rad/s", text.get_text()) for text in texts(figure)]
+    told = [float(one[1].replace("−", "-")) * 10.0 ** powers[one[2]] for one in said if one]
+    shown = len(told) // 2
+    table = [run.collisions[f"omega_b_{when}"][:shown] for when in ("pre", "post")]
+    assert told == pytest.approx(np.transpose(table).ravel(), rel=6e-3)
+    assert shown == (2 if width == "single" else 4)
 
 
 def test_an_inadmissible_impact_is_named() -> None:

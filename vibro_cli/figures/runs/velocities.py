@@ -41,8 +41,13 @@ _WORDS = 10.5
 """Room for the words above a panel (mm)."""
 _COLUMNS = (0.0, 18.5)
 """Where the values of the two bodies stand (mm from the edge of a panel)."""
-_SYMBOL = 3.7
+SYMBOL = 3.7
 """Room for a symbol before its value (mm)."""
+_PLAIN = (1e-3, 1e3)
+"""Values that reach no further, or further, get a unit with a prefix."""
+_SMALL = 1e-4
+"""A value below this beside a greater one has one digit, and a power of ten."""
+_PREFIX = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 _GAP = 2.0
 _BOTTOM = 2.0
 _AROUND = 2.6
@@ -384,18 +389,42 @@ def _say(axes: Axes, run: Recorded, row: int, pair: Sequence[Striking], when: in
     title = f"impact {number}, {time:.4g} s: {sides}" if when == 0 else sides
     write_over(axes, 0.0, 2, title)
     for line, symbol, unit in ((1, "v", "m/s"), (0, r"\omega", "rad/s")):
-        for one, left in zip(pair, _COLUMNS, strict=True):
-            value = one.speed[when] if symbol == "v" else one.omega[when]
-            if math.isnan(value):  # a particle slides
-                continue
-            write_over(axes, left, line, f"${symbol}_{{{one.number}}}$")
-            after = f" {unit}" if one is pair[1] else ""
-            write_over(axes, left + _SYMBOL, line, f"= {short_number(value, 3)}{after}")
-
+        symbols = [f"${symbol}_{{{one.number}}}$" for one in pair]
+        values = [one.speed if symbol == "v" else one.omega for one in pair]
+        write_values(axes, _COLUMNS, line, symbols, values, when, unit)
     impulse = float(run.collisions["impulse"][row])
     if when == 1 and all(one.slides for one in pair) and not math.isnan(impulse):
         write_over(axes, 0.0, 0, "$K$")
-        write_over(axes, _SYMBOL, 0, f"= {short_number(impulse, 3)} N s")
+        write_over(axes, SYMBOL, 0, f"= {short_number(impulse, 3)} N s")
+
+
+def write_values(
+    axes: Axes,
+    columns: Sequence[float],
+    line: int,
+    symbols: Sequence[str],
+    values: Sequence[tuple[float, float]],
+    when: int,
+    unit: str,
+) -> None:
+    """Write the values of bodies before (0) or after (1) an impact above a panel, and their unit.
+
+    The unit has a prefix where the greatest value, before or after, would leave no room; nan, as of
+    the turning of a particle, is left out. `columns` are where the symbols begin (mm from the edge
+    of the panel).
+    """
+    there = [number for number, value in enumerate(values) if not math.isnan(value[when])]
+    sizes = [abs(size) for value in values for size in value if not math.isnan(size)]
+    greatest = float(f"{max(sizes, default=0.0):.3g}")
+    power = 0
+    if greatest and not _PLAIN[0] <= greatest < _PLAIN[1]:
+        power = min(max(3 * math.floor(math.log10(greatest) / 3.0), min(_PREFIX)), max(_PREFIX))
+    for number in there:
+        value = values[number][when] / 10.0**power
+        text = short_number(value, 3 if abs(value) >= _SMALL else 1)
+        after = f" {_PREFIX[power]}{unit}" if number == there[-1] else ""
+        write_over(axes, columns[number], line, symbols[number])
+        write_over(axes, columns[number] + SYMBOL, line, f"= {text}{after}")
 
 
 def write_over(axes: Axes, left: float, line: int, text: str) -> None:

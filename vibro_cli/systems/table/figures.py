@@ -37,11 +37,13 @@ from vibro_cli.figures.runs.velocities import (
     CENTRE,
     NORMAL,
     ROLLING,
+    SYMBOL,
     arrow,
     draw_disc,
     draw_scale,
     sheet,
     write_over,
+    write_values,
 )
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import width_of
@@ -51,7 +53,6 @@ from vibro_cli.systems.table.plan import draw_wall, table_plan, wall_corners
 _IMPACTS = {"single": 2, "double": 4}
 _HIGH, _TOP, _WORDS = 36.0, 5.0, 14.5
 _COLUMNS = (0.0, 17.0)
-_SYMBOL = 3.7
 _AROUND = 2.9
 """Half the height of a panel, in radii of the larger ball."""
 _LONGEST, _TURNING = 1.7, 1.0
@@ -92,6 +93,12 @@ class Arriving:
     """Angular speed of rolling (rad/s), nan where it slides."""
     angle: tuple[float, float]
     """Arrival and outgoing angle (rad), nan at rest."""
+
+    @property
+    def speed(self) -> tuple[float, float]:
+        """m/s"""
+        before, after = (float(np.hypot(*velocity)) for velocity in self.velocity)
+        return before, after
 
 
 @dataclass(frozen=True)
@@ -275,18 +282,18 @@ def _say(axes: Axes, one: Met, when: int) -> None:
     """Write the values above a panel."""
     write_over(axes, 0.0, 3, f"{one.title}, {one.time:.4g} s: before" if when == 0 else "after")
     rows = (
-        (2, "v", "", "m/s", [float(np.hypot(*ball.velocity[when])) for ball in one.balls]),
-        (1, r"\omega", "", "rad/s", [ball.omega[when] for ball in one.balls]),
-        (0, r"\alpha", "'" * when, "°", [math.degrees(ball.angle[when]) for ball in one.balls]),
+        (2, "v", "m/s", [ball.speed for ball in one.balls]),
+        (1, r"\omega", "rad/s", [ball.omega for ball in one.balls]),
     )
-    for line, symbol, mark, unit, values in rows:
-        for ball, value, left in zip(one.balls, values, _COLUMNS, strict=False):
-            if math.isnan(value):
-                continue
-            write_over(axes, left, line, rf"${symbol}_{{{ball.number}}}{mark}$")
-            last = f" {unit}" if ball is one.balls[-1] else ""
-            text = f"= {short_number(value, 3)}{'°' if unit == '°' else last}"
-            write_over(axes, left + _SYMBOL, line, text)
+    for line, symbol, unit, values in rows:
+        symbols = [rf"${symbol}_{{{ball.number}}}$" for ball in one.balls]
+        write_values(axes, _COLUMNS, line, symbols, values, when, unit)
+    mark = "'" * when
+    for ball, left in zip(one.balls, _COLUMNS, strict=False):
+        angle = math.degrees(ball.angle[when])
+        if not math.isnan(angle):
+            write_over(axes, left, 0, rf"$\alpha_{{{ball.number}}}{mark}$")
+            write_over(axes, left + SYMBOL, 0, f"= {short_number(angle, 3)}°")
 
 
 def table_contact_points(run: Run, width: str = "single") -> Figure | None:
