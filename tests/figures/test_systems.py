@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import math
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.text import Annotation
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.api import simulate
+from vibro_cli.figures import style
+from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.kinds import draw_all
 from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.figures import springs_place
 from vibro_cli.systems.springs.portrait import motions, springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
+from vibro_cli.systems.table.plan import table_plan
 from vibro_cli.systems.table.wall_portrait import has_wall_portrait, wall_portrait
 
 pytestmark = pytest.mark.long
@@ -91,3 +99,36 @@ def test_places_over_time_are_those_of_the_run(name: str) -> None:
         exact = sample["x"][sample["ball"] == ball]
         assert np.max(np.abs(place[::5] - exact)) < 1e-4 * np.ptp(place)
         assert np.max(np.diff(time)) < 0.2
+
+
+def _arrows(axes: Axes) -> list[tuple[float, str]]:
+    """Lengths (m) of the arrows of a picture, and the colours of their edges."""
+    found = [text for text in axes.texts if isinstance(text, Annotation) and text.arrow_patch]
+    ends = np.array([np.subtract(one.xy, one.xyann) for one in found])
+    edges = [to_hex(one.arrow_patch.get_edgecolor()) for one in found if one.arrow_patch]
+    return list(zip(np.hypot(*ends.T).tolist(), edges, strict=True))
+
+
+def _scale(axes: Axes) -> float:
+    """Length (m) of 1 m/s, by the arrow over a picture and what is written beside it."""
+    (speed,) = (one[1] for text in axes.texts if (one := re.fullmatch("(.*) m/s", text.get_text())))
+    (line,) = (line for line in axes.lines if line.get_transform() == axes.transAxes)
+    low, high = axes.get_xlim()
+    return float(np.ptp(np.asarray(line.get_xdata()))) * (high - low) / float(speed)
+
+
+@pytest.mark.parametrize("name", ["billiards", "skew_impact", "elliptic_wall"])
+def test_arrows_on_a_table_are_told_from_paths_and_have_a_scale(name: str) -> None:
+    run = run_of(FOLDER / f"table/{name}.toml")
+    axes = table_plan(run).axes[0]
+    lengths, colours = zip(*_arrows(axes), strict=True)
+    assert set(colours) == {to_hex(style.BLACK)}
+    assert style.BLACK not in {body_look(ball)["color"] for ball in range(1, 13)}
+    ends = [(run.collisions, "_a"), (run.collisions, "_b"), (run.bounces, "")]
+    speeds = [math.hypot(*state.velocity) for state in run.system.initial]
+    for table, end in ends:
+        for when in ("pre", "post"):
+            parts = (table[f"velocity_{axis}{end}_{when}"] for axis in "xy")
+            speeds += np.hypot(*parts).tolist()
+    moving = sorted(speed for speed in speeds if speed > 0.0)
+    assert sorted(lengths) == pytest.approx(np.multiply(_scale(axes), moving), abs=1e-9)

@@ -413,8 +413,8 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
         table_plan,
         "Plan of the table",
         "The wall, the path of every ball from its start (with its number), the balls as they "
-        "touch, and arrows of the velocities before (open) and after (full) the impacts, where "
-        "they are few. As C figs 1 and 4.",
+        "touch, and black arrows of the velocities at the start and before (open) and after (full) "
+        "the impacts, where they are few. As C figs 1 and 4.",
     ),
     "velocities": Kind[Run](
         table_velocities,

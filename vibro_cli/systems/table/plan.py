@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import LEFT, Sheet, body_look, plane_axes
-from vibro_cli.figures.labels import Named, ring, write_names
+from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, ring, write_names
 from vibro_cli.figures.portraits import layers
+from vibro_cli.figures.runs.velocities import draw_scale
 from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
@@ -28,6 +29,8 @@ _MANY = 150
 """Of a ball with more flights than this the lines are thin and faint."""
 _ARROW = 0.09
 """Length of the arrow of the fastest ball, as a share of the figure's width."""
+_HEAD = {True: "white", False: style.BLACK}
+"""Colours of the heads of arrows of velocities before impacts, and of others."""
 _RIGHT, _TOP, _BOTTOM = 2.5, 5.0, 8.5
 """Room beside, over and under the panel (mm)."""
 _SHAPES = (0.25, 1.5)
@@ -47,8 +50,10 @@ def table_plan(run: Run, width: str = "single") -> Figure:
     low, high = _fitted(low, high)
     wide = width_of(width)
     size = (wide - LEFT - _RIGHT) * np.array([1.0, (high[1] - low[1]) / (high[0] - low[0])])
+    arrows = _arrows(run)
+    entries = _legend(arrows)
     with style.journal():
-        sheet = Sheet(wide, _BOTTOM + float(size[1]) + _TOP)
+        sheet = Sheet(wide, _BOTTOM + float(size[1]) + _TOP + (LINE if entries else 0.0))
         axes = sheet.panel(LEFT, _BOTTOM, float(size[0]), float(size[1]))
         plane_axes(axes, low, high, size)
         if run.system.wall is not None:
@@ -56,9 +61,11 @@ def table_plan(run: Run, width: str = "single") -> Figure:
         for ball, path in enumerate(paths):
             _draw_path(axes, run, ball, path)
         _draw_impacts(axes, run)
-        _draw_velocities(axes, run, _ARROW * (high[0] - low[0]))
+        _draw_velocities(axes, arrows, _ARROW * float(high[0] - low[0]))
         _draw_numbers(axes, run, paths, (float(size[0]), float(size[1])))
         axes.set_title(_title(run, paths), pad=2.0, color=style.FRAME_GREY)
+        if entries:
+            draw_legend(sheet.figure, [entries])
     return sheet.figure
 
 
@@ -158,51 +165,64 @@ def _draw_impacts(axes: Axes, run: Run) -> None:
             axes.add_patch(Circle(place, radius, fill=False, edgecolor=color, linewidth=0.6))
 
 
-def _draw_velocities(axes: Axes, run: Run, length: float) -> None:
-    """Arrows of the velocity at the start and before (open) and after (full) each impact."""
-    arrows = _arrows(run)
+def _draw_velocities(axes: Axes, arrows: list[Arrow], length: float) -> None:
+    """Arrows of the velocity at the start and before (open) and after (full) each impact.
+
+    They are black, for paths have the colours of the balls; `length` (m) is the longest one's.
+    """
     if not arrows:
         return
-    fastest = max(float(np.hypot(*velocity)) for _, _, velocity, _ in arrows)
-    for ball, place, velocity, before in arrows:
-        step = np.array(velocity) * (length / fastest) if fastest > 0.0 else np.zeros(2)
+    scale = length / max(float(np.hypot(*velocity)) for _, velocity, _ in arrows)
+    for place, velocity, before in arrows:
+        step = scale * np.array(velocity)
         end = np.array(place) if before else np.array(place) + step
         axes.annotate(
             "", xy=tuple(end), xytext=tuple(end - step), zorder=6.0,
             arrowprops={
-                "arrowstyle": "->" if before else "-|>", "color": _colour(ball),
-                "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 6.0,
+                "arrowstyle": "-|>", "edgecolor": style.BLACK, "facecolor": _HEAD[before],
+                "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 5.0,
             },
         )  # fmt: skip
+    draw_scale(axes, scale, 1)
 
 
-Arrow = tuple[int, tuple[float, float], tuple[float, float], bool]
+def _legend(arrows: list[Arrow]) -> list[Entry]:
+    """What the arrows of velocity mean."""
+    words = {before: f"velocity {'before' if before else 'after'}" for _, _, before in arrows}
+    if arrows and True not in words:
+        words = {False: "velocity at the start"}
+    look = {"color": style.BLACK, "linewidth": 0.5, "marker": ">", "markersize": 3.0,
+            "markeredgewidth": 0.5}  # fmt: skip
+    return [(words[one], look | {"markerfacecolor": _HEAD[one]}) for one in sorted(words)[::-1]]
+
+
+Arrow = tuple[tuple[float, float], tuple[float, float], bool]
 
 
 def _arrows(run: Run) -> list[Arrow]:
-    """Ball, place and velocity at the start and at each impact, and whether it is that before."""
+    """Place and velocity of balls at the start and at each impact, and whether it is before one."""
     found: list[Arrow] = []
-    for ball, state in enumerate(run.system.initial):
+    for state in run.system.initial:
         if state.velocity != (0.0, 0.0):
-            found.append((ball, state.place, state.velocity, False))
+            found.append((state.place, state.velocity, False))
     if len(run.collisions["n"]) + len(run.bounces["n"]) > MOST_ARROWS:
         return found
     for row in range(len(run.collisions["n"])):
         for letter in "ab":
-            found += _at(run.collisions, row, "ball_" + letter, "_" + letter)
+            found += _at(run.collisions, row, "_" + letter)
     for row in range(len(run.bounces["n"])):
-        found += _at(run.bounces, row, "ball", "")
+        found += _at(run.bounces, row, "")
     return found
 
 
-def _at(table: dict[str, NDArray[np.float64]], row: int, ball: str, end: str) -> list[Arrow]:
+def _at(table: dict[str, NDArray[np.float64]], row: int, end: str) -> list[Arrow]:
     place = float(table[f"x{end}"][row]), float(table[f"y{end}"][row])
     arrows: list[Arrow] = []
     for when in ("pre", "post"):
         names = [f"velocity_{axis}{end}_{when}" for axis in "xy"]
         velocity = float(table[names[0]][row]), float(table[names[1]][row])
         if velocity != (0.0, 0.0):
-            arrows.append((int(table[ball][row]) - 1, place, velocity, when == "pre"))
+            arrows.append((place, velocity, when == "pre"))
     return arrows
 
 
