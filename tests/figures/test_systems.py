@@ -20,7 +20,7 @@ from vibro_cli.figures import style
 from vibro_cli.figures.chart import body_look
 from vibro_cli.figures.kinds import draw_all
 from vibro_cli.scenario.loading import load_any
-from vibro_cli.systems.springs.figures import springs_place
+from vibro_cli.systems.springs.figures import springs_place, springs_scene
 from vibro_cli.systems.springs.portrait import motions, springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
 from vibro_cli.systems.table.plan import table_plan
@@ -132,3 +132,19 @@ def test_arrows_on_a_table_are_told_from_paths_and_have_a_scale(name: str) -> No
             speeds += np.hypot(*parts).tolist()
     moving = sorted(speed for speed in speeds if speed > 0.0)
     assert sorted(lengths) == pytest.approx(np.multiply(_scale(axes), moving), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["two_disks", "stressed_at_rest", "common_origin"])
+def test_arrows_of_bodies_on_springs_are_as_long_as_their_speeds(name: str) -> None:
+    run = run_of(FOLDER / f"springs/{name}.toml")
+    panels = springs_scene(run).axes
+    scale, table = _scale(panels[0]), run.collisions
+    for row, axes in enumerate(panels[1:]):
+        lengths = [length / scale for length, _ in _arrows(axes)]
+        speeds = np.abs(run.sample([table["t"][row]])["speed"])
+        assert lengths == pytest.approx(speeds[speeds > 0.0])
+        for end in "ab":
+            assert any(
+                length == pytest.approx(abs(table[f"speed_{end}_post"][row]), abs=1e-9)
+                for length in [*lengths, 0.0]
+            )

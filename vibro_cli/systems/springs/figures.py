@@ -52,7 +52,7 @@ from vibro_cli.figures.runs.over_time import (
     energy_chart,
     energy_lines,
 )
-from vibro_cli.figures.runs.velocities import draw_disc
+from vibro_cli.figures.runs.velocities import draw_disc, draw_scale
 from vibro_cli.figures.source import Array, kept
 from vibro_cli.figures.style import width_of
 from vibro_cli.mechanics.system import PARTICLE
@@ -246,8 +246,11 @@ _HEIGHT: dict[str, Any] = {
 }  # fmt: skip
 _ARROW: dict[str, Any] = {
     "arrowstyle": "-|>", "color": style.BLACK, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0,
-    "mutation_scale": 7.0,
 }  # fmt: skip
+_LONGEST = 4.0
+"""How far the longest arrow reaches out of a body (mm)."""
+_HEAD, _HEADED = 7.0, 4.0
+"""Size of the head of an arrow, at most and for each mm of its length."""
 _RING = ring(24)
 
 
@@ -273,6 +276,8 @@ def springs_scene(run: Run, width: str = "single") -> Figure:
     inner = wide - LEFT - _RIGHT
     scale = min(inner / float(high[0] - low[0]), _HIGHEST / float(high[1] - low[1]))
     tall = scale * float(high[1] - low[1])
+    fastest = max(float(np.max(np.abs(one.speeds))) for one in shown)
+    each = (_LONGEST / scale + max(body.radius for body in run.system.bodies)) / (fastest or 1.0)
     with style.journal():
         cell = Cell(inner, tall, _TITLE, _GAP, 0.0)
         sheet, corners = in_rows(cell, len(shown), 1, wide, LEFT, 0.0, _BOTTOM)
@@ -280,7 +285,9 @@ def springs_scene(run: Run, width: str = "single") -> Figure:
             axes = sheet.panel(*corner, inner, tall)
             _set_axes(axes, low, high, (inner, tall), scale, one is shown[-1])
             axes.set_title(one.title, pad=2.0, color=style.FRAME_GREY)
-            _draw(axes, run, one, (inner, tall), scale)
+            _draw(axes, run, one, (inner, tall), scale, each)
+            if fastest and one is shown[0]:
+                draw_scale(axes, each, 0)
     return sheet.figure
 
 
@@ -326,8 +333,13 @@ def _set_axes(
     plane_axes(axes, low, np.array([middle + half, high[1]]), np.array(size), labelled)
 
 
-def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: float) -> None:
-    """Draw the trace, the bodies, their springs with feet and heights, and name them."""
+def _draw(
+    axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: float, each: float
+) -> None:
+    """Draw the trace, the bodies, their springs with feet and heights, and name them.
+
+    `scale` is the length (mm) of 1 m, and `each` that of the arrow of 1 m/s (m).
+    """
     named: list[Named] = []
     drawn = [np.zeros((0, 2))]
     for number, (body, spring) in enumerate(
@@ -347,8 +359,9 @@ def _draw(axes: Axes, run: Run, one: Instant, size: tuple[float, float], scale: 
         axes.plot([place - reach, place + reach], [-body.radius] * 2, zorder=2.0, **_LINE)
         if speed:
             level = 0.5 * shown * (-1.0) ** number  # beside the arrows of its neighbours
-            tip = (place + np.sign(speed) * (shown + 4.0 / scale), level)
-            axes.annotate("", tip, (place, level), arrowprops=_ARROW, zorder=2.6)
+            tip = (place + each * speed, level)
+            head = {"mutation_scale": min(_HEAD, _HEADED * scale * each * abs(speed))}
+            axes.annotate("", tip, (place, level), arrowprops=_ARROW | head, zorder=2.6)
             drawn.append(np.linspace([place, level], tip, 20))
         named += [
             Named(rf"$C_{{{number}}}$", (place, 0.0)),
@@ -392,8 +405,9 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
         springs_scene,
         "The bodies with their springs",
         "To scale, at the start and at the first impacts: centres C, feet A of the springs at the "
-        "heights b above the line of the centres, and the line on which each body rolls; "
-        "of an impact how far apart its centres are. As C fig. 5a.",
+        "heights b above the line of the centres, and the line on which each body rolls; arrows "
+        "are as long as the bodies are fast; of an impact how far apart its centres are. "
+        "As C fig. 5a.",
     ),
     PORTRAIT: KindOfBody(
         springs_portrait, "Phase portrait and energies of body", _PORTRAIT_CAPTION
