@@ -20,7 +20,7 @@ from vibro_cli.figures.portraits.trajectory import trajectory
 from vibro_cli.figures.runs.contact_points import contact_points
 from vibro_cli.figures.runs.over_impacts import impact_map
 from vibro_cli.figures.runs.over_time import energy_course, energy_residuals, timeline
-from vibro_cli.figures.runs.scene import WALL, configurations, scene
+from vibro_cli.figures.runs.scene import WALL, configurations, plan, scene
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import any_scenario_of, load_scenario
 from vibro_cli.systems.trace.figures import FIGURES
@@ -312,3 +312,16 @@ def test_a_motion_of_hardly_any_extent_is_drawn(name: str, overrides: tuple[str,
     assert float(np.interp(place, along, energy)) == pytest.approx(level, rel=1e-12)
     low, high = lower.get_ylim()
     assert low + 0.1 * (high - low) < level < high - 0.1 * (high - low)
+
+
+def test_a_wall_near_bodies_that_are_shown_close_is_in_the_picture() -> None:
+    """The floor, at the left end of the trace; the far end, 100 m away, is not."""
+    run = run_of("falling_balls", "stop.collisions=9")
+    figure = plan(run)
+    assert figure is not None
+    for axes in (scene(run).axes[0], figure.axes[0]):
+        (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        assert low < 0.0 < high < 10.0
+        assert bottom < 0.0 < top
+    far = run_of("falling_balls", "stop.time=0.1", "balls[1].position=40", "balls[2].position=41")
+    assert scene(far).axes[0].get_xlim()[0] > 10.0

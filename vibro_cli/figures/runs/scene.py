@@ -142,7 +142,7 @@ def _extent(run: Recorded, surface: Array) -> tuple[Array, Array]:
     largest = max(body.radius for body in run.system.bodies)
     room = max(2.1 * largest, 0.04 * float(np.max(np.ptp(surface, axis=0))))
     if turning is None and largest < _TINY * float(np.max(high - low)):
-        return visited(_centres(run), largest, low - room, high + room)
+        return visited(run.system, _centres(run), low - room, high + room)
     return low - room, high + room
 
 
@@ -280,7 +280,9 @@ _FAINT = 0.35
 _CLOSE = 5.0
 """Room around bodies that are shown close, in radii of the greatest."""
 _PART = 0.4
-"""Bodies within this share of the trace are shown close."""
+"""Bodies within this share of the trace are shown close, ..."""
+_NEAR = 0.5
+"""... and with them walls as far beside them as this share of what they take."""
 _PLAN_SURFACE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7, "linestyle": "solid"}
 WALL: dict[str, Any] = {"color": style.BLACK, "linewidth": 2.0, "solid_capstyle": "butt"}
 
@@ -323,7 +325,7 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
     low, high = surface.min(axis=0), surface.max(axis=0)
     room = max(_MARGIN * float(np.max(high - low)), 1.1 * max(radii))
     low, high = low - room, np.maximum(high + room, high + 2.1 * max(radii) * np.array([0.0, 1.0]))
-    low, high = visited(np.concatenate([one.centres for one in shown]), max(radii), low, high)
+    low, high = visited(run.system, np.concatenate([one.centres for one in shown]), low, high)
     with style.journal():
         sheet, panels, scale = _plan_sheet(width, len(shown), low, high)
         for axes, one in zip(panels, shown, strict=True):
@@ -342,25 +344,37 @@ def plan(run: Recorded, width: str = "single") -> Figure | None:
 
 def draw_ends(axes: Axes, system: TraceSystem, high: float) -> None:
     """Draw the walls at the ends of a trace, of a height (m)."""
+    for foot, slope in _walls(system):
+        top = foot + high * np.array([-np.sin(slope), np.cos(slope)])
+        axes.plot(*np.transpose([foot, top]), zorder=2.1, **WALL)
+
+
+def _walls(system: TraceSystem) -> list[tuple[Array, float]]:
+    """Return where walls at the ends of a trace stand (m), and its slope there."""
     first, last = system.trace.pieces[0], system.trace.pieces[-1]
     ends = (first, first.angle_start, system.left_end), (last, last.angle_end, system.right_end)
-    for piece, position, wall in ends:
-        if wall is not None:
-            foot, slope = np.array(piece.contact_point(position)), piece.slope(position)
-            top = foot + high * np.array([-np.sin(slope), np.cos(slope)])
-            axes.plot(*np.transpose([foot, top]), zorder=2.1, **WALL)
+    return [
+        (np.array(piece.contact_point(position)), piece.slope(position))
+        for piece, position, wall in ends
+        if wall is not None
+    ]
 
 
-def visited(centres: Array, radius: float, low: Array, high: Array) -> tuple[Array, Array]:
+def visited(system: TraceSystem, centres: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Return the corners (m) of what is shown of a trace between two corners.
 
-    That is all of it, unless bodies with these centres and a greatest radius would be too small to
-    be seen there and keep to a part of it.
+    That is all of it, unless the bodies, with these centres, would be too small to be seen there
+    and keep to a part of it: then that part, with the walls that stand near it.
     """
+    radius = max(body.radius for body in system.bodies)
     first = np.nanmin(centres, axis=0) - _CLOSE * radius
     last = np.nanmax(centres, axis=0) + _CLOSE * radius
     if radius == 0.0 or np.max(last - first) > _PART * np.max(high - low):
         return low, high
+    near = _NEAR * np.max(last - first)
+    for foot, _ in _walls(system):
+        if np.all(foot > first - near) and np.all(foot < last + near):
+            first, last = np.minimum(first, foot - radius), np.maximum(last, foot + radius)
     return np.maximum(first, low), np.minimum(last, high)
 
 
