@@ -3,8 +3,8 @@
 import copy
 import json
 import logging
-import re
 import pickle
+import re
 import shutil
 import subprocess
 import sys
