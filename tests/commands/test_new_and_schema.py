@@ -1,6 +1,7 @@
 """`vibro new` and `vibro schema`: what a user starts from."""
 
 import json
+import os
 import re
 import tomllib
 from pathlib import Path
@@ -111,6 +112,15 @@ def test_an_existing_file_is_kept_unless_forced(vibro: Vibro) -> None:
     assert Path("mine.toml").read_text() == SCENARIO
     assert vibro("new", "three_arcs", "-o", "mine.toml", "--force", "-q").err == ""
     assert Path("mine.toml").read_text() != SCENARIO
+
+
+def test_what_is_no_regular_file_is_never_replaced(vibro: Vibro) -> None:
+    os.mkfifo("mine.toml")
+    outcome = vibro("new", "three_arcs", "-o", "mine.toml", "--force")
+    assert outcome.code == 1
+    assert outcome.err == "vibro: mine.toml: no regular file; it is left as it is\n"
+    assert list(Path.cwd().iterdir()) == [Path.cwd() / "mine.toml"]
+    assert Path("mine.toml").is_fifo()
 
 
 @pytest.mark.parametrize(

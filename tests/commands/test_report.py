@@ -1,5 +1,6 @@
 """`vibro report`: where the page goes, what is left alone, misuse."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -83,6 +84,19 @@ def test_files_of_others_are_left_alone(vibro: Vibro) -> None:
         assert "left as it is" in outcome.err
     assert Path("mine.html").read_text() == "<p>keep</p>"
     assert Path("mine.pdf").read_text() == "keep"
+
+
+@pytest.mark.parametrize("option", ["-o", "--pdf", "--animate"])
+def test_of_what_is_there_only_the_beginning_is_read(vibro: Vibro, option: str) -> None:
+    vibro(*RUN)
+    target = Path("mine.html")
+    with target.open("wb") as file:
+        file.truncate(1 << 40)  # a file of one hole, which no memory holds
+    assert "left as it is" in vibro("report", "outputs/one_circle", option, target).err
+    target.unlink()
+    os.mkfifo(target)
+    assert "left as it is" in vibro("report", "outputs/one_circle", option, target).err
+    assert target.is_fifo()
 
 
 @pytest.mark.parametrize("command", ["report", "section"])

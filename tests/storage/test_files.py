@@ -74,6 +74,17 @@ def test_a_file_that_fails_leaves_the_old_one(
     assert entries(tmp_path) == ["a.txt"]
 
 
+def test_what_is_no_regular_file_is_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a")
+    (tmp_path / "b").symlink_to("a")
+    for name in "ab":
+        with pytest.raises(OSError, match=f"no regular file.*{name}'"):
+            write_file(tmp_path / name, b"one")
+        assert (tmp_path / name).is_fifo()
+        assert files.first_bytes(tmp_path / name, 9) == b""
+    assert entries(tmp_path) == ["a", "b"]
+
+
 def test_files_and_folders_follow_the_umask(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:

@@ -149,14 +149,14 @@ def _write_with_schema(path: Path, content: str, kind: str) -> None:
     """Write a file whose first line names its schema to editors, and the schema beside it."""
     from vibro_cli.grids.document import grid_schema
     from vibro_cli.scenario.fields import json_schema
-    from vibro_cli.storage.files import write_file
+    from vibro_cli.storage.files import first_bytes, write_file
 
     system = kind.removeprefix("grid-")
     schema = json_schema(system) if kind == system else grid_schema(system)
     beside = path.with_name(f"vibro-{kind}.schema.json")
-    if not beside.exists() or f'"$id": "{schema["$id"]}"' in beside.read_text(encoding="utf-8"):
-        write_file(beside, (json.dumps(schema, indent=2, ensure_ascii=False) + "\n").encode())
     write_file(path, f"#:schema ./{beside.name}\n{content}".encode())
+    if not beside.exists() or f'"$id": "{schema["$id"]}"'.encode() in first_bytes(beside, 2000):
+        write_file(beside, (json.dumps(schema, indent=2, ensure_ascii=False) + "\n").encode())
 
 
 Subject = Literal["scenario", "grid", "tables"]

@@ -28,6 +28,8 @@ MOST_FRAMES = 20000
 FORMS = (".mp4", ".gif", ".html")
 _HUNDREDTHS = 100
 """A GIF has the time of each frame in hundredths of a second."""
+_HEAD = 2000
+"""Bytes of an existing file that say what it is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,12 +157,12 @@ class ReportCommand:
 
 def _report(wishes: ReportCommand) -> int:
     from vibro_cli.report.html import is_report
-    from vibro_cli.storage.files import write_file
+    from vibro_cli.storage.files import first_bytes, write_file
 
     _check(wishes)
     target = wishes.target
     printed = wishes.output == "-"
-    if not printed and target.exists() and not is_report(target.read_bytes()):
+    if not printed and target.exists() and not is_report(first_bytes(target, _HEAD)):
         raise CommandError(f"vibro: {target} exists and is no vibro report; it is left as it is")
     subject = _subject(wishes)
     _check_maps(subject, wishes.maps)
@@ -247,10 +249,10 @@ def _page(subject: "Subject", beside: Path, maps: Sequence[str]) -> bytes:
 
 def _check(wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if some file could not take its place."""
-    from vibro_cli.storage.files import check_replaceable
+    from vibro_cli.storage.files import check_replaceable, first_bytes
 
     pdf = wishes.pdf
-    if pdf is not None and pdf.exists() and pdf.read_bytes()[:5] != b"%PDF-":
+    if pdf is not None and pdf.exists() and first_bytes(pdf, 5) != b"%PDF-":
         raise CommandError(f"vibro: {pdf} exists and is no PDF; it is left as it is")
     if wishes.figures is not None:
         check_replaceable(wishes.figures, "figures")
@@ -295,6 +297,7 @@ def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
     """Raise `CommandError` before anything is drawn if the film cannot be or take its place."""
     from vibro_cli.report.film_page import GENERATOR
     from vibro_cli.report.html import is_report
+    from vibro_cli.storage.files import first_bytes
 
     start, stop = wishes.bounds(float(run.summary["end_time"]))
     number = (stop - start) / wishes.pace * wishes.fps
@@ -305,7 +308,7 @@ def _check_film(run: "StoredRun", target: Path, wishes: ReportCommand) -> None:
         )
     if not target.exists():
         return
-    head = target.read_bytes()[:2000]
+    head = first_bytes(target, _HEAD)
     ours = {
         ".mp4": head[4:8] == b"ftyp",
         ".gif": head.startswith(b"GIF8"),

@@ -42,10 +42,13 @@ BLOCK = 4096
 def write_file(path: Path, content: bytes | memoryview) -> None:
     """Write a file whole: beside its place, flushed, then renamed, and the folder flushed.
 
-    Raises `OSError` when it cannot be written; then nothing is left behind.
+    Raises `OSError` when it cannot be written, or when what is there is no regular file, as a
+    device, which the renaming would remove; then nothing is left behind.
     """
     partial = path.with_name(f".{path.name}.partial-{secrets.token_hex(6)}")
     with _errors_name(path):
+        if path.exists() and not path.is_file():
+            raise OSError(errno.EINVAL, "no regular file; it is left as it is")
         try:
             _write_new(partial, content)
             os.replace(partial, path)
@@ -53,6 +56,17 @@ def write_file(path: Path, content: bytes | memoryview) -> None:
             partial.unlink(missing_ok=True)
             raise
         flush_folder(path.parent)
+
+
+def first_bytes(path: Path, number: int) -> bytes:
+    """Return up to `number` bytes of the beginning of a file; none of what is no regular file.
+
+    Raises `OSError` when it cannot be read.
+    """
+    if not path.is_file():
+        return b""
+    with open(path, "rb") as file:
+        return file.read(number)
 
 
 @contextlib.contextmanager
