@@ -181,6 +181,39 @@ def test_axes_that_change_together_are_one(made: Any) -> None:
     assert shown.held == ""
 
 
+BODIES: dict[str, Any] = {
+    "balls[1].radius": [0.1, 0.1, 0.12],
+    "balls[1].body": ["disk", "ball", "hoop"],
+}
+
+
+@pytest.mark.parametrize("paths", [list(BODIES), list(BODIES)[::-1]])
+@pytest.mark.parametrize("values", [[1.0, 0.5], [1.0, 0.9, 0.7, 0.5]])
+def test_of_axes_that_change_together_one_that_tells_the_others_is_shown(
+    made: Any, values: list[float], paths: list[str]
+) -> None:
+    rows = product({"row": [0, 1, 2], "collision.k": values})
+    together = {path: [BODIES[path][row] for row in rows["row"]] for path in paths}
+    shown = lattice(made({**together, "collision.k": rows["collision.k"]}), 2)
+    assert shown is not None
+    assert [one.path for one in shown.coordinates] == ["balls[1].body", "collision.k"]
+    assert shown.coordinates[0].words == ("disk", "ball", "hoop")
+    assert len(shown.rows) == 3 * len(values)
+    assert shown.is_full
+    assert shown.held == ""
+
+
+def test_what_two_axes_tell_together_is_not_held(made: Any) -> None:
+    """A mass for each pair of two radii and two starts, beside k."""
+    starts = {"balls[1].radius": [0.1, 0.2], "balls[1].angle": [-1.0, -0.5]}
+    columns = product({**starts, "collision.k": [1.0, 0.9]})
+    shown = lattice(made({**columns, "balls[1].mass": [1, 1, 2, 2, 2, 2, 1, 1]}), 2)
+    assert shown is not None
+    assert [one.path for one in shown.coordinates] == list(starts)
+    assert shown.held == "collision.k = 1"
+    assert len(shown.rows) == 4
+
+
 def test_a_sample_is_shown_point_by_point(made: Any) -> None:
     figure = ending_map(made(SAMPLE))
     assert figure is not None

@@ -186,9 +186,9 @@ class Lattice:
 def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattice | None:
     """Return the points over the axes with the most values, others held at their first value.
 
-    The axis that the grid has first lies across. Axes that change together count as the first of
-    them. With `numbers_first` the first coordinate has to be one of numbers. None where the grid
-    has too few axes that change.
+    The axis that the grid has first lies across. Axes that change together count as one, the first
+    that tells the others. With `numbers_first` the first coordinate has to be one of numbers. None
+    where the grid has too few axes that change.
     """
     columns = {path: grid.summary[path] for path in grid.axes}
     found = {path: _factored(values) for path, values in columns.items()}
@@ -199,15 +199,15 @@ def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattic
     if len(changing) < dimensions:
         return None
     chosen = sorted(changing, key=lambda path: -found[path].number)[:dimensions]
-    rest = [path for path in independent if path not in chosen]
+    # What the chosen axes tell is not held, so that all points of a sample are shown.
+    place = _combined([found[path] for path in chosen])
+    rest = [path for path in independent if path not in chosen and not _tells(place, found[path])]
     first = {path: columns[path][0] for path in rest}
-    scattered = found[chosen[0]].number == len(columns[chosen[0]])
-    mask = np.ones(len(columns[chosen[0]]), dtype=np.bool_)
-    if not scattered:  # a sample has no two points with equal values: all are shown
-        for path in rest:
-            mask &= columns[path] == first[path]
+    mask = np.ones(len(place.code), dtype=np.bool_)
+    for path in rest:
+        mask &= columns[path] == first[path]
     rows = np.flatnonzero(mask)
-    fixed = () if scattered else tuple((path, _shown(first[path])) for path in rest)
+    fixed = tuple((path, _shown(first[path])) for path in rest)
     coordinates = tuple(_coordinate(grid, path, rows) for path in changing if path in chosen)
     return Lattice(rows, coordinates, fixed)
 
@@ -228,22 +228,31 @@ def _factored(values: Column) -> _Factored:
 
 
 def _independent(columns: Mapping[str, _Factored]) -> list[str]:
-    """Return the axes without those that take each of their values with one value of another."""
-    kept: list[str] = []
-    for path, one in columns.items():
-        if not any(_same_partition(one, columns[other]) for other in kept):
-            kept.append(path)
-    return kept
+    """Return the axes without those that another one tells; of two that do, the first is kept.
+
+    An axis with a value of its own at each point, as those of a sample, does not count as one.
+    """
+    kept = dict(columns)
+    for path, one in reversed(list(columns.items())):
+        others = [columns[other] for other in kept if other != path]
+        if any(other.number < len(other.code) and _tells(other, one) for other in others):
+            del kept[path]
+    return list(kept)
 
 
-def _same_partition(one: _Factored, other: _Factored) -> bool:
-    if one.number != other.number or one.number == 1 or one.number == len(one.code):
-        return False
-    # Each value of one goes with the value of the other that it has in its last row.
+def _combined(columns: Sequence[_Factored]) -> _Factored:
+    """Return columns as one, with a value for each combination of theirs."""
+    code = np.zeros_like(columns[0].code)
+    for one in columns:
+        code = code * one.number + one.code
+    return _factored(code)
+
+
+def _tells(one: _Factored, other: _Factored) -> bool:
+    """Return whether each value of one goes with a single value of the other, which changes."""
     partner = np.empty(one.number, dtype=np.int64)
     partner[one.code] = other.code
-    goes = np.array_equal(partner[one.code], other.code)
-    return goes and len(np.unique(partner)) == other.number
+    return other.number > 1 and np.array_equal(partner[one.code], other.code)
 
 
 def _shown(value: Any) -> str:
