@@ -130,6 +130,11 @@ WRONG = {
         AXIS + 'path = "gravity"\nvalues = [1]\n[keep]\ncollisions = true\ncolumns = ["speed"]\n',
         ["keep.columns[1]: "],
     ),
+    "columns of growth": (
+        AXIS
+        + 'path = "gravity"\nvalues = [1]\n[keep]\ncollisions = true\ncolumns = ["digits_left"]\n',
+        ['keep.columns[1]: found "digits_left"', "of growth they keep the exponents only"],
+    ),
     "unknown key": ('base = "base.toml"\naxis = 1\n', ['axis: found the unknown key "axis"']),
     "no table": (AXIS + 'table = "nowhere.csv"\n', ["axes[1].table: ", "nowhere.csv"]),
 }

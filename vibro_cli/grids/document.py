@@ -29,7 +29,7 @@ from vibro_cli.scenario.problems import (
 )
 from vibro_cli.storage.tables import table_named
 from vibro_cli.systems import system_named
-from vibro_cli.systems.columns import Column
+from vibro_cli.systems.columns import GROWTH, Column
 
 
 @dataclass(frozen=True)
@@ -192,6 +192,8 @@ def _keep(given: Keep, system: str, faults: list[Fault]) -> Keep:
     for i, name in enumerate(given.columns or ()):
         if name not in known:
             expected = f"a column of collisions{suggestion(name, known)}"
+            if name in [column.name for column in GROWTH]:
+                expected = "a column that grids have: of growth they keep the exponents only"
             faults.append(Fault(("keep", "columns", i), shown(name), expected))
     if given.columns is None:
         return given
