@@ -173,7 +173,7 @@ def test_the_portrait_of_a_wall(vibro: Vibro) -> None:
     (body,) = json.loads(outcome.text)["bodies"]
     assert [point["kind"] for point in body["points"]] == ["saddle", "centre"]
     assert Path("drawn/portrait_1.pdf").exists()
-    for other, words in (("convex_wall", "ellipse among"), ("billiards", "polygon around")):
+    for other, words in (("convex_wall", "ellipse among"), ("billiards", "rectangle around")):
         outcome = vibro("portrait", str(GALLERY / f"table/{other}.toml"))
         assert outcome.code == 2
         assert words in outcome.err

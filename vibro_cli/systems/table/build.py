@@ -58,7 +58,7 @@ def _wall(table: WallTable | None, findings: Findings) -> Wall | None:
         x, y = 0.5 * (table.width or 0.0), 0.5 * (table.depth or 0.0)
         corners = ((-x, -y), (x, -y), (x, y), (-x, y))
         moved = tuple((table.x + dx, table.y + dy) for dx, dy in corners)
-        return Wall("polygon", inside, table.k, corners=moved)
+        return Wall("polygon", inside, table.k, corners=moved, named=table.shape)
     points = tuple((x, y) for x, y in table.corners or ())
     wrong = system.wrong_with_polygon(points)
     if wrong:

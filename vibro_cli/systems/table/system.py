@@ -55,6 +55,8 @@ class Wall:
     """Along x and y, m; equal for a circle, unused for a polygon."""
     corners: tuple[Point, ...] = ()
     """Of a polygon, m, anticlockwise."""
+    named: str = ""
+    """The scenario's word for the shape, where it is another."""
 
 
 @dataclass(frozen=True)

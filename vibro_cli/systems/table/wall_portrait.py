@@ -238,10 +238,11 @@ def portrait(
 
 
 def _described(system: TableSystem) -> str:
-    if system.wall is None:
+    wall = system.wall
+    if wall is None:
         return "no wall"
-    side = "around" if system.wall.inside else "among"
-    return f"a wall of the shape {system.wall.shape} {side} the balls"
+    side = "around" if wall.inside else "among"
+    return f"a wall of the shape {wall.named or wall.shape} {side} the balls"
 
 
 def portrait_lines(found: dict[str, Any]) -> Iterator[str]:
