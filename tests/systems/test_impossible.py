@@ -10,6 +10,7 @@ from tests.systems import springs_cases
 from tests.systems.springs_cases import disk, spring, springs
 from tests.systems.table_cases import Document, ball, box, ellipse, particle, solve, table
 from vibro_cli.api import simulate
+from vibro_cli.kernels.springs import loop
 from vibro_cli.scenario import ScenarioError
 from vibro_cli.scenario.loading import any_scenario_of
 from vibro_cli.systems import driver
@@ -100,6 +101,18 @@ def test_touching_balls_start_in_contact() -> None:
     balls[1]["touching"] = "previous"
     run = springs_cases.solve(springs(balls, 1.0, collisions=1))
     assert run.collisions["t"][0] == 0.0
+
+
+@pytest.mark.parametrize(("stop", "told"), [({"time": 9.0}, "9 s"), ({}, "not given")])
+def test_steps_without_end_are_refused_with_the_period_of_the_fastest_spring(
+    monkeypatch: pytest.MonkeyPatch, stop: Document, told: str
+) -> None:
+    """Of a disk of 1e-20 kg on 6 N/m: ω₀ = √(c/(1.5 m)) = 2e10 1/s."""
+    monkeypatch.setattr(loop, "MOST_STEPS", 3)
+    balls = [disk(-4.0, 8.5e10, HELD, mass=1e-20), disk(7.0, -2.0, spring(9.0, 5.0, 1.5, 3.0))]
+    words = f"fastest spring has the period 2 π/ω₀ = 3.14e-10 s, stop.time is {told}"
+    with pytest.raises(driver.TooQuiet, match=words):
+        springs_cases.solve(springs(balls, collisions=5, **stop))
 
 
 @pytest.mark.parametrize("engine", ["python", "compiled"])

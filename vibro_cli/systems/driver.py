@@ -71,6 +71,8 @@ class EventLoop:
     there is one that log may grow."""
     quiet_cause: tuple[int, str] | None = None
     """The cause with which the loop gives up for want of impacts, and among what in words."""
+    quiet_details: Callable[[Any], str] | None = None
+    """What of the world may be the reason for it, in words."""
     finishes: bool = False
     """Whether the loop is to go on from its last step to a stop by time, as
     ``settings.finishing`` asks."""
@@ -159,8 +161,10 @@ class Driver:
         return all(_get(self.world.settings, name) == no_stop for name, no_stop in stops)
 
     def _too_quiet(self, words: str) -> TooQuiet:
+        details = self._loop.quiet_details
+        more = "" if details is None else f" ({details(self.world)})"
         return TooQuiet(
-            f"no impact among the last {words}, until t = {self.clock_value('t'):.6g} s; "
+            f"no impact among the last {words}, until t = {self.clock_value('t'):.6g} s{more}; "
             "expected a stop.time not far beyond the last impact"
         )
 

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from vibro_cli.kernels.impact.laws import LAW_NAMES
 from vibro_cli.kernels.numerics.constants import NEVER
 from vibro_cli.kernels.springs.loop import MOST_STEPS, advance
@@ -21,7 +23,7 @@ from vibro_cli.kernels.springs.world import (
 )
 from vibro_cli.kernels.world import END_QUIET
 from vibro_cli.mechanics.system import ImpactSystem, touching_distance
-from vibro_cli.systems.driver import EventLoop, body_record, records_of
+from vibro_cli.systems.driver import EventLoop, body_record, record_array, records_of
 from vibro_cli.systems.wanted import UNLIMITED, Limits
 
 
@@ -100,6 +102,14 @@ def separatrix_speed(spring: Spring, frequency: float, displacement: float) -> f
     return frequency * math.sqrt(square) if square >= 0.0 else math.nan
 
 
+def _fastest(world: World) -> str:
+    """Return the period of the fastest spring, which steps are parts of, beside the stop."""
+    square = float(np.max(record_array(world.springs, SpringBody)["square"]))
+    stop = float(record_array(world.settings, Settings)["stop_time"][0])
+    period = f"the fastest spring has the period 2 π/ω₀ = {2.0 * math.pi / math.sqrt(square):.3g} s"
+    return f"{period}, stop.time is {'not given' if stop >= NEVER else f'{stop:g} s'}"
+
+
 LOOP = EventLoop(
     advance=advance,
     records=records_of(World),
@@ -107,6 +117,7 @@ LOOP = EventLoop(
     state=("clock", "springs", "pairs"),
     rows_of_event=8,
     quiet_cause=(END_QUIET, f"{MOST_STEPS:,} steps"),
+    quiet_details=_fastest,
     finishes=True,
 )
 
