@@ -325,3 +325,11 @@ def test_a_wall_near_bodies_that_are_shown_close_is_in_the_picture() -> None:
         assert bottom < 0.0 < top
     far = run_of("falling_balls", "stop.time=0.1", "balls[1].position=40", "balls[2].position=41")
     assert scene(far).axes[0].get_xlim()[0] > 10.0
+
+
+def test_the_potential_energy_of_a_level_line_is_clear_of_the_frame() -> None:
+    lower = energy_portrait(run_of("translation"), 1).axes[1]
+    assert not np.any(lower.lines[0].get_ydata())
+    low, high = lower.get_ylim()
+    assert 0.03 < -low / (high - low) < 0.1
+    assert 0.0 in lower.get_yticks()

@@ -29,6 +29,8 @@ from vibro_cli.figures.source import Array, Recorded
 from vibro_cli.figures.ticks import label_axis, limits_apart, vertical_ticks
 from vibro_cli.mechanics.trace import Piece, Trace
 
+_CLEAR = 0.05
+"""Room below the energy 0, as a share of the highest energy: that of a level line is 0."""
 _HIGH = (58.0, 36.0)
 """Heights of the portrait and of the energies (mm)."""
 _TOP = 4.5
@@ -50,10 +52,11 @@ def panels_over(
 
 
 def limit_energies(lower: Panel, highest: float, lowest: float = 0.0) -> None:
-    """Set the axis of the energies (J)."""
-    lowest, top = limits_apart(lowest, highest if highest > lowest else lowest + 1.0)
-    lower.axes.set_ylim(lowest, top)
-    label_axis(lower.axes.yaxis, vertical_ticks(lowest, top, lower.height), "$E$", "J")
+    """Set the axis of the energies (J); one that begins with 0 does so clear of its frame."""
+    bottom, top = limits_apart(lowest, highest if highest > lowest else lowest + 1.0)
+    bottom -= _CLEAR * top if lowest == 0.0 else 0.0
+    lower.axes.set_ylim(bottom, top)
+    label_axis(lower.axes.yaxis, vertical_ticks(bottom, top, lower.height), "$E$", "J")
 
 
 def draw_energies(lower: Panel, path: Trajectory, energies: Array, until: float | None) -> None:
