@@ -128,6 +128,31 @@ def test_the_map_of_endings_has_the_colour_of_each_point(made: Any) -> None:
     assert "coefficient of restitution $k$" in shown
 
 
+@pytest.mark.parametrize(
+    ("numbers", "words", "labels"),
+    [
+        (range(1, 4), "arc 1", ["1", "2", "3"]),
+        (range(3), "arc 1 (white: 0)", ["1", "2"]),
+        (range(1, 2), "arc 1", ["1"]),
+    ],
+)
+def test_few_whole_numbers_have_a_colour_each(
+    made: Any, numbers: range, words: str, labels: list[str]
+) -> None:
+    grid = made(TWO, bad={1: ("invalid", "too steep")})
+    column = np.array([numbers[n % len(numbers)] for n in range(15)], dtype=np.float64)
+    column[1] = np.nan
+    grid.summary["arc_1"], grid.units["arc_1"] = column, ""
+    figure = draw_grid_kind(grid, "arc_1", "single")
+    assert figure is not None
+    bar = figure.axes[1]
+    assert bar.get_ylabel() == words
+    assert [text.get_text() for text in bar.get_yticklabels()] == labels
+    own = mesh(figure).to_rgba(cells_of(figure).compressed())
+    assert len(np.unique(own, axis=0)) == len(labels)
+    assert_texts_are_apart(figure)
+
+
 def test_cells_end_halfway_between_values(made: Any) -> None:
     across, along = lattice(made(TWO), 2).coordinates  # type: ignore[union-attr]
     np.testing.assert_allclose(across.edges(), [-1.25, -1.15, -1.0, -0.75, -0.4, 0.0])

@@ -144,7 +144,7 @@ def _impacts(grid: Swept, width: str, counted: str = "collisions") -> Figure | N
     values = np.asarray(grid.summary.get(counted, 0.0), dtype=np.float64)
     if not np.any(values > 0.0):
         return None
-    return quantity_map(grid, width, np.where(values > 0.0, values, np.nan), "impacts")
+    return quantity_map(grid, width, np.where(values > 0.0, values, np.nan), "impacts", whole=True)
 
 
 def _energy(grid: Swept, width: str) -> Figure | None:
@@ -169,15 +169,19 @@ def _bifurcation(grid: Swept, width: str) -> Figure | None:
 
 
 def column_map(grid: Swept, width: str, name: str) -> Figure | None:
-    """Return the map of a column of numbers of the summary; counts are white where they are 0."""
+    """Return the map of a column of numbers of the summary; counts are white where they are 0.
+
+    Whole numbers without a unit are counts, and numbers from 1 on of what is counted, as of arcs.
+    """
     unit = grid.units[name]
     symbol = symbol_of(name)
     label = f"{symbol} [{unit}]" if unit else symbol
-    column = grid.summary[name]
-    values = np.asarray(column, dtype=np.float64)
-    if column.dtype.kind in "iu":
+    values = np.asarray(grid.summary[name], dtype=np.float64)
+    finite = values[np.isfinite(values)]
+    whole = not unit and bool(np.all(finite == np.round(finite)))
+    if whole and np.any(finite == 0.0):
         values, label = np.where(values != 0.0, values, np.nan), f"{label} (white: 0)"
-    return quantity_map(grid, width, values, label)
+    return quantity_map(grid, width, values, label, whole=whole)
 
 
 def mapped_columns(grid: Swept) -> list[str]:

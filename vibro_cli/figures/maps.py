@@ -29,6 +29,7 @@ from vibro_cli.figures.ticks import (
     Ticks,
     angle_ticks,
     axis_words,
+    decimals,
     label_axis,
     number_ticks,
     vertical_angle_ticks,
@@ -38,6 +39,10 @@ from vibro_cli.figures.ticks import (
 Column = NDArray[Any]
 _MOST_WORDS = 20
 _EVEN = 1.0e-6
+_FEW = 8
+"""Whole numbers that have a colour each."""
+_SHADES = 256
+"""Colours between which they are chosen."""
 
 
 _ENTRY = re.compile(r"(balls|bodies|arcs|pairs)\[(\d+)\]")
@@ -423,21 +428,27 @@ def category_map(shown: Lattice, width: str, found: Categories) -> Figure:
 
 
 def quantity_map(
-    grid: Swept, width: str, values: Array, label: str, least_log: float = _WIDE_RANGE
+    grid: Swept,
+    width: str,
+    values: Array,
+    label: str,
+    least_log: float = _WIDE_RANGE,
+    whole: bool = False,
 ) -> Figure | None:
     """Return a quantity of the points over two axes, with a bar of its colours.
 
     `values` holds one number for each point of the grid, NaN where there is none; colours are
-    logarithmic where they are positive and more than `least_log` apart. None for a grid with fewer
-    than two axes that change, or without any number.
+    logarithmic where they are positive and more than `least_log` apart; few numbers that are
+    `whole` have a colour each. None for a grid with fewer than two axes that change, or without any
+    number.
     """
     shown = lattice(grid, 2)
     if shown is None or not np.any(np.isfinite(values[shown.rows])):
         return None
     own = values[shown.rows]
     with style.journal():
-        norm = _norm(own, least_log)
-        ticks = _bar_ticks(norm, _HIGH[width])
+        norm = _norm(own, least_log, whole)
+        ticks = _bar_ticks(norm, _HIGH[width], whole)
         quantity, _, unit = label.partition(" [")
         words = axis_words(quantity, unit.removesuffix("]"), ticks)
         room = _BAR + max(text_width(text) for text in ticks.labels)
@@ -448,9 +459,11 @@ def quantity_map(
     return figure
 
 
-def _norm(values: Array, least_log: float) -> Normalize:
+def _norm(values: Array, least_log: float, whole: bool) -> Normalize:
     finite = values[np.isfinite(values)]
     low, high = float(np.min(finite)), float(np.max(finite))
+    if whole and high - low < _FEW:
+        return BoundaryNorm(np.arange(low - 0.5, high + 1.0), _SHADES)
     if high - low <= _ROUNDING * max(abs(low), abs(high)):
         return Normalize(low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0))
     if low > 0.0 and high > least_log * low:
@@ -487,11 +500,14 @@ def _fill(axes: Axes, shown: Lattice, values: Array, colours: Any, norm: Normali
     axes.set_axisbelow(False)
 
 
-def _bar_ticks(norm: Normalize, height: float) -> Ticks:
+def _bar_ticks(norm: Normalize, height: float, whole: bool) -> Ticks:
     """Return the ticks of the bar: round numbers or, of logarithmic colours, powers of ten."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
+    if isinstance(norm, BoundaryNorm):
+        numbers = range(round(low + 0.5), round(high + 0.5))
+        return Ticks(tuple(map(float, numbers)), decimals(numbers))
     if not isinstance(norm, LogNorm):
-        return vertical_ticks(low, high, height)
+        return vertical_ticks(low, high, height, whole)
     powers = range(math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9) + 1)
     if len(powers) < 2:
         return vertical_ticks(low, high, height)

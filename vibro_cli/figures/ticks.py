@@ -156,13 +156,16 @@ def number_ticks(low: float, high: float, width: float, whole: bool = False) -> 
     return chosen
 
 
-def vertical_ticks(low: float, high: float, height: float) -> Ticks:
-    """Return ticks at round numbers for a vertical axis from `low` to `high`, `height` mm high."""
+def vertical_ticks(low: float, high: float, height: float, whole: bool = False) -> Ticks:
+    """Return ticks at round numbers for a vertical axis from `low` to `high`, `height` mm high.
+
+    Only whole numbers with `whole`.
+    """
     offset = _offset(low, high)
     if offset:
-        return _counted_from(offset, vertical_ticks(low - offset, high - offset, height))
+        return _counted_from(offset, vertical_ticks(low - offset, high - offset, height, whole))
     edge = _EDGE / height * (high - low)
-    ticks = _round_numbers(low + edge, high, max(2, int(height / _LINE)))
+    ticks = _round_numbers(low + edge, high, max(2, int(height / _LINE)), whole)
     if max(map(len, ticks.labels), default=0) <= _LONGEST:
         return ticks
     power = _power(max(map(abs, ticks.places)))
