@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from tests.figures.layout import assert_texts_are_apart, texts
 from tests.grid_folder import CAUSES, place_of, product, write_grid
+from vibro_cli import load_scenario, sweep
 from vibro_cli.figures.kinds import CONTACT_WORDS, draw_grid, draw_grid_kind
 from vibro_cli.figures.maps import COLOURS, ending_map, lattice, quantity_map, words_of
 from vibro_cli.figures.over_axis import FIRST, curves, diagram, first_times, place_column
@@ -151,6 +152,13 @@ def test_few_whole_numbers_have_a_colour_each(
     own = mesh(figure).to_rgba(cells_of(figure).compressed())
     assert len(np.unique(own, axis=0)) == len(labels)
     assert_texts_are_apart(figure)
+
+
+def test_a_grid_without_a_valid_point_has_no_curves() -> None:
+    scenario = load_scenario(Path(__file__).parents[2] / "scenarios/one_circle.toml")
+    for radii, there in (([-1.0, -2.0], False), ([-1.0, 0.1], True)):
+        grid = sweep(scenario, {"balls[1].radius": radii}).stored
+        assert [one.name for one in draw_grid(grid, "single")] == ["curves"] * there
 
 
 def test_cells_end_halfway_between_values(made: Any) -> None:

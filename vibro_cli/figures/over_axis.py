@@ -68,7 +68,8 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
 
     On a table the impacts on the wall too.
 
-    Dots in the colours of the ending. None where no axis of numbers changes.
+    Dots in the colours of the ending. None where no axis of numbers changes, and where no point is
+    a valid scenario.
     """
     shown = lattice(grid, 1, numbers_first=True)
     if shown is None:
@@ -87,6 +88,8 @@ def curves(grid: Swept, width: str = "single") -> Figure | None:
         (table["first_collision_time"], "first impact", "s"),
     ]
     panels = [one for one in panels if np.any(np.isfinite(one[0]))]
+    if not panels:
+        return None
     panels = [one for one in panels if np.nanmin(one[0]) < np.nanmax(one[0])] or panels[:1]
     with style.journal():
         heights = _ROW[width][: len(panels)]
