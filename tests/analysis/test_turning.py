@@ -7,19 +7,22 @@ import math
 import numpy as np
 import pytest
 
-from tests.analysis.traces import system, valley
+from tests.analysis.traces import BALL, DEGREE, hump, line, system, valley
 from tests.systems.trace.turning_scenes import on_lines, on_three_arcs
 from tests.systems.trace.turning_scenes import system as built
 from vibro_cli.analysis.levels import Landscape, level_curves, reaches
 from vibro_cli.analysis.singular import (
     CENTRE,
+    DEGENERATE,
     FIGURE_EIGHT,
     SADDLE,
+    Portrait,
     changes,
     portrait_of,
     singular_points,
 )
 from vibro_cli.mechanics.potential import Turning
+from vibro_cli.mechanics.trace import ArcShape, Piece
 
 
 def on_circle(rate: float, x: float = 1.0) -> Landscape:
@@ -125,3 +128,145 @@ def test_several_figure_eights() -> None:
     assert math.cos(angle) == pytest.approx(
         2.0 / circle.landscape.pull(piece).spread - 1.0, rel=1e-9
     )
+
+
+def in_pieces(cuts: tuple[float, ...], rate: float, x: float) -> Portrait:
+    """A valley of radius 1 m from -80 to 80 degrees, cut at some angles (rad)."""
+    ends = [*sorted(cuts), 80.0 * DEGREE]
+    shapes = [ArcShape("valley", radius=1.0, end_slope=end) for end in ends]
+    return portrait_of(Landscape.of(system(-80.0, *shapes, turning=Turning(x, rate)), 1))
+
+
+MIDDLE = math.sin(80.0 * DEGREE)
+PITCHFORK = math.sqrt(9.81 / 0.9)
+
+
+@pytest.mark.parametrize("beside", [0.0, 1e-15, -1e-15, 1e-13, 1e-11, -1e-9, 1e-7])
+@pytest.mark.parametrize(
+    ("rate", "x"),
+    [
+        (1.0, MIDDLE),
+        (PITCHFORK * (1.0 + 1e-12), MIDDLE),
+        (3.7, MIDDLE),
+        (1.0, MIDDLE - 0.05),
+        (3.8, MIDDLE - 0.02),
+    ],
+)
+def test_a_cut_changes_no_singular_point(rate: float, x: float, beside: float) -> None:
+    whole = in_pieces((), rate, x)
+    places = [point.position for point in whole.points]
+    for cuts in ((0.3,), *((place + beside,) for place in places), tuple(places)):
+        cut = in_pieces(cuts, rate, x)
+        assert cut.type == whole.type
+        for point, same in zip(cut.points, whole.points, strict=True):
+            assert point.s == pytest.approx(same.s, abs=1e-11)
+            assert point.energy == pytest.approx(same.energy, rel=1e-9, abs=1e-14)
+        for trigger, same_one in zip(cut.triggers, whole.triggers, strict=True):
+            assert trigger.margin_left == pytest.approx(same_one.margin_left, rel=1e-9)
+            assert trigger.turning_right == pytest.approx(same_one.turning_right, rel=1e-7)
+
+
+def closed_circle(rate: float, seam: float = -math.pi, cuts: tuple[float, ...] = ()) -> Portrait:
+    """A closed circle of radius 1 m on its axis, with its seam at an angle (rad)."""
+    ends = [*(seam + cut for cut in cuts), seam + math.tau]
+    shapes = [ArcShape("valley", radius=1.0, end_slope=end) for end in ends]
+    turning = Turning(-math.sin(seam) if abs(seam) < math.pi else 0.0, rate)
+    circle = system(seam / DEGREE, *shapes, closed=True, turning=turning)
+    return portrait_of(Landscape.of(circle, 1))
+
+
+def test_pitchfork_of_a_closed_circle() -> None:
+    found = changes(lambda rate: closed_circle(rate).type, [1.0, 2.0, 4.0])
+    gravity, rho = 9.81, 1.0 - BALL.radius
+    assert 1 <= len(found) <= 2
+    assert found[0].low ** 2 == pytest.approx(gravity / rho, rel=1e-12)
+    assert found[0].before == "saddle, centre"
+    assert found[-1].after == "saddle, centre, saddle, centre; open, figure eight"
+    for rate in (3.4, 4.0, 9.0):
+        aside = math.acos(gravity / (rho * rate * rate))
+        points = closed_circle(rate).points
+        angles = [point.position for point in points]
+        assert angles == pytest.approx([-math.pi, -aside, 0.0, aside], abs=1e-15)
+        # V = m g rho (1 - cos f) - m Omega^2 rho^2 sin^2 f / 2, from its least value
+        lift = 0.5 * rho * (rate * rate * rho * (1.0 - math.cos(aside)) ** 2)
+        assert points[2].energy == pytest.approx(BALL.mass * lift, rel=1e-12)
+        assert points[0].energy == pytest.approx(
+            BALL.mass * (lift + 2.0 * gravity * rho), rel=1e-12
+        )
+
+
+@pytest.mark.parametrize("rate", [1.0, 4.0])
+@pytest.mark.parametrize("seam", [0.0, 0.7, -0.7, "centre", -3.0])
+@pytest.mark.parametrize("cuts", [(), (1.0, 3.0), (math.pi,)])
+def test_the_seam_of_a_closed_circle_changes_no_singular_point(
+    rate: float, seam: float | str, cuts: tuple[float, ...]
+) -> None:
+    whole = closed_circle(rate)
+    start = whole.points[1].position if isinstance(seam, str) else seam
+    moved = closed_circle(rate, start, cuts)
+    near = 1e-9  # m, so that what is at the seam stays at the left
+    order = sorted(whole.points, key=lambda point: (point.s - math.pi - start + near) % math.tau)
+    assert [point.kind for point in moved.points] == [point.kind for point in order]
+    for point, same in zip(moved.points, order, strict=True):
+        assert point.s == pytest.approx((same.s - math.pi - start + near) % math.tau - near)
+        assert point.energy == pytest.approx(same.energy, rel=1e-12, abs=1e-13)
+    orbits = sorted(trigger.orbit for trigger in whole.triggers)
+    assert sorted(trigger.orbit for trigger in moved.triggers) == orbits
+
+
+def test_a_junction_without_pull_is_what_its_sides_make_it() -> None:
+    """Two valleys meet at their bottoms, on the axis: each has its own pitchfork."""
+
+    def kinds(rate: float, *right: ArcShape) -> list[str]:
+        shapes = (valley(1.0, 0), *right)
+        one = system(-80.0, *shapes, turning=Turning(MIDDLE, rate))
+        return [point.kind for point in singular_points(Landscape.of(one, 1))]
+
+    assert kinds(3.0, valley(0.5, 80)) == [CENTRE]
+    assert kinds(4.0, valley(0.5, 80)) == [CENTRE, DEGENERATE]
+    assert kinds(6.0, valley(0.5, 80)) == [CENTRE, SADDLE, CENTRE]
+    # On a line turning always drives a body away.
+    assert kinds(3.0, line(1.0)) == [DEGENERATE]
+    assert kinds(4.0, line(1.0)) == [CENTRE, SADDLE]
+
+
+def test_ends_without_pull_are_singular() -> None:
+    circle = system(-180.0, valley(1.0, 180), turning=Turning(0.0, 2.0))
+    points = singular_points(Landscape.of(circle, 1))
+    assert [point.kind for point in points] == [SADDLE, CENTRE, SADDLE]
+    assert points[2].s == pytest.approx(math.tau, rel=1e-15)
+    half = system(-90.0, valley(1.0, 0), turning=Turning(1.0, 4.0))
+    assert [point.kind for point in singular_points(Landscape.of(half, 1))] == [CENTRE, SADDLE]
+
+
+@pytest.mark.parametrize("beside", [0.0, 1e-15, -3e-14, 1e-12, -1e-11, 1e-9])
+@pytest.mark.parametrize("right", [valley(2.0, 60), hump(0.3, 0), hump(4.0, 0), line(1.5)])
+@pytest.mark.parametrize("left", [valley(0.7, 35), hump(0.9, 35)])
+@pytest.mark.parametrize("rate", [0.7, 2.0, 6.0])
+def test_what_is_beside_a_junction_is_found_once(
+    rate: float, left: ArcShape, right: ArcShape, beside: float
+) -> None:
+    """Where the axis has the two balance at the junction, or next to it."""
+    slope = 35.0 * DEGREE
+    start = slope / DEGREE + (-60.0 if left.shape == "valley" else 60.0)
+    first = system(start, left, right).trace.pieces[0]
+    x = first.body_center(first.angle_end, BALL.radius)[0]
+    axis = Turning(x - 9.81 * math.tan(slope) / rate**2 + beside, rate)
+    landscape = Landscape.of(system(start, left, right, turning=axis), 1)
+    points = singular_points(landscape)
+    at = [point for point in points if abs(point.s - first.length) < 1e-12]
+    if beside == 0.0:
+        assert len(at) == 1
+
+    def pull(piece: Piece, position: float) -> float:
+        away = piece.body_center(position, BALL.radius)[0] - axis.x
+        slope = piece.slope(position)
+        return rate**2 / 9.81 * away * math.cos(slope) - math.sin(slope)
+
+    # From the left a body is pulled to a centre, and away from a saddle; these alternate.
+    last = landscape.trace.pieces[-1]
+    signs = [pull(first, first.angle_start), pull(last, last.angle_end)]
+    pulled = {CENTRE: (True, False), SADDLE: (False, True)}
+    sides = [side for point in points for side in pulled.get(point.kind, ())]
+    expected = [signs[0] > 0.0, *sides, signs[1] > 0.0]
+    assert expected[::2] == expected[1::2]

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from tests.analysis.traces import circle, hump, landscape, line, three_arcs, valley
+from tests.analysis.traces import circle, hump, landscape, line, system, three_arcs, valley
 from tests.figures.layout import assert_texts_are_apart, texts
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import portrait_of
@@ -24,12 +24,14 @@ from vibro_cli.figures.portraits.trace_phase_plane import (
     structure,
 )
 from vibro_cli.figures.style import MM
+from vibro_cli.mechanics.potential import Turning
 from vibro_cli.scenario import load_scenario
 
 pytestmark = pytest.mark.long
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 WAVES = [valley(1.0, 50), hump(0.5, -50), valley(1.0, 50), hump(0.5, -50), valley(1.0, 90)]
+SPINNING = Turning(0.0, 4.0)
 HILLS = {
     "three arcs": three_arcs(),
     "open": three_arcs(60.0),
@@ -37,6 +39,12 @@ HILLS = {
     "waves": landscape(-90, *WAVES),
     "line": landscape(-90, valley(1.0, 0), line(1.5), valley(1.0, 90)),
     "slope": landscape(-30, line(2.0)),
+    "turning circle": Landscape.of(
+        system(-180.0, valley(1.0, 180), closed=True, turning=SPINNING), 1
+    ),
+    "seam in the eight": Landscape.of(
+        system(0.0, valley(1.0, 180), valley(1.0, 360), closed=True, turning=SPINNING), 1
+    ),
 }
 
 
@@ -93,6 +101,18 @@ def test_the_figure_eight_is_drawn_through_the_saddle_when_it_exists() -> None:
     shown = " ".join(reversed([text.get_text() for text in texts(figure)]))
     assert "open separatrix" in shown
     assert "figure eight needs both" in shown
+
+
+def test_a_figure_eight_over_the_seam_is_drawn_on_both_sides() -> None:
+    figure = structure(portrait_of(HILLS["seam in the eight"]))
+    left, right, along = (collections(figure, panel, 1.25) for panel in range(3))
+    (one,), (other,) = left, right
+    np.testing.assert_allclose(np.min(one[:, 0]), 0.0)
+    np.testing.assert_allclose(np.max(other[:, 0]), 2.0 * np.pi)
+    np.testing.assert_allclose(np.ptp(one[:, 0]), np.ptp(other[:, 0]), rtol=1e-6)
+    assert len(along) == 2
+    whole = collections(structure(portrait_of(HILLS["turning circle"])), 0, 1.25)
+    assert max(np.max(curve[:, 0]) for curve in whole) == pytest.approx(np.max(one[:, 0]))
 
 
 def test_a_separatrix_goes_through_a_saddle() -> None:

@@ -63,6 +63,10 @@ class Landscape:
         assert self.turning is not None
         return Pull.on_arc(piece, self.body.radius, self.turning, self.gravity)
 
+    def stiffness(self, piece: Piece, position: float) -> float:
+        """Return how the pull changes with the angle there, on an arc of a trace that turns."""
+        return self.pull(piece).stiffness(position + (0.0 if piece.sign > 0.0 else math.pi))
+
     def _turned(self, piece: Piece, place: Array) -> Array:
         """Rise (m) of the height from position 0 on, on a trace that turns."""
         assert self.turning is not None
@@ -167,20 +171,34 @@ def _sine(slope: float) -> float:
     return 0.0 if half_turn(slope) is not None else math.sin(slope)
 
 
+_AT_END = 1e-12
+"""A place closer to an end of a piece than this fraction of the trace's length may be at it."""
+
+
 def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
-    """Return the positions strictly within a piece of a turning trace at which nothing pulls."""
+    """Return the positions on a piece of a turning trace, and at its ends, at which nothing pulls.
+
+    What is at an end but for rounding may be found beyond it.
+    """
     assert landscape.turning is not None
+    near = end_width(landscape, piece)
+    low, high = piece.angle_start - near, piece.angle_end + near
     if not piece.is_line:
         offset = 0.0 if piece.sign > 0.0 else math.pi
-        low, high = piece.angle_start + offset, piece.angle_end + offset
-        return [f - offset for f in inside(landscape.pull(piece).equilibria(), low, high)]
+        angles = landscape.pull(piece).equilibria()
+        return [f - offset for f in inside(angles, low + offset, high + offset)]
     x = piece.body_center(0.0, landscape.body.radius)[0] - landscape.turning.x
     cosine = math.cos(piece.start_slope)
     strength = landscape.turning.square / landscape.gravity * cosine
     if half_turn(piece.start_slope - 0.5 * math.pi) is not None:
         return []
     place = (_sine(piece.start_slope) / strength - x) / cosine
-    return [place] if 0.0 < place < piece.length else []
+    return [place] if low < place < high else []
+
+
+def end_width(landscape: Landscape, piece: Piece) -> float:
+    """Return how far from an end of a piece (rad, m on a line) a place may be said to be at it."""
+    return _AT_END * landscape.trace.length / (1.0 if piece.is_line else piece.radius)
 
 
 def _lowest_height(landscape: Landscape) -> float:

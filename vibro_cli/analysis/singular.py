@@ -17,6 +17,7 @@ from vibro_cli.analysis.levels import (
     Landscape,
     Reach,
     connected_reaches,
+    end_width,
     equilibria,
     half_turn,
     left_s,
@@ -24,13 +25,13 @@ from vibro_cli.analysis.levels import (
     right_s,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON
-from vibro_cli.mechanics.trace import HUMP, VALLEY, Piece
+from vibro_cli.mechanics.trace import VALLEY, Piece
 
 _ROUNDING = 64.0 * EPSILON
 CENTRE = "centre"
 SADDLE = "saddle"
 DEGENERATE = "degenerate"
-"""A level line, or a level junction with a rise on one side and a fall on the other."""
+"""A level line, or a junction without pull with a rise on one side and a fall on the other."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class SingularPoint:
     s: float
     """Arc length of the contact point from the left end of the trace (m)."""
     slope: float
-    """Slope angle of the trace there (rad), a multiple of π."""
+    """Slope angle of the trace there (rad), a multiple of π at rest."""
     energy: float
     """Energy of the body at rest there (J), from its lowest place on the trace."""
 
@@ -59,81 +60,91 @@ def singular_points(landscape: Landscape) -> tuple[SingularPoint, ...]:
     Bottoms of valleys and undersides of humps are centres; crests and tops of loops (φ = ±π) are
     saddles; a level line is degenerate as a whole. A level junction, or a level end of the trace,
     is what its sides make it. On a closed trace the seam belongs to the left end. On a trace that
-    turns they are where gravity and turning balance, centres where the potential is least.
+    turns they are where gravity and turning balance, centres where the potential is least; at
+    junctions and ends likewise.
     """
-    if landscape.turning is not None:
-        return _of_turning(landscape)
     found: list[SingularPoint] = []
-    pieces = landscape.trace.pieces
-    for piece in pieces:
-        left = _piece_before(landscape, piece)
-        found += _at_left_end(landscape, left, piece)
+    for piece in landscape.trace.pieces:
+        found += _at_junction(landscape, piece.index)
         found += _within(landscape, piece)
     if not landscape.trace.closed:
-        found += _at_right_end(landscape, pieces[-1])
+        found += _at_junction(landscape, len(landscape.trace.pieces))
     return tuple(found)
-
-
-def _of_turning(landscape: Landscape) -> tuple[SingularPoint, ...]:
-    """Singular points within the pieces of a trace that turns."""
-    found = []
-    for piece in landscape.trace.pieces:
-        for place in equilibria(landscape, piece):
-            kind = SADDLE  # on a line turning drives a body away from where it balances
-            if not piece.is_line:
-                offset = 0.0 if piece.sign > 0.0 else math.pi
-                stiff = landscape.pull(piece).stiffness(place + offset)
-                kind = SADDLE if stiff > 0.0 else CENTRE if stiff < 0.0 else DEGENERATE
-            found.append(_point(landscape, kind, piece, place))
-    return tuple(found)
-
-
-def _piece_before(landscape: Landscape, piece: Piece) -> Piece | None:
-    if piece.index == 0 and not landscape.trace.closed:
-        return None
-    return landscape.trace.pieces[piece.index - 1]
 
 
 def _within(landscape: Landscape, piece: Piece) -> list[SingularPoint]:
-    if piece.is_line:
-        if half_turn(piece.start_slope) is None:
-            return []
+    if landscape.turning is not None:
+        places = _balanced_within(landscape, piece)
+    elif not piece.is_line:
+        places = level_positions(piece)
+    elif half_turn(piece.start_slope) is None:
+        return []
+    else:
         return [_point(landscape, DEGENERATE, piece, 0.0, piece.length)]
-    return [
-        _point(landscape, _KIND[_trend(piece, angle)], piece, angle)
-        for angle in level_positions(piece)
-    ]
+    return [_point(landscape, _kind(landscape, piece, place), piece, place) for place in places]
 
 
-def _at_left_end(landscape: Landscape, left: Piece | None, piece: Piece) -> list[SingularPoint]:
-    if half_turn(piece.start_slope) is None:
-        return []
-    sides = [_trend(piece, piece.angle_start)]
-    if left is not None:
-        sides.append(_trend(left, left.angle_end))
-    if 0 in sides:
-        return []  # part of the level line beside it
-    kind = _KIND[sides[0]] if sides[0] == sides[-1] else DEGENERATE
-    if left is None or piece.index == 0:
-        return [_point(landscape, kind, piece, piece.angle_start)]
-    return [_point(landscape, kind, left, left.angle_end)]
+def _balanced_within(landscape: Landscape, piece: Piece) -> list[float]:
+    """Positions within a piece of a turning trace, without those that are at its junctions."""
+    near = end_width(landscape, piece)
+    low, high = piece.angle_start, piece.angle_end
+    after = low + near if _balances(landscape, piece.index) else low
+    before = high - near if _balances(landscape, piece.index + 1) else high
+    return [place for place in equilibria(landscape, piece) if after < place < before]
 
 
-def _at_right_end(landscape: Landscape, piece: Piece) -> list[SingularPoint]:
-    trend = _trend(piece, piece.angle_end)
-    if half_turn(piece.end_slope) is None or trend == 0:
-        return []
-    return [_point(landscape, _KIND[trend], piece, piece.angle_end)]
+def _at_junction(landscape: Landscape, number: int) -> list[SingularPoint]:
+    """The singular point at the left end of a piece, or at the right end of the trace."""
+    sides = _sides(landscape, number)
+    if not _balances(landscape, number) or any(_is_level_line(landscape, one) for one, _ in sides):
+        return []  # the point of a level line is the line as a whole
+    kinds = {_kind(landscape, *side) for side in sides}
+    kind = kinds.pop() if len(kinds) == 1 else DEGENERATE
+    return [_point(landscape, kind, *sides[-1 if number == 0 else 0])]
 
 
-_KIND = {1: CENTRE, -1: SADDLE}
+def _sides(landscape: Landscape, number: int) -> list[tuple[Piece, float]]:
+    """The pieces that meet at the left end of a piece, or at the right end of the trace."""
+    pieces = landscape.trace.pieces
+    left, right = pieces[number - 1], pieces[number % len(pieces)]
+    sides = [(left, left.angle_end), (right, right.angle_start)]
+    if landscape.trace.closed:
+        return sides
+    return sides[1:] if number == 0 else sides[:1] if number == len(pieces) else sides
 
 
-def _trend(piece: Piece, position: float) -> int:
-    """+1 if the piece rises away from a level place on it, −1 if it falls, 0 on a line."""
-    turn = half_turn(piece.slope(position))
-    upright = 1 if turn is not None and turn % 2 == 0 else -1
-    return {VALLEY: upright, HUMP: -upright}.get(piece.shape, 0)
+def _balances(landscape: Landscape, number: int) -> bool:
+    """Whether nothing pulls at the left end of a piece, or at the right end of the trace.
+
+    On a turning trace pieces have to agree: beside a junction one of them may still put at it what
+    is within the other.
+    """
+    sides = _sides(landscape, number)
+    if landscape.turning is None:
+        return all(half_turn(piece.slope(end)) is not None for piece, end in sides)
+    return all(
+        any(
+            abs(place - end) <= end_width(landscape, piece)
+            for place in equilibria(landscape, piece)
+        )
+        for piece, end in sides
+    )
+
+
+def _is_level_line(landscape: Landscape, piece: Piece) -> bool:
+    """Whether nothing pulls along the whole of a line that ends where nothing pulls."""
+    return piece.is_line and landscape.turning is None
+
+
+def _kind(landscape: Landscape, piece: Piece, position: float) -> str:
+    """Return what a place is at which nothing pulls, by one piece alone."""
+    if landscape.turning is None:
+        upright = round(piece.slope(position) / math.pi) % 2 == 0
+        return CENTRE if upright == (piece.shape == VALLEY) else SADDLE
+    if piece.is_line:
+        return SADDLE  # turning drives a body away from where it balances
+    stiffness = landscape.stiffness(piece, position)
+    return SADDLE if stiffness > 0.0 else CENTRE if stiffness < 0.0 else DEGENERATE
 
 
 def _point(
@@ -270,7 +281,9 @@ def _margins(
     """Return the greatest barrier on each side, less the saddle's energy (J)."""
     others = [point for point in points if point.kind != CENTRE and point is not saddle]
     if landscape.trace.closed:
-        barrier = max(point.energy for point in others) - saddle.energy
+        # Round a trace without another hill the separatrix comes back to its own saddle.
+        highest = max((point.energy for point in others), default=saddle.energy)
+        barrier = highest - saddle.energy
         return barrier, barrier
     first, last = landscape.trace.pieces[0], landscape.trace.pieces[-1]
     end_left = float(landscape.potential(first, first.angle_start))
@@ -434,8 +447,7 @@ def rate_near(landscape: Landscape, point: SingularPoint) -> float:
     w = landscape.natural_rate(piece)
     if landscape.turning is None:
         return w
-    offset = 0.0 if piece.sign > 0.0 else math.pi
-    return w * math.sqrt(abs(landscape.pull(piece).stiffness(point.position + offset)))
+    return w * math.sqrt(abs(landscape.stiffness(piece, point.position)))
 
 
 def _trigger_row(portrait: Portrait, trigger: Trigger) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from vibro_cli.analysis.levels import (
     Landscape,
     LevelCurve,
-    level_curves,
+    separatrix_curves,
     speed_curves,
     through_saddles,
 )
@@ -116,16 +116,11 @@ def _behind(portrait: Portrait) -> Background:
     behind = background(landscape, highest_energy(portrait))
     on_eight = [one.saddle for one in eights]
     others = [point for point in portrait.points if point.kind == SADDLE and point not in on_eight]
-    found = []
-    for trigger in eights:
-        left, right = trigger.turning_left, trigger.turning_right
-        assert left is not None
-        assert right is not None
-        for piece in landscape.trace.pieces:
-            for curve in level_curves(landscape, piece, trigger.saddle.energy):
-                middle = 0.5 * float(curve.position[0] + curve.position[-1])
-                if left <= piece.arc_length(middle) <= right:
-                    found.append(curve)
+    found = [
+        curve
+        for saddle in on_eight
+        for curve in separatrix_curves(landscape, saddle.energy, [saddle.s])
+    ]
     separatrices = behind.separatrices if others else ()
     return replace(behind, eights=tuple(found), separatrices=separatrices)
 
@@ -194,17 +189,15 @@ def highest_energy(portrait: Portrait) -> float:
 def behind_along(portrait: Portrait, count: int = 97) -> Background:
     """Return curves and points of a portrait along the trace, `count` points of a curve a piece."""
     landscape = portrait.landscape
-    eights = {one.saddle.energy: one for one in _eight_triggers(portrait)}
     on_eight = tuple(
         curve
-        for energy, trigger in eights.items()
-        for curve in speed_curves(landscape, energy, count)
-        if curve.position[0] <= trigger.saddle.s <= curve.position[-1]
+        for trigger in _eight_triggers(portrait)
+        for curve in _separatrices(landscape, trigger.saddle.energy, [trigger.saddle.s], count)
     )
     singular = tuple(
         curve
         for energy in saddle_energies(portrait.points)
-        for curve in _separatrices(portrait, energy, count)
+        for curve in _separatrices(landscape, energy, saddles_of(portrait.points, energy), count)
     )
     others = tuple(
         curve for curve in singular if not any(_same(curve, eight) for eight in on_eight)
@@ -229,12 +222,13 @@ def _points_along(portrait: Portrait) -> tuple[SingularPoint, ...]:
     return tuple(replace(point, piece=0, position=point.s) for point in portrait.points)
 
 
-def _separatrices(portrait: Portrait, energy: float, count: int) -> list[LevelCurve]:
-    """Return the curves of an energy (J) that go through a saddle of it."""
-    curves = speed_curves(portrait.landscape, energy, count)
+def _separatrices(
+    landscape: Landscape, energy: float, saddles: Sequence[float], count: int
+) -> list[LevelCurve]:
+    """Return the curves of an energy (J) that go through saddles at arc lengths (m)."""
+    curves = speed_curves(landscape, energy, count)
     spans = [(float(curve.position[0]), float(curve.position[-1])) for curve in curves]
-    saddles = saddles_of(portrait.points, energy)
-    kept = through_saddles(portrait.landscape, spans, saddles)
+    kept = through_saddles(landscape, spans, saddles)
     return [curve for curve, is_one in zip(curves, kept, strict=True) if is_one]
 
 
