@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.scenario.texts import parse_scenario
 from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import FIGURE_EIGHT, Portrait, portrait_of
 from vibro_cli.api import Run, simulate
@@ -181,3 +184,71 @@ def test_the_seam_of_a_closed_trace_changes_no_word() -> None:
     }  # fmt: skip
     for turn in (1, 2, 3):
         assert words_of(turn) == first
+
+
+BALLS = ((-1.0, 0.6), (0.5, -0.3))
+"""Angles (rad) and speeds (m/s): outside the figure eight, and within its right loop."""
+
+
+def turning_words(start: float, cuts: list[float], closed: bool) -> list[tuple[str, ...]]:
+    """Regimes and sides of two balls in a valley that turns on its axis, cut at some angles."""
+    ends = [*cuts, start + math.tau if closed else -start]
+    arcs = [{"shape": "valley", "radius": 1.0, "end_slope": end} for end in ends]
+    balls = []
+    for place, speed in BALLS:
+        angle = place + (math.tau if place < start else 0.0)
+        arc = 1 + sum(cut <= angle for cut in cuts)
+        balls.append({"radius": 0.05, "mass": 1.0, "arc": arc, "angle": angle, "speed": speed})
+    trace = {"start_slope": start, "closed": closed, "arcs": arcs}
+    run = simulate(
+        Scenario.model_validate(
+            {
+                "name": "valley",
+                "gravity": 9.81,
+                "trace": trace | {"turning": {"through_arc": 1, "rate": 3.6}},
+                "balls": sorted(balls, key=lambda ball: ball["angle"]),
+                "collision": {"k": 0.9},
+                "stop": {"collisions": 8, "time": 20.0},
+            }
+        )
+    )
+    table = run.collisions
+    columns = [f"{name}_{end}_pre" for name in ("regime", "eight") for end in "ab"]
+    order = -1 if closed and start > BALLS[0][0] else 1  # the first ball is the second one there
+    return [
+        tuple(
+            str(table[column][row])
+            for pair in (columns[:2], columns[2:])
+            for column in pair[::order]
+        )
+        for row in range(len(table["n"]))
+    ]
+
+
+@pytest.mark.parametrize("cut", [0.0, 1e-13, -1e-11, 1e-9, 1e-7, 0.3, -0.648843])
+def test_a_cut_changes_no_word(cut: float) -> None:
+    whole = turning_words(math.radians(-80.0), [], closed=False)
+    assert {word for row in whole for word in row} >= {"outside", "left loop", "right loop"}
+    assert turning_words(math.radians(-80.0), [cut], closed=False) == whole
+
+
+@pytest.mark.parametrize(("start", "cuts"), [(0.0, []), (0.0, [math.pi]), (-1.0, [0.0, 2.0])])
+def test_the_seam_of_a_turning_circle_changes_no_word(start: float, cuts: list[float]) -> None:
+    whole = turning_words(-math.pi, [], closed=True)
+    assert {word for row in whole for word in row} >= {"outside", "left loop", "right loop"}
+    assert turning_words(start, cuts, closed=True) == whole
+
+
+@pytest.mark.parametrize("cut", [0.0, 1e-13, -1e-10, 1e-8, 0.2])
+def test_a_cut_beside_a_crest_at_rest_changes_no_word(cut: float) -> None:
+    path = FOLDER / "three_arcs.toml"
+    crest = tomllib.loads(path.read_text())
+    (left, hump, right) = crest["trace"]["arcs"]
+    crest["trace"]["arcs"] = [left, hump | {"end_slope": cut}, hump, right]
+    crest["balls"][1]["arc"] = 4
+    crest["name"] = "cut"
+    short = {"time": 60.0, "collisions": 60}
+    table = simulate(parse_scenario(json.dumps(crest | {"stop": short}), "json")).collisions
+    whole = run_of("three_arcs").collisions
+    for column in ("eight_a_pre", "eight_a_post", "eight_b_pre", "eight_b_post"):
+        assert list(table[column]) == list(whole[column])

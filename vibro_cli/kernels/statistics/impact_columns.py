@@ -17,6 +17,7 @@ from typing import NamedTuple
 from vibro_cli.compile.kernel import BoolMatrix, FloatMatrix, IntMatrix, kernel
 from vibro_cli.kernels.contact.contact_kinematics import centre_position
 from vibro_cli.kernels.flow.rotating_flight import potential_head
+from vibro_cli.kernels.flow.rotating_flow import pull, stiffness
 from vibro_cli.kernels.impact.laws import LAW_NAMES, TRANSLATIONAL
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.kernels.statistics.run_statistics import residual_gap
@@ -31,12 +32,14 @@ EIGHTS = ("none", "left loop", "right loop", "on it", "outside")
 # their saddle, the hills that turn the separatrix, and its height.
 _PLACE, _HEIGHT, _LEFT, _RIGHT, _KIND = 0, 1, 2, 3, 4
 _FROM, _SADDLE, _TO, _HEIGHT_OF_EIGHT, _COUNTS = 5, 6, 7, 8, 9
-_END, _AFTER_LEVEL, _CREST = 0.0, 1.0, 2.0
-"""Kinds of hills: an end of a piece, the right one of a level line, a crest within a piece."""
+_END, _SLOPE, _AFTER_LEVEL, _CREST = 0.0, 1.0, 2.0, 3.0
+"""Kinds of hills: an end of the trace, a junction on a slope, the right end of a level line, and a
+crest: within a piece, at a junction or at an end."""
 ROWS = 10
 """Rows of the table of hills for each body; its columns are three for each piece, and two."""
 
 _EQUAL = 1.0e-12  # heights closer than this fraction are those of one separatrix
+_NEAR = 1.0e-12  # places closer than this fraction of the trace's length are one
 _PI, _TAU = math.pi, math.tau
 
 
@@ -62,18 +65,19 @@ def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
         if number == 0:
             s, c = _half_angle(piece, piece.angle_start)
             head = potential_head(track, settings.gravity, kappa, s, c)
-            count = _note(hills, top, count, _END, piece.start_s, head)
+            count = _note(hills, top, count, _kind_of_end(world, body, -1), piece.start_s, head)
         turns = settings.turning_square > 0.0
         crests, first, other = _crests(piece, track) if not turns else _turned(piece, track)
         for crest in range(crests):
             place = first if crest == 0 else other
+            if _is_of_end(world, body, number, place):
+                continue
             s, c = _half_angle(piece, place)
             head = potential_head(track, settings.gravity, kappa, s, c)
             count = _note(hills, top, count, _CREST, _along(piece, place), head)
         s, c = _half_angle(piece, piece.angle_end)
         head = potential_head(track, settings.gravity, kappa, s, c)
-        level = piece.sign == 0.0 and track.line_rise == 0.0 and not turns
-        kind = _AFTER_LEVEL if level else _END
+        kind = _kind_of_end(world, body, number)
         count = _note(hills, top, count, kind, _along(piece, piece.angle_end), head)
     for hill in range(count):
         back = count - 1 - hill
@@ -85,6 +89,69 @@ def _find_hills(world: World, body: int, hills: FloatMatrix) -> int:
             other if hill == 0 else max(hills[top + _RIGHT, back + 1], other)
         )
     return count
+
+
+@kernel
+def _kind_of_end(world: World, body: int, number: int) -> float:
+    """Kind of the right end of a piece; of number -1 the left end of the trace.
+
+    A crest where nothing pulls and the potential falls to both sides.
+    """
+    settings = world.settings[0]
+    last = len(world.pieces) - 1
+    joined = settings.closed == 1
+    left = number if number >= 0 or not joined else last
+    right = number + 1 if number < last or not joined else 0
+    falls = True
+    if left >= 0:
+        piece = world.pieces[left]
+        level = piece.sign == 0.0 and track_on(world, body, left).line_rise == 0.0
+        if level and settings.turning_square == 0.0:
+            return _AFTER_LEVEL
+        falls = _falls_from(world, body, left, piece.angle_end)
+    if right <= last:
+        falls = falls and _falls_from(world, body, right, world.pieces[right].angle_start)
+    if falls:
+        return _CREST
+    return _END if left < 0 or right > last else _SLOPE
+
+
+@kernel
+def _falls_from(world: World, body: int, number: int, place: float) -> bool:
+    """Whether nothing pulls at a place on a piece, and the potential falls beside it."""
+    piece = world.pieces[number]
+    track = track_on(world, body, number)
+    scale = 1.0
+    if piece.sign == 0.0:
+        growth = track.line_growth * track.line_growth
+        force = track.line_acceleration + growth * place
+    else:
+        s, c = _half_angle(piece, place)
+        scale = piece.radius
+        force = pull(track.tilt, track.spread, s, c)
+        growth = stiffness(track.tilt, track.spread, s, c)
+    near = _NEAR * _length(world)
+    falls: bool = growth > 0.0 and abs(force) * scale <= near * growth
+    return falls
+
+
+@kernel
+def _length(world: World) -> float:
+    """Length of the trace (m)."""
+    piece = world.pieces[len(world.pieces) - 1]
+    return _along(piece, piece.angle_end)
+
+
+@kernel
+def _is_of_end(world: World, body: int, number: int, place: float) -> bool:
+    """Whether a crest of a piece is that of one of its ends, but for rounding."""
+    piece = world.pieces[number]
+    near = _NEAR * _length(world)
+    s = _along(piece, place)
+    if s - piece.start_s <= near and _kind_of_end(world, body, number - 1) == _CREST:
+        return True
+    right = _along(piece, piece.angle_end)
+    return right - s <= near and _kind_of_end(world, body, number) == _CREST
 
 
 @kernel
@@ -185,16 +252,9 @@ def _find_eights(world: World, body: int, count: int, hills: FloatMatrix) -> int
 
 @kernel
 def _is_summit(hills: FloatMatrix, top: int, number: int, hill: int, closed: bool) -> bool:
-    """Whether a hill is a saddle: a crest, or where pieces meet higher than the hills beside it."""
-    if hills[top + _KIND, hill] == _CREST:
-        return True
-    if not closed and (hill == 0 or hill == number - 1):
-        return False
-    height = hills[top + _HEIGHT, hill]
-    before = hills[top + _HEIGHT, (hill - 1) % number]
-    beside = max(before, hills[top + _HEIGHT, (hill + 1) % number])
-    higher: bool = height > beside
-    return higher
+    """Whether a hill is a saddle between two slopes, not one at an end of the trace."""
+    inner = closed or (hill != 0 and hill != number - 1)
+    return inner and hills[top + _KIND, hill] == _CREST
 
 
 @kernel
@@ -219,27 +279,24 @@ def _barrier(world: World, hills: FloatMatrix, top: int, number: int, hill: int,
         falling = falling and hills[top + _HEIGHT, at] <= hills[top + _HEIGHT, before] + rounding
         if falling and hills[top + _KIND, at if step > 0 else before] == _AFTER_LEVEL:
             return -1
-        if hills[top + _HEIGHT, at] >= height - rounding:
+        on_slope = hills[top + _KIND, at] == _SLOPE
+        if hills[top + _HEIGHT, at] >= height - rounding and not on_slope:
             equal = abs(hills[top + _HEIGHT, at] - height) <= _EQUAL * height
-            saddle = _is_summit(hills, top, number, at, closed) or _is_level_end(world, at, number)
+            saddle = hills[top + _KIND, at] == _CREST or _is_level_end(world, at, number)
             return -1 if equal and saddle else at
     return -1
 
 
 @kernel
 def _is_level_end(world: World, hill: int, number: int) -> bool:
-    """Whether a hill is an end of an open trace at rest whose tangent is level: singular too."""
+    """Whether a hill is an end of an open trace at rest with a level line: singular too."""
     settings = world.settings[0]
     if settings.closed == 1 or settings.turning_square > 0.0:
         return False
     if hill != 0 and hill != number - 1:
         return False
     piece = world.pieces[0 if hill == 0 else len(world.pieces) - 1]
-    if piece.sign == 0.0:
-        return piece.tangent_y == 0.0
-    angle = piece.angle_start if hill == 0 else piece.angle_end
-    turn = math.floor(angle / _PI + 0.5) * _PI
-    return abs(angle - turn) <= 4.0 * EPSILON * max(1.0, abs(angle))
+    return piece.sign == 0.0 and piece.tangent_y == 0.0
 
 
 @kernel
