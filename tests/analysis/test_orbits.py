@@ -14,13 +14,23 @@ import pyarrow.parquet as pq
 import pytest
 
 from vibro_cli import example, orbit, orbit_family
+from vibro_cli.analysis import orbits
 from vibro_cli.analysis.orbit_branch import Branch, Family
-from vibro_cli.analysis.orbits import NoOrbit, Orbit, energy_gradient, find_orbit, shoot, started
+from vibro_cli.analysis.orbits import (
+    NoOrbit,
+    Orbit,
+    admitted,
+    energy_gradient,
+    find_orbit,
+    shoot,
+    started,
+)
 from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
 from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.mechanics.system import TraceSystem
+from vibro_cli.scenario.problems import ScenarioError
 from vibro_cli.stress.scenes import CIRCLE, VALLEY, ball, scene, system_of
 from vibro_cli.systems.trace import simulate_system
 
@@ -195,6 +205,67 @@ def test_an_orbit_on_a_trace_that_turns() -> None:
     gaps = np.diff(again.collisions["t"])
     assert len(gaps) == 19
     np.testing.assert_allclose(gaps, found.period, rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("trace", "ends", "angles"),
+    [
+        (VALLEY, {}, [0.3, -0.3]),
+        (VALLEY, {}, [0.3, 0.4]),
+        (VALLEY, {"left": {"wall": 1.0}}, [math.radians(-169.0), 0.3]),
+        (VALLEY, {"right": {"wall": 1.0}}, [0.3, math.radians(169.0)]),
+        (CIRCLE, {}, [0.3, -3.0]),
+        (CIRCLE, {}, [-3.1, 3.1]),
+        (CIRCLE, {}, [-3.1, 0.3, 3.1]),
+    ],
+)
+def test_a_start_that_a_scenario_may_not_have_is_no_start_of_an_orbit(
+    trace: dict[str, Any], ends: dict[str, Any], angles: list[float]
+) -> None:
+    document = scene(trace, [ball(angle) for angle in angles], time=9.0) | {"ends": ends}
+    with pytest.raises(ScenarioError):
+        system_of(document)
+    places = [-1.0, 0.0, 1.0][: len(angles)]
+    system = system_of(document | {"balls": [ball(place) for place in places]})
+    state = np.zeros(2 * len(angles))
+    left = system.trace.pieces[0].angle_start
+    state[::2] = [0.9 * (angle - left) for angle in angles]
+    with pytest.raises(NoOrbit, match="would start"):
+        admitted(system, state)
+
+
+def test_a_step_over_the_seam_of_a_circle_is_none() -> None:
+    """Newton's method moves the upper ball over the seam, into the other one."""
+    document = scene(CIRCLE, [ball(1.0), ball(2.5, mass=5.0, rate=-1.3)], time=15.0)
+    system = system_of(document)
+    with pytest.raises(NoOrbit, match="would start"):
+        admitted(system, np.array([4.9, -3.4, 0.34, 0.92]))
+    with pytest.raises(NoOrbit, match="does not converge"):
+        find_orbit(system, 1)
+
+
+def test_an_orbit_round_a_circle_begins_with_its_balls_in_order() -> None:
+    """Between the two events that are farthest apart only one has gone over the seam."""
+    balls = [ball(-1.13, rate=8.94), ball(-0.587, mass=1.3, rate=4.1)]
+    document = scene(CIRCLE, balls, time=20.0)
+    found = find_orbit(system_of(document), 2)
+    assert found.shot.word == ("12", "2>", "12", "1>")
+    assert found.residual < 1e-12
+    again = [
+        one | {"angle": start.position, "rate": start.speed / 0.9}
+        for one, start in zip(balls, found.system.initial, strict=True)
+    ]
+    run = simulate_system(system_of(document | {"balls": again}), 10.0 * found.period, None)
+    times = run.collisions["t"]
+    assert len(times) == 20
+    np.testing.assert_allclose(times[2:] - times[:-2], found.period, rtol=1e-11)
+
+
+def test_a_motion_of_very_many_impacts_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = find_orbit(_falling(), 1)
+    monkeypatch.setattr(orbits, "MOST_IMPACTS", 5)
+    with pytest.raises(NoOrbit, match="found 5 impacts in a period, expected fewer"):
+        shoot(found.system, 6.0 * found.period)
 
 
 def test_impacts_that_take_energy_have_no_orbit() -> None:

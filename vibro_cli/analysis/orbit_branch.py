@@ -23,6 +23,7 @@ from vibro_cli.analysis.orbits import (
     NEARLY_CLOSED,
     NoOrbit,
     Orbit,
+    admitted,
     begun_between,
     energy_of,
     equations,
@@ -201,7 +202,7 @@ class Family:
         along, residual = guess, np.inf
         for _ in range(MOST_STEPS):
             state, (period, value) = (along / self._units)[:-2], (along / self._units)[-2:]
-            system = started(self._system_of(float(value)), state)
+            system = admitted(self._system_of(float(value)), state)
             energy = self._energy_of(float(value))
             shot = shoot(system, float(period))
             if shot.word != self._word:

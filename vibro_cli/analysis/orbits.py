@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.errors import VibroError
-from vibro_cli.mechanics.system import InitialState, TraceSystem
+from vibro_cli.mechanics import initial_conditions
+from vibro_cli.mechanics.system import InitialState, TraceSystem, neighbours
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.trace import simulate_system
 from vibro_cli.systems.trace.tangents import follow_system, time_scale
@@ -33,6 +34,8 @@ PARTED = 1.0e-4
 # Others have an error of the size of the map's.
 ROUNDING = 1.0e-6
 MOST_STEPS = 40
+# A motion that has so many in a period is followed no further.
+MOST_IMPACTS = 10_000
 _LOSSY = "impacts take energy: found a coefficient of restitution of {:g}, expected 1"
 # Of a damped step no less than this share is tried.
 LEAST_SHARE = 2.0**-12
@@ -164,12 +167,41 @@ def state_of(system: TraceSystem) -> Floats:
 
 
 def started(system: TraceSystem, state: Floats) -> TraceSystem:
-    """Return the system with another start."""
+    """Return the system with another start, which may be none for a motion, see `admitted`."""
     initial = []
     for body in range(len(system.bodies)):
         piece, position = place_of(system, body, float(state[2 * body]))
         initial.append(InitialState(piece, position, float(state[2 * body + 1])))
     return replace(system, initial=tuple(initial))
+
+
+def admitted(system: TraceSystem, state: Floats) -> TraceSystem:
+    """Return the system with another start that a scenario might have.
+
+    Raises
+    ------
+    NoOrbit
+        If bodies would start off the trace, out of order (as when one has gone over the seam of a
+        closed trace before another), in one another or in a wall.
+    """
+    found = started(system, state)
+    trace, bodies, initial = found.trace, found.bodies, found.initial
+    for a, b in neighbours(len(bodies), trace.closed):
+        if b > a and initial_conditions.out_of_order(initial[a], initial[b]):
+            raise NoOrbit(f"body {b + 1} would start left of body {a + 1}")
+        gap, rounding = initial_conditions.gap(trace, bodies[a], initial[a], bodies[b], initial[b])
+        if gap < -rounding:
+            raise NoOrbit(f"bodies {min(a, b) + 1} and {max(a, b) + 1} would start overlapping")
+    ends = ((system.left_end, 0, False), (system.right_end, len(bodies) - 1, True))
+    for end, body, right in ends:
+        piece, start = trace.pieces[-1 if right else 0], initial[body]
+        if end is None or start.piece != piece.index:
+            continue
+        touch = initial_conditions.wall_position(piece, bodies[body].radius, right)
+        beyond = start.position - touch if right else touch - start.position
+        if beyond > 1e-15 * max(1.0, abs(touch)):
+            raise NoOrbit(f"body {body + 1} would start in a wall")
+    return found
 
 
 def velocity(system: TraceSystem, state: Floats) -> Floats:
@@ -241,7 +273,9 @@ def shoot(system: TraceSystem, period: float) -> Shot:
     """
     if not period > 0.0:
         raise NoOrbit("the period has become zero")
-    run = simulate_system(system, period, None)
+    run = simulate_system(system, period, MOST_IMPACTS)
+    if run.end_cause == "collisions":
+        raise NoOrbit(f"found {MOST_IMPACTS} impacts in a period, expected fewer")
     if run.end_cause != "time":
         raise NoOrbit(f"the motion ends: {run.end_cause}")
     matrix = follow_system(system, period, None).matrix
@@ -273,21 +307,29 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     """Return an orbit begun in the middle between two events: those around its start.
 
     So the start of an orbit of a family is one of its places, and no event comes over it.
-    ``longest``: between the two that are farthest apart.
+    ``longest``: between the two that are farthest apart of those where the bodies are in order:
+    from one that goes over the seam of a closed trace to the other one they are not.
     """
     times, period = orbit.shot.times, orbit.period
-    middle = 0.5 * (times[0] + times[-1] - period)
+    middles = [0.5 * (times[0] + times[-1] - period)]
     if longest:
         gaps = np.diff([*times, times[0] + period])
-        after = int(np.argmax(gaps))
-        middle = times[after] + 0.5 * float(gaps[after])
-    if abs(middle) < 1.0e-9 * period:
-        return orbit
+        middles = [
+            times[after] + 0.5 * float(gaps[after]) for after in np.argsort(-gaps, kind="stable")
+        ]
     run = simulate_system(orbit.system, period, None)
-    state = state_at(run, middle % period)
-    system = started(orbit.system, state)
-    shot = shoot(system, period)
-    return Orbit(system, period, state, shot, residual_of(system, shot, state, None), orbit.energy)
+    for middle in middles:
+        if abs(middle) < 1.0e-9 * period:
+            break
+        state = state_at(run, middle % period)
+        try:
+            system = admitted(orbit.system, state)
+        except NoOrbit:
+            continue
+        shot = shoot(system, period)
+        residual = residual_of(system, shot, state, None)
+        return Orbit(system, period, state, shot, residual, orbit.energy)
+    return orbit
 
 
 def gap_of(system: TraceSystem, shot: Shot, state: Floats) -> Floats:
@@ -332,7 +374,7 @@ def newton(
     """
     scale, tau = scale_of(system), float(time_scale(system))
     unit = system.gravity * tau  # m/s, by which a period counts
-    shot = shoot(started(system, state), period)
+    shot = shoot(admitted(system, state), period)
     walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
     if any(event.endswith("|") for event in shot.word) and all(k != 1.0 for k in walls):
         raise NoOrbit(_LOSSY.format(walls[0]))
@@ -404,7 +446,7 @@ def _damped(
     while share >= LEAST_SHARE:
         new, longer = state + share * step[:-1], period + share * float(step[-1])
         try:
-            shot = shoot(started(system, new), longer)
+            shot = shoot(admitted(system, new), longer)
             left = residual_of(system, shot, new, energy)
             if shot.word == word and left < residual * (1.0 - 0.1 * share):
                 return new, longer, shot, left
