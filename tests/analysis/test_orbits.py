@@ -21,9 +21,11 @@ from vibro_cli.analysis.orbits import (
     Orbit,
     admitted,
     energy_gradient,
+    energy_of,
     find_orbit,
     shoot,
     started,
+    state_at,
 )
 from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
@@ -31,7 +33,7 @@ from vibro_cli.commands.app import run_command_line
 from vibro_cli.figures.analyses import branch_figure
 from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.scenario.problems import ScenarioError
-from vibro_cli.stress.scenes import CIRCLE, VALLEY, ball, scene, system_of
+from vibro_cli.stress.scenes import CIRCLE, THREE_ARCS, VALLEY, ball, scene, system_of
 from vibro_cli.systems.trace import simulate_system
 
 pytestmark = pytest.mark.long
@@ -272,6 +274,41 @@ def test_impacts_that_take_energy_have_no_orbit() -> None:
     system = system_of(scene(VALLEY, [ball(-0.7), ball(0.6)], 0.8, time=9.0))
     with pytest.raises(NoOrbit):
         find_orbit(system, 1)
+
+
+def test_the_multipliers_under_the_translational_law_are_those_of_the_full_map() -> None:
+    """With unequal kappa it keeps no energy of rolling, but that of each body over its kappa."""
+    two = [ball(-0.91, body="hoop", mass=0.67), ball(0.92, body="disk", mass=0.68)]
+    three = [ball(-0.78, body="disk", mass=0.7), ball(-0.3, body="hoop", mass=0.64)]
+    three.append(ball(-0.06, mass=1.73))
+    for impacts, balls in enumerate((two, three), 1):
+        document = scene(VALLEY, balls, law="translational", time=20.0)
+        found = find_orbit(system_of(document), impacts)
+        values = np.linalg.eigvals(found.shot.matrix)
+        values = values[np.argsort(np.abs(values - 1.0))]
+        np.testing.assert_allclose(values[:2], 1.0, atol=1e-5)
+        expected = sorted(values[2:], key=_key)
+        np.testing.assert_allclose(sorted(found.multipliers, key=_key), expected, atol=1e-7)
+        np.testing.assert_allclose(np.abs(expected), 1.0, atol=1e-7)
+        assert found.verdict == "stable"
+        run = simulate_system(found.system, found.period, None)
+        instants = found.period * np.linspace(0.01, 0.99, 9)
+        energies = [energy_of(found.system, state_at(run, float(t))) for t in instants]
+        np.testing.assert_allclose(energies, found.energy, rtol=1e-13)
+
+
+def test_impacts_by_two_laws_that_keep_no_energy_have_no_orbit() -> None:
+    balls = [ball(-1.22, mass=1.8, radius=0.2), ball(-0.74, body="disk", mass=1.6, radius=0.05)]
+    document = scene(THREE_ARCS, balls, law="translational", time=5.0)
+    document["collision"]["inadmissible"] = "normal-impulse"
+    system = system_of(document)
+    run = simulate_system(system, 0.9, None)
+    assert list(run.collisions["law"]) == ["translational", "normal-impulse"]
+    energies = [energy_of(system, state_at(run, t)) for t in (0.1, 0.6, 0.9)]
+    assert energies[1] == pytest.approx(energies[0], rel=1e-13)
+    assert energies[2] != pytest.approx(energies[0], rel=1e-3)
+    with pytest.raises(NoOrbit, match="keep no energy"):
+        shoot(system, 0.9)
 
 
 def test_a_body_alone_has_no_orbit_of_impacts() -> None:

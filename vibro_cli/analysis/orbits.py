@@ -75,7 +75,7 @@ class Orbit:
     residual: float
     """Distance of its end from its start, as a share of the size of the state"""
     energy: float
-    """J, from the level of the trace's left end"""
+    """That impacts keep, see `energy_of`: J, from the level of the trace's left end"""
 
     @property
     def reduced(self) -> Floats:
@@ -220,26 +220,39 @@ def velocity(system: TraceSystem, state: Floats) -> Floats:
     return np.array(found)
 
 
+def _shares(system: TraceSystem) -> Floats:
+    """What the energy of each body counts in the energy that impacts with k = 1 keep.
+
+    The translational law keeps the sum of m v^2, where rolling has that of kappa m v^2. On its
+    path each body keeps its own energy, so that all over their kappa are kept, here times the
+    first body's: for equal kappa this is the energy.
+    """
+    kappa = np.array([body.kappa for body in system.bodies])
+    return kappa[0] / kappa if system.law == "translational" else np.ones(len(kappa))
+
+
 def energy_of(system: TraceSystem, state: Floats) -> float:
-    """Energy (J), potential from the level of the trace's left end."""
-    total = 0.0
+    """Energy (J) that impacts keep (see `_shares`), potential from the trace's left end on."""
+    total, shares = 0.0, _shares(system)
     for number, body in enumerate(system.bodies):
         piece, position = place_of(system, number, float(state[2 * number]))
         x, height = system.trace.pieces[piece].body_center(position, body.radius)
         if system.turning is not None:
             height -= 0.5 * system.turning.square / system.gravity * (x - system.turning.x) ** 2
         speed = float(state[2 * number + 1])
-        total += body.mass * (system.gravity * height + 0.5 * body.kappa * speed * speed)
+        own = body.mass * (system.gravity * height + 0.5 * body.kappa * speed * speed)
+        total += float(shares[number]) * own
     return total
 
 
 def energy_gradient(system: TraceSystem, state: Floats) -> Floats:
-    """Derivative of the energy to ways (J/m) and speeds (J s/m)."""
+    """Derivative of the energy that impacts keep to ways (J/m) and speeds (J s/m)."""
     flow = velocity(system, state)
-    found = np.empty_like(state)
+    found, shares = np.empty_like(state), _shares(system)
     for number, body in enumerate(system.bodies):
-        found[2 * number] = -body.kappa * body.mass * flow[2 * number + 1]
-        found[2 * number + 1] = body.kappa * body.mass * state[2 * number + 1]
+        inertia = float(shares[number]) * (body.kappa * body.mass)
+        found[2 * number] = -inertia * flow[2 * number + 1]
+        found[2 * number + 1] = inertia * state[2 * number + 1]
     return found
 
 
@@ -269,7 +282,7 @@ def shoot(system: TraceSystem, period: float) -> Shot:
     Raises
     ------
     NoOrbit
-        If it ends sooner, or meets lasting contact.
+        If it ends sooner, meets lasting contact, or has impacts that together keep no energy.
     """
     if not period > 0.0:
         raise NoOrbit("the period has become zero")
@@ -278,6 +291,8 @@ def shoot(system: TraceSystem, period: float) -> Shot:
         raise NoOrbit(f"found {MOST_IMPACTS} impacts in a period, expected fewer")
     if run.end_cause != "time":
         raise NoOrbit(f"the motion ends: {run.end_cause}")
+    if np.ptp(_shares(system)) > 0.0 and np.any(run.collisions["law"] != system.law):
+        raise NoOrbit("impacts by normal-impulse among translational ones keep no energy")
     matrix = follow_system(system, period, None).matrix
     if run.summary_record()["contacts"] or not np.all(np.isfinite(matrix)):
         raise NoOrbit("bodies stay in contact")
