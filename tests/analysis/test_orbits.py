@@ -20,12 +20,15 @@ from vibro_cli.analysis.orbits import (
     NoOrbit,
     Orbit,
     admitted,
+    begun_between,
     energy_gradient,
     energy_of,
     find_orbit,
+    newton,
     shoot,
     started,
     state_at,
+    state_of,
 )
 from vibro_cli.api import load_scenario
 from vibro_cli.assemble import build_system
@@ -309,6 +312,38 @@ def test_impacts_by_two_laws_that_keep_no_energy_have_no_orbit() -> None:
     assert energies[2] != pytest.approx(energies[0], rel=1e-3)
     with pytest.raises(NoOrbit, match="keep no energy"):
         shoot(system, 0.9)
+
+
+def test_a_motion_of_no_time_is_no_orbit() -> None:
+    """It closes from any start: Newton's method comes to it where the guess is too short."""
+    system = _falling()
+    with pytest.raises(NoOrbit, match="the period has become zero"):
+        newton(system, state_of(system), 0.01, None, None)
+
+
+def test_balls_that_overlap_for_no_time_are_no_orbit_of_an_impact() -> None:
+    """Newton's method would go to where two of them are in one another, and meet in no time."""
+    arcs = [
+        {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
+        {"shape": "line", "length": 2.0},
+        {"shape": "valley", "radius": 0.7, "end_slope": 1.3},
+    ]
+    balls = [
+        {"radius": 0.05, "arc": 2, "mass": mass, "position": position, "speed": speed}
+        for mass, position, speed in ((0.54, 0.16, 1.44), (0.32, 1.61, -0.19), (0.24, 1.84, -1.35))
+    ]
+    document = scene({"start_slope": -1.2, "arcs": arcs}, balls, time=15.0)
+    with pytest.raises(NoOrbit, match="does not converge"):
+        find_orbit(system_of(document), 1)
+
+
+def test_an_orbit_begun_elsewhere_has_the_same_events() -> None:
+    found = find_orbit(_falling(), 1)
+    begun = begun_between(found)
+    assert sorted(begun.shot.word) == sorted(found.shot.word)
+    other = replace(found, shot=replace(found.shot, word=("12", "12", "1|")))
+    with pytest.raises(NoOrbit, match="the events change"):
+        begun_between(other, longest=True)
 
 
 def test_a_body_alone_has_no_orbit_of_impacts() -> None:

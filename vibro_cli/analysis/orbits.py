@@ -37,6 +37,8 @@ MOST_STEPS = 40
 # A motion that has so many in a period is followed no further.
 MOST_IMPACTS = 10_000
 _LOSSY = "impacts take energy: found a coefficient of restitution of {:g}, expected 1"
+# A period below this share of the first guess is none: in no time every motion closes.
+LEAST_PERIOD = 1.0e-6
 # Of a damped step no less than this share is tried.
 LEAST_SHARE = 2.0**-12
 
@@ -324,6 +326,11 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
     So the start of an orbit of a family is one of its places, and no event comes over it.
     ``longest``: between the two that are farthest apart of those where the bodies are in order:
     from one that goes over the seam of a closed trace to the other one they are not.
+
+    Raises
+    ------
+    NoOrbit
+        If the motion from there has other events.
     """
     times, period = orbit.shot.times, orbit.period
     middles = [0.5 * (times[0] + times[-1] - period)]
@@ -342,6 +349,8 @@ def begun_between(orbit: Orbit, longest: bool = False) -> Orbit:
         except NoOrbit:
             continue
         shot = shoot(system, period)
+        if sorted(shot.word) != sorted(orbit.shot.word):
+            raise NoOrbit("the events change")
         residual = residual_of(system, shot, state, None)
         return Orbit(system, period, state, shot, residual, orbit.energy)
     return orbit
@@ -385,9 +394,9 @@ def newton(
     Raises
     ------
     NoOrbit
-        If it does not converge, or only to a motion with other events.
+        If it does not converge, or only to a motion with other events, or to one of no time.
     """
-    scale, tau = scale_of(system), float(time_scale(system))
+    guess, scale, tau = period, scale_of(system), float(time_scale(system))
     unit = system.gravity * tau  # m/s, by which a period counts
     shot = shoot(admitted(system, state), period)
     walls = [end.restitution for end in (system.left_end, system.right_end) if end is not None]
@@ -414,6 +423,8 @@ def newton(
             f"{residual:.2g} of the size of its state; begin nearer to one, or with another number "
             "of impacts or period"
         )
+    if period < LEAST_PERIOD * guess:
+        raise NoOrbit("the period has become zero")
     start = started(system, state)
     return Orbit(start, period, state, shot, residual, energy_of(system, state))
 
