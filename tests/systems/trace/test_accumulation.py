@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -38,32 +39,38 @@ def _run(law: str, k: float, balls: list[dict[str, Any]], **trace: Any) -> Run:
 TURNING = {"turning": {"through_arc": 1, "rate": 1.4}}
 
 
-@pytest.mark.parametrize("trace", [{}, TURNING], ids=["at rest", "turning"])
-@pytest.mark.parametrize(("k", "mark"), [(0.2, 2e-13), (0.6, 2e-13), (0.9, 1e-10)])
+PAIRS: list[tuple[str, list[dict[str, Any]]]] = [
+    ("normal-impulse", [{}, {"radius": 0.08}]),
+    ("normal-impulse", [{"body": "disk"}, {"body": "hoop"}]),
+    ("hedrih", [{"body": "hoop"}, {}]),
+    ("translational", [{}, {}]),
+]
+
+
 @pytest.mark.parametrize(
-    ("law", "balls"),
-    [
-        ("normal-impulse", [{}, {"radius": 0.08}]),
-        ("normal-impulse", [{"body": "disk"}, {"body": "hoop"}]),
-        ("hedrih", [{"body": "hoop"}, {}]),
-        ("translational", [{}, {}]),
-    ],
-    ids=["radii", "kinds", "hedrih", "translational"],
+    ("k", "median", "worst"), [(0.2, 1e-14, 1e-11), (0.6, 1e-14, 1e-11), (0.9, 2e-12, 1e-10)]
 )
-def test_bounces_end_when_their_continuation_does(
-    law: str, balls: list[dict[str, Any]], k: float, mark: float, trace: dict[str, Any]
-) -> None:
-    run = _run(law, k, balls, **trace)
-    closed = run.events["event"] == "contact_closed"
-    found, lasted = (float(run.events[name][closed][0]) for name in ("t", "value"))
-    told = Oracle(scene_of_system(run.system), run.system.law, True).run(
-        mp.mpf(ENDS), last="contact_closed"
-    )
-    assert abs(found / told.events[-1].t - 1) <= mark
-    assert lasted > 1e-5
-    # What is told by contact is as low as the documentation says.
+def test_bounces_end_when_their_continuation_does(k: float, median: float, worst: float) -> None:
+    """A place rounded the other way at a low bounce moves the end by more than most are off."""
+    errors = []
+    for (law, balls), trace in product(PAIRS, ({}, TURNING)):
+        run = _run(law, k, balls, **trace)
+        closed = run.events["event"] == "contact_closed"
+        found, lasted = (float(run.events[name][closed][0]) for name in ("t", "value"))
+        told = Oracle(scene_of_system(run.system), run.system.law, True).run(
+            mp.mpf(ENDS), last="contact_closed"
+        )
+        errors.append(float(abs(found / told.events[-1].t - 1)))
+        assert lasted > 1e-6
+        _assert_low(run, found, lasted, k)
+    assert float(np.median(errors)) <= median
+    assert max(errors) <= worst
+
+
+def _assert_low(run: Run, end: float, lasted: float, k: float) -> None:
+    """What is told by contact is as low as the documentation says."""
     rows = run.collisions
-    last = int(np.flatnonzero(rows["t"] < found)[-1])
-    assert found - float(rows["t"][last]) == pytest.approx(lasted, rel=1e-9)
+    last = int(np.flatnonzero(rows["t"] < end)[-1])
+    assert end - float(rows["t"][last]) == pytest.approx(lasted, rel=1e-9)
     speed = abs(float(rows["separation_speed"][last]))
-    assert 0.25 * speed * lasted * (1.0 - k) <= 1.01e-8 * 0.24
+    assert 0.25 * speed * lasted * (1.0 - k) <= 1.01e-10 / (1.0 - k) * 0.24

@@ -63,8 +63,8 @@ from vibro_cli.kernels.world import (
 
 # A bounce must be this small against the bodies before its accumulation is looked at.
 SMALL_BOUNCE = 1.0e-4
-# Free bounces are told by contact from this share of the distance of the centres down.
-LOW_BOUNCE = 1.0e-8
+# Free bounces are told by contact from this share of the distance of the centres over 1 - k down.
+LOW_BOUNCE = 1.0e-10
 # A bounce lower than this many units in the last place of the places is lost in rounding.
 LOST_BOUNCE = 4.0
 # Bodies that go less than this share of that from bounce to bounce go nowhere.
@@ -279,7 +279,7 @@ def _refined(
     missing = first_term * rate / c
     if first_term * missing * missing * missing > uncertain:
         return NOT_YET
-    if u * u > 2.0 * c * LOW_BOUNCE * pair.distance:
+    if u * u * left > 2.0 * c * LOW_BOUNCE * pair.distance:
         return NOT_YET
     return first_term * (1.0 + _changes(world, j, c, share, first_term))
 
