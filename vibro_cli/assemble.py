@@ -383,8 +383,7 @@ def check_walls(
         state = states[index]
         if state is None or state.piece != piece.index:
             continue
-        beyond = state.position - touch if at_right else touch - state.position
-        if findings.refuse(beyond > 1e-15 * elementwise.greatest(1.0, abs(touch))):
+        if findings.refuse(initial_conditions.reaches_into_wall(state.position, touch, at_right)):
             found = f"body {index + 1} reaching into the {side} wall"
             expected = f"a place free of it: {touch!r} or further {'left' if at_right else 'right'}"
             findings.add(_path_of_place(scenario, index), found, expected)

@@ -200,8 +200,7 @@ def admitted(system: TraceSystem, state: Floats) -> TraceSystem:
         if end is None or start.piece != piece.index:
             continue
         touch = initial_conditions.wall_position(piece, bodies[body].radius, right)
-        beyond = start.position - touch if right else touch - start.position
-        if beyond > 1e-15 * max(1.0, abs(touch)):
+        if initial_conditions.reaches_into_wall(start.position, touch, right):
             raise NoOrbit(f"body {body + 1} would start in a wall")
     return found
 

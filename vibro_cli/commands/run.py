@@ -453,8 +453,8 @@ def _figures(
     run = stored_run(written, scenario, result.checkpoint(), {}, summary)
     files = figures_of(run.whole or run, names)
     if (wishes.figures or "all").strip().lower() not in ("all", *_DEFAULT):
-        for name in names:
-            if name not in _kinds_in(files):
-                text = f"{scenario.name}: the run has nothing to show as {name}"
-                say(text, "warning", scenario=scenario.name)
+        drawn = _kinds_in(files)
+        for name in (name for name in names if name not in drawn):
+            text = f"{scenario.name}: the run has nothing to show as {name}"
+            say(text, "warning", scenario=scenario.name)
     return files

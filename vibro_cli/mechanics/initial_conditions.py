@@ -215,6 +215,12 @@ def wall_position(piece: Piece, radius: float, right: bool) -> float:
     return elementwise.choose(on_piece, place, math.nan)  # type: ignore[no-any-return]
 
 
+def reaches_into_wall(position: float, touch: float, right: bool) -> Any:
+    """Tell whether a body on an end piece starts beyond where it touches its wall."""
+    beyond = position - touch if right else touch - position
+    return beyond > 1e-15 * elementwise.greatest(1.0, abs(touch))
+
+
 def reaches_over(trace: Trace, bodies: Sequence[Body], right: bool) -> Any:
     """Return which body is the first to reach a wall over those between it and the wall, or 0.
 

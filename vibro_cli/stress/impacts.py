@@ -12,11 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from vibro_cli.kernels.numerics.constants import EPSILON
+from vibro_cli.mechanics.initial_conditions import out_of_order
 from vibro_cli.mechanics.system import InitialState, TraceSystem
 from vibro_cli.stress.oracles.reference_solver import (
     Happening,
@@ -223,8 +225,7 @@ class _Flight:
 
     def is_a_start(self) -> bool:
         """Whether the bodies stand in order; those that have gone over the seam once do not."""
-        places = [(state.piece, state.position) for state in self.system.initial]
-        return places == sorted(places)
+        return not any(out_of_order(*both) for both in pairwise(self.system.initial))
 
     def error_and_resolution(self) -> tuple[float, float]:
         """Error of the event's instant, and what a unit of the last place of the start does to it.

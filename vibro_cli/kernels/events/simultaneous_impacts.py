@@ -67,7 +67,7 @@ MOST_ROUNDS = 1000
 def collide_jointly(world: World, first: int, count: int) -> int:
     """Carry out the impacts of a chain of touching pairs at the present instant."""
     clock = world.clock[0]
-    rounds = _bring_chain(world, first, count)
+    struck = _bring_chain(world, first, count)
     before = energy_of_chain(world, first, count)
     start_row = clock.impact_rows
     loss = 0.0
@@ -101,8 +101,9 @@ def collide_jointly(world: World, first: int, count: int) -> int:
         loss += _take_closing_losses(world, first, count, start_row)
     after = energy_of_chain(world, first, count)
     clock.energy_correction += abs(before - loss - after)
+    several = struck or clock.impact_rows - start_row > 1
     for row in range(start_row, clock.impact_rows):
-        _complete(world, world.impacts[row], clock.impact_rows - start_row + rounds)
+        _complete(world, world.impacts[row], several)
     return RUNNING
 
 
@@ -197,17 +198,17 @@ def _closing_loss_left(world: World, j: int, start_row: int) -> float:
 
 
 @kernel
-def _bring_chain(world: World, first: int, count: int) -> int:
+def _bring_chain(world: World, first: int, count: int) -> bool:
     """Put the bodies of a chain into their states at the instant; set speeds and normals.
 
-    Returns 1 if one of them has had an impact at this very instant before, else 0.
+    Returns whether one of them has had an impact at this very instant before.
     """
     clock = world.clock[0]
-    rounds = 0
+    struck = False
     for step in range(count + 1):
         flight = flight_along(world, first, step)
         if flight.impacts > 0 and flight.t == clock.t and flight.t_low == clock.t_low:
-            rounds = 1
+            struck = True
         bring_to(world, number_along(world, first, step), clock.t, clock.t_low)
         set_speed(world, number_along(world, first, step))
     for step in range(count):
@@ -219,7 +220,7 @@ def _bring_chain(world: World, first: int, count: int) -> int:
     for step in range(count + 1):
         flight_along(world, first, step).impacts = most + 1
         flight_along(world, first, step).wall_side = 0
-    return rounds
+    return struck
 
 
 @kernel
@@ -389,11 +390,11 @@ def _loss_of_pair(world: World, pair: PairData, row: ImpactRow, law: int) -> flo
 
 
 @kernel
-def _complete(world: World, row: ImpactRow, impacts: int) -> None:
+def _complete(world: World, row: ImpactRow, several: bool) -> None:
     """Fill in what is known only after the whole instant."""
     row.head_a_post = world.flights[row.a].head
     row.head_b_post = world.flights[row.b].head
-    if impacts > 1:
+    if several:
         row.simultaneous = 1
 
 

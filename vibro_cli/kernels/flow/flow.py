@@ -205,7 +205,7 @@ def pendulum_jerk(w: float, s: float, c: float, rate: float) -> float:
 def acceleration_slopes(flight: Flight, s: float, c: float) -> tuple[float, float]:
     """Derivatives (1/s^2) with the angle of the acceleration of a body alone on an arc: two."""
     w = flight.frequency
-    return -(w * w) * ((c - s) * (c + s)), 2.0 * (w * w * s * c)
+    return pendulum_jerk(w, s, c, 1.0), -pendulum_acceleration(w, s, c)
 
 
 @kernel

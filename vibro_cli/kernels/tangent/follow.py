@@ -675,7 +675,10 @@ def _spoil(world: World, tangents: Tangents, impact: int) -> None:
     """Mark the impacts before one that share its instant: the order of all decides."""
     row = world.impacts[impact]
     number = impact - 1
-    while number >= 0 and world.impacts[number].t == row.t:
-        if world.impacts[number].t_low == row.t_low:
-            tangents.smooth[0, number] = 0
+    while (
+        number >= 0
+        and world.impacts[number].t == row.t
+        and world.impacts[number].t_low == row.t_low
+    ):
+        tangents.smooth[0, number] = 0
         number -= 1
