@@ -16,6 +16,7 @@ from vibro_cli.compile import kernel as engine
 from vibro_cli.compile.kernel import Overrides, compiled_rows, dtype, interpreted_rows
 from vibro_cli.compile.native import compiled
 from vibro_cli.errors import VibroError
+from vibro_cli.kernels.numerics.angles import fill_angles
 from vibro_cli.kernels.world import LOG_FULL, BodyData
 from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.wanted import FINAL, Limits, tell
@@ -448,6 +449,16 @@ class Log:
 def zeros(count: int, cls: type) -> Any:
     """Return an array of structs that are zero."""
     return np.zeros(count, dtype=dtype(cls))
+
+
+def angles_of(y: Any, x: Any) -> Any:
+    """Return the angles (rad, -pi to pi) of vectors, with the same bits on every processor.
+
+    numpy's own function is not the C library's where registers are long.
+    """
+    angles = np.empty(len(y))
+    compiled(fill_angles)(np.ascontiguousarray(y), np.ascontiguousarray(x), angles)
+    return angles
 
 
 def joined(parts: Sequence[Any]) -> Any:

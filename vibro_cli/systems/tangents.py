@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from vibro_cli.compile.kernel import Overrides
 from vibro_cli.kernels.tangent.frame import SCALE, SERIES_ROWS, TERMS, WIDTH, Tangents, TangentState
 from vibro_cli.kernels.world import RUNNING
+from vibro_cli.numerics import elementwise
 from vibro_cli.systems.contract import Rows, System
 from vibro_cli.systems.driver import called, with_logs, zeros
 from vibro_cli.systems.run import Stretch, begun
@@ -265,7 +266,7 @@ def grown_columns(grown: dict[str, Any], grazing: Any) -> dict[str, Any]:
     NaN where nothing is known; beyond the greatest double no digit is left.
     """
     growth = grown["amplification"]
-    digits = -np.log10(ROUNDING * np.maximum(growth, 1.0))
+    digits = -elementwise.each(math.log10, ROUNDING * np.maximum(growth, 1.0))
     return {
         "amplification": np.where(np.isfinite(growth), growth, np.nan),
         "digits_left": np.clip(digits, 0.0, MOST_DIGITS),

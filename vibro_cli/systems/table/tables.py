@@ -30,6 +30,7 @@ from vibro_cli.systems.columns import (
     summary_balance,
     summary_head,
 )
+from vibro_cli.systems.driver import angles_of
 from vibro_cli.systems.table.system import POLYGON, TableSystem
 from vibro_cli.systems.tables import ImpactRows, PairRows, bodies_at, events_until
 
@@ -49,7 +50,7 @@ def _rolling(rows: ImpactRows, ball: Any, vx: Any, vy: Any) -> Any:
 def inclination_of(along: Any, across: Any) -> Any:
     """Return the angle (rad, 0 to π/2) of velocities with a line; nan at rest."""
     moves = (along != 0.0) | (across != 0.0)
-    return np.where(moves, np.arctan2(np.abs(across), np.abs(along)), np.nan)
+    return np.where(moves, angles_of(np.abs(across), np.abs(along)), np.nan)
 
 
 class Collisions(PairRows):
@@ -133,7 +134,7 @@ def _from_1(name: str) -> Value:
 
 
 def _normal_angle(rows: Any) -> Any:
-    return np.arctan2(rows["normal_y"], rows["normal_x"])
+    return angles_of(rows["normal_y"], rows["normal_x"])
 
 
 def _impact_columns() -> Iterator[Column]:

@@ -30,7 +30,7 @@ from vibro_cli.mechanics.system import TraceSystem, natural_rate
 from vibro_cli.mechanics.trace import Piece
 from vibro_cli.numerics import elementwise
 from vibro_cli.systems import contract
-from vibro_cli.systems.driver import called, with_logs, zeros
+from vibro_cli.systems.driver import angles_of, called, with_logs, zeros
 from vibro_cli.systems.run import Stretch, ahead, begun
 from vibro_cli.systems.trace import SYSTEM
 from vibro_cli.systems.trace.world import make_world, turns_of
@@ -111,15 +111,15 @@ class Places:
         """Angle phi or psi (rad) on arcs, distance from the left end (m) on lines."""
         sign = self.sign[piece]
         hump = sign < 0.0
-        half = np.arctan2(np.where(hump, -c, s), np.where(hump, s, c))
+        half = angles_of(np.where(hump, -c, s), np.where(hump, s, c))
         angle = 2.0 * half + self._at(self.turn, piece)
         ends = self._at(self.angle_start, piece), self._at(self.angle_end, piece)
         angle = np.clip(angle, *ends)
         return np.where(sign == 0.0, s, angle)
 
-    def angle(self, piece: Any, s: Floats, c: Floats) -> Floats:
-        """Angle phi or psi (rad), nan on lines."""
-        return np.where(self.sign[piece] == 0.0, np.nan, self.position(piece, s, c))
+    def angle(self, piece: Any, position: Floats) -> Floats:
+        """Angle phi or psi (rad) of a position, nan on lines."""
+        return np.where(self.sign[piece] == 0.0, np.nan, position)
 
     def arc_length(self, piece: Any, position: Floats) -> Floats:
         """Arc length (m) of the contact point from the left end of the trace."""
@@ -340,7 +340,7 @@ class Paths:
             "t": times,
             "ball": body + 1,
             "arc": piece + 1,
-            "angle": self.places.angle(piece, s, c),
+            "angle": self.places.angle(piece, position),
             "s": self.places.arc_length(piece, position),
             "x": x,
             "y": y,

@@ -502,7 +502,8 @@ def _final_states(places: Places, finals: Any) -> dict[str, Any]:
         piece, s, c, p = (state[name].copy() for name in ("piece", "s", "c", "p"))
         number = body + 1
         columns[f"arc_{number}"] = piece + 1
-        columns[f"angle_{number}"] = places.angle(piece, s, c)
-        columns[f"s_{number}"] = places.arc_length(piece, places.position(piece, s, c))
+        position = places.position(piece, s, c)
+        columns[f"angle_{number}"] = places.angle(piece, position)
+        columns[f"s_{number}"] = places.arc_length(piece, position)
         columns[f"speed_{number}"] = places.speed_factor(body, piece) * p
     return columns
