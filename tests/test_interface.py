@@ -10,7 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 
 import duckdb
 import numpy as np
@@ -27,6 +27,7 @@ from vibro_cli import (
     GridChanged,
     NotAGrid,
     NotContinuable,
+    NotRecalled,
     Run,
     Scenario,
     ScenarioError,
@@ -45,6 +46,7 @@ from vibro_cli import (
     sweep,
     verify,
 )
+from vibro_cli.storage import stored
 
 pytestmark = pytest.mark.long
 
@@ -466,6 +468,27 @@ def test_a_grid_file_takes_no_settings_beside_it(tmp_path: Path, given: dict[str
     with pytest.raises(TypeError, match=f"found {next(iter(given))}= beside a grid file"):
         sweep(file, folder=tmp_path / "grid", **given)
     assert not (tmp_path / "grid").exists()
+
+
+def test_tables_and_sections_of_a_folder_need_no_solving(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = run.save(tmp_path / "run", figures=False)
+
+    def elsewhere(*_: object) -> NoReturn:
+        raise NotRecalled("solved again it ends elsewhere")
+
+    for name in ("recalled", "recalled_motion"):
+        monkeypatch.setattr(stored, name, elsewhere)
+    opened = open_run(folder)
+    assert opened.collisions.to_arrow().equals(run.collisions.to_arrow())
+    assert opened.summary == run.summary
+    assert opened.kinds == run.kinds
+    opened.section().save(tmp_path / "opened.png")
+    run.section().save(tmp_path / "run.png")
+    assert (tmp_path / "opened.png").read_bytes() == (tmp_path / "run.png").read_bytes()
+    with pytest.raises(NotContinuable, match=f"{folder}: solved again it ends elsewhere"):
+        opened.sample(1.0)
 
 
 def test_a_folder_that_has_gone_is_told(tmp_path: Path, run: Run) -> None:

@@ -125,13 +125,13 @@ def _read(
     """
     import pyarrow
 
-    from vibro_cli.storage.tables import column_names, read_rows
+    from vibro_cli.storage.tables import read_rows, schema_of
 
     if file.is_dir():
         raise CommandError(f"{file}: found a folder, expected {_file_like(file)}")
     try:
         if columns is not None:
-            _check_columns(file, columns, column_names(file))
+            _check_columns(file, columns, schema_of(file).names)
         return read_rows(file, slice(*rows), columns)
     except FileNotFoundError as error:
         beside = {path.name: path for path in file.parent.glob("*.parquet")}

@@ -19,9 +19,16 @@ from vibro_cli.scenario.quantities import Count, Quantity
 from vibro_cli.storage import folders
 from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.frame import Table
-from vibro_cli.storage.stored import as_if_stored
+from vibro_cli.storage.stored import StoredColumns, as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
-from vibro_cli.storage.tables import read_parquet, table_named, to_arrow, units_of_numbers
+from vibro_cli.storage.tables import (
+    read_parquet,
+    schema_of,
+    table_named,
+    to_arrow,
+    units_of_numbers,
+)
+from vibro_cli.systems import system_named
 from vibro_cli.systems.driver import CannotContinue
 from vibro_cli.systems.wanted import CHANGEABLE
 
@@ -29,11 +36,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from typing import Any
 
+    import pyarrow
     from numpy.typing import ArrayLike
 
     from vibro_cli.grids.dataset import Verdict
     from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.storage.stored import StoredRun
+    from vibro_cli.systems.contract import System
 
 _LOG = logging.getLogger("vibro_cli")
 
@@ -51,6 +60,7 @@ class Run:
     """The run as the solver made it, with all its logs; None for one from a folder."""
     stored: StoredRun | None = field(default=None, repr=False)
     """As it was read from its folder, if it was."""
+    _made: dict[str, pyarrow.Table | None] = field(default_factory=dict, repr=False)
 
     @property
     def solved(self) -> api.Run:
@@ -84,36 +94,52 @@ class Run:
     @cached_property
     def tables(self) -> dict[str, Table]:
         """Every table of the run by its name, as its folder has them; ``OSError`` if it is gone."""
-        if self.stored is not None and self.folder is not None:
-            files = {name: f"{name}.parquet" for name in self._table_names}
-            kept = {n: file for n, file in files.items() if file in self.stored.manifest["files"]}
-            return {n: Table(n, read_parquet(self.folder / file)) for n, file in kept.items()}
-        made = {n: folders.run_table(self.solved, n, self.scenario) for n in self._table_names}
-        return {name: Table(name, data) for name, data in made.items() if data is not None}
+        found = {table.file: self._table(table.file) for table in self._kind.tables()}
+        return {name: table for name, table in found.items() if table is not None}
+
+    def _table(self, name: str) -> Table | None:
+        """A table, read or made when it is first asked for; None where the run has none."""
+        if name not in self._made:
+            self._made[name] = self._data(name)
+        data = self._made[name]
+        return None if data is None else Table(name, data)
+
+    def _data(self, name: str) -> pyarrow.Table | None:
+        if self.stored is None or self.folder is None:
+            return folders.run_table(self.solved, name, self.scenario)
+        self.folder.stat()  # raises where it is gone
+        file = f"{name}.parquet"
+        return read_parquet(self.folder / file) if file in self.stored.manifest["files"] else None
 
     @property
-    def _table_names(self) -> Sequence[str]:
-        return [table.file for table in self._shown.kind.tables()]
+    def _kind(self) -> System:
+        return system_named(self.scenario.system)
 
     @property
     def collisions(self) -> Table:
         """A row for each impact of two bodies, in order of time."""
-        return self.tables["collisions"]
+        return self._there("collisions")
 
     @property
     def bounces(self) -> Table:
         """A row for each impact on the wall; on a table only, else ``KeyError``."""
-        return self.tables["bounces"]
+        return self._there("bounces")
 
     @property
     def events(self) -> Table:
         """A row for each event other than an impact; not on a table, there ``KeyError``."""
-        return self.tables["events"]
+        return self._there("events")
 
     @property
     def motion(self) -> Table | None:
         """The motion at the times that ``[output]`` asks for; None where it asks for none."""
-        return self.tables.get("motion")
+        return self._table("motion")
+
+    def _there(self, name: str) -> Table:
+        found = self._table(name)
+        if found is None:
+            raise KeyError(name)
+        return found
 
     def sample(self, times: ArrayLike, side: str = "after", extrapolate: bool = False) -> Table:
         """Return the motion at any times, exactly: for each time a row for each body.
@@ -197,7 +223,7 @@ class Run:
 
         target = Path("outputs") / self.name if folder is None else Path(folder)
         if isinstance(figures, bool):
-            figures = self._shown.kind.default_figures if figures else ()
+            figures = self._kind.default_figures if figures else ()
         files = figures_of(self._shown, checked("figures", figures, Listed("kinds of figures")))
         folders.write_run(self.solved, self.scenario, target, files, force)
         return target
@@ -205,7 +231,7 @@ class Run:
     @property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of figures there are."""
-        return tuple(self._shown.kind.figures)
+        return tuple(self._kind.figures)
 
     def section(
         self,
@@ -238,20 +264,34 @@ class Run:
             quantities_of,
         )
 
-        table, section = self.collisions, Section(pair, transient)
-        walls = self.tables.get("bounces")
-        if walls is not None and pair is None:
-            named = bool(columns) and set(columns) <= set(walls.keys())
-            table = walls if named or not table.rows else table
-        known = table.keys()
-        one_arc = "arc_a" in known and len(set(table["arc_a"])) == 1
-        names = columns or own_columns(known, one_arc)
-        quantities = quantities_of(names, units_of_numbers(table.to_arrow().schema))
+        section = Section(pair, transient)
+        (impacts, units), walls = self._columns("collisions"), self._columns("bounces")
+        if walls[0] and pair is None:
+            named = bool(columns) and set(columns) <= set(walls[0])
+            impacts, units = walls if named or not len(impacts["n"]) else (impacts, units)
+        one_arc = "arc_a" in impacts and len(set(impacts["arc_a"].tolist())) == 1
+        names = columns or own_columns(impacts, one_arc)
+        quantities = quantities_of(names, units)
         if len(quantities) != 2:
             raise ValueError(f"found {len(quantities)} columns of impacts, expected two")
-        wanted = {name: table[name] for name in (*names, *section.columns)}
+        wanted = {name: impacts[name] for name in (*names, *section.columns)}
         drawn = poincare(wanted, (quantities[0], quantities[1]), section, width)
         return Drawing("section", drawn)
+
+    def _columns(self, name: str) -> tuple[Mapping[str, Any], dict[str, str]]:
+        """The columns of a table, none where the run has none, and the units of numbers.
+
+        Of a run in a folder each column is read when it is asked for.
+        """
+        if self.stored is not None and self.folder is not None:
+            if f"{name}.parquet" not in self.stored.manifest["files"]:
+                return {}, {}
+            path = self.folder / f"{name}.parquet"
+            return StoredColumns(path), units_of_numbers(schema_of(path))
+        table = self._table(name)
+        if table is None:
+            return {}, {}
+        return dict(table), units_of_numbers(table.to_arrow().schema)
 
     def figure(self, kind: str = "portrait", body: int = 1, width: str = "double") -> Drawing:
         """Draw one figure of the run.
@@ -347,7 +387,7 @@ class Run:
         rows = "".join(
             f"<tr><th>{escape(name)}{f' [{unit}]' if unit else ''}</th>"
             f"<td>{escape(_shown(self.summary[name]))}</td></tr>"
-            for name, unit in self.tables["summary"].units.items()
+            for name, unit in self._there("summary").units.items()
             if self.summary[name] is not None
         )
         return f"<table><caption>{escape(_in_words(self))}</caption>{rows}</table>"

@@ -22,9 +22,9 @@ from vibro_cli.storage.files import check_files, manifest, read_manifest
 from vibro_cli.storage.folders import NotContinuable, read_earlier_run
 from vibro_cli.storage.tables import (
     as_array,
-    column_names,
     read_column,
     read_first,
+    schema_of,
     units_of_numbers,
 )
 from vibro_cli.systems import system_named
@@ -50,13 +50,23 @@ class StoredRun:
     folder: Path | None
     """Where it is stored, None where it is not."""
     scenario: AnyScenario
-    motion: Motion
-    """Its motion: of one that is stored, solved again to the same bits."""
     manifest: Mapping[str, Any]
     summary: Mapping[str, Any]
     """The columns of the summary table as plain values, None for null."""
+    _recall: Callable[[], Motion] = field(repr=False)
     _solve: Callable[[], Run] = field(repr=False)
     _tables: dict[str, Columns] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Its motion: of one that is stored, solved again to the same bits.
+
+        Raises `NotContinuable` when it does not end again as it did.
+        """
+        try:
+            return self._recall()
+        except NotRecalled as error:
+            raise NotContinuable(f"{self.folder}: {error}") from error
 
     @property
     def whole(self) -> Run | None:
@@ -133,15 +143,14 @@ def as_if_stored(run: Run, scenario: AnyScenario, tables: Mapping[str, Columns])
     """Return a run that has no folder as the report takes it, with its tables."""
     made = manifest("run", {}, {"engine": run.engine})
     summary = run.summary_record()
-    return StoredRun(None, scenario, run, made, summary, lambda: run, dict(tables))
+    return StoredRun(None, scenario, made, summary, lambda: run, lambda: run, dict(tables))
 
 
 def open_run(folder: Path) -> StoredRun:
-    """Read the folder of a run, and solve it again.
+    """Read the folder of a run; it is solved again when its motion is asked for.
 
     Raises `NotContinuable` when it is no run of ours, was written by another version of the program
-    or has changed since, or does not end again as it did, and `OSError` when a file is missing or
-    cannot be read.
+    or has changed since, and `OSError` when a file is missing or cannot be read.
     """
     earlier = read_earlier_run(folder)
     _check_tables(folder)
@@ -149,10 +158,7 @@ def open_run(folder: Path) -> StoredRun:
     assert found is not None
     summary = json.loads((folder / "summary.json").read_bytes())
     scenario = load_any(earlier.scenario)
-    try:
-        return stored_run(folder, scenario, earlier.checkpoint, found, summary)
-    except NotRecalled as error:
-        raise NotContinuable(f"{folder}: {error}") from error
+    return stored_run(folder, scenario, earlier.checkpoint, found, summary)
 
 
 def stored_run(
@@ -162,10 +168,10 @@ def stored_run(
     manifest: Mapping[str, Any],
     summary: Mapping[str, Any],
 ) -> StoredRun:
-    """Return the run whose tables are in a folder; raises `NotRecalled` as `api.recalled`."""
-    motion = recalled_motion(scenario, checkpoint)
+    """Return the run whose tables are in a folder."""
+    recall = partial(recalled_motion, scenario, checkpoint)
     solve = partial(recalled, scenario, checkpoint)
-    return StoredRun(folder, scenario, motion, manifest, summary, solve)
+    return StoredRun(folder, scenario, manifest, summary, recall, solve)
 
 
 class StoredColumns(Mapping[str, NDArray[Any]]):
@@ -173,7 +179,7 @@ class StoredColumns(Mapping[str, NDArray[Any]]):
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._names = column_names(path)
+        self._names: list[str] = schema_of(path).names
         self._columns: dict[str, NDArray[Any]] = {}
         self._first: dict[str, NDArray[Any]] = {}
 
@@ -279,10 +285,8 @@ class StoredGrid:
         return {} if schema is None else units_of_numbers(schema)
 
     def _impact_schema(self) -> pyarrow.Schema | None:
-        import pyarrow.parquet as parquet
-
         part = next(iter(self._parts("collisions")), None)
-        return None if part is None else parquet.read_schema(part)
+        return None if part is None else schema_of(part)
 
     def impacts(self, columns: Sequence[str], scenarios: Column) -> dict[str, Column]:
         """Return some columns of the impacts of some scenarios, in their order."""

@@ -324,11 +324,10 @@ def read_rows(
     return wanted.slice(start, max(last - first, 0)), first, int(ends[-1])
 
 
-def column_names(path: Path) -> list[str]:
-    """The names of the columns of a parquet file; raises as `read_parquet`."""
+def schema_of(path: Path) -> pa.Schema:
+    """The names, types and units of the columns of a parquet file; raises as `read_parquet`."""
     with pq.ParquetFile(path) as file:
-        names: list[str] = file.schema_arrow.names
-        return names
+        return file.schema_arrow
 
 
 def read_column(path: Path, name: str) -> np.ndarray[Any, np.dtype[Any]]:
