@@ -52,6 +52,41 @@ def jointly(document: Document, impulses_of: Any) -> Any:
     return velocity - (inverse * (matrix.T @ impulses)).reshape(-1, 2)
 
 
+RACKS = {
+    "a rounded approach has a mirror image": (
+        (5, 0.16272936192574217, 0.6387442614861839, 1.513383447658014, 0.08388403479664386)
+    ),
+    "a pair passes by within rounding": (
+        (5, 0.13096954338186415, 0.19365661453091446, 0.4737256326868028, 0.371842847474254)
+    ),
+    "another pair passes by": (
+        (4, 0.09424348319470706, 0.28612377609323625, 1.395723434214892, 0.09850361438808708)
+    ),
+    "a pair parts already when it grazes": (
+        (4, 0.1496467084816438, 1.8461379954527986, 1.478648489719417, 0.12305101139215036)
+    ),
+}
+"""Rows, radius, masses of the balls at rest and of the one that comes, k."""
+
+
+@pytest.mark.parametrize("case", RACKS)
+def test_the_break_of_a_rack_with_little_bounce_stays_symmetric_and_admissible(case: str) -> None:
+    rows, radius, mass, coming, k = RACKS[case]
+    places = [(row, 2 * n - row) for row in range(rows) for n in range(row + 1)]
+    balls = [ball(-1.0, 0.0, 1.0, radius=radius, mass=coming)]
+    for row, across in places:
+        x, y = row * math.sqrt(3.0) * radius, across * radius
+        balls.append(ball(x, y, radius=radius, mass=mass))
+    run = solve(table(balls, k=k, time=5.0))
+    assert run.end_cause == "time"
+    # Joint impacts take in what is as near as 16 units in the last place of places up to 2 m.
+    assert np.max(np.abs(run.collisions["gap"])) <= 1e-14
+    final = run.sample([5.0])
+    mirror = [0, *(1 + places.index((row, -across)) for row, across in places)]
+    for name, sign in (("x", 1.0), ("y", -1.0), ("velocity_x", 1.0), ("velocity_y", -1.0)):
+        assert np.array_equal(final[name], sign * final[name][mirror])
+
+
 @pytest.mark.parametrize("k", [1.0, 0.7, 0.0])
 def test_a_ball_hits_two_that_touch(k: float) -> None:
     """From the middle: v' = (1 - 6 (1 + k)/10), the others (1 + k) 3/10 along x each."""

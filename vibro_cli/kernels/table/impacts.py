@@ -30,7 +30,7 @@ from vibro_cli.kernels.impact.laws import (
     loss_of_impulse,
     weight_and_response,
 )
-from vibro_cli.kernels.numerics.constants import EPSILON
+from vibro_cli.kernels.numerics.constants import EPSILON, NEVER
 from vibro_cli.kernels.numerics.double_double import pair_plus, pair_times
 from vibro_cli.kernels.table.walls import RESOLVED, present_place, touching_distance
 from vibro_cli.kernels.table.world import CONIC, PairRow, World
@@ -118,6 +118,9 @@ def apply_law(world: World, row: PairRow, law: int) -> None:
     other = world.bodies[row.b]
     inclined = inclination(one, other)
     row.law = law
+    if row.normal_a_pre <= row.normal_b_pre:  # a graze after which they part already, by rounding
+        row.normal_a_post, row.normal_b_post, row.loss = row.normal_a_pre, row.normal_b_pre, 0.0
+        return
     row.normal_a_post, row.normal_b_post, row.loss = impact_of_pair(
         law,
         world.settings[0].restitution,
@@ -465,9 +468,9 @@ def collide_jointly(world: World, count: int, instant: int) -> int:
         bring(world, world.group[place])
     first = clock.pair_rows
     closing = _closing(world, count)
-    if closing == 1:
-        clock.pair_rows -= 1
-        clock.collisions -= 1
+    if closing <= 1:
+        clock.pair_rows -= closing
+        clock.collisions -= closing
         return collide(world, world.touches[0].a, world.touches[0].b, instant)
     restitution = settings.restitution
     if clock.stalled > SETTLING and restitution < 1.0:
@@ -490,9 +493,13 @@ def collide_jointly(world: World, count: int, instant: int) -> int:
 
 @kernel
 def _closing(world: World, count: int) -> int:
-    """Note the pairs that close, first in ``world.touches`` and as rows; return their number."""
+    """Note the pairs that close, first in ``world.touches`` and as rows; return their number.
+
+    Where none does, the pair of the event stays first: it grazes.
+    """
     clock = world.clock[0]
     closing = 0
+    least = 0.0
     for number in range(count):
         touch = world.touches[number]
         row = world.pair_log[clock.pair_rows]
@@ -501,8 +508,12 @@ def _closing(world: World, count: int) -> int:
         one = world.balls[a]
         other = world.balls[b]
         speeds = abs(one.vx) + abs(one.vy) + abs(other.vx) + abs(other.vy)
-        # The pair of the event closes by its time, whatever its speeds are rounded to.
-        if number > 0 and row.normal_a_pre - row.normal_b_pre <= RESOLVED * speeds:
+        approach = row.normal_a_pre - row.normal_b_pre
+        # The pair of the event closes by its time, however slowly, and so do those that close as
+        # fast, as its mirror image does.
+        if number == 0:
+            least = approach if approach > 0.0 else NEVER
+        if approach <= RESOLVED * speeds and approach < least:
             continue
         kept = world.touches[closing]
         kept.a, kept.b = a, b

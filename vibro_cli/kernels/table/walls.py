@@ -269,7 +269,9 @@ def time_to_distance(
     if inside < 0.0:
         return NEVER
     beyond = (apart - distance) * (apart + distance)
-    return max(beyond / (math.sqrt(inside) - closing), 0.0)
+    time = max(beyond / (math.sqrt(inside) - closing), 0.0)
+    # Where they are further apart by then than now, ``root`` is nothing but rounding: they pass by.
+    return time if time * square <= -2.0 * closing else NEVER
 
 
 @kernel
