@@ -93,15 +93,31 @@ def outcomes_of(summary: Mapping[str, Any], names: Sequence[str], rows: Codes) -
     if not names:
         raise NoBasins("expected at least one column that tells an outcome")
     results = list(summary)[list(summary).index("status") :]
-    known = [name for name in results if _is_outcome(summary[name])]
     for name in names:
-        if name not in known:
-            raise NoBasins(f"found the outcome {name!r}, expected one of {', '.join(known)}")
-    texts = [_texts(name, np.asarray(summary[name])[rows]) for name in names]
+        if name not in results or not _is_outcome(summary[name]):
+            known = ", ".join(one for one in results if _is_outcome(summary[one]))
+            raise NoBasins(f"found the outcome {name!r}, expected one of {known}")
+    columns = [np.asarray(summary[name])[rows] for name in names]
+    # Words are made once for each combination of values.
+    combined = np.zeros(len(rows), dtype=np.int64)
+    for values in columns:
+        code = _codes(values)
+        combined = np.unique(combined * (code.max(initial=0) + 1) + code, return_inverse=True)[1]
+    _, first, combination = np.unique(combined, return_index=True, return_inverse=True)
+    texts = [_texts(name, values[first]) for name, values in zip(names, columns, strict=True)]
     joined = np.array([", ".join(filter(None, row)) for row in zip(*texts, strict=True)])
-    words, code, count = np.unique(joined, return_inverse=True, return_counts=True)
-    order = np.argsort(-count, kind="stable")
+    words, same = np.unique(joined, return_inverse=True)
+    code = same[combination]
+    order = np.argsort(-np.bincount(code, minlength=len(words)), kind="stable")
     return Outcomes(tuple(map(str, words[order])), np.argsort(order)[code])
+
+
+def _codes(values: NDArray[Any]) -> Codes:
+    """Which of its different values a column has in each row, as numbers from 0."""
+    if values.dtype != object:
+        return np.unique(values, return_inverse=True)[1]
+    known: dict[Any, int] = {}
+    return np.array([known.setdefault(one, len(known)) for one in values.tolist()], dtype=np.int64)
 
 
 def _is_outcome(column: Any) -> bool:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -229,7 +230,7 @@ def mapped_basins(grid: Swept, outcome: Sequence[str]) -> Mapped:
     shown = _evenly(grid)
     if not shown.is_full:
         raise NoBasins("found no point for some values of the axes, expected every pair of them")
-    told = dict(grid.summary) | {"end_cause": ended(grid)}
+    told = ChainMap({"end_cause": ended(grid)}, cast(dict[str, Any], grid.summary))
     outcomes = outcomes_of(told, outcome or default_outcome(grid), shown.rows)
     cells = shown.cells(outcomes.code.astype(np.float64)).astype(np.int64)
     return Mapped(shown, outcomes, basins_of(outcomes, cells))

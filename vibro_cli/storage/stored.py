@@ -326,16 +326,41 @@ def open_grid(folder: Path) -> StoredGrid:
         raise NotAGrid(f"{folder} holds no finished point of its grid")
     for damage in check_files(folder, manifest["files"]):
         raise NotAGrid(f"{folder}/{damage}; vibro grid GRID --repair solves it again")
-    data = _read(parts)
-    names = data.column_names
+    summary = GridColumns(parts)
+    names = summary.schema.names
     return StoredGrid(
         folder=folder,
         definition=definition,
         manifest=manifest,
         axes=tuple(names[names.index("scenario") + 1 : names.index("status")]),
-        units={field.name: _unit(field) for field in data.schema},
-        summary=_columns(data),
+        units={field.name: _unit(field) for field in summary.schema},
+        summary=summary,
     )
+
+
+class GridColumns(Mapping[str, Column]):
+    """The columns of the summaries of a grid, each read from its parts when it is asked for."""
+
+    def __init__(self, parts: Sequence[Path]) -> None:
+        self.schema = schema_of(parts[0])
+        self._parts = parts
+        self._columns: dict[str, Column] = {}
+
+    def __getitem__(self, name: str) -> Column:
+        if name not in self._columns:
+            if name not in self:
+                raise KeyError(name)
+            self._columns[name] = _columns(_read(self._parts, [name]))[name]
+        return self._columns[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.schema.names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.schema.names)
+
+    def __len__(self) -> int:
+        return len(self.schema.names)
 
 
 def _parts(folder: Path) -> list[Path]:
