@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.bare_system import bare_system
 from tests.kernels.kernel_records import ball, three_arcs
+from vibro_cli.assemble import build_system
+from vibro_cli.kernels.contact.arc_contact import inverted, is_last
+from vibro_cli.kernels.contact.first_contact import FINAL_CORRECTION
 from vibro_cli.mechanics.system import Body, InitialState, TraceSystem
+from vibro_cli.scenario.loading import load_scenario
+from vibro_cli.stress.oracles.oracle import first_contact
 from vibro_cli.stress.oracles.reference_solver import Twin
 from vibro_cli.stress.oracles.scene import Real, mp, scene_of_system
 from vibro_cli.systems.run import Run
@@ -124,3 +130,28 @@ def test_a_near_miss_is_none(name: str, clearance: float) -> None:
         distance = np.hypot(x[:, 1] - x[:, 0], y[:, 1] - y[:, 0])
         reach = math.fsum(body.radius for body in BODIES)
         assert np.min(distance) > reach - 1e-15
+
+
+def test_the_refinement_does_not_end_where_only_its_series_is_zero() -> None:
+    path = Path(__file__).parents[1] / "hard_cases" / "refined_to_a_zero_of_the_series.toml"
+    system = build_system(load_scenario(path))
+    exact = first_contact(scene_of_system(system), mp.mpf(1))
+    assert exact is not None
+    for engine in ("python", "compiled"):
+        run = simulate_system(system, None, 1, engine)
+        assert run.collisions["t"][0] == pytest.approx(float(exact), rel=1e-15, abs=0.0)
+        assert abs(run.collisions["gap"][0]) <= 1e-16
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 2.0])
+def test_a_step_is_no_last_one_far_from_the_zero(share: float) -> None:
+    """Without x2 the series is step (1 - step^2 x3/(6 x1)), which a long step makes zero."""
+    x, x1 = 0.05 * share, -0.1
+    x3 = 6.0 * x1 / (x / x1) ** 2
+    change = inverted(x, x1, 0.0, x3)
+    assert abs(change) <= 1e-12
+    assert not is_last(x, change, x1, 0.0, 1.0, FINAL_CORRECTION)
+    # Near the zero it is Newton's step, and the last one.
+    near = inverted(1e-8, x1, 0.0, x3)
+    assert near == pytest.approx(1e-7, rel=1e-6)
+    assert is_last(1e-8, near, x1, 0.0, 1.0, FINAL_CORRECTION)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from vibro_cli.compile.kernel import kernel
+from vibro_cli.compile.kernel import both, kernel
 from vibro_cli.kernels.contact.contact_kinematics import half_gap_sine
 from vibro_cli.kernels.contact.first_contact import (
     DEEP,
@@ -77,7 +77,7 @@ def refine_on_arc(
         if not abs(change) * fastest <= LONGEST_CHANGE:
             return NONE_BEFORE_LIMIT
         h += change
-        if is_last(change, x1, x2, fastest, settled):
+        if is_last(x, change, x1, x2, fastest, settled):
             before = age_a + h - change, age_b + h - change
             keep_nudged(world, j, before, change, states)
             return h
@@ -96,9 +96,14 @@ def derivatives_of_sine(
 
 
 @kernel
-def is_last(change: float, x1: float, x2: float, fastest: float, settled: float) -> bool:
-    """Tell whether the iteration is done with a change of time (s)."""
-    return abs(change) * (abs(x2) - fastest * x1) < -settled * x1
+def is_last(x: float, change: float, x1: float, x2: float, fastest: float, settled: float) -> bool:
+    """Tell whether the iteration is done with a change of time (s).
+
+    Far from the zero the inverse series may have one of its own, to which the iteration is drawn:
+    there Newton's step is not as short.
+    """
+    is_short = abs(change) * (abs(x2) - fastest * x1) < -settled * x1
+    return both(is_short, abs(x) <= -2.0 * abs(change) * x1)
 
 
 @kernel

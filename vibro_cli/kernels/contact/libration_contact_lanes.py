@@ -170,7 +170,7 @@ def _refined(a: SwingLanes, b: SwingLanes, h: Lanes, contact: PairTrack) -> tupl
         x1, x2, x3 = derivatives_of_sine(x, cosine, rate, second, third)
         change = inverted(x, x1, x2, x3)
         falls = both(x1 < 0.0, abs(change) * fastest <= LONGEST_CHANGE)
-        ends = both(falls, is_last(change, x1, x2, fastest, FINAL_CORRECTION))
+        ends = both(falls, is_last(x, change, x1, x2, fastest, FINAL_CORRECTION))
         ends = both(ends, opposite(done))
         if any_lane(ends):
             a_s, a_c, a_p = advance_slightly(a.frequency, change, a_s, a_c, a_p)
@@ -330,7 +330,7 @@ def _refined_of_two(two: TwoSwings, h: float, contact: PairTrack, clock: Clock) 
         if not abs(change) * fastest <= LONGEST_CHANGE:
             break
         h += change
-        if is_last(change, x1, x2, fastest, FINAL_CORRECTION):
+        if is_last(x, change, x1, x2, fastest, FINAL_CORRECTION):
             two.contact_s, two.contact_c, two.contact_p = advance_slightly(w, change, s, c, p)
             return h
     return NONE_BEFORE_LIMIT
