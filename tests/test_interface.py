@@ -516,6 +516,19 @@ def test_check_tells_what_is_doubtful() -> None:
         check(example("three_arcs").replace({"balls[2].angle": -1.3}))
 
 
+def test_the_logger_tells_of_figures_that_show_nothing(
+    tmp_path: Path, run: Run, caplog: pytest.LogCaptureFixture
+) -> None:
+    run.save(tmp_path / "run", figures=["portrait", "exponents"])
+    assert [one.message for one in caplog.records if one.levelname == "WARNING"] == [
+        f"{run.name}: the run has nothing to show as exponents"
+    ]
+    assert (tmp_path / "run" / "portrait_1.png").exists()
+    caplog.clear()
+    run.save(tmp_path / "own")
+    assert not [one for one in caplog.records if one.levelname == "WARNING"]
+
+
 def test_the_logger_tells_how_a_run_ended(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO, logger="vibro_cli"):
         simulate(example("one_circle"))

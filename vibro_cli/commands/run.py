@@ -4,10 +4,9 @@ Tables are written while the solver goes on.
 """
 
 import contextlib
-import re
 import signal
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -259,19 +258,13 @@ def _warn(scenario: "AnyScenario", system: "AnySystem") -> None:
 
 def _kinds_drawn(earlier: Path | None) -> str:
     """The kinds of figures that an earlier run has, as `--figures` takes them."""
+    from vibro_cli.interface import kinds_in
     from vibro_cli.storage.files import read_manifest
 
     manifest = None if earlier is None else read_manifest(earlier)
     if manifest is None:
         return "default"
-    return ",".join(_kinds_in(manifest["files"])) or "0"
-
-
-def _kinds_in(files: Iterable[str]) -> list[str]:
-    """The kinds of figures among files, each as often as there are figures of it."""
-    pictures = [Path(file).stem for file in files if file.endswith(".png")]
-    # Where there is a figure of each body, its number follows the kind: portrait_1.png.
-    return [re.sub(r"_\d+$", "", stem) for stem in pictures]
+    return ",".join(kinds_in(manifest["files"])) or "0"
 
 
 def overrides_told(texts: Sequence[str]) -> dict[str, Any]:
@@ -443,7 +436,7 @@ def _figures(
     wishes: RunCommand, scenario: "AnyScenario", result: "Streamed", folder: "StreamedFolder"
 ) -> dict[str, bytes]:
     """The figures of the run, which is solved again for them; tells of those that show nothing."""
-    from vibro_cli.interface import figures_of
+    from vibro_cli.interface import figures_of, nothing_shown
     from vibro_cli.storage.stored import stored_run
 
     names = wishes.kinds_of(scenario.system)
@@ -453,8 +446,6 @@ def _figures(
     run = stored_run(written, scenario, result.checkpoint(), {}, summary)
     files = figures_of(run.whole or run, names)
     if (wishes.figures or "all").strip().lower() not in ("all", *_DEFAULT):
-        drawn = _kinds_in(files)
-        for name in (name for name in names if name not in drawn):
-            text = f"{scenario.name}: the run has nothing to show as {name}"
-            say(text, "warning", scenario=scenario.name)
+        for text in nothing_shown(names, files):
+            say(f"{scenario.name}: {text}", "warning", scenario=scenario.name)
     return files

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -61,3 +62,16 @@ def figures_of(run: Any, kinds: Sequence[str]) -> dict[str, bytes]:
 
     drawn = draw_all(run, kinds, run.kind.figure_width(run.system))
     return pictures((one.name, one.figure) for one in drawn)
+
+
+def kinds_in(files: Iterable[str]) -> list[str]:
+    """Return the kinds of figures among files, each as often as there are figures of it."""
+    stems = [Path(file).stem for file in files if file.endswith(".png")]
+    # Where there is a figure of each body, its number follows the kind: portrait_1.png.
+    return [re.sub(r"_\d+$", "", stem) for stem in stems]
+
+
+def nothing_shown(kinds: Iterable[str], files: Iterable[str]) -> list[str]:
+    """Return what is to be told of kinds of figures that none of the files is of."""
+    drawn = kinds_in(files)
+    return [f"the run has nothing to show as {kind}" for kind in kinds if kind not in drawn]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from vibro_cli import __version__, api
 from vibro_cli.assemble import warnings_of
 from vibro_cli.grids.dataset import verify as verify_folder
-from vibro_cli.interface import Drawing, figures_of
+from vibro_cli.interface import Drawing, figures_of, nothing_shown
 from vibro_cli.scenario.base import Listed, checked
 from vibro_cli.scenario.quantities import Count, Quantity
 from vibro_cli.storage import folders
@@ -209,7 +209,7 @@ class Run:
             By default ``outputs/<name>``.
         figures
             Whether figures are drawn too: for a trace the phase portraits, else of every kind; or
-            the names of the kinds that are.
+            the names of the kinds that are; of one that shows nothing the logger warns.
         force
             Whether a run with other parameters is replaced.
 
@@ -222,9 +222,13 @@ class Run:
         """
 
         target = Path("outputs") / self.name if folder is None else Path(folder)
+        are_named = not isinstance(figures, bool)
         if isinstance(figures, bool):
             figures = self._kind.default_figures if figures else ()
-        files = figures_of(self._shown, checked("figures", figures, Listed("kinds of figures")))
+        kinds = checked("figures", figures, Listed("kinds of figures"))
+        files = figures_of(self._shown, kinds)
+        for text in nothing_shown(kinds, files) if are_named else ():
+            _LOG.warning("%s: %s", self.name, text)
         folders.write_run(self.solved, self.scenario, target, files, force)
         return target
 
