@@ -278,6 +278,8 @@ def leave_piece(world: World, ball: int) -> int:
         kinetic = 0.5 * world.bodies[ball].kappa * speed * speed / settings.gravity
         if kinetic > SLOW_CROSSING * flight.head:
             flight.p = rate_by_energy(world, ball, flight, track)
+        elif flight.anchor < 0:
+            anchor_at_crest(flight, track)
         begin_flight(world, ball, CROSSING, 0)
         return RUNNING
     return _hit_wall(world, ball, right)
