@@ -108,9 +108,13 @@ class Driver:
         self.rows = dict.fromkeys(loop.logs, 0)
         """Rows of each log so far."""
         self.engine = "python"
-        # A compiled run starts interpreted: at most one event, hence the rows of one.
-        rows = DROPPED_ROWS if engine_name == "compiled" else INTERPRETED_ROWS
-        self.world = _interpreted_logs(loop, world, rows)
+        self.world = world
+        compiles = engine_name == "compiled"
+        if not compiles:
+            self.world = _interpreted_logs(loop, world, INTERPRETED_ROWS)
+        elif earlier is None and loop.start is not None:
+            # A compiled run starts interpreted: at most one event, hence the rows of one.
+            self.world = _interpreted_logs(loop, world, DROPPED_ROWS)
         if earlier is not None:
             restore(loop, self.world, earlier.state)
             for name, rows in earlier.logs.items():
@@ -118,7 +122,7 @@ class Driver:
         elif loop.start is not None:
             engine.interpreted(loop.start, overrides)(self.world)
             self._collect()
-        if engine_name == "compiled":
+        if compiles:
             self.engine = "compiled"
             self.world = compiled_world(loop, self.world)
 
