@@ -60,7 +60,7 @@ class Run:
     """The run as the solver made it, with all its logs; None for one from a folder."""
     stored: StoredRun | None = field(default=None, repr=False)
     """As it was read from its folder, if it was."""
-    _made: dict[str, pyarrow.Table | None] = field(default_factory=dict, repr=False)
+    _made: dict[str, pyarrow.Table | None] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def solved(self) -> api.Run:
