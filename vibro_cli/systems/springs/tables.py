@@ -95,7 +95,8 @@ class Collisions(PairRows):
         for end in "ab":
             springs = self.of_body(self.bodies.springs, self.body(end))
             stiffness, height, length = springs.reshape(-1, 3).T
-            stored[end] = 0.5 * stiffness * (np.hypot(height, self.displacement(end)) - length) ** 2
+            extent = np.sqrt(height * height + self.displacement(end) ** 2)
+            stored[end] = 0.5 * stiffness * (extent - length) ** 2
         return stored
 
     def energy(self, end: str, when: str) -> Any:

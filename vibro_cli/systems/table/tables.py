@@ -42,9 +42,14 @@ _SKEW = 1e-12
 
 def _rolling(rows: ImpactRows, ball: Any, vx: Any, vy: Any) -> Any:
     """Return |v|/r (rad/s) of the ball of each row, nan where it slides."""
-    radii, speed = rows.of_body(rows.bodies.radii, ball), np.hypot(vx, vy)
+    radii, speed = rows.of_body(rows.bodies.radii, ball), _size(vx, vy)
     omega = np.divide(speed, radii, out=np.zeros_like(speed), where=radii > 0.0)
     return np.where(rows.of_body(rows.bodies.slide, ball), np.nan, omega)
+
+
+def _size(x: Any, y: Any) -> Any:
+    """Return the lengths of vectors, rounded alike on every processor: the C library's are not."""
+    return np.sqrt(x * x + y * y)
 
 
 def inclination_of(along: Any, across: Any) -> Any:
@@ -93,7 +98,7 @@ class Collisions(PairRows):
 
     def _skew(self, ball: str) -> Any:
         along, across = self.along(ball, "pre"), self.tangential_speed(ball)
-        return np.abs(across) > _SKEW * np.hypot(along, across)
+        return np.abs(across) > _SKEW * _size(along, across)
 
     def energy(self, ball: str, when: str) -> Any:
         """Kinetic energy (J) of ball `a` or `b`, `pre` or `post`."""
