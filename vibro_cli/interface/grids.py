@@ -64,8 +64,6 @@ class Grid:
 
     stored: StoredGrid = field(repr=False)
     """The folder as it was read."""
-    _temporary: _Temporary | None = field(default=None, repr=False)
-    """The owner of the folder, if it is to be removed."""
 
     @property
     def name(self) -> str:
@@ -259,7 +257,7 @@ def sweep(
     target = Path(folder)
     try:
         solve_into(target, grid, workers, force=force)
-        found = Grid(open_stored_grid(target), temporary)
+        found = Grid(open_stored_grid(target, temporary))
     except BaseException:
         if temporary is not None:
             temporary.remove()

@@ -242,6 +242,8 @@ class StoredGrid:
     """Units of the columns of the summary."""
     summary: Mapping[str, Column]
     """A row for each point: the axes' values, then the columns of the summary table."""
+    owner: object = None
+    """What removes the folder once it is not used any more, if it is temporary."""
 
     @property
     def name(self) -> str:
@@ -308,8 +310,8 @@ def is_grid(folder: Path) -> bool:
     return (folder / GRID_NAME).is_file()
 
 
-def open_grid(folder: Path) -> StoredGrid:
-    """Read the folder of a grid, all its points or those that are finished.
+def open_grid(folder: Path, owner: object = None) -> StoredGrid:
+    """Read the folder of a grid, all its points or those that are finished; it has an `owner`.
 
     Raises `NotAGrid` when it is none of ours, holds no finished point, or when a file of it is
     missing or not as it was written.
@@ -335,6 +337,7 @@ def open_grid(folder: Path) -> StoredGrid:
         axes=tuple(names[names.index("scenario") + 1 : names.index("status")]),
         units={field.name: _unit(field) for field in summary.schema},
         summary=summary,
+        owner=owner,
     )
 
 
