@@ -16,12 +16,22 @@ HEXAGON = [
 ]
 
 
+def triangle(rows: int) -> list[tuple[int, int]]:
+    """Rows along x of touching balls: number of the row, radii from the axis."""
+    return [(row, 2 * n - row) for row in range(rows) for n in range(row + 1)]
+
+
+def racked(rows: int, radius: float = R, mass: float = 1.0) -> list[Document]:
+    """The balls of a triangle at rest, with its corner at the origin."""
+    return [
+        ball(row * math.sqrt(3.0) * radius, across * radius, radius=radius, mass=mass)
+        for row, across in triangle(rows)
+    ]
+
+
 def rack(rows: int, k: float = 1.0, law: str = "hedrih", **stop: Any) -> Document:
     """A ball that comes along x towards the corner of a triangle of touching balls."""
-    balls = [ball(-1.0, 0.0, 2.0)]
-    for row in range(rows):
-        for n in range(row + 1):
-            balls.append(ball(row * math.sqrt(3.0) * R, (2 * n - row) * R))
+    balls = [ball(-1.0, 0.0, 2.0), *racked(rows)]
     document = table(balls, k=k, **(stop or {"time": 3.0}))
     document["collision"]["law"] = law
     return document
@@ -54,16 +64,32 @@ def jointly(document: Document, impulses_of: Any) -> Any:
 
 RACKS = {
     "a rounded approach has a mirror image": (
-        (5, 0.16272936192574217, 0.6387442614861839, 1.513383447658014, 0.08388403479664386)
+        5,
+        0.16272936192574217,
+        0.6387442614861839,
+        1.513383447658014,
+        0.08388403479664386,
     ),
     "a pair passes by within rounding": (
-        (5, 0.13096954338186415, 0.19365661453091446, 0.4737256326868028, 0.371842847474254)
+        5,
+        0.13096954338186415,
+        0.19365661453091446,
+        0.4737256326868028,
+        0.371842847474254,
     ),
     "another pair passes by": (
-        (4, 0.09424348319470706, 0.28612377609323625, 1.395723434214892, 0.09850361438808708)
+        4,
+        0.09424348319470706,
+        0.28612377609323625,
+        1.395723434214892,
+        0.09850361438808708,
     ),
     "a pair parts already when it grazes": (
-        (4, 0.1496467084816438, 1.8461379954527986, 1.478648489719417, 0.12305101139215036)
+        4,
+        0.1496467084816438,
+        1.8461379954527986,
+        1.478648489719417,
+        0.12305101139215036,
     ),
 }
 """Rows, radius, masses of the balls at rest and of the one that comes, k."""
@@ -72,16 +98,13 @@ RACKS = {
 @pytest.mark.parametrize("case", RACKS)
 def test_the_break_of_a_rack_with_little_bounce_stays_symmetric_and_admissible(case: str) -> None:
     rows, radius, mass, coming, k = RACKS[case]
-    places = [(row, 2 * n - row) for row in range(rows) for n in range(row + 1)]
-    balls = [ball(-1.0, 0.0, 1.0, radius=radius, mass=coming)]
-    for row, across in places:
-        x, y = row * math.sqrt(3.0) * radius, across * radius
-        balls.append(ball(x, y, radius=radius, mass=mass))
+    balls = [ball(-1.0, 0.0, 1.0, radius=radius, mass=coming), *racked(rows, radius, mass)]
     run = solve(table(balls, k=k, time=5.0))
     assert run.end_cause == "time"
     # Joint impacts take in what is as near as 16 units in the last place of places up to 2 m.
     assert np.max(np.abs(run.collisions["gap"])) <= 1e-14
     final = run.sample([5.0])
+    places = triangle(rows)
     mirror = [0, *(1 + places.index((row, -across)) for row, across in places)]
     for name, sign in (("x", 1.0), ("y", -1.0), ("velocity_x", 1.0), ("velocity_y", -1.0)):
         assert np.array_equal(final[name], sign * final[name][mirror])

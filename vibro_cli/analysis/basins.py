@@ -99,11 +99,8 @@ def outcomes_of(summary: Mapping[str, Any], names: Sequence[str], rows: Codes) -
             raise NoBasins(f"found the outcome {name!r}, expected one of {known}")
     columns = [np.asarray(summary[name])[rows] for name in names]
     # Words are made once for each combination of values.
-    combined = np.zeros(len(rows), dtype=np.int64)
-    for values in columns:
-        code = _codes(values)
-        combined = np.unique(combined * (code.max(initial=0) + 1) + code, return_inverse=True)[1]
-    _, first, combination = np.unique(combined, return_index=True, return_inverse=True)
+    combination = combined([codes_of(values) for values in columns])
+    first = np.unique(combination, return_index=True)[1]
     texts = [_texts(name, values[first]) for name, values in zip(names, columns, strict=True)]
     joined = np.array([", ".join(filter(None, row)) for row in zip(*texts, strict=True)])
     words, same = np.unique(joined, return_inverse=True)
@@ -112,12 +109,21 @@ def outcomes_of(summary: Mapping[str, Any], names: Sequence[str], rows: Codes) -
     return Outcomes(tuple(map(str, words[order])), np.argsort(order)[code])
 
 
-def _codes(values: NDArray[Any]) -> Codes:
+def codes_of(values: NDArray[Any]) -> Codes:
     """Which of its different values a column has in each row, as numbers from 0."""
     if values.dtype != object:
         return np.unique(values, return_inverse=True)[1]
     known: dict[Any, int] = {}
     return np.array([known.setdefault(one, len(known)) for one in values.tolist()], dtype=np.int64)
+
+
+def combined(columns: Sequence[Codes]) -> Codes:
+    """Which of the combinations of the codes of some columns each row has, as numbers from 0."""
+    found = np.zeros_like(columns[0])
+    for code in columns:
+        pair = found * (code.max(initial=0) + 1) + code
+        found = np.unique(pair, return_inverse=True)[1]
+    return found
 
 
 def _is_outcome(column: Any) -> bool:

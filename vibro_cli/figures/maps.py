@@ -19,6 +19,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from vibro_cli.analysis.basins import Codes, codes_of, combined
 from vibro_cli.figures import style
 from vibro_cli.figures.chart import Sheet, draw_dots
 from vibro_cli.figures.labels import LINE, draw_legend, rows_of, text_width
@@ -196,19 +197,19 @@ def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattic
     where the grid has too few axes that change.
     """
     columns = {path: grid.summary[path] for path in grid.axes}
-    found = {path: _factored(values) for path, values in columns.items()}
+    found = {path: codes_of(values) for path, values in columns.items()}
     independent = _independent(found)
-    changing = [path for path in independent if found[path].number > 1]
+    changing = [path for path in independent if found[path].max() > 0]
     if numbers_first:
         changing = [path for path in changing if columns[path].dtype != object]
     if len(changing) < dimensions:
         return None
-    chosen = sorted(changing, key=lambda path: -found[path].number)[:dimensions]
+    chosen = sorted(changing, key=lambda path: -found[path].max())[:dimensions]
     # What the chosen axes tell is not held, so that all points of a sample are shown.
-    place = _combined([found[path] for path in chosen])
+    place = combined([found[path] for path in chosen])
     rest = [path for path in independent if path not in chosen and not _tells(place, found[path])]
     first = {path: columns[path][0] for path in rest}
-    mask = np.ones(len(place.code), dtype=np.bool_)
+    mask = np.ones(len(place), dtype=np.bool_)
     for path in rest:
         mask &= columns[path] == first[path]
     rows = np.flatnonzero(mask)
@@ -217,22 +218,7 @@ def lattice(grid: Swept, dimensions: int, numbers_first: bool = False) -> Lattic
     return Lattice(rows, coordinates, fixed)
 
 
-@dataclass(frozen=True)
-class _Factored:
-    """Which of its different values a column has in each row."""
-
-    code: Column
-    number: int
-
-
-def _factored(values: Column) -> _Factored:
-    different, code = np.unique(
-        values.astype(str) if values.dtype == object else values, return_inverse=True
-    )
-    return _Factored(code, len(different))
-
-
-def _independent(columns: Mapping[str, _Factored]) -> list[str]:
+def _independent(columns: Mapping[str, Codes]) -> list[str]:
     """Return the axes without those that another one tells; of two that do, the first is kept.
 
     An axis with a value of its own at each point, as those of a sample, does not count as one.
@@ -240,24 +226,16 @@ def _independent(columns: Mapping[str, _Factored]) -> list[str]:
     kept = dict(columns)
     for path, one in reversed(list(columns.items())):
         others = [columns[other] for other in kept if other != path]
-        if any(other.number < len(other.code) and _tells(other, one) for other in others):
+        if any(other.max() + 1 < len(other) and _tells(other, one) for other in others):
             del kept[path]
     return list(kept)
 
 
-def _combined(columns: Sequence[_Factored]) -> _Factored:
-    """Return columns as one, with a value for each combination of theirs."""
-    code = np.zeros_like(columns[0].code)
-    for one in columns:
-        code = code * one.number + one.code
-    return _factored(code)
-
-
-def _tells(one: _Factored, other: _Factored) -> bool:
+def _tells(one: Codes, other: Codes) -> bool:
     """Return whether each value of one goes with a single value of the other, which changes."""
-    partner = np.empty(one.number, dtype=np.int64)
-    partner[one.code] = other.code
-    return other.number > 1 and np.array_equal(partner[one.code], other.code)
+    partner = np.empty(one.max() + 1, dtype=np.int64)
+    partner[one] = other
+    return bool(other.max() > 0) and np.array_equal(partner[one], other)
 
 
 def _shown(value: Any) -> str:

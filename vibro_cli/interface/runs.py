@@ -19,7 +19,7 @@ from vibro_cli.scenario.quantities import Count, Quantity
 from vibro_cli.storage import folders
 from vibro_cli.storage.files import available_cores
 from vibro_cli.storage.frame import Table
-from vibro_cli.storage.stored import StoredColumns, as_if_stored
+from vibro_cli.storage.stored import as_if_stored
 from vibro_cli.storage.stored import open_run as open_stored_run
 from vibro_cli.storage.tables import (
     read_parquet,
@@ -105,6 +105,8 @@ class Run:
         return None if data is None else Table(name, data)
 
     def _data(self, name: str) -> pyarrow.Table | None:
+        if name not in {table.file for table in self._kind.tables()}:
+            return None
         if self.stored is None or self.folder is None:
             return folders.run_table(self.solved, name, self.scenario)
         self.folder.stat()  # raises where it is gone
@@ -269,8 +271,9 @@ class Run:
         )
 
         section = Section(pair, transient)
-        (impacts, units), walls = self._columns("collisions"), self._columns("bounces")
-        if walls[0] and pair is None:
+        impacts, units = self._columns("collisions")
+        walls = self._columns("bounces") if pair is None else ({}, {})
+        if walls[0]:
             named = bool(columns) and set(columns) <= set(walls[0])
             impacts, units = walls if named or not len(impacts["n"]) else (impacts, units)
         one_arc = "arc_a" in impacts and len(set(impacts["arc_a"].tolist())) == 1
@@ -290,8 +293,8 @@ class Run:
         if self.stored is not None and self.folder is not None:
             if f"{name}.parquet" not in self.stored.manifest["files"]:
                 return {}, {}
-            path = self.folder / f"{name}.parquet"
-            return StoredColumns(path), units_of_numbers(schema_of(path))
+            columns = self.stored.table(name)
+            return columns, units_of_numbers(schema_of(self.folder / f"{name}.parquet"))
         table = self._table(name)
         if table is None:
             return {}, {}

@@ -174,13 +174,29 @@ def stored_run(
     return StoredRun(folder, scenario, manifest, summary, recall, solve)
 
 
-class StoredColumns(Mapping[str, NDArray[Any]]):
-    """The columns of a parquet file, each read when it is asked for; the last ones are kept."""
+class _Columns(Mapping[str, NDArray[Any]]):
+    """The columns of a parquet file, or of several of the same schema, each read when asked for."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._names: list[str] = schema_of(path).names
+        self.schema = schema_of(path)
         self._columns: dict[str, NDArray[Any]] = {}
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.schema.names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.schema.names)
+
+    def __len__(self) -> int:
+        return len(self.schema.names)
+
+
+class StoredColumns(_Columns):
+    """The columns of a parquet file; the last ones that were asked for are kept."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._path = path
         self._first: dict[str, NDArray[Any]] = {}
 
     def first(self, rows: int) -> Columns:
@@ -197,19 +213,13 @@ class StoredColumns(Mapping[str, NDArray[Any]]):
         return (read_column(self._path, name) if values is None else values)[rows]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        if name not in self._names:
+        if name not in self:
             raise KeyError(name)
         values = self._columns.pop(name, None)
         self._columns[name] = read_column(self._path, name) if values is None else values
         if len(self._columns) > _MOST_COLUMNS:
             self._columns.pop(next(iter(self._columns)))
         return self._columns[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
 
 
 def _check_tables(folder: Path) -> None:
@@ -341,13 +351,12 @@ def open_grid(folder: Path, owner: object = None) -> StoredGrid:
     )
 
 
-class GridColumns(Mapping[str, Column]):
-    """The columns of the summaries of a grid, each read from its parts when it is asked for."""
+class GridColumns(_Columns):
+    """The columns of the summaries of a grid, each read from its parts and kept."""
 
     def __init__(self, parts: Sequence[Path]) -> None:
-        self.schema = schema_of(parts[0])
+        super().__init__(parts[0])
         self._parts = parts
-        self._columns: dict[str, Column] = {}
 
     def __getitem__(self, name: str) -> Column:
         if name not in self._columns:
@@ -355,15 +364,6 @@ class GridColumns(Mapping[str, Column]):
                 raise KeyError(name)
             self._columns[name] = _columns(_read(self._parts, [name]))[name]
         return self._columns[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.schema.names
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.schema.names)
-
-    def __len__(self) -> int:
-        return len(self.schema.names)
 
 
 def _parts(folder: Path) -> list[Path]:

@@ -499,7 +499,7 @@ def _closing(world: World, count: int) -> int:
     """
     clock = world.clock[0]
     closing = 0
-    least = 0.0
+    least = NEVER
     for number in range(count):
         touch = world.touches[number]
         row = world.pair_log[clock.pair_rows]
@@ -511,8 +511,8 @@ def _closing(world: World, count: int) -> int:
         approach = row.normal_a_pre - row.normal_b_pre
         # The pair of the event closes by its time, however slowly, and so do those that close as
         # fast, as its mirror image does.
-        if number == 0:
-            least = approach if approach > 0.0 else NEVER
+        if number == 0 and approach > 0.0:
+            least = approach
         if approach <= RESOLVED * speeds and approach < least:
             continue
         kept = world.touches[closing]
