@@ -3,8 +3,11 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from tests.effort import calls
+from vibro_cli import example, simulate
 from vibro_cli.figures.chart import draw_marks
 from vibro_cli.figures.runs.over_time import seen
+from vibro_cli.systems.springs.figures import springs_energy
 
 
 def test_a_thinned_line_has_points_of_the_line_and_its_extremes() -> None:
@@ -44,3 +47,12 @@ def test_dense_marks_are_where_the_points_are_on_any_scale() -> None:
         assert near.any()
     # Each is a disc of 0.35 mm in pixels of 0.06 mm; a value of 0 and one beyond are not there.
     assert 40 < len(rows) < 80
+
+
+def test_energies_on_springs_take_as_many_calls_for_ten_times_as_many_impacts() -> None:
+    def needed(impacts: int) -> int:
+        stop = {"stop.collisions": impacts, "stop.time": 1e6, "collision.k": 1}
+        run = simulate(example("two_disks").replace(stop)).solved
+        return calls(lambda: springs_energy(run, 1, run.end_time))
+
+    assert needed(2000) < 1.2 * needed(200)

@@ -134,13 +134,17 @@ def springs_energy(run: Run, ball: int, until: float) -> tuple[Array, Array]:
     Constant between impacts, but for lasting contact; at a jump a time stands twice.
     """
     found, hills = motions(run, ball - 1), SpringsLandscape.of(run.system, ball - 1, ball - 1)
+    shown = found.some(found.start <= until)
     times, energies = [], []
-    for row in np.flatnonzero(found.start <= until).tolist():
-        if found.contact[row]:
-            time, place, speed = springs_course(run, ball, found, row, until)
+    changes = np.flatnonzero(np.diff(shown.contact)) + 1
+    for rows in np.split(np.arange(len(shown.start)), changes):
+        if shown.contact[rows[0]]:
+            parts = [springs_course(run, ball, shown, row, until) for row in rows.tolist()]
+            time, place, speed = map(np.concatenate, zip(*parts, strict=True))
         else:
-            time = np.array([found.start[row], min(found.end[row], until)])
-            place, speed = (column[[row, row]] for column in found.states[:2])
+            ends = np.minimum(shown.end[rows], until)
+            time = np.column_stack([shown.start[rows], ends]).ravel()
+            place, speed = (np.repeat(column[rows], 2) for column in shown.states[:2])
         times.append(time)
         energies.append(hills.mass * hills.energy(place, speed))
     return np.concatenate(times), np.concatenate(energies)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,7 @@ class Motions:
     """Displacement (m) and speed (m/s) at the start, and those at the end; NaN for the end of the
     run after a period or more."""
 
-    @property
+    @cached_property
     def contact(self) -> Flags:
         """Whether the body is in lasting contact."""
         together: Flags = self.last > self.first
