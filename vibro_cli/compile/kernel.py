@@ -18,6 +18,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cache, update_wrapper
+from operator import attrgetter
 from types import FunctionType
 from typing import Any, TypeVar
 
@@ -130,11 +131,8 @@ def compiled_rows(rows: Sequence[Any], cls: type) -> Any:
     """Return a structured array with the contents of interpreted structs."""
     import numpy as np
 
-    names = tuple(cls.fields)  # type: ignore[attr-defined]
-    array = np.zeros(len(rows), dtype=dtype(cls))
-    for position, row in enumerate(rows):
-        array[position] = tuple(getattr(row, name) for name in names)
-    return array
+    values = attrgetter(*cls.fields)  # type: ignore[attr-defined]
+    return np.array([values(row) for row in rows], dtype=dtype(cls))
 
 
 def fused(a: float, b: float, c: float) -> float:

@@ -450,6 +450,7 @@ def exact(text: str, dimension: str) -> Fraction:
     return _decimal(number) * unit.factor
 
 
+@lru_cache(maxsize=1024)  # the points of a grid share nearly all texts
 def to_si(text: str, dimension: str) -> float:
     """Return the SI value of a text with a unit, rounded once to the nearest double.
 

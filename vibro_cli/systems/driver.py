@@ -26,6 +26,8 @@ ENGINES = ("compiled", "python")
 # Room in the logs, in rows; the interpreter's are made of objects and stay small.
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
+# Room at first; four times as much each time that it is full.
+FIRST_ROWS = 256
 # Where rows are dropped, the logs stay in the processor's cache.
 DROPPED_ROWS = 64
 # So many rows of a log without an impact are more than it is worth: the run is refused.
@@ -110,6 +112,7 @@ class Driver:
         self.engine = "python"
         self.world = world
         compiles = engine_name == "compiled"
+        self._most_rows = _most_rows(world.settings[0]) if compiles else INTERPRETED_ROWS
         if not compiles:
             self.world = _interpreted_logs(loop, world, INTERPRETED_ROWS)
         elif earlier is None and loop.start is not None:
@@ -124,7 +127,7 @@ class Driver:
             self._collect()
         if compiles:
             self.engine = "compiled"
-            self.world = compiled_world(loop, self.world)
+            self.world = compiled_world(loop, self.world, rows=FIRST_ROWS)
 
     def run(self) -> int:
         """Run to the end; return the cause, else as :meth:`rounds`."""
@@ -159,6 +162,7 @@ class Driver:
                 if self.rows[log] > quiet + QUIET_ROWS:
                     raise self._too_quiet(f"{QUIET_ROWS:,} {words}")
             yield cause
+            self._enlarge()
 
     def _needs_impacts(self) -> bool:
         """Whether no stop ends the run but one by impacts, where the loop has other stops."""
@@ -207,6 +211,16 @@ class Driver:
         rows[:count].view("u1").fill(0)
         return few
 
+    def _enlarge(self) -> None:
+        """Make more room in the logs, which are empty."""
+        settings, loop = self.world.settings, self._loop
+        room, most = int(_get(settings, "room")), loop.room(self._most_rows, self.world)
+        if room < most:
+            room = min(4 * room, most)
+            _set(settings, "room", room)
+            logs = {name: zeros(2 * room, loop.records[name]) for name in loop.logs}
+            self.world = self.world._replace(**logs)
+
     def _take(self, name: str, rows: Any, count: int) -> None:
         self.logs[name].take(rows, count)
         self.rows[name] += count
@@ -249,28 +263,35 @@ def _interpreted_logs(loop: EventLoop, world: Any, rows: int) -> Any:
     return world._replace(**logs)
 
 
-def compiled_world(loop: EventLoop, world: Any, logs_of: Any = None) -> Any:
+def compiled_world(
+    loop: EventLoop, world: Any, logs_of: Any = None, rows: int = COMPILED_ROWS
+) -> Any:
     """Return a world of arrays with the contents of one of interpreted records.
 
-    Its logs are new, or those of another compiled world with as many bodies.
+    Its logs are new, with room for so many rows, or those of another compiled world with as many
+    bodies.
     """
     settings = world.settings[0]
-    keeps = getattr(settings, "keep", 1) == 1
-    room = loop.room(COMPILED_ROWS if keeps else DROPPED_ROWS, world)
+    room = loop.room(min(rows, _most_rows(settings)), world)
     settings.room = room
     arrays: dict[str, Any] = {}
-    for name, rows in world._asdict().items():
+    for name, values in world._asdict().items():
         cls = loop.records.get(name)
         if name in loop.logs and logs_of is not None:
             arrays[name] = getattr(logs_of, name)
         elif name in loop.logs:
             arrays[name] = zeros(2 * room, loop.records[name])
         elif cls is not None:
-            arrays[name] = engine.compiled_rows(rows, cls)
+            arrays[name] = engine.compiled_rows(values, cls)
         else:  # plain numbers
-            kind = np.float64 if len(rows) and isinstance(rows[0], float) else np.int64
-            arrays[name] = np.array(rows, dtype=kind)
+            kind = np.float64 if len(values) and isinstance(values[0], float) else np.int64
+            arrays[name] = np.array(values, dtype=kind)
     return type(world)(**arrays)
+
+
+def _most_rows(settings: Any) -> int:
+    """Room in the logs of a compiled run at the most."""
+    return COMPILED_ROWS if getattr(settings, "keep", 1) == 1 else DROPPED_ROWS
 
 
 def _get(records: Any, field: str) -> Any:
