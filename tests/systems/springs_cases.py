@@ -39,6 +39,13 @@ FIGURE_FIVE = [
 ]
 """Paper C, figure 5: l = 5, b = 1 and 1.5; the rest is chosen."""
 
+PRESSED = [
+    disk(-1.0, 0.0, spring(5.0, 0.5, 1.0, 0.3)),
+    disk(1.2, 0.0, spring(8.0, 0.5, 1.0, -0.3), mass=1.5),
+    disk(2.4, 0.0, spring(8.0, 0.5, 1.0, 0.0), mass=0.7),
+]
+"""Springs that press the bodies together."""
+
 
 def solve(document: Document, engine: str = "python") -> Run:
     return simulate(cast(SpringsScenario, any_scenario_of(document)), engine)

@@ -9,7 +9,7 @@ import pytest
 
 from tests.highprecision import springs as twin
 from tests.highprecision.springs_references import CASES, COLUMNS, references, twin_of
-from tests.systems.springs_cases import FIGURE_FIVE, disk, solve, spring, springs
+from tests.systems.springs_cases import FIGURE_FIVE, PRESSED, disk, solve, spring, springs
 from vibro_cli.mechanics.system import Body
 from vibro_cli.systems.springs.system import Spring, separatrix_speed, singular_points
 
@@ -68,6 +68,23 @@ def test_at_rest_in_a_centre_or_a_saddle_a_body_stays() -> None:
         assert abs(final["speed"][0]) <= 1e-12
 
 
+@pytest.mark.parametrize("height", [1e-10, 1e-13, 1e-16, 1e-30])
+def test_a_body_passes_its_foot_however_near_the_line_that_is(height: float) -> None:
+    """With the foot on the line |x| - l swings harmonically, from each passage to the next."""
+    w, length = 2.0, 5.0
+    start = complex(4.0 - length, 20.5 / w)  # a e^(i phase), moving towards the foot
+    passing = math.acos(-length / abs(start))
+    held = spring(6.0, length, height, 0.0)
+    run = solve(springs([disk(-4.0, 20.5, held)], time=6.0), "compiled")
+    assert abs(run.summary_record()["energy_drift"]) <= 1e-14
+    times = np.linspace(0.0, 6.0, 25)
+    phase = math.atan2(start.imag, start.real) + w * times + passing
+    passages, phase = np.divmod(phase, 2.0 * passing)
+    known = np.where(passages % 2 == 0, -1.0, 1.0) * (length + abs(start) * np.cos(phase - passing))
+    assert passages[-1] >= 2.0
+    np.testing.assert_allclose(run.sample(times)["x"], known, rtol=0.0, atol=1e-12)
+
+
 def test_energy_over_ten_thousand_impacts() -> None:
     """A hundred thousand in `vibro stress --full`."""
     run = solve(springs(FIGURE_FIVE, collisions=10_000), "compiled")
@@ -85,13 +102,6 @@ def test_both_engines_give_the_same_bits() -> None:
         for name in ("collisions", "events", "summary"):
             for column, values in getattr(one, name).items():
                 np.testing.assert_array_equal(values, getattr(other, name)[column], column)
-
-
-PRESSED = [
-    disk(-1.0, 0.0, spring(5.0, 0.5, 1.0, 0.3)),
-    disk(1.2, 0.0, spring(8.0, 0.5, 1.0, -0.3), mass=1.5),
-    disk(2.4, 0.0, spring(8.0, 0.5, 1.0, 0.0), mass=0.7),
-]
 
 
 @pytest.mark.parametrize("count", [2, 3])

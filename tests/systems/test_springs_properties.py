@@ -12,8 +12,9 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from tests.strategies import SETTINGS
-from tests.systems.springs_cases import solve
+from tests.systems.springs_cases import FIGURE_FIVE, PRESSED, solve, springs
 from vibro_cli.scenario import ScenarioError
+from vibro_cli.systems.springs import SYSTEM
 
 FEW = settings(SETTINGS, max_examples=25)
 
@@ -59,6 +60,47 @@ def documents(draw: st.DrawFn) -> dict[str, Any]:
             "inadmissible": "normal-impulse",
         },
     }
+
+
+def in_units(document: dict[str, Any], time: float, length: float) -> dict[str, Any]:
+    """The same scenario with times and lengths so many times as great."""
+    balls = []
+    for ball in document["balls"]:
+        spring = ball["spring"]
+        ways = {name: length * spring[name] for name in ("length", "height", "foot")}
+        scaled = {name: length * ball[name] for name in ("radius", "position")}
+        scaled |= {"mass": time**2 * ball["mass"], "speed": length / time * ball["speed"]}
+        balls.append({**ball, **scaled, "spring": {**spring, **ways}})
+    stop = {**document["stop"], "time": time * document["stop"]["time"]}
+    return {**document, "balls": balls, "stop": stop, "analysis": {"lyapunov": True}}
+
+
+@pytest.mark.parametrize(
+    ("document", "engine"),
+    [
+        (springs(FIGURE_FIVE, 0.9, collisions=4, time=20.0), "python"),
+        (springs(FIGURE_FIVE, 0.9, collisions=40, time=80.0), "compiled"),
+        (springs(PRESSED, 0.5, collisions=400, time=9.0), "compiled"),
+    ],
+)
+@pytest.mark.parametrize(("time", "length"), [(-44, 0), (-90, -60), (90, 0), (140, 80)])
+def test_fast_and_slow_motions_have_the_bits_of_ordinary_ones(
+    document: dict[str, Any], engine: str, time: int, length: int
+) -> None:
+    """Powers of two of the units of time and length round nothing: periods of 1e-27 to 1e42 s."""
+    second, metre = 2.0**time, 2.0**length
+    known = solve(in_units(document, 1.0, 1.0), engine)
+    run = solve(in_units(document, second, metre), engine)
+    units = {"s": second, "m": metre, "m/s": metre / second, "rad/s": 1.0 / second}
+    units |= {"1/s": 1.0 / second, "J": metre**2, "N s": metre * second}
+    units["N m s"] = metre**2 * second
+    tables = (*SYSTEM.tables(), SYSTEM.summary(len(document["balls"]), grown=True))
+    units_of = {column.name: column.unit for table in tables for column in table.columns}
+    for name in ("collisions", "events", "exponents", "summary"):
+        for column, values in getattr(known, name).items():
+            unit = units_of[column]
+            there = values * units[unit] if unit else values
+            np.testing.assert_array_equal(getattr(run, name)[column], there, column)
 
 
 @pytest.mark.usefixtures("no_hang")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.systems.springs_cases import FIGURE_FIVE, disk, solve, spring, springs
+from tests.systems.springs_cases import FIGURE_FIVE, PRESSED, disk, solve, spring, springs
 from tests.systems.tangent_cases import follow
 from vibro_cli.scenario import any_scenario_of
 from vibro_cli.stress.oracles.sensitivity import map_error
@@ -17,12 +17,6 @@ from vibro_cli.stress.scenes import Document, Plan
 from vibro_cli.systems.springs import SYSTEM, stress
 
 Floats = Any
-PRESSED = [
-    disk(-1.0, 0.0, spring(5.0, 0.5, 1.0, 0.3)),
-    disk(1.2, 0.0, spring(8.0, 0.5, 1.0, -0.3), mass=1.5),
-    disk(2.4, 0.0, spring(8.0, 0.5, 1.0, 0.0), mass=0.7),
-]
-"""Springs that press the bodies together."""
 
 
 def neighbours(document: Document, size: float = 1e-6) -> Floats:

@@ -42,24 +42,31 @@ from vibro_cli.kernels.world import (
 
 
 @kernel
-def first_event(world: World, step: float) -> tuple[float, int]:
-    """Return when (s from now) within a step the first pair meets or parts, and which; else -1."""
+def first_event(world: World, step: float, unit: float) -> tuple[float, int]:
+    """Return when (s from now) within a step the first pair meets or parts, and which; else -1.
+
+    ``unit`` is that of the series (s).
+    """
     best = NEVER
     found = -1
+    end = step / unit
     for pair in range(len(world.bodies) - 1):
         if world.pairs[pair].held == 1:
-            time = _opening(world, pair, step)
+            time = _opening(world, pair, end, unit)
         else:
-            time = _meeting(world, pair, step)
+            time = _meeting(world, pair, end)
         if time != NO_ROOT and time < best:
             best = time
             found = pair
-    return best, found
+    return best * unit, found
 
 
 @kernel
-def _meeting(world: World, pair: int, step: float) -> float:
-    """When the gap of a free pair falls to zero, without the root that is known at the start."""
+def _meeting(world: World, pair: int, end: float) -> float:
+    """When the gap of a free pair falls to zero, without the root that is known at the start.
+
+    Here and in `_opening` times are in the unit of the series, from now to ``end``.
+    """
     rows = world.gaps
     known = world.pairs[pair].known
     base = pair * ROW
@@ -74,19 +81,21 @@ def _meeting(world: World, pair: int, step: float) -> float:
     elif rows[base + known] <= 0.0:
         # Decided to part or to stay, it is zero up to rounding; the next step will tell.
         return NO_ROOT
-    return first_fall(rows, base + known, base + ORDER, step)
+    return first_fall(rows, base + known, base + ORDER, end)
 
 
 @kernel
-def _opening(world: World, pair: int, step: float) -> float:
+def _opening(world: World, pair: int, end: float, unit: float) -> float:
     """When the force in a lasting contact falls to zero."""
     rows = world.gaps
     base = pair * ROW
     first = pair
     while first > 0 and world.pairs[first - 1].held == 1:
         first -= 1
+    rate = 1.0 / unit
     for k in range(ORDER - 1):
-        common = world.series[first * BODY_ROWS + PLACE + k + 2] * (k + 1) * (k + 2)
+        place = world.series[first * BODY_ROWS + PLACE + k + 2]
+        common = place * (k + 1) * (k + 2) * (rate * rate)
         force = 0.0
         for body in range(first, pair + 1):
             own = world.series[body * BODY_ROWS + FORCE + k]
@@ -94,7 +103,7 @@ def _opening(world: World, pair: int, step: float) -> float:
         rows[base + k] = force
     if rows[base] <= 0.0:
         return 0.0
-    return first_fall(rows, base, base + ORDER - 2, step)
+    return first_fall(rows, base, base + ORDER - 2, end)
 
 
 @kernel
@@ -182,15 +191,15 @@ def _step(world: World) -> int:
         return END_NO_MORE_COLLISIONS
     if clock.steps > MOST_STEPS:
         return END_QUIET
-    step = expand(world)
+    step, unit = expand(world)
     # Of the whole step, wherever the run stops: it goes on from here with the same bits.
-    time, pair = first_event(world, step)
+    time, pair = first_event(world, step, unit)
     if pair >= 0:
         step = time
     if step > left or (step == left and pair < 0):
         clock.steps -= 1
         return END_TIME
-    _go_on(world, step)
+    _go_on(world, step, unit)
     if pair >= 0:
         if world.pairs[pair].held == 1:
             open_contact(world, pair)
@@ -201,10 +210,10 @@ def _step(world: World) -> int:
 
 
 @kernel
-def _go_on(world: World, step: float) -> None:
+def _go_on(world: World, step: float, unit: float) -> None:
     """Move all bodies on by a time (s) within the step of their series, energies kept."""
     clock = world.clock[0]
-    go_on(world, step)
+    go_on(world, step, unit)
     clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
     if step > 0.0:
         forget(world)
@@ -218,8 +227,8 @@ def _finish(world: World) -> int:
     end = world.settings[0].stop_time
     left = end - clock.t - clock.t_low
     if left > 0.0:
-        expand(world)
-        _go_on(world, left)
+        _, unit = expand(world)
+        _go_on(world, left, unit)
     clock.t, clock.t_low = end, 0.0
     return END_TIME
 

@@ -10,6 +10,10 @@ below ``w^2 (1 + l b^2/(s - R)^3)``, and so the acceleration also below what it 
 that. With A, the lower of the two bounds: for complex times up to T, ``|v| T + A T^2/2 = R``, the
 place stays within R, and by Cauchy the coefficients of its series are at most ``R/T^k``: what a
 step ``h = q T`` leaves out is below ``R q^(N+1)/(1 - q)``.
+
+The series are in powers of the time in a unit: the second, or a power of two near the step where
+that is so short or long that its 24th power would leave doubles. No bit of the motion depends on
+the unit.
 """
 
 from __future__ import annotations
@@ -37,6 +41,11 @@ from vibro_cli.kernels.springs.world import (
 STEP = 0.2
 # R as a share of s.
 REACH = 0.5
+# Series that hold for steps (s) between these are in seconds.
+LEAST_IN_SECONDS = 1.0e-6
+MOST_IN_SECONDS = 1.0e6
+# A tenth of the way that a body goes in a step, q R at most, as a share of s.
+MOST_CHANGE = 0.1 * STEP * REACH
 
 
 @kernel
@@ -58,31 +67,52 @@ def mass_of_group(world: World, first: int, count: int) -> float:
 
 
 @kernel
-def expand(world: World) -> float:
-    """Set the series of all bodies at the present instant; return the step (s) they hold for."""
+def expand(world: World) -> tuple[float, float]:
+    """Set the series of all bodies at the present instant.
+
+    Returns the step (s) they hold for, and the unit of time (s) that they are in.
+    """
+    step = _expand_in(world, 1.0)
+    unit = unit_of(step)
+    if unit != 1.0:
+        step = _expand_in(world, unit)
+    return step, unit
+
+
+@kernel
+def _expand_in(world: World, unit: float) -> float:
+    """Set the series of all bodies in a unit of time (s); return the step (s) they hold for."""
     step = NEVER
     first = 0
     while first < len(world.bodies):
         count = group_size(world, first)
-        step = min(step, begin_group(world, first, count))
+        step = min(step, step_of_group(world, first, count))
+        begin_group(world, first, count, unit)
         for k in range(ORDER - 1):
-            extend_group(world, first, count, k)
+            extend_group(world, first, count, k, unit)
         first += count
     return step
 
 
 @kernel
-def begin_group(world: World, first: int, count: int) -> float:
-    """Set the first two terms of the series of a group; return the step (s) they hold for."""
-    for body in range(first, first + count):
-        place = body * BODY_ROWS + PLACE
-        world.series[place] = world.springs[body].x
-        world.series[place + 1] = world.springs[first].v
-    return STEP * _radius(world, first, count)
+def unit_of(step: float) -> float:
+    """Return the unit of time (s) of series that hold for a step (s)."""
+    if LEAST_IN_SECONDS < step < MOST_IN_SECONDS:
+        return 1.0
+    return 2.0 ** math.floor(math.log2(step))
 
 
 @kernel
-def extend_group(world: World, first: int, count: int, k: int) -> None:
+def begin_group(world: World, first: int, count: int, unit: float) -> None:
+    """Set the first two terms of the series of a group, in a unit of time (s)."""
+    for body in range(first, first + count):
+        place = body * BODY_ROWS + PLACE
+        world.series[place] = world.springs[body].x
+        world.series[place + 1] = world.springs[first].v * unit
+
+
+@kernel
+def extend_group(world: World, first: int, count: int, k: int, unit: float) -> None:
     """Set coefficient k of the accelerations of a group, and with it k + 2 of its places."""
     if count == 1:
         common = _next_force(world, first, k)
@@ -91,23 +121,23 @@ def extend_group(world: World, first: int, count: int, k: int) -> None:
         for body in range(first, first + count):
             common += world.bodies[body].rolling_mass * _next_force(world, body, k)
         common /= mass_of_group(world, first, count)
-    divided = 1.0 / ((k + 1) * (k + 2))
+    divided = 1.0 / ((k + 1) * (k + 2)) * (unit * unit)
     for body in range(first, first + count):
         world.series[body * BODY_ROWS + PLACE + k + 2] = common * divided
 
 
 @kernel
-def _radius(world: World, first: int, count: int) -> float:
-    """The time T (s) up to which the series of a group are bounded."""
+def step_of_group(world: World, first: int, count: int) -> float:
+    """Return the step (s) that the series of a group hold for: q T."""
     reach = NEVER
     acceleration = 0.0
     for body in range(first, first + count):
         spring = world.springs[body]
-        length = math.sqrt(spring.height * spring.height + spring.x * spring.x)
+        length = math.sqrt(square_of_length(spring))
         reach = min(reach, REACH * length)
     for body in range(first, first + count):
         spring = world.springs[body]
-        length = math.sqrt(spring.height * spring.height + spring.x * spring.x)
+        length = math.sqrt(square_of_length(spring))
         shortest = length - reach
         direct = (abs(spring.x) + reach) * (1.0 + spring.length / shortest)
         ratio = spring.height / shortest
@@ -115,12 +145,13 @@ def _radius(world: World, first: int, count: int) -> float:
         along = abs(spring.x / length * (length - spring.length)) + reach * slope
         acceleration = max(acceleration, spring.square * min(direct, along))
     speed = abs(world.springs[first].v)
-    return 2.0 * reach / (speed + math.sqrt(speed * speed + 2.0 * acceleration * reach))
+    radius = 2.0 * reach / (speed + math.sqrt(speed * speed + 2.0 * acceleration * reach))
+    return STEP * radius
 
 
 @kernel
 def _next_force(world: World, body: int, k: int) -> float:
-    """Set and return the k-th coefficient of the free acceleration of a body, m/s^(2 + k).
+    """Set and return the k-th coefficient of the free acceleration of a body, m/s^2.
 
     The latest coefficients come last in the sums, so that the others are not waited for.
     """
@@ -157,15 +188,18 @@ def _next_force(world: World, body: int, k: int) -> float:
 
 
 @kernel
-def move_body(world: World, body: int, last: int, time: float) -> None:
-    """Move a body on by a time (s), along its series up to the power ``last``."""
+def move_body(world: World, body: int, last: int, time: float, rate: float) -> None:
+    """Move a body on by a time in units, along its series up to the power ``last``.
+
+    ``rate`` is how many units a second has.
+    """
     rows = world.series
     base = body * BODY_ROWS + PLACE
     spring = world.springs[body]
     speed = 0.0
     for k in range(last, 0, -1):
         speed = speed * time + k * rows[base + k]
-    spring.v = speed
+    spring.v = speed * rate
     # The change apart from the place, so that a short step does not lose it.
     spring.x = rows[base] + time * value_of(rows, base + 1, base + last, time)
 
@@ -173,14 +207,20 @@ def move_body(world: World, body: int, last: int, time: float) -> None:
 @kernel
 def acceleration_of(spring: SpringBody) -> float:
     """Return the free acceleration (m/s^2) of a body at the present instant."""
-    length = math.sqrt(spring.height * spring.height + spring.x * spring.x)
+    length = math.sqrt(square_of_length(spring))
     return -spring.square * spring.x / length * (length - spring.length)
+
+
+@kernel
+def square_of_length(spring: SpringBody) -> float:
+    """Return the square of the length of a body's spring, m^2."""
+    return spring.height * spring.height + spring.x * spring.x
 
 
 @kernel
 def energy_of(spring: SpringBody) -> float:
     """Return the energy of a body over its rolling mass, m^2/s^2: v^2/2 + w^2 (s - l)^2/2."""
-    length = math.sqrt(spring.height * spring.height + spring.x * spring.x)
+    length = math.sqrt(square_of_length(spring))
     stretch = length - spring.length
     return 0.5 * (spring.v * spring.v + spring.square * stretch * stretch)
 
@@ -204,30 +244,37 @@ def keep_energy(world: World, first: int, count: int) -> None:
     mass = mass_of_group(world, first, count)
     rise = 0.0
     square = 0.0
+    nearest = NEVER
     for body in range(first, first + count):
         share = world.bodies[body].rolling_mass / mass
         rise -= share * acceleration_of(world.springs[body])
         square += share * world.springs[body].square
+        nearest = min(nearest, square_of_length(world.springs[body]))
     steepness = rise * rise / square + spring.v * spring.v
     # Beside a saddle and in a small swing a rounding of the energy would move the body too far.
     if steepness <= 1.0e-2 * (spring.energy + square * spring.height * spring.height):
         return
-    world.clock[0].energy_correction += mass * abs(surplus)
     back = surplus / steepness
+    change = back * rise / square
+    # Beside a foot near the line too: it would undo the step.
+    if change * change > MOST_CHANGE * MOST_CHANGE * nearest:
+        return
+    world.clock[0].energy_correction += mass * abs(surplus)
     for body in range(first, first + count):
-        world.springs[body].x -= back * rise / square
+        world.springs[body].x -= change
         world.springs[body].v -= back * spring.v if body > first else 0.0
     spring.v -= back * spring.v
 
 
 @kernel
-def go_on(world: World, time: float) -> None:
+def go_on(world: World, time: float, unit: float) -> None:
     """Move all bodies on by a time (s) within the step of their series, energies kept."""
+    rate = 1.0 / unit
     first = 0
     while first < len(world.bodies):
         count = group_size(world, first)
         for body in range(first, first + count):
-            move_body(world, body, ORDER, time)
+            move_body(world, body, ORDER, time * rate, rate)
         keep_energy(world, first, count)
         first += count
 
@@ -303,24 +350,25 @@ def sample_states(
     row = -1
     way = 0.0
     step = 0.0
+    unit = 1.0
     for number in range(count):
         sample = samples[number]
         if sample.row != row or sample.way != way:
             row = sample.row
             way = sample.way
             restore(world, row, way)
-            step = expand(world)
+            step, unit = expand(world)
         left = sample.t - clock.t - clock.t_low
         while step <= left:
-            go_on(world, step)
+            go_on(world, step, unit)
             clock.t, clock.t_low = add_to_time(clock.t, clock.t_low, step)
-            step = expand(world)
+            step, unit = expand(world)
             left = sample.t - clock.t - clock.t_low
         for body in range(bodies):
             scratch[body].x = world.springs[body].x
             scratch[body].v = world.springs[body].v
         if left > 0.0:
-            go_on(world, left)
+            go_on(world, left, unit)
         for body in range(bodies):
             spring = world.springs[body]
             at = states[number * bodies + body]

@@ -34,6 +34,8 @@ from vibro_cli.kernels.springs.series import (
     mass_of_group,
     move_body,
     restore,
+    step_of_group,
+    unit_of,
 )
 from vibro_cli.kernels.springs.world import (
     BODY_ROWS,
@@ -72,26 +74,33 @@ def carry_on(world: World, tangents: Tangents, left: float) -> float:
     first = 0
     while first < bodies:
         count = group_size(world, first)
-        step = min(step, begin_group(world, first, count))
+        step = min(step, step_of_group(world, first, count))
         first += count
+    unit = unit_of(step)
+    rate = 1.0 / unit
+    time = step * rate
     first = 0
     while first < bodies:
         count = group_size(world, first)
-        last = _expand(world, tangents.series, first, count, step)
-        one, three = _at(tangents.series, _WAY, last, step)
-        two, four = _at(tangents.series, _SPEED, last, step)
+        begin_group(world, first, count, unit)
+        last = _expand(world, tangents.series, first, count, time, unit)
+        one, three = _at(tangents.series, _WAY, last, time)
+        two, four = _at(tangents.series, _SPEED, last, time)
         for body in range(first, first + count):
-            carry_vectors(tangents, body, one, two, three, four)
-            move_body(world, body, last, step)
+            carry_vectors(tangents, body, one, two * unit, three * rate, four)
+            move_body(world, body, last, time, rate)
         keep_energy(world, first, count)
         first += count
     return step
 
 
 @kernel
-def _expand(world: World, series: FloatMatrix, first: int, count: int, step: float) -> int:
+def _expand(
+    world: World, series: FloatMatrix, first: int, count: int, time: float, unit: float
+) -> int:
     """Set the series of a group and of changes; return the power of the last terms needed.
 
+    ``time`` is the step in units (s), and a speed of 1 is one of 1 m in a unit.
     Two in succession have to be small, since every second one vanishes where a body is at rest.
     """
     mass = mass_of_group(world, first, count)
@@ -104,15 +113,15 @@ def _expand(world: World, series: FloatMatrix, first: int, count: int, step: flo
     power = 1.0
     small = 0
     for k in range(ORDER - 1):
-        extend_group(world, first, count, k)
+        extend_group(world, first, count, k, unit)
         slope = 0.0
         for body in range(first, first + count):
             share = world.bodies[body].rolling_mass / mass
             slope += share * _next_slope(world, series, body, k)
         series[_SLOPE, k] = slope
-        way, speed = _next_changes(series, k)
-        power *= step
-        size = abs(way) * step + abs(speed) + abs(world.series[place + k + 2]) * step / height
+        way, speed = _next_changes(series, k, unit)
+        power *= time
+        size = abs(way) * time + abs(speed) + abs(world.series[place + k + 2]) * time / height
         small = small + 1 if size * power < REST else 0
         if small == 2:
             return k + 2
@@ -144,14 +153,14 @@ def _next_slope(world: World, series: FloatMatrix, body: int, k: int) -> float:
 
 
 @kernel
-def _next_changes(series: FloatMatrix, k: int) -> tuple[float, float]:
+def _next_changes(series: FloatMatrix, k: int, unit: float) -> tuple[float, float]:
     """Set and return coefficient k + 2 of the changes that begin as a way and as a speed."""
     way = 0.0
     speed = 0.0
     for i in range(k + 1):
         way += series[_SLOPE, i] * series[_WAY, k - i]
         speed += series[_SLOPE, i] * series[_SPEED, k - i]
-    divided = 1.0 / ((k + 1) * (k + 2))
+    divided = 1.0 / ((k + 1) * (k + 2)) * (unit * unit)
     way *= divided
     speed *= divided
     series[_WAY, k + 2] = way
