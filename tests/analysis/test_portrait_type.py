@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
-from tests.analysis.traces import BALL, DEGREE, circle, three_arcs
+from tests.analysis.traces import BALL, DEGREE, circle, hump, landscape, three_arcs
+from vibro_cli.analysis.levels import Landscape
 from vibro_cli.analysis.singular import as_record, changes, condition, portrait_of
+from vibro_cli.api import simulate
+from vibro_cli.scenario.loading import scenario_of
 
 OUTER = 70.0
 # (R − r)(1 − cos θ_end) = (R + R₀)(1 − cos J) with R = 1, R₀ = 0.5, J = 50°
@@ -78,3 +82,45 @@ def test_the_record_is_plain_and_has_the_points() -> None:
     assert record["points"][0]["natural_rate"] == pytest.approx(math.sqrt(9.81 / (1.4 * 0.9)))
     assert record["points"][1]["natural_rate"] == pytest.approx(math.sqrt(9.81 / (1.4 * 0.6)))
     assert record["triggers"][0]["points"] == "C1-S1-C2"
+
+
+BOTTOM_OF_TWO: dict[str, Any] = {
+    "gravity": 9.81,
+    "trace": {
+        "start_slope": "-60 deg",
+        "arcs": [
+            {"shape": "valley", "radius": 1.0, "end_slope": 0.0},
+            {"shape": "valley", "radius": 0.4, "end_slope": "60 deg"},
+        ],
+    },
+    "balls": [{"radius": 0.1, "mass": 2.0, "arc": 1, "angle": -1e-4}],
+    "stop": {"time": 10.0},
+    "output": {"turning_points": True},
+}
+"""Two valleys that meet at their lowest points, and a ball that swings about there."""
+
+
+@pytest.mark.parametrize("rate", [0.0, 2.0])
+def test_about_a_junction_half_of_each_swing_is_on_either_side(rate: float) -> None:
+    turning = {"x": math.sin(60 * DEGREE), "rate": rate}
+    trace = BOTTOM_OF_TWO["trace"] | {"turning": turning}
+    run = simulate(scenario_of(BOTTOM_OF_TWO | {"trace": trace}))
+    events = run.events
+    turns = events["t"][events["event"] == "turning"]
+    (point,) = as_record(portrait_of(Landscape.of(run.system, 1)))["points"]
+    assert point["kind"] == "centre"
+    swings = (len(turns) - 1) // 2
+    period = (turns[2 * swings] - turns[0]) / swings
+    assert 2.0 * math.pi / point["natural_rate"] == pytest.approx(period, rel=1e-8)
+
+
+def test_a_saddle_at_a_junction_has_an_exponent_if_both_sides_have_the_same() -> None:
+    def rate(*shapes: Any) -> float | None:
+        (point,) = as_record(portrait_of(landscape(30.0, *shapes)))["points"]
+        assert point["kind"] == "saddle"
+        found: float | None = point["natural_rate"]
+        return found
+
+    assert rate(hump(0.5, 0.0), hump(0.5, -30.0)) == rate(hump(0.5, -30.0))
+    assert rate(hump(0.5, 0.0), hump(0.7, -30.0)) is None
+    assert rate(hump(0.5, 0.0)) is None  # the end of the trace

@@ -420,7 +420,6 @@ def as_record(portrait: Portrait) -> dict[str, Any]:
 def _point_row(portrait: Portrait, name: str, point: SingularPoint) -> dict[str, Any]:
     piece = portrait.landscape.trace.pieces[point.piece]
     x, y = piece.body_center(point.position, portrait.landscape.body.radius)
-    inner = piece.angle_start < point.position < piece.angle_end and not piece.is_line
     return {
         "name": name,
         "kind": point.kind,
@@ -433,21 +432,42 @@ def _point_row(portrait: Portrait, name: str, point: SingularPoint) -> dict[str,
         "slope": point.slope,
         "energy": point.energy,
         "height": portrait.height(point.energy),
-        # frequency about a centre, exponent of a saddle; at a junction it has two
-        "natural_rate": rate_near(portrait.landscape, point) if inner else None,
+        "natural_rate": rate_near(portrait.landscape, point),
     }
 
 
-def rate_near(landscape: Landscape, point: SingularPoint) -> float:
-    """Return the frequency about a centre of an arc, or the exponent of a saddle (1/s).
+def rate_near(landscape: Landscape, point: SingularPoint) -> float | None:
+    """Return the frequency of small swings about a centre, or the exponent of a saddle (1/s).
+
+    At a junction half of each swing is on either side, for π/w₁ and π/w₂: the frequency is
+    2 w₁w₂/(w₁ + w₂). A saddle there has an exponent if that of both sides is the same. None of
+    lines, ends of the trace and degenerate junctions.
+    """
+    piece = landscape.trace.pieces[point.piece]
+    inner = piece.angle_start < point.position < piece.angle_end
+    number = piece.index if point.position == piece.angle_start else piece.index + 1
+    sides = [(piece, point.position)] if inner else _sides(landscape, number)
+    if any(side.is_line for side, _ in sides):
+        return None
+    if inner:
+        return _rate_on(landscape, piece, point.position)
+    if len(sides) == 1 or point.kind == DEGENERATE:
+        return None
+    left, right = (_rate_on(landscape, *side) for side in sides)
+    if point.kind == CENTRE:
+        return 2.0 * left * right / (left + right)
+    return left if abs(left - right) <= _ROUNDING * left else None
+
+
+def _rate_on(landscape: Landscape, piece: Piece, position: float) -> float:
+    """The rate (1/s) by which a body swings about a place on an arc, or departs from it.
 
     w = √(g/κρ); on a trace that turns w √|V″| in units of the potential V of the arc.
     """
-    piece = landscape.trace.pieces[point.piece]
     w = landscape.natural_rate(piece)
     if landscape.turning is None:
         return w
-    return w * math.sqrt(abs(landscape.stiffness(piece, point.position)))
+    return w * math.sqrt(abs(landscape.stiffness(piece, position)))
 
 
 def _trigger_row(portrait: Portrait, trigger: Trigger) -> dict[str, Any]:

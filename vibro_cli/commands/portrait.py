@@ -188,7 +188,7 @@ def family_lines(family: dict[str, Any]) -> Iterator[str]:
 
 
 def comparison_lines(comparison: dict[str, Any]) -> Iterator[str]:
-    """A few members side by side as text: κ, the values of the points, w = √(g/κρ) at each."""
+    """A few members side by side as text: κ, the values of the points, their natural rates w."""
     yield f"{comparison['path']}, portrait of ball {comparison['ball']}:"
     for member in comparison["members"]:
         yield f"  {member['value']}: kappa = {member['kappa']:.6g}; {member['type']}"
