@@ -65,7 +65,7 @@ class Landscape:
 
     def stiffness(self, piece: Piece, position: float) -> float:
         """Return how the pull changes with the angle there, on an arc of a trace that turns."""
-        return self.pull(piece).stiffness(position + (0.0 if piece.sign > 0.0 else math.pi))
+        return self.pull(piece).stiffness(position + centre_of(piece))
 
     def _turned(self, piece: Piece, place: Array) -> Array:
         """Rise (m) of the height from position 0 on, on a trace that turns."""
@@ -136,6 +136,14 @@ class Landscape:
         return np.sqrt(square, out=np.full_like(square, np.nan), where=square >= 0.0)
 
 
+def centre_of(piece: Piece) -> float:
+    """Return the angle of the centre of an arc's full circle: φ = 0 or ψ = π.
+
+    The angle f from it is φ in a valley, ψ + π or ψ − π on a hump.
+    """
+    return 0.0 if piece.sign > 0.0 else math.pi
+
+
 def stationary_positions(piece: Piece) -> tuple[float, ...]:
     """Return the ends of a piece and the places within where its tangent is level."""
     inner = [] if piece.is_line else level_positions(piece)
@@ -184,7 +192,7 @@ def equilibria(landscape: Landscape, piece: Piece) -> list[float]:
     near = end_width(landscape, piece)
     low, high = piece.angle_start - near, piece.angle_end + near
     if not piece.is_line:
-        offset = 0.0 if piece.sign > 0.0 else math.pi
+        offset = centre_of(piece)
         angles = landscape.pull(piece).equilibria()
         return [f - offset for f in inside(angles, low + offset, high + offset)]
     x = piece.body_center(0.0, landscape.body.radius)[0] - landscape.turning.x
@@ -299,7 +307,7 @@ def _turning_zeros(landscape: Landscape, piece: Piece, energy: float) -> list[fl
         square, slope = 0.5 * (one + two) - datum, 0.5 * (one - two)
         found = np.roots(np.trim_zeros(np.array([square, slope, -above]), trim="f"))
         return sorted(float(x.real) for x in found if x.imag == 0.0 and 0.0 < x.real < piece.length)
-    offset = 0.0 if piece.sign > 0.0 else math.pi
+    offset = centre_of(piece)
     pull, rho = landscape.pull(piece), landscape.path_scale(piece)
     # In units of 2 rho: E less V from f = 0, whose V is 0; position 0 of a hump is f = pi.
     level = 0.5 * above / rho + pull.potential(offset)
@@ -311,7 +319,7 @@ def _turning_zeros(landscape: Landscape, piece: Piece, energy: float) -> list[fl
 
 def _swings(piece: Piece, swing: float) -> tuple[Reach, ...]:
     """Return the intervals of half-width `swing` about the centres of an arc that lie on it."""
-    offset = 0.0 if piece.sign > 0 else math.pi
+    offset = centre_of(piece)
     full = 2.0 * math.pi
     first = math.floor((piece.angle_start - offset) / full)
     last = math.ceil((piece.angle_end - offset) / full)
@@ -508,7 +516,7 @@ def _on_arc(
     position = start[0][:, None] + (end[0] - start[0])[:, None] * fraction
     rate = _without_turning(landscape, piece, start, position)
     if landscape.gravity > 0.0:
-        offset = 0.0 if piece.sign > 0 else math.pi
+        offset = centre_of(piece)
         centre = offset + 2.0 * math.pi * np.round((start[0] - offset) / (2.0 * math.pi))
         w = landscape.natural_rate(piece)
         q = np.sin(0.5 * (start[0] - centre)) ** 2 + (0.5 / w * start[1]) ** 2
