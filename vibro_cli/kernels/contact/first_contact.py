@@ -7,7 +7,8 @@ the flows themselves. Nothing is sampled and no contact is passed over.
 Two bodies that part from contact have a gap of zero there, up to the rounding of their places. Its
 later value as a difference of two places is rounded as the places are, which late in an
 accumulation is more than the gap itself; as a difference of two displacements from there it is
-rounded as these are. What thousands of bounces would add up in the places is taken back.
+rounded as these are. What thousands of bounces would add up in the places is taken back: of two
+free bodies in their places, where it changes no time, of others in the time of the next contact.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     centre_tangent,
     distance_gap,
     half_gap_sine,
+    present_gap,
 )
 from vibro_cli.kernels.flow.flow import (
     LINE,
@@ -36,6 +38,7 @@ from vibro_cli.kernels.numerics.conservative_advancement import (
     unresolved_step,
 )
 from vibro_cli.kernels.numerics.constants import EPSILON
+from vibro_cli.kernels.numerics.double_double import time_between
 from vibro_cli.kernels.numerics.elliptic import HYPERBOLIC_TINY, theta_functions
 from vibro_cli.kernels.world import (
     PARTING,
@@ -51,6 +54,7 @@ from vibro_cli.kernels.world import (
     flights_of,
     track_of,
     track_on,
+    tracks_of,
 )
 
 Ages = tuple[float, float]  # times (s) since the flights of both bodies of a pair began
@@ -315,6 +319,8 @@ SETTLED = 1.0e-11
 MOST_STEPS = 6
 # Gaps at the start of a bounce below this share of the places are their rounding.
 PLACES_ROUNDING = 4.0 * EPSILON
+# Bodies whose path is more nearly across their line of centres are not moved along it by gaps.
+LEAST_NORMAL = 0.1
 # Near the top of a bounce a step of Newton's leads anywhere; one longer than this share is not his.
 LONG_STEP = 0.5
 
@@ -388,6 +394,53 @@ def _left_over(gap: float, rounding: float, first_rate: float, t: float) -> floa
 
 
 @kernel
+def _ends_in_places(a: Flight, b: Flight, t: float) -> bool:
+    """Tell whether the places of two bodies take back rounding, not the time t (s) of their bounce.
+
+    Late in an accumulation rounding is not small against bounces. Bodies that are held to others,
+    or rest at a wall, stay where they are.
+    """
+    free = a.grouped + b.grouped == 0 and a.wall_side == 0 and b.wall_side == 0
+    return free and t <= short_bounce(a, b)
+
+
+@kernel
+def close_gap(world: World, j: int) -> None:
+    """Put two free bodies at the end of a bounce back into contact if rounding has parted them.
+
+    Each goes half of the way along its path. The pair has parted from contact; states and normals
+    of its contact now must be set.
+    """
+    pair = world.pairs[j]
+    a, b = flights_of(world, pair)
+    lasted = time_between(pair.contact_t, pair.contact_t_low, pair.begin_t, pair.begin_t_low)
+    if not _ends_in_places(a, b, lasted):
+        return
+    gap, size = present_gap(world, j)
+    rounding = EPSILON * size
+    if abs(gap) <= rounding or min(pair.normal_a, pair.normal_b) < LEAST_NORMAL:
+        return
+    half = 0.5 * min(max(gap, -DEEP * rounding), DEEP * rounding)
+    track_a, track_b = tracks_of(world, pair)
+    _move(a, track_a, half / pair.normal_a)
+    _move(b, track_b, -half / pair.normal_b)
+
+
+@kernel
+def _move(flight: Flight, track: TrackData, way: float) -> None:
+    """Move a body along its path by a way (m) that is as short as rounding."""
+    if track.path_radius == 0.0:
+        flight.s += way
+    else:
+        turn = 0.5 * way / track.path_radius
+        s = flight.s
+        flight.s = s + flight.c * turn
+        flight.c -= s * turn
+    flight.before_s = flight.s
+    flight.before_c = flight.c
+
+
+@kernel
 def sharpened_on_arc(world: World, j: int, t: float, orientation: float) -> float:
     """Time of a contact on one arc (s), t nearly, that ends a flight from contact.
 
@@ -404,6 +457,8 @@ def sharpened_on_arc(world: World, j: int, t: float, orientation: float) -> floa
     if first_rate <= 0.0:
         return t  # up to rounding it does not part: there is no bounce
     launched, _ = half_gap_sine(contact_of(world, j), a_s, a_c, b_s, b_c, orientation)
+    if _ends_in_places(a, b, t):
+        launched = 0.0
     for _ in range(MOST_STEPS):
         rate = 2.0 * (b.own_frequency * pair.b_p - a.own_frequency * pair.a_p)
         if rate >= first_rate or rate * t < -FAR:
@@ -442,7 +497,7 @@ def sharpened_by_distance(world: World, j: int, straight: bool, t: float) -> flo
     bx, by = centre_position(piece_b, track_b, b_s, b_c)
     launched = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
     scale = reach / launched
-    launched = (launched - reach) * (launched + reach)
+    launched = 0.0 if _ends_in_places(a, b, t) else (launched - reach) * (launched + reach)
     rounding = 2.0 * PLACES_ROUNDING * reach * (abs(bx) + abs(by) + reach)
     x = (bx - ax) * scale
     y = (by - ay) * scale

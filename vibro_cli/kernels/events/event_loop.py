@@ -21,6 +21,7 @@ from vibro_cli.kernels.contact.contact_kinematics import (
     set_normals,
     set_speed,
 )
+from vibro_cli.kernels.contact.first_contact import close_gap
 from vibro_cli.kernels.events.event_detection import first_contact
 from vibro_cli.kernels.events.simultaneous_impacts import (
     collide_jointly,
@@ -176,6 +177,8 @@ def _bring_to_contact(world: World, j: int) -> None:
     place_at(a, pair.contact_t, pair.contact_t_low, pair.a_s, pair.a_c, pair.a_p)
     place_at(b, pair.contact_t, pair.contact_t_low, pair.b_s, pair.b_c, pair.b_p)
     set_normals(world, j)
+    if pair.touching == PARTING:
+        close_gap(world, j)
     a.speed = track_a.speed_factor * pair.a_p
     b.speed = track_b.speed_factor * pair.b_p
 
