@@ -134,6 +134,8 @@ def _collide_alone(world: World, j: int) -> int:
     a, b = flights_of(world, pair)
     body_a, body_b = world.bodies[pair.a], world.bodies[pair.b]
     _bring_to_contact(world, j)
+    if pair.touching == PARTING:
+        close_gap(world, j)
     wa, wb, loss = _apply_law(world, j)
     row = world.impacts[clock.impact_rows - 1]
     if row.admissible == 0 and row.substituted == 0:
@@ -177,8 +179,6 @@ def _bring_to_contact(world: World, j: int) -> None:
     place_at(a, pair.contact_t, pair.contact_t_low, pair.a_s, pair.a_c, pair.a_p)
     place_at(b, pair.contact_t, pair.contact_t_low, pair.b_s, pair.b_c, pair.b_p)
     set_normals(world, j)
-    if pair.touching == PARTING:
-        close_gap(world, j)
     a.speed = track_a.speed_factor * pair.a_p
     b.speed = track_b.speed_factor * pair.b_p
 
