@@ -239,6 +239,7 @@ class Settings:
     pieces: int
     pairs: int
     closed: int
+    closing_error: float  # m: how far the end of a closed trace is from its start
     one_sided: int
     law: int
     substitute: int  # 1: an inadmissible impact is replaced by the normal-impulse law

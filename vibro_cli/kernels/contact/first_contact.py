@@ -215,7 +215,9 @@ def _unresolved_step(
     None if they are in one another by more than that, as deep (m) as they are.
     """
     piece_a, track_a, piece_b, track_b, reach = paths_of(world, j, straight)
-    unresolved = UNRESOLVED * (_size(piece_a, track_a) + _size(piece_b, track_b) + reach)
+    size = _size(piece_a, track_a) + _size(piece_b, track_b) + reach
+    # Bodies in contact get into one another where a closed trace misses its start.
+    unresolved = max(UNRESOLVED * size, world.settings[0].closing_error)
     return unresolved_step(second, bound_3, unresolved) if depth <= DEEP * unresolved else 0.0
 
 

@@ -255,6 +255,7 @@ def _settings(
     settings.pieces = len(system.trace.pieces)
     settings.pairs = pairs
     settings.closed = int(system.trace.closed)
+    settings.closing_error = system.trace.closing_error()[0] if system.trace.closed else 0.0
     settings.one_sided = int(system.surface == "one-sided")
     settings.law = LAW_NAMES.index(system.law)
     settings.substitute = int(system.inadmissible == "normal-impulse")
