@@ -79,7 +79,7 @@ PARTS = {
     "stress": "stress",
     **dict.fromkeys(("grid_solver", "system_template"), "grids"),
     "phase_plane": "analysis",
-    **dict.fromkeys(("figures", "plan", "portrait", "wall_portrait"), "figures"),
+    **dict.fromkeys(("figures", "plan", "portrait"), "figures"),
 }
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py"))

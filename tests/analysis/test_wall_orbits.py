@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.systems.table_cases import ellipse, solve, table
+from vibro_cli.systems.table.portrait import focal_product, multiplier, two_bounce_orbits
 from vibro_cli.systems.table.system import Wall
-from vibro_cli.systems.table.wall_portrait import focal_product, multiplier, two_bounce_orbits
 
 
 def bounced(a: float, b: float, radius: float, angle: float, share: float) -> tuple[float, float]:

@@ -30,7 +30,7 @@ from vibro_cli.figures.portraits.trace_phase_plane import comparison, family, st
 from vibro_cli.figures.style import render
 from vibro_cli.scenario import load_scenario
 from vibro_cli.storage.stored import open_grid
-from vibro_cli.systems.trace.figures import film_on_trace
+from vibro_cli.systems.trace.figures import film as film_on_trace
 
 BODIES = Path(__file__).parents[2] / "scenarios/ball_on_arcs.toml"
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

@@ -33,7 +33,7 @@ from vibro_cli.systems.springs.figures import springs_energies
 from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
 from vibro_cli.systems.table.plan import MOST_LINES, table_plan
-from vibro_cli.systems.trace.figures import film_on_trace
+from vibro_cli.systems.trace.figures import film as film_on_trace
 
 pytestmark = pytest.mark.long
 

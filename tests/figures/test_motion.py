@@ -21,7 +21,7 @@ from vibro_cli import simulate as solved
 from vibro_cli.api import Run, simulate
 from vibro_cli.figures.film import Film, Frames, NoFilm, Stage, frame_times, movie
 from vibro_cli.scenario import load_scenario
-from vibro_cli.systems.trace.figures import film_on_trace
+from vibro_cli.systems.trace.figures import film as film_on_trace
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 RATE = 25

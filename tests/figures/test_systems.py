@@ -24,7 +24,7 @@ from vibro_cli.systems.springs.figures import springs_place, springs_scene
 from vibro_cli.systems.springs.portrait import motions, springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
 from vibro_cli.systems.table.plan import table_plan
-from vibro_cli.systems.table.wall_portrait import has_wall_portrait, wall_portrait
+from vibro_cli.systems.table.portrait import has_wall_portrait, wall_portrait
 
 pytestmark = pytest.mark.long
 

@@ -25,7 +25,7 @@ from vibro_cli.report.content import report_html
 from vibro_cli.report.film_page import film_html
 from vibro_cli.report.grid_content import grid_html
 from vibro_cli.storage.stored import open_grid, open_run
-from vibro_cli.systems.trace.figures import film_on_trace
+from vibro_cli.systems.trace.figures import film as film_on_trace
 
 pytestmark = pytest.mark.long
 

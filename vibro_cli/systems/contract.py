@@ -1,8 +1,9 @@
 """The contract of a system: everything that differs from one to another, as one object.
 
 A system is a folder of this package. Its ``__init__`` has one object, ``SYSTEM``, of a class that
-fulfils :class:`System`; what is heavy is imported when it is asked for. Nobody outside its folder
-asks for a system by its name or its type: they ask its object.
+fulfils :class:`System`; what is heavy is imported when it is asked for. What a system has in a
+module of a fixed name, such as ``FIGURES`` of ``figures.py``, its class need not name again. Nobody
+outside its folder asks for a system by its name or its type: they ask its object.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -136,16 +138,24 @@ class System(ABC):
     name: ClassVar[str]
     """As scenarios have it in ``system``."""
 
+    def part(self, module: str) -> Any:
+        """Return a module of the system's folder."""
+        return import_module(f"vibro_cli.systems.{self.name}.{module}")
+
     # From what a user wrote to what is solved: scenario/, build/.
 
     @property
-    @abstractmethod
     def model(self) -> type[AnyScenario]:
-        """The pydantic model of its scenarios."""
+        """The pydantic model of its scenarios: ``MODEL`` of ``scenario.py``."""
+        model: type[AnyScenario] = self.part("scenario").MODEL
+        return model
 
-    @abstractmethod
     def build(self, scenario: Any) -> Any:
-        """Return what is solved; raises ``ScenarioError`` with everything that is wrong."""
+        """Return what is solved; raises ``ScenarioError`` with everything that is wrong.
+
+        It is ``build`` of ``build.py``.
+        """
+        return self.part("build").build(scenario)
 
     @abstractmethod
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
@@ -173,9 +183,10 @@ class System(ABC):
     # The solver: systems/driver.py, systems/run.py.
 
     @property
-    @abstractmethod
     def loop(self) -> EventLoop:
-        """The event loop with its records, logs and causes of the end."""
+        """The event loop, its records, logs and causes of the end: ``LOOP`` of ``system.py``."""
+        loop: EventLoop = self.part("system").LOOP
+        return loop
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
@@ -185,9 +196,12 @@ class System(ABC):
         """
         return ()
 
-    @abstractmethod
     def world(self, system: Any, limits: Limits) -> Any:
-        """Return the records of a system at the start, interpreted, with empty logs."""
+        """Return the records of a system at the start, interpreted, with empty logs.
+
+        They are from ``make_world`` of ``system.py``.
+        """
+        return self.part("system").make_world(system, limits)
 
     def overrides(self, system: Any) -> Overrides | None:
         """Return the kernels that stand for others in this system, None without any."""
@@ -209,8 +223,9 @@ class System(ABC):
 
     @property
     def timed_scenes(self) -> Mapping[str, TimedScene]:
-        """Scenes whose run time is measured, by their names: vibro_cli/benchmark/."""
-        return {}
+        """Scenes by name whose run time is measured: ``TIMED_SCENES`` of ``timed_scenes.py``."""
+        scenes: Mapping[str, TimedScene] = self.part("timed_scenes").TIMED_SCENES
+        return scenes
 
     # Tables: systems/columns.py declares columns.
 
@@ -221,9 +236,14 @@ class System(ABC):
     def tables(self) -> tuple[Table, ...]:
         """Return every table with all columns it may have; the summary's stand for a body `i`."""
 
-    @abstractmethod
     def summary(self, bodies: int, grown: bool = False) -> Table:
-        """Return the summary of runs with so many bodies, `grown` with exponents."""
+        """Return the summary of runs with so many bodies, `grown` with exponents.
+
+        It is from ``summary`` of ``tables.py``.
+        """
+        exponents = self.exponents * bodies if grown else 0
+        table: Table = self.part("tables").summary(range(1, bodies + 1), exponents)
+        return table
 
     def table(self, name: str, column_names: Sequence[str]) -> Table | None:
         """Return the table with a name for data with these columns, None where there is none."""
@@ -275,16 +295,18 @@ class System(ABC):
     # Figures: figures/kinds.py.
 
     @property
-    @abstractmethod
     def figures(self) -> Mapping[str, Kind[Any] | KindOfBody]:
-        """Every kind of figure of a run, by name."""
+        """Every kind of figure of a run, by name: ``FIGURES`` of ``figures.py``."""
+        figures: Mapping[str, Kind[Any] | KindOfBody] = self.part("figures").FIGURES
+        return figures
 
     default_figures: ClassVar[tuple[str, ...]]
     """Those that are drawn where nothing is said."""
 
-    @abstractmethod
     def film(self, run: StoredRun, times: NDArray[np.float64]) -> Frames:
-        """Return what a film shows of a run at the times of its frames (s)."""
+        """Return what a film shows of a run at the times (s) of its frames, see ``figures.py``."""
+        frames: Frames = self.part("figures").film(run, times)
+        return frames
 
     def figure_width(self, system: Any) -> str:
         """Return how wide the figures of a run are drawn, ``"single"`` or ``"double"``."""
@@ -297,8 +319,9 @@ class System(ABC):
 
     @property
     def shown_of_papers(self) -> ShownOfPapers:
-        """What of the papers is shown by which command."""
-        return ShownOfPapers({})
+        """What of the papers is shown by which command: ``SHOWN`` of ``papers.py``."""
+        shown: ShownOfPapers = self.part("papers").SHOWN
+        return shown
 
     @abstractmethod
     def method(self, scenario: Mapping[str, Any]) -> str:
@@ -343,15 +366,18 @@ class System(ABC):
         """Return the portraits of a body in some systems, each under its title."""
         raise NotImplementedError
 
-    @abstractmethod
     def portrait(
         self, system: Any, width: str, drawn: bool
     ) -> tuple[dict[str, Any], dict[str, Figure]]:
         """Return what a portrait without a run shows, and figures by the stems of their files.
 
-        Raises `NoPortrait` where there is none.
+        It is from ``portrait`` of ``portrait.py``. Raises `NoPortrait` where there is none.
         """
+        found: tuple[dict[str, Any], dict[str, Figure]]
+        found = self.part("portrait").portrait(system, width, drawn)
+        return found
 
-    @abstractmethod
     def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        """Return what a portrait shows as lines of text."""
+        """Return what a portrait shows as lines of text, see ``portrait.py``."""
+        lines: Iterator[str] = self.part("portrait").portrait_lines(found)
+        return lines

@@ -6,22 +6,18 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, ShownOfPapers, Sink, System, TimedScene
+from vibro_cli.systems.contract import ImpactLog, Sink, System
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.compile.kernel import Kernel
-    from vibro_cli.figures.film import Frames
-    from vibro_cli.figures.kinds import Kind, KindOfBody
-    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.systems.columns import Table
-    from vibro_cli.systems.driver import EventLoop
     from vibro_cli.systems.run import Stretch
     from vibro_cli.systems.springs.tables import Motion
     from vibro_cli.systems.tables import SystemTables
     from vibro_cli.systems.tangents import LoggedMap
-    from vibro_cli.systems.wanted import Limits, Wanted
+    from vibro_cli.systems.wanted import Wanted
 
 
 class BodiesOnSprings(System):
@@ -33,27 +29,10 @@ class BodiesOnSprings(System):
     default_figures = ("portrait", "motion", "energy")
     has_families = True
 
-    @property
-    def model(self) -> type[AnyScenario]:
-        from vibro_cli.systems.springs.scenario import SpringsScenario
-
-        return SpringsScenario
-
-    def build(self, scenario: Any) -> Any:
-        from vibro_cli.systems.springs.build import build_springs
-
-        return build_springs(scenario)
-
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import law_warnings
 
         return tuple(law_warnings(system.law, system.inadmissible, [*pairwise(system.bodies)]))
-
-    @property
-    def loop(self) -> EventLoop:
-        from vibro_cli.systems.springs.system import LOOP
-
-        return LOOP
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
@@ -63,27 +42,11 @@ class BodiesOnSprings(System):
 
         return advance, sample_states, follow_bodies
 
-    def world(self, system: Any, limits: Limits) -> Any:
-        from vibro_cli.systems.springs.system import make_world
-
-        return make_world(system, limits)
-
-    @property
-    def timed_scenes(self) -> dict[str, TimedScene]:
-        from vibro_cli.systems.springs.timed_scenes import TIMED_SCENES
-
-        return TIMED_SCENES
-
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.systems.columns import converging, with_growth
         from vibro_cli.systems.springs.tables import COLLISIONS, EVENTS, MOTION, summary
 
         return with_growth(COLLISIONS), EVENTS, MOTION, summary("i", "i"), converging("i")
-
-    def summary(self, bodies: int, grown: bool = False) -> Table:
-        from vibro_cli.systems.springs.tables import summary
-
-        return summary(range(1, bodies + 1), self.exponents * bodies if grown else 0)
 
     @property
     def impact_logs(self) -> dict[str, ImpactLog]:
@@ -117,24 +80,6 @@ class BodiesOnSprings(System):
 
         return Motion(system, stretch.engine, stretch.logs["states"], before)
 
-    @property
-    def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
-        from vibro_cli.systems.springs.figures import FIGURES
-
-        return FIGURES
-
-    def film(self, run: Any, times: Any) -> Frames:
-        """Return what a film shows of a run."""
-        from vibro_cli.systems.springs.figures import film_on_springs
-
-        return film_on_springs(run, times)
-
-    @property
-    def shown_of_papers(self) -> ShownOfPapers:
-        from vibro_cli.systems.springs.papers import SHOWN
-
-        return SHOWN
-
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (
             "Between impacts the bodies move by Taylor series of order 24 within proved radii; "
@@ -162,18 +107,6 @@ class BodiesOnSprings(System):
         from vibro_cli.systems.springs.portrait import springs_family
 
         return springs_family(members, ball, width)
-
-    def portrait(
-        self, system: Any, width: str, drawn: bool
-    ) -> tuple[dict[str, Any], dict[str, Figure]]:
-        from vibro_cli.systems.springs.portrait import portrait
-
-        return portrait(system, width, drawn)
-
-    def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        from vibro_cli.systems.springs.portrait import portrait_lines
-
-        return portrait_lines(found)
 
 
 SYSTEM = BodiesOnSprings()

@@ -8,7 +8,7 @@ from vibro_cli.systems.springs.scenario import SpringsScenario
 from vibro_cli.systems.springs.system import InitialState, Spring, SpringsSystem
 
 
-def build_springs(scenario: SpringsScenario) -> SpringsSystem:
+def build(scenario: SpringsScenario) -> SpringsSystem:
     """Return the system of a scenario, checked against the mechanics.
 
     Raises ScenarioError with every problem: masses that doubles cannot compute with, bodies that

@@ -66,7 +66,7 @@ _ROOM = 0.04
 """Around what is shown, as a share of its width."""
 
 
-def film_on_springs(run: Any, times: Array) -> Frames:
+def film(run: Any, times: Array) -> Frames:
     """Return the states of all bodies at the times of frames (s), each exact at its time."""
     bodies, times = run.system.bodies, np.asarray(times)
     periods = [2.0 * math.pi / run.system.frequency(body) for body in range(len(bodies))]

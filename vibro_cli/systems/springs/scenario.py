@@ -116,6 +116,9 @@ class SpringsScenario(AnyScenario):
         return with_bodies(spread_restitution(data), _default_motion)
 
 
+MODEL = SpringsScenario
+
+
 def _default_motion(ball: Data) -> dict[str, float]:
     return {} if "omega" in ball or "speed" in ball else {"speed": 0.0}
 

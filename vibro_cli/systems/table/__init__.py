@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, ShownOfPapers, Sink, System, TimedScene
+from vibro_cli.systems.contract import ImpactLog, Sink, System
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from vibro_cli.compile.kernel import Kernel
-    from vibro_cli.figures.film import Frames
-    from vibro_cli.figures.kinds import Kind, KindOfBody
-    from vibro_cli.scenario.base import AnyScenario
     from vibro_cli.systems.columns import Table
-    from vibro_cli.systems.driver import EventLoop
     from vibro_cli.systems.run import Stretch
     from vibro_cli.systems.table.tables import Motion
     from vibro_cli.systems.tables import SystemTables
     from vibro_cli.systems.tangents import LoggedMap
-    from vibro_cli.systems.wanted import Limits, Wanted
+    from vibro_cli.systems.wanted import Wanted
 
 
 _WALL = ("Impacts on the wall", "impacts on the wall", "was none on the wall")
@@ -36,17 +30,6 @@ class BallsOnTable(System):
     exponents = 4
     default_figures = ("plan", "energy")
 
-    @property
-    def model(self) -> type[AnyScenario]:
-        from vibro_cli.systems.table.scenario import TableScenario
-
-        return TableScenario
-
-    def build(self, scenario: Any) -> Any:
-        from vibro_cli.systems.table.build import build_table
-
-        return build_table(scenario)
-
     def warnings(self, scenario: Any, system: Any) -> tuple[str, ...]:
         from vibro_cli.mechanics.system import law_warnings
 
@@ -55,28 +38,11 @@ class BallsOnTable(System):
         )
 
     @property
-    def loop(self) -> EventLoop:
-        from vibro_cli.systems.table.system import LOOP
-
-        return LOOP
-
-    @property
     def kernels(self) -> tuple[Kernel, ...]:
         from vibro_cli.kernels.table.loop import advance
         from vibro_cli.kernels.table.tangent import follow_balls
 
         return advance, follow_balls
-
-    def world(self, system: Any, limits: Limits) -> Any:
-        from vibro_cli.systems.table.system import make_world
-
-        return make_world(system, limits)
-
-    @property
-    def timed_scenes(self) -> dict[str, TimedScene]:
-        from vibro_cli.systems.table.timed_scenes import TIMED_SCENES
-
-        return TIMED_SCENES
 
     def tables(self) -> tuple[Table, ...]:
         from vibro_cli.systems.columns import converging, with_growth
@@ -84,11 +50,6 @@ class BallsOnTable(System):
 
         impacts = with_growth(COLLISIONS), with_growth(BOUNCES)
         return (*impacts, MOTION, summary("i", "i"), converging("i"))
-
-    def summary(self, bodies: int, grown: bool = False) -> Table:
-        from vibro_cli.systems.table.tables import summary
-
-        return summary(range(1, bodies + 1), self.exponents * bodies if grown else 0)
 
     @property
     def impact_logs(self) -> dict[str, ImpactLog]:
@@ -124,42 +85,12 @@ class BallsOnTable(System):
 
         return Motion(system, stretch.logs["pair_log"], stretch.logs["bounce_log"], before)
 
-    @property
-    def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
-        from vibro_cli.systems.table.figures import FIGURES
-
-        return FIGURES
-
-    def film(self, run: Any, times: Any) -> Frames:
-        """Return what a film shows of a run."""
-        from vibro_cli.systems.table.figures import film_on_table
-
-        return film_on_table(run, times)
-
-    @property
-    def shown_of_papers(self) -> ShownOfPapers:
-        from vibro_cli.systems.table.papers import SHOWN
-
-        return SHOWN
-
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (
             "Between impacts each ball moves straight on; impacts on one another and on the wall "
             "are certified first contacts in closed form, in the order of an event queue, and "
             "there is no time step."
         )
-
-    def portrait(
-        self, system: Any, width: str, drawn: bool
-    ) -> tuple[dict[str, Any], dict[str, Figure]]:
-        from vibro_cli.systems.table.wall_portrait import portrait
-
-        return portrait(system, width, drawn)
-
-    def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        from vibro_cli.systems.table.wall_portrait import portrait_lines
-
-        return portrait_lines(found)
 
 
 SYSTEM = BallsOnTable()

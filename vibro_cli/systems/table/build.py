@@ -12,7 +12,7 @@ from vibro_cli.systems.table.scenario import Wall as WallTable
 from vibro_cli.systems.table.system import InitialState, Point, TableSystem, Wall
 
 
-def build_table(scenario: TableScenario) -> TableSystem:
+def build(scenario: TableScenario) -> TableSystem:
     """Return the system of a scenario, checked against the mechanics.
 
     Raises ScenarioError with every problem: masses that doubles cannot compute with, a polygon

@@ -336,7 +336,7 @@ _ROOM = 0.03
 """Around what is shown, as a share of its size."""
 
 
-def film_on_table(run: Any, times: Array) -> Frames:
+def film(run: Any, times: Array) -> Frames:
     """Return the places of all balls at the times of frames (s).
 
     Between events paths are straight, so that frames and events are all that a trail needs.

@@ -173,6 +173,9 @@ class TableScenario(AnyScenario):
         return data
 
 
+MODEL = TableScenario
+
+
 def _default_motion(ball: Data) -> dict[str, float]:
     given = set(ball)
     return {} if given & set(_POLAR) else {key: 0.0 for key in _CARTESIAN if key not in given}

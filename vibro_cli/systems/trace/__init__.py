@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ShownOfPapers, Sink, System
+from vibro_cli.systems.contract import Sink, System, TimedScene
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.compile.kernel import Overrides
-    from vibro_cli.figures.film import Frames
-    from vibro_cli.figures.kinds import Kind, KindOfBody
     from vibro_cli.grids.document import Grid
     from vibro_cli.mechanics.system import TraceSystem
     from vibro_cli.scenario.base import AnyScenario
@@ -82,6 +80,10 @@ class Trace(System):
 
         return TraceStretches(driver, stop_time)
 
+    @property
+    def timed_scenes(self) -> dict[str, TimedScene]:
+        return {}  # vibro_cli/benchmark/scenes.py has its own
+
     def skipped(self, clock: Mapping[str, Any], wanted: Wanted, end: float) -> tuple[str, ...]:
         from vibro_cli.systems.trace.tables import skipped
 
@@ -127,26 +129,8 @@ class Trace(System):
             return None
         return motion.LongMotion(self, system, limits, flights, interrupted)
 
-    @property
-    def figures(self) -> dict[str, Kind[Any] | KindOfBody]:
-        from vibro_cli.systems.trace.figures import FIGURES
-
-        return FIGURES
-
-    def film(self, run: Any, times: Any) -> Frames:
-        """Return what a film shows of a run."""
-        from vibro_cli.systems.trace.figures import film_on_trace
-
-        return film_on_trace(run, times)
-
     def figure_width(self, system: Any) -> str:
         return "double" if len(system.trace.pieces) > 1 else "single"
-
-    @property
-    def shown_of_papers(self) -> ShownOfPapers:
-        from vibro_cli.systems.trace.papers import SHOWN
-
-        return SHOWN
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         if scenario["trace"].get("turning") is not None:

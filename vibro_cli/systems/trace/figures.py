@@ -47,7 +47,7 @@ class Moving(Recorded, Protocol):
         """The motion of every body at given times (s)."""
 
 
-def film_on_trace(run: Moving, times: Array) -> Frames:
+def film(run: Moving, times: Array) -> Frames:
     """Return the states of all bodies at the times of frames (s).
 
     Nothing is interpolated: each state is that of its flight in closed form. On a closed trace the
