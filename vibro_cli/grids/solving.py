@@ -100,7 +100,7 @@ class Solver(Protocol):
 
 def solver_of(grid: Grid, engine: str = "compiled") -> Solver:
     """Return a solver of the points of a grid; engine ``"python"`` or ``"compiled"``."""
-    return system_named(grid.system).solver(grid, engine) or RunSolver(grid, engine)
+    return system_named(grid.system).solver(grid, engine)
 
 
 class RunSolver:

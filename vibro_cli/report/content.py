@@ -80,10 +80,7 @@ def report_html(runs: Sequence[StoredRun], beside: Path, version: str) -> bytes:
 def page(runs: Sequence[StoredRun], beside: Path, version: str) -> dict[str, Any]:
     """Return the values of a report of runs whose file is to stand in the folder `beside`."""
     names = names_of(runs)
-    sections = [
-        run.kind.report(run, name, beside) or section(run, name, beside)
-        for run, name in zip(runs, names, strict=True)
-    ]
+    sections = [run.kind.report(run, name, beside) for run, name in zip(runs, names, strict=True)]
     return {
         "title": names[0] if len(names) == 1 else f"{len(names)} runs compared",
         "version": version,

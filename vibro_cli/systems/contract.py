@@ -217,9 +217,11 @@ class System(ABC):
         """Say what was not computed of a run with this clock and end (s), and why."""
         return wanted.left_out(end)
 
-    def solver(self, grid: Grid, engine: str) -> Solver | None:
-        """Return a solver of the points of a grid, None where each is a run of its own."""
-        return None
+    def solver(self, grid: Grid, engine: str) -> Solver:
+        """Return a solver of the points of a grid: here each is a run of its own."""
+        from vibro_cli.grids.solving import RunSolver
+
+        return RunSolver(grid, engine)
 
     @property
     def timed_scenes(self) -> Mapping[str, TimedScene]:
@@ -250,7 +252,8 @@ class System(ABC):
         from vibro_cli.systems.columns import GROWTH, converging_table, with_growth
 
         if name == "summary":
-            bodies = sum(column.startswith("x_") for column in column_names)
+            # The final place of each, or on a trace the piece that it is on.
+            bodies = sum(column.startswith(("x_", "arc_")) for column in column_names)
             return self.summary(bodies, grown="lyapunov_1" in column_names)
         if name == "exponents":
             return converging_table(column_names)
@@ -327,12 +330,11 @@ class System(ABC):
     def method(self, scenario: Mapping[str, Any]) -> str:
         """Return how a scenario (its plain values) is solved, in a sentence or two."""
 
-    def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any] | None:
-        """Return what a report says of a run, None where it is that of every system's runs.
+    def report(self, run: StoredRun, name: str, beside: Path) -> dict[str, Any]:
+        """Return what a report says of a run, see report/content.py."""
+        from vibro_cli.report.content import section
 
-        See report/content.py.
-        """
-        return None
+        return section(run, name, beside)
 
     def understood(self, scenario: Any, system: Any) -> dict[str, Any]:
         """Return what a scenario means, as plain values, see systems/describe.py."""
@@ -378,6 +380,12 @@ class System(ABC):
         return found
 
     def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        """Return what a portrait shows as lines of text, see ``portrait.py``."""
-        lines: Iterator[str] = self.part("portrait").portrait_lines(found)
+        """Return what a portrait shows as lines of text."""
+        for body in found["bodies"]:
+            yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
+            yield from self.point_lines(body)
+
+    def point_lines(self, body: dict[str, Any]) -> Iterator[str]:
+        """Return the singular points of a body as lines of text, see ``portrait.py``."""
+        lines: Iterator[str] = self.part("portrait").point_lines(body)
         return lines

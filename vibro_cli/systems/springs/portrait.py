@@ -364,14 +364,8 @@ def portrait(
     return {"system": "springs", "bodies": bodies}, figures
 
 
-def portrait_lines(found: dict[str, Any]) -> Iterator[str]:
-    """Return the table as text."""
-    for body in found["bodies"]:
-        yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
-        yield from _lines(body)
-
-
-def _lines(body: dict[str, Any]) -> Iterator[str]:
+def point_lines(body: dict[str, Any]) -> Iterator[str]:
+    """Return the singular points of a body as lines of text."""
     yield "  point  kind    from foot [m]       x [m]      E [J]  spring"
     for point in body["points"]:
         state = "stressed" if point["stressed"] else "unstressed"

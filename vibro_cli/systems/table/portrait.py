@@ -245,14 +245,8 @@ def _described(system: TableSystem) -> str:
     return f"a wall of the shape {wall.named or wall.shape} {side} the balls"
 
 
-def portrait_lines(found: dict[str, Any]) -> Iterator[str]:
-    """Return the table as text."""
-    for body in found["bodies"]:
-        yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
-        yield from _lines(body)
-
-
-def _lines(body: dict[str, Any]) -> Iterator[str]:
+def point_lines(body: dict[str, Any]) -> Iterator[str]:
+    """Return the singular points of a body as lines of text."""
     yield "  to and fro along  kind        chord [m]  radius of curvature [m]  grows by"
     for point in body["points"]:
         grows = "-" if point["multiplier"] is None else f"{point['multiplier']:.6g}"

@@ -99,15 +99,12 @@ class Trace(System):
 
         return tables()
 
-    def summary(self, bodies: int, grown: bool = False) -> Table:
-        from vibro_cli.systems.trace.tables import summary
-
-        return summary(bodies, grown)
-
     def table(self, name: str, column_names: Sequence[str]) -> Table | None:
-        from vibro_cli.systems.trace.tables import table_named
+        from vibro_cli.systems.trace.tables import collisions_with
 
-        return table_named(name, column_names)
+        if name == "collisions":
+            return collisions_with(column_names)
+        return super().table(name, column_names)
 
     def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
         from vibro_cli.systems.trace.tables import Tables
@@ -181,10 +178,10 @@ class Trace(System):
 
         return portrait(system, width, drawn)
 
-    def portrait_lines(self, found: dict[str, Any]) -> Iterator[str]:
-        from vibro_cli.systems.trace.describe import portrait_lines
+    def point_lines(self, body: dict[str, Any]) -> Iterator[str]:
+        from vibro_cli.systems.trace.describe import point_lines
 
-        return portrait_lines(found)
+        return point_lines(body)
 
 
 SYSTEM = Trace()

@@ -187,16 +187,14 @@ def portrait(
     return {"bodies": bodies}, figures
 
 
-def portrait_lines(found: dict[str, Any]) -> Iterator[str]:
-    """Return the table as text."""
-    for body in found["bodies"]:
-        yield f"ball {body['ball']}: {body['body']}, r = {body['radius']:g} m: {body['type']}"
-        yield "  point  kind        arc  angle [rad]     s [m]      E [J]   E/(m g) [m]"
-        for point in body["points"]:
-            angle = "         -" if point["angle"] is None else f"{point['angle']:10.6f}"
-            yield (
-                f"  {point['name']:5}  {point['kind']:10}  {point['arc']:3}  {angle}  "
-                f"{point['s']:9.6f}  {point['energy']:9.6g}  {point['height']:9.6g}"
-            )
-        for trigger in body["triggers"]:
-            yield f"  {trigger['points']}: {trigger['orbit']}; {trigger['condition']}"
+def point_lines(body: dict[str, Any]) -> Iterator[str]:
+    """Return the singular points of a body as lines of text."""
+    yield "  point  kind        arc  angle [rad]     s [m]      E [J]   E/(m g) [m]"
+    for point in body["points"]:
+        angle = "         -" if point["angle"] is None else f"{point['angle']:10.6f}"
+        yield (
+            f"  {point['name']:5}  {point['kind']:10}  {point['arc']:3}  {angle}  "
+            f"{point['s']:9.6f}  {point['energy']:9.6g}  {point['height']:9.6g}"
+        )
+    for trigger in body["triggers"]:
+        yield f"  {trigger['points']}: {trigger['orbit']}; {trigger['condition']}"

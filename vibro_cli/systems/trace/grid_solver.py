@@ -32,7 +32,7 @@ from vibro_cli.storage.tables import Words, record_batch
 from vibro_cli.systems.columns import Table
 from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.tangents import exponent_columns
-from vibro_cli.systems.trace import simulate_system
+from vibro_cli.systems.trace import SYSTEM, simulate_system
 from vibro_cli.systems.trace.ensemble import (
     Batch,
     empty_results,
@@ -49,7 +49,7 @@ from vibro_cli.systems.trace.system_template import (
     is_of_system,
     is_quick,
 )
-from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary, summary_columns
+from vibro_cli.systems.trace.tables import ImpactTable, runs_of, sidedness, summary_columns
 from vibro_cli.systems.trace.tangents import time_scale
 from vibro_cli.systems.trace.world import compiled_world
 from vibro_cli.systems.wanted import UNLIMITED, Wanted
@@ -378,7 +378,7 @@ class TraceSolver:
     def _solve_alone(self, number: int, point: Setting | str, parts: _Parts) -> None:
         """Solve one point by itself, or take down why it cannot be solved."""
         row = np.array([number])
-        table = summary(ball_count(self._grid), grown=self._wanted.lyapunov)
+        table = SYSTEM.summary(ball_count(self._grid), self._wanted.lyapunov)
         if isinstance(point, str):
             record = {"status": "invalid", "reason": point}
             parts.summaries.append((row, columns_of_records([record], table)))

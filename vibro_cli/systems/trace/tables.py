@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,6 @@ from vibro_cli.systems.columns import (
     Table,
     before_and_after,
     converging,
-    converging_table,
     count,
     exponents,
     flag,
@@ -197,32 +196,24 @@ def final_state(ball: int | str) -> tuple[Column, ...]:
     )
 
 
-def summary(balls: int, grown: bool = False) -> Table:
-    """The table of summaries of runs with `balls` bodies; `grown` with exponents."""
-    states = [column for ball in range(1, balls + 1) for column in final_state(ball)]
-    if grown:
-        states += exponents(2 * balls)
-    return Table("summary", "one run", (*_SUMMARY_HEAD, *states))
+def summary(balls: Iterable[int | str], grown: int | str = 0) -> Table:
+    """The table of summaries of runs with these bodies: numbers from 1, or a letter for any.
+
+    `grown` with so many exponents.
+    """
+    states = [column for ball in balls for column in final_state(ball)]
+    return Table("summary", "one run", (*_SUMMARY_HEAD, *states, *exponents(grown)))
 
 
 def tables() -> tuple[Table, ...]:
     """Every table with all columns it may have; the final state stands for any body `i`."""
-    columns = (*_SUMMARY_HEAD, *final_state("i"), *exponents("i"))
-    sample = Table("summary", "one run", columns)
-    return (collisions(sided=True, grown=True), events(), motion(), sample, converging("i"))
+    impacts = collisions(sided=True, grown=True)
+    return (impacts, events(), motion(), summary("i", "i"), converging("i"))
 
 
-def table_named(name: str, column_names: Sequence[str]) -> Table | None:
-    """The table `name`, as it must be for data with these columns; None for one that is not."""
-    if name == "collisions":
-        grown = GROWTH[0].name in column_names
-        return collisions(sided=_SIDE.name in column_names, grown=grown)
-    if name == "summary":
-        balls = sum(column.startswith("arc_") for column in column_names)
-        return summary(balls, grown="lyapunov_1" in column_names)
-    if name == "exponents":
-        return converging_table(column_names)
-    return {"events": events(), "motion": motion()}.get(name)
+def collisions_with(column_names: Collection[str]) -> Table:
+    """The table of impacts as it must be for data with these columns."""
+    return collisions(_SIDE.name in column_names, GROWTH[0].name in column_names)
 
 
 IN_ORDER = tuple(column.name for column in collisions(sided=True).columns)
@@ -397,7 +388,7 @@ class Tables:
         return columns if self._tangents is None else columns | self._tangents.summary()
 
 
-def trajectory_of(system: TraceSystem, run: Stretch, before: Any = None) -> Paths:
+def trajectory_of(system: TraceSystem, run: Stretch) -> Paths:
     """Return the motion in a stretch of a run, which knows what is under way at its start."""
     own = make_world(system, None, None)
     world = with_logs(SYSTEM.loop, own, run.engine, run.logs, run.clock)
