@@ -298,13 +298,13 @@ class Configuration:
     """Indices of the bodies that collide."""
 
 
-def trace_points(trace: Trace, count: int = 121) -> Array:
-    """Return points of the trace (m), shape (n, 2), `count` on each arc."""
+def trace_points(trace: Trace, on_arcs: int = 121, on_lines: int = 2) -> Array:
+    """Return points of the trace (m), shape (n, 2), so many on each arc and on each line."""
     points = [
         piece.contact_point(float(position))
         for piece in trace.pieces
         for position in np.linspace(
-            piece.angle_start, piece.angle_end, 2 if piece.is_line else count
+            piece.angle_start, piece.angle_end, on_lines if piece.is_line else on_arcs
         )
     ]
     return np.array(points)

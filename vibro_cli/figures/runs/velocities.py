@@ -25,6 +25,7 @@ from vibro_cli.figures.labels import (
     short_number,
     write_names,
 )
+from vibro_cli.figures.runs.scene import trace_points
 from vibro_cli.figures.source import Array, Recorded, first_of
 from vibro_cli.figures.style import width_of
 from vibro_cli.figures.ticks import round_below
@@ -57,7 +58,7 @@ _LONGEST = 1.5
 _APART = 0.11
 """Distance of the components from the line of centres, in the same radii."""
 _DENSE = 721
-"""Points of each piece of the trace."""
+"""Points of each piece of the trace: enough for a close view, also on lines."""
 _ALONG = 1.0 - 1e-9
 """Cosine from which a path is along the line of centres."""
 _TINY = 2e-3
@@ -148,7 +149,7 @@ def velocities(run: Recorded, width: str = "single") -> Figure | None:
     with style.journal():
         lines = rows_of(_SLIDING if all(map(_in_line, pairs)) else _LEGEND, width_of(width))
         figure, panels = sheet(width, len(rows), _TOP + LINE * (len(lines) - 1), _HIGH, _WORDS)
-        surface = _surface(run)
+        surface = trace_points(run.system.trace, _DENSE, _DENSE)
         for row, pair in zip(rows, pairs, strict=True):
             scale = _arrow_scale(pair)
             for when in (0, 1):
@@ -225,16 +226,6 @@ def sheet(
     cell = Cell(inner, high, words, _GAP, _GAP)
     sheet, corners = in_rows(cell, 2 * impacts, 2 * beside, wide, _GAP, top, _BOTTOM)
     return sheet.figure, [sheet.blank(*corner, inner, high) for corner in corners]
-
-
-def _surface(run: Recorded) -> Array:
-    """Return points of the trace (m), dense enough for a close view, also on lines."""
-    points = [
-        piece.contact_point(float(place))
-        for piece in run.system.trace.pieces
-        for place in np.linspace(piece.angle_start, piece.angle_end, _DENSE)
-    ]
-    return np.array(points)
 
 
 def _draw(axes: Axes, surface: Array, pair: Sequence[Striking], when: int, scale: float) -> None:
