@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -58,14 +58,6 @@ def body_look(ball: int) -> dict[str, Any]:
         "linestyle": _DASHES[(ball - 1) % len(_DASHES)],
         "linewidth": 0.8,
     }
-
-
-class HasBodies(Protocol):
-    """A run of whatever system."""
-
-    @property
-    def system(self) -> Any:
-        """What was solved; it has ``bodies``."""
 
 
 class Sheet:
@@ -302,7 +294,7 @@ def band_entry(spans: Sequence[tuple[float, float]]) -> list[tuple[str, dict[str
     return [(CONTACT_LABEL, look)] if spans else []
 
 
-def body_entries(run: HasBodies, most: int = _MOST_NAMED) -> list[tuple[str, dict[str, Any]]]:
+def body_entries(run: Any, most: int = _MOST_NAMED) -> list[tuple[str, dict[str, Any]]]:
     """Return the legend's entries of the bodies; of more than `most` only the first."""
     number = len(run.system.bodies)
     shown = range(1, min(number, most) + 1)

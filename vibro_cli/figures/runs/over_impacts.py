@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -220,15 +220,7 @@ _SETTLED = 0.1
 """The share of the time of the impacts after which curves are drawn: before it they jump."""
 
 
-class Converging(Protocol):
-    """A run that may have been asked for exponents."""
-
-    @property
-    def exponents(self) -> Table | None:
-        """Columns of `exponents.parquet`; None without them."""
-
-
-def exponents(run: Converging, width: str = "single") -> Figure | None:
+def exponents(run: Any, width: str = "single") -> Figure | None:
     """Return the exponents of the run until each of its impacts, and the error of the greatest.
 
     Without the transient at the beginning. None for a run that was not asked for them, or without

@@ -17,7 +17,6 @@ from vibro_cli.figures.chart import (
     MOST_LOOKS,
     MOST_VECTOR_POINTS,
     TOTAL,
-    HasBodies,
     band_entry,
     body_entries,
     body_look,
@@ -283,7 +282,7 @@ def energy_lines(courses: Sequence[tuple[Array, Array]]) -> EnergyLines:
 
 
 def energy_chart(
-    run: HasBodies,
+    run: Any,
     lines: EnergyLines,
     losses: tuple[Array, Array],
     contacts: Sequence[tuple[float, float]],

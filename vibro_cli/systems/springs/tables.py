@@ -19,7 +19,6 @@ from vibro_cli.systems.columns import (
     KINETIC,
     Column,
     Table,
-    Value,
     before_and_after,
     count,
     exponents,
@@ -129,10 +128,6 @@ def _never_progressive(rows: Any) -> Any:
     return np.zeros(len(rows), dtype=np.int64)
 
 
-def _eight(end: str, when: str) -> Value:
-    return methodcaller("eight", end, when)
-
-
 def _impact_columns() -> Iterator[Column]:
     yield from impact_head()
     yield count("ball_a", "left body, from 1", value=lambda rows: rows.body("a") + 1)
@@ -156,7 +151,7 @@ def _impact_columns() -> Iterator[Column]:
     yield from before_and_after("kinetic_energy", "J", KINETIC, value=kinetic)
     yield impulse()
     yield from phases("regime", _REGIME, REGIMES, lambda *_: _never_progressive)
-    yield from phases("eight", _EIGHT, EIGHTS, _eight)
+    yield from phases("eight", _EIGHT, EIGHTS, partial(methodcaller, "eight"))
 
 
 COLLISIONS = Table("springs.collisions", "one impact of two neighbours", tuple(_impact_columns()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -40,14 +40,7 @@ _FILM_WALL = 0.06
 """Height of a wall at an end of the trace, as a share of half the width."""
 
 
-class Moving(Recorded, Protocol):
-    """A finished run whose motion can be had at any time."""
-
-    def sample(self, times: Any) -> dict[str, Any]:
-        """The motion of every body at given times (s)."""
-
-
-def film(run: Moving, times: Array) -> Frames:
+def film(run: Any, times: Array) -> Frames:
     """Return the states of all bodies at the times of frames (s).
 
     Nothing is interpolated: each state is that of its flight in closed form. On a closed trace the
