@@ -234,9 +234,16 @@ class System(ABC):
     impact_tables: ClassVar[tuple[str, ...]] = ("collisions",)
     """The tables of impacts that grids can keep."""
 
-    @abstractmethod
     def tables(self) -> tuple[Table, ...]:
-        """Return every table with all columns it may have; the summary's stand for a body `i`."""
+        """Return every table with all columns it may have; the summary's stand for a body `i`.
+
+        Those beside impacts, summary and exponents are ``OTHER_TABLES`` of ``tables.py``.
+        """
+        from vibro_cli.systems.columns import converging, with_growth
+
+        impacts = [with_growth(log.table) for log in self.impact_logs.values()]
+        part = self.part("tables")
+        return (*impacts, *part.OTHER_TABLES, part.summary("i", "i"), converging("i"))
 
     def summary(self, bodies: int, grown: bool = False) -> Table:
         """Return the summary of runs with so many bodies, `grown` with exponents.
@@ -262,21 +269,33 @@ class System(ABC):
             return with_growth(table) if GROWTH[0].name in column_names else table
         return {table.file: table for table in self.tables()}.get(name)
 
-    @abstractmethod
     def teller(self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink) -> Tables:
         """Return what makes the tables with these names of a run, and its summary."""
+        from vibro_cli.systems.tables import SystemTables
+
+        return SystemTables(self, system, wanted, names, sink)
 
     @property
-    def impact_logs(self) -> dict[str, ImpactLog]:
-        """The tables of impacts by their names, where columns are made from rows of logs."""
-        return {}
+    def impact_logs(self) -> Mapping[str, ImpactLog]:
+        """The tables of impacts by their names, where columns are made from rows of logs.
 
-    @abstractmethod
+        They are ``IMPACT_LOGS`` of ``tables.py``.
+        """
+        logs: Mapping[str, ImpactLog] = self.part("tables").IMPACT_LOGS
+        return logs
+
+    def events(self, system: Any, logs: Any) -> Rows | None:
+        """Return the columns of events of a stretch from its logs, None without such a table."""
+        return None
+
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Trajectory:
         """Return the motion in a stretch of a run, which may be all of it.
 
-        `before` is the ``last`` of the trajectory of the stretch before it.
+        `before` is the ``last`` of the trajectory of the stretch before it. It is ``Motion`` of
+        ``tables.py``.
         """
+        trajectory: Trajectory = self.part("tables").Motion(system, stretch, before)
+        return trajectory
 
     def long_motion(
         self, system: Any, limits: Limits, rows: Mapping[str, int], interrupted: bool

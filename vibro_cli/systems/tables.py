@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -18,30 +18,20 @@ from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.tangents import exponent_table, grown_columns
 from vibro_cli.systems.wanted import Limits, Sampling, Wanted
 
-States = Callable[[Any, float], Rows]
-"""From the records that change in a run and a time (s): the columns of the motion table then."""
-
 
 class SystemTables:
     """What the tables of a run say, stretch by stretch: see ``systems.contract.System.teller``.
 
-    `states` tells where the bodies are at the start and at the end, `events` the columns of
-    ``events.parquet`` from the logs of a stretch, where there is such a table.
+    Where the bodies are at the start and at the end, ``states_at`` of the system's ``tables.py``
+    tells from the records that change in a run.
     """
 
     def __init__(
-        self,
-        kind: System,
-        system: Any,
-        wanted: Wanted,
-        names: Collection[str],
-        sink: Sink,
-        states: States,
-        events: Callable[[Any], Rows] | None = None,
+        self, kind: System, system: Any, wanted: Wanted, names: Collection[str], sink: Sink
     ) -> None:
         self._kind, self._system, self._sink = kind, system, sink
-        self._states = states
-        self._events = events if "events" in names else None
+        self._states = partial(kind.part("tables").states_at, system)
+        self._tells_events = "events" in names
         logs = kind.impact_logs
         self._counted = logs["collisions"].log
         self._impacts = {name: _Impacts(one, system) for name, one in logs.items() if name in names}
@@ -54,7 +44,7 @@ class SystemTables:
         started = {
             name: record_array(getattr(world, name), records[name]) for name in kind.loop.state
         }
-        self._totals = Totals(float(np.sum(states(started, 0.0)["energy"])))
+        self._totals = Totals(float(np.sum(self._states(started, 0.0)["energy"])))
 
     def take(self, stretch: Stretch) -> None:
         """Tell of a stretch."""
@@ -68,8 +58,11 @@ class SystemTables:
             self._sink(name, columns)
         if self._tangents is not None and self._converging and ended:
             self._sink("exponents", exponent_table(self._tangents))
-        if self._events is not None and more:
-            self._sink("events", self._events(stretch.logs))
+        events = None
+        if self._tells_events and more:
+            events = self._kind.events(self._system, stretch.logs)
+        if events is not None:
+            self._sink("events", events)
         self._begun = True
         if self._sampling is not None:
             trajectory = self._kind.trajectory(self._system, stretch, self._before)

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import ImpactLog, Sink, System
+from vibro_cli.systems.contract import Rows, System
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibro_cli.compile.kernel import Kernel
-    from vibro_cli.systems.columns import Table
-    from vibro_cli.systems.run import Stretch
-    from vibro_cli.systems.springs.tables import Motion
-    from vibro_cli.systems.tables import SystemTables
     from vibro_cli.systems.tangents import LoggedMap
-    from vibro_cli.systems.wanted import Wanted
 
 
 class BodiesOnSprings(System):
@@ -42,31 +37,10 @@ class BodiesOnSprings(System):
 
         return advance, sample_states, follow_bodies
 
-    def tables(self) -> tuple[Table, ...]:
-        from vibro_cli.systems.columns import converging, with_growth
-        from vibro_cli.systems.springs.tables import COLLISIONS, EVENTS, MOTION, summary
+    def events(self, system: Any, logs: Any) -> Rows:
+        from vibro_cli.systems.springs.tables import EVENTS, Contacts
 
-        return with_growth(COLLISIONS), EVENTS, MOTION, summary("i", "i"), converging("i")
-
-    @property
-    def impact_logs(self) -> dict[str, ImpactLog]:
-        from vibro_cli.systems.springs.tables import COLLISIONS, Collisions, SpringBodies
-
-        return {"collisions": ImpactLog("impacts", COLLISIONS, Collisions, SpringBodies)}
-
-    def teller(
-        self, system: Any, wanted: Wanted, names: Collection[str], sink: Sink
-    ) -> SystemTables:
-        from vibro_cli.systems.springs.tables import EVENTS, Contacts, states_at
-        from vibro_cli.systems.tables import SystemTables
-
-        def states(records: Any, time: float) -> dict[str, Any]:
-            return states_at(system, records["springs"], time)
-
-        def events(logs: Any) -> dict[str, Any]:
-            return EVENTS.filled(Contacts(logs["states"], len(system.bodies)))
-
-        return SystemTables(self, system, wanted, names, sink, states, events)
+        return EVENTS.filled(Contacts(logs["states"], len(system.bodies)))
 
     def tangents(self, system: Any) -> LoggedMap:
         from vibro_cli.kernels.springs.tangent import follow_bodies
@@ -74,11 +48,6 @@ class BodiesOnSprings(System):
         from vibro_cli.systems.tangents import LoggedMap
 
         return LoggedMap(self, system, follow_bodies, time_scale(system))
-
-    def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Motion:
-        from vibro_cli.systems.springs.tables import Motion
-
-        return Motion(system, stretch.engine, stretch.logs["states"], before)
 
     def method(self, scenario: Mapping[str, Any]) -> str:
         return (

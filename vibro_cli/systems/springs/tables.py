@@ -36,7 +36,9 @@ from vibro_cli.systems.columns import (
     summary_head,
     word,
 )
+from vibro_cli.systems.contract import ImpactLog
 from vibro_cli.systems.driver import compiled_world, record_array
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.springs.system import LOOP, SpringsSystem, make_world
 from vibro_cli.systems.tables import Bodies, PairRows, bodies_at, events_until
 from vibro_cli.systems.wanted import Limits
@@ -207,6 +209,10 @@ MOTION = Table(
 )
 
 
+OTHER_TABLES = (EVENTS, MOTION)
+IMPACT_LOGS = {"collisions": ImpactLog("impacts", COLLISIONS, Collisions, SpringBodies)}
+
+
 def summary(bodies: Iterable[int | str], grown: int | str = 0) -> Table:
     """The table of summaries of runs with these bodies: numbers from 1, or a letter for any.
 
@@ -236,16 +242,15 @@ class Motion:
 
     Parameters
     ----------
-    system, engine
-        What is solved, and ``"compiled"`` or ``"python"``; both give the same bits.
-    states
-        The log of a stretch of the run.
+    system, stretch
+        What is solved, and a stretch of the run.
     before
         The last states before it, from :attr:`last`; without them the stretch is the first.
     """
 
-    def __init__(self, system: SpringsSystem, engine: str, states: Any, before: Any = None) -> None:
-        self._system, self._engine = system, engine
+    def __init__(self, system: SpringsSystem, stretch: Stretch, before: Any = None) -> None:
+        self._system, self._engine = system, stretch.engine
+        states = stretch.logs["states"]
         self._log = states if before is None else np.concatenate([before, states])
         self.last = self._log[-len(system.bodies) :]
         """The states after the last event."""
@@ -290,8 +295,9 @@ class Motion:
         return record_array(rows, Found)
 
 
-def states_at(system: SpringsSystem, springs: Any, time: float) -> dict[str, NDArray[Any]]:
+def states_at(system: SpringsSystem, records: Any, time: float) -> dict[str, NDArray[Any]]:
     """Return the columns of the motion table at one time (s), at which the bodies are."""
+    springs = records["springs"]
     found = np.empty((1, len(springs)), dtype=dtype(Found))
     found["x"], found["v"] = springs["x"], springs["v"]
     # As `kernels.springs.series.energy_of` has it, to the bit.

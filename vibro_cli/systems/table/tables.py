@@ -30,9 +30,11 @@ from vibro_cli.systems.columns import (
     summary_balance,
     summary_head,
 )
+from vibro_cli.systems.contract import ImpactLog
 from vibro_cli.systems.driver import angles_of
+from vibro_cli.systems.run import Stretch
 from vibro_cli.systems.table.system import POLYGON, TableSystem
-from vibro_cli.systems.tables import ImpactRows, PairRows, bodies_at, events_until
+from vibro_cli.systems.tables import Bodies, ImpactRows, PairRows, bodies_at, events_until
 
 _AXES = ("x", "y")
 _ANGLES = {"pre": "arrival", "post": "outgoing"}
@@ -229,6 +231,12 @@ MOTION = Table(
         number("energy", "J", "kinetic energy", value=lambda m: 0.5 * m["mass"] * m["square"]),
     ),
 )
+OTHER_TABLES = (MOTION,)
+_WALL = ("Impacts on the wall", "impacts on the wall", "was none on the wall")
+IMPACT_LOGS = {
+    "collisions": ImpactLog("pair_log", COLLISIONS, Collisions, Bodies),
+    "bounces": ImpactLog("bounce_log", BOUNCES, Bounces, Bodies, *_WALL),
+}
 _CAUSES = (
     "time, collisions, bounces, no_more_collisions, inadmissible, wall_contact (a ball comes "
     "to roll along the wall, which is not solved) or accumulation (impacts without end in "
@@ -266,24 +274,20 @@ class Motion:
 
     Parameters
     ----------
-    system
-        What is solved.
-    pairs, bounces
-        The logs of a stretch of the run.
+    system, stretch
+        What is solved, and a stretch of the run.
     before
         The last event of each ball before it, from :attr:`last`; without it the stretch is the
         first.
     """
 
-    def __init__(
-        self, system: TableSystem, pairs: Any, bounces: Any, before: Floats | None = None
-    ) -> None:
+    def __init__(self, system: TableSystem, stretch: Stretch, before: Floats | None = None) -> None:
         self._system = system
         number = len(system.bodies)
         if before is None:
             starts = [(0.0, 0.0, 0.0, *one.place, *one.velocity) for one in system.initial]
             before = np.array(starts)
-        balls, rows = _events(pairs, bounces)
+        balls, rows = _events(stretch.logs["pair_log"], stretch.logs["bounce_log"])
         balls = np.concatenate([np.arange(number), balls])
         rows = np.concatenate([before, rows])
         order = np.lexsort((rows[:, 0], balls))
@@ -324,8 +328,9 @@ class Motion:
         return _motion_columns(self._system, instants, column)
 
 
-def states_at(system: TableSystem, balls: Any, time: float) -> dict[str, NDArray[Any]]:
+def states_at(system: TableSystem, records: Any, time: float) -> dict[str, NDArray[Any]]:
     """Return the columns of the motion table at one time (s), from the balls' last events."""
+    balls = records["balls"]
     past = time - balls["t"] - balls["t_low"]
     x, y = (balls[axis] + past * balls[f"v{axis}"] for axis in "xy")
     column = {"x": x, "y": y, "vx": balls["vx"], "vy": balls["vy"]}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from vibro_cli.systems.contract import Sink, System, TimedScene
+from vibro_cli.systems.contract import ImpactLog, Sink, System, TimedScene
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -110,6 +110,10 @@ class Trace(System):
         from vibro_cli.systems.trace.tables import Tables
 
         return Tables(system, wanted, names, sink)
+
+    @property
+    def impact_logs(self) -> dict[str, ImpactLog]:
+        return {}  # a kernel makes the columns of its impacts
 
     def trajectory(self, system: Any, stretch: Stretch, before: Any = None) -> Paths:
         from vibro_cli.systems.trace.tables import trajectory_of
