@@ -39,7 +39,7 @@ from vibro_cli.mechanics.system import TraceSystem
 from vibro_cli.systems.driver import zeros
 from vibro_cli.systems.tangents import room_for
 from vibro_cli.systems.trace import SYSTEM
-from vibro_cli.systems.trace.world import compiled_world, half_angle, make_world
+from vibro_cli.systems.trace.world import compiled_world, initial_flight, make_world, pairs_of
 
 
 class Progress(NamedTuple):
@@ -229,24 +229,15 @@ def _rows(records: Sequence[Any], cls: type, count: int) -> Any:
 
 def points_of(system: TraceSystem, count: int, impacts: int) -> Points:
     """Return so many points of a system, all with its own starts and so many impacts each."""
-    pieces = [start.piece for start in system.initial]
-    halves = [
-        half_angle(system.trace.pieces[start.piece], start.position) for start in system.initial
-    ]
-    rates = []
-    for body, start in zip(system.bodies, system.initial, strict=True):
-        rho = system.trace.pieces[start.piece].path_radius(body.radius)
-        frequency = body.natural_rate(system.gravity, rho)
-        rates.append(start.speed / (2.0 * frequency * rho))
-    pairs = list(system.restitution) or [1.0]
-    if system.trace.closed and len(system.bodies) == 2:
-        pairs = 2 * pairs
+    flights = [initial_flight(system, number) for number in range(len(system.bodies))]
+    pairs = [system.restitution_of(number) for number in range(len(pairs_of(system)))] or [1.0]
 
     def tiled(values: Any, kind: type = float) -> Any:
         return np.tile(np.array(values, dtype=kind), (count, 1))
 
+    s, c, p = (tiled([getattr(flight, name) for flight in flights]) for name in "scp")
     return make_points(
-        np.full(count, NEVER), np.full(count, impacts), tiled(pieces, np.int64),
-        tiled([s for s, _ in halves]), tiled([c for _, c in halves]), tiled(rates),
+        np.full(count, NEVER), np.full(count, impacts),
+        tiled([flight.piece for flight in flights], np.int64), s, c, p,
         tiled([body.mass for body in system.bodies]), tiled(pairs),
     )  # fmt: skip
