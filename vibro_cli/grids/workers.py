@@ -241,18 +241,16 @@ def estimate(grid: Grid, engine: str, stretch: int) -> Estimate:
     return Estimate(len(points), solved.impacts / len(points), taken / len(points), size)
 
 
-def solve_into(
-    folder: Path, grid: Grid, workers: int = 0, engine: str = "compiled", force: bool = False
-) -> None:
-    """Solve what a folder lacks of a grid, in threads, by default one on each processor.
+def solve_into(folder: Path, grid: Grid, workers: int, force: bool) -> None:
+    """Solve what a folder lacks of a grid, in so many threads; with 0 one on each processor.
 
-    Both engines give the same bytes; `force` replaces another grid in the folder. Raises as
-    :func:`dataset.opened`, and ``OSError`` where a part cannot be written.
+    `force` replaces another grid in the folder. Raises as :func:`dataset.opened`, and ``OSError``
+    where a part cannot be written.
     """
-    chunks = chunks_of(grid, None if force else known_division(folder), engine)
+    chunks = chunks_of(grid, None if force else known_division(folder), "compiled")
     with opened(folder, grid, chunks, force) as dataset:
         threads = workers or available_cores()
-        given = grid, chunks, dataset.missing, folder, threads, engine
+        given = grid, chunks, dataset.missing, folder, threads, "compiled"
         try:
             for receipt in solve_in_threads(*given, lambda points, impacts: None):
                 dataset.add(receipt)

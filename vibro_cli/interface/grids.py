@@ -256,7 +256,7 @@ def sweep(
         folder = temporary.path
     target = Path(folder)
     try:
-        solve_into(target, grid, workers, force=force)
+        solve_into(target, grid, workers, force)
         found = Grid(open_stored_grid(target, temporary))
     except BaseException:
         if temporary is not None:

@@ -247,11 +247,11 @@ def check_accumulation(plan: Plan) -> list[Finding]:
 MOST_IMPACTS = 200_000
 
 
-def _touching(masses: list[float], middle: float = 0.0) -> list[Document]:
+def _touching(masses: list[float]) -> list[Document]:
     """Balls at rest in contact, about the bottom of a valley."""
     two = system_of(scene(VALLEY, [ball(-0.5), ball(0.5)], time=1.0))
     beta = contact_angle(two.trace.pieces[0], 0.1, 0.1)
-    first = middle - 0.5 * beta * (len(masses) - 1)
+    first = -0.5 * beta * (len(masses) - 1)
     balls = [ball(first, mass=masses[0])]
     balls += [{"radius": 0.1, "mass": m, "arc": 1, "touching": "previous"} for m in masses[1:]]
     return balls
