@@ -19,14 +19,14 @@ from vibro_cli.errors import VibroError
 from vibro_cli.kernels.numerics.angles import fill_angles
 from vibro_cli.kernels.world import LOG_FULL, BodyData
 from vibro_cli.mechanics.system import Body
-from vibro_cli.systems.wanted import FINAL, Limits, tell
+from vibro_cli.systems.wanted import FINAL, UNLIMITED, Limits, tell
 
 # Interpreted, the kernels are the reference of every bit; compiled they are faster.
 ENGINES = ("compiled", "python")
 # Room in the logs, in rows; the interpreter's are made of objects and stay small.
 INTERPRETED_ROWS = 256
 COMPILED_ROWS = 16384
-# Room at first; four times as much each time that it is full.
+# Room at first, of a run that is not told to have more impacts; once it is full, there is all.
 FIRST_ROWS = 256
 # Where rows are dropped, the logs stay in the processor's cache.
 DROPPED_ROWS = 64
@@ -127,7 +127,7 @@ class Driver:
             self._collect()
         if compiles:
             self.engine = "compiled"
-            self.world = compiled_world(loop, self.world, rows=FIRST_ROWS)
+            self.world = compiled_world(loop, self.world, rows=_first_rows(world.settings[0]))
 
     def run(self) -> int:
         """Run to the end; return the cause, else as :meth:`rounds`."""
@@ -216,9 +216,8 @@ class Driver:
         settings, loop = self.world.settings, self._loop
         room, most = int(_get(settings, "room")), loop.room(self._most_rows, self.world)
         if room < most:
-            room = min(4 * room, most)
-            _set(settings, "room", room)
-            logs = {name: zeros(2 * room, loop.records[name]) for name in loop.logs}
+            _set(settings, "room", most)
+            logs = {name: zeros(2 * most, loop.records[name]) for name in loop.logs}
             self.world = self.world._replace(**logs)
 
     def _take(self, name: str, rows: Any, count: int) -> None:
@@ -292,6 +291,12 @@ def compiled_world(
 def _most_rows(settings: Any) -> int:
     """Room in the logs of a compiled run at the most."""
     return COMPILED_ROWS if getattr(settings, "keep", 1) == 1 else DROPPED_ROWS
+
+
+def _first_rows(settings: Any) -> int:
+    """Room in the logs of a compiled run at first."""
+    stops = [getattr(settings, name, UNLIMITED) for name in ("stop_collisions", "stop_bounces")]
+    return COMPILED_ROWS if COMPILED_ROWS < min(stops) < UNLIMITED else FIRST_ROWS
 
 
 def _get(records: Any, field: str) -> Any:
