@@ -152,7 +152,7 @@ def _run(world: World) -> int:
             room = 2 * (settings.room - len(world.bodies))
         if clock.impact_rows >= room or clock.state_rows >= room:
             return LOG_FULL
-        if clock.work >= 2 * settings.room:  # to be compiled if it comes back often
+        if clock.work >= 2 * settings.room:  # so that progress is told and interrupts are seen
             return LOG_FULL
         if clock.unsettled != SETTLED:
             cause = _settle(world)
