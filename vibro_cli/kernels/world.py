@@ -336,8 +336,6 @@ class ImpactRow:
     b: int
     piece_a: int
     piece_b: int
-    lap_a: int
-    lap_b: int
     a_s: float
     a_c: float
     b_s: float

@@ -162,8 +162,6 @@ def log_impact(world: World, j: int, wa: float, wb: float, law: int, loss: float
     row.b = pair.b
     row.piece_a = a.piece
     row.piece_b = b.piece
-    row.lap_a = a.lap
-    row.lap_b = b.lap
     row.a_s = a.s
     row.a_c = a.c
     row.b_s = b.s
