@@ -405,6 +405,6 @@ class System(ABC):
             yield from self.point_lines(body)
 
     def point_lines(self, body: dict[str, Any]) -> Iterator[str]:
-        """Return the singular points of a body as lines of text, see ``portrait.py``."""
+        """Return what a portrait shows of one body as lines of text, see ``portrait.py``."""
         lines: Iterator[str] = self.part("portrait").point_lines(body)
         return lines

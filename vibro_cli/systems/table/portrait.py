@@ -246,7 +246,7 @@ def _described(system: TableSystem) -> str:
 
 
 def point_lines(body: dict[str, Any]) -> Iterator[str]:
-    """Return the singular points of a body as lines of text."""
+    """Return the orbits of a ball to and fro between two bounces as lines of text."""
     yield "  to and fro along  kind        chord [m]  radius of curvature [m]  grows by"
     for point in body["points"]:
         grows = "-" if point["multiplier"] is None else f"{point['multiplier']:.6g}"
