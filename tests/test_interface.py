@@ -491,6 +491,32 @@ def test_tables_and_sections_of_a_folder_need_no_solving(
         opened.sample(1.0)
 
 
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("one_circle", ("intervals", "impact_map")),
+        ("springs/two_disks", ("intervals", "impact_map")),
+        ("table/billiards", ("intervals", "velocities")),
+    ],
+)
+def test_figures_of_tables_alone_need_no_solving(
+    tmp_path: Path, name: str, kinds: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = simulate(load_scenario(ROOT / f"scenarios/{name}.toml"))
+    folder = run.save(tmp_path / "run", figures=False)
+
+    def elsewhere(*_: object) -> NoReturn:
+        raise NotRecalled("solved again it ends elsewhere")
+
+    for solve in ("recalled", "recalled_motion"):
+        monkeypatch.setattr(stored, solve, elsewhere)
+    opened = open_run(folder)
+    for kind in kinds:
+        opened.figure(kind).save(tmp_path / "opened.png")
+        run.figure(kind).save(tmp_path / "run.png")
+        assert (tmp_path / "opened.png").read_bytes() == (tmp_path / "run.png").read_bytes()
+
+
 def test_a_folder_that_has_gone_is_told(tmp_path: Path, run: Run) -> None:
     opened = open_run(run.save(tmp_path / "run", figures=False))
     grid = sweep(run.scenario, {"collision.k": [0.8, 0.9]}, tmp_path / "grid", collisions=True)

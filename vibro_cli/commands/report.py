@@ -268,7 +268,7 @@ def _drawn(subject: "Subject", width: str, maps: Sequence[str]) -> "Iterator[tup
     for place, run in enumerate(subject, 1):
         name = run.scenario.name if run.folder is None else run.folder.name
         prefix = f"{place}_{name}_" if len(subject) > 1 else ""
-        each = draw_all(run.whole or run, None, width)
+        each = draw_all(run, None, width)
         yield from ((f"{prefix}{drawn.name}", drawn) for drawn in each)
 
 

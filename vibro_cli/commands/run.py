@@ -444,7 +444,7 @@ def _figures(
         return {}
     written, summary = folder.end_tables(), result.summary_record()
     run = stored_run(written, scenario, result.checkpoint(), {}, summary)
-    files = figures_of(run.whole or run, names)
+    files = figures_of(run, names)
     if (wishes.figures or "all").strip().lower() not in ("all", *_DEFAULT):
         for text in nothing_shown(names, files):
             say(f"{scenario.name}: {text}", "warning", scenario=scenario.name)

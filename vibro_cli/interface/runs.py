@@ -72,8 +72,8 @@ class Run:
 
     @property
     def _shown(self) -> Any:
-        """The run as figures take it, of a long one from a folder without its logs."""
-        return self._solved or (self.stored and self.stored.whole) or self.stored
+        """The run as figures take it: one from a folder is solved again for its motion alone."""
+        return self._solved or self.stored
 
     @property
     def folder(self) -> Path | None:

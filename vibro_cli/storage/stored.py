@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibro_cli.api import NotRecalled, recalled, recalled_motion
+from vibro_cli.assemble import build_any
 from vibro_cli.errors import VibroError
 from vibro_cli.scenario.base import AnyScenario
 from vibro_cli.scenario.loading import load_any
@@ -28,7 +29,7 @@ from vibro_cli.storage.tables import (
     units_of_numbers,
 )
 from vibro_cli.systems import system_named
-from vibro_cli.systems.contract import Motion, System
+from vibro_cli.systems.contract import Motion, System, Trajectory
 from vibro_cli.systems.run import Run
 
 if TYPE_CHECKING:
@@ -68,25 +69,20 @@ class StoredRun:
         except NotRecalled as error:
             raise NotContinuable(f"{self.folder}: {error}") from error
 
-    @property
-    def whole(self) -> Run | None:
-        """The run with all its logs, None where it is too long to be kept."""
-        return self.motion if isinstance(self.motion, Run) else None
-
     @cached_property
     def run(self) -> Run:
         """The run with all its logs, however long it is."""
-        return self.whole or self._solve()
+        return self.motion if isinstance(self.motion, Run) else self._solve()
 
     @property
     def kind(self) -> System:
         """What differs from one system to another."""
         return system_named(self.scenario.system)
 
-    @property
+    @cached_property
     def system(self) -> Any:
         """What was solved."""
-        return self.motion.system
+        return build_any(self.scenario)
 
     def table(self, name: str) -> Columns:
         """Return the columns of a table; null is NaN in numbers and None in words."""
@@ -101,9 +97,24 @@ class StoredRun:
         return self.table("collisions")
 
     @property
+    def bounces(self) -> Columns:
+        """The impacts on the wall."""
+        return self.table("bounces")
+
+    @property
     def events(self) -> Columns:
         """What else happened."""
         return self.table("events")
+
+    @property
+    def end_time(self) -> float:
+        """When it ended (s)."""
+        return float(self.summary["end_time"])
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion of all bodies, in closed form."""
+        return self.run.trajectory
 
     @property
     def exponents(self) -> Columns | None:
