@@ -266,6 +266,12 @@ def of_lanes_as_truth(rows: Sequence[Wide]) -> float:
 
 
 @kernel
+def of_power_of_lanes(rows: Sequence[Wide]) -> float:
+    root = rows[0].x ** 0.5
+    return in_lane(root, 0)
+
+
+@kernel
 def of_wrong_number(a: float) -> float:
     return _reach(a, a)  # type: ignore[call-arg,arg-type]
 
@@ -339,6 +345,7 @@ def of_no_variable(a: float) -> float:
         (of_no_field, "has no field y"),
         (of_keywords, "by position only"),
         (of_lanes_as_truth, "expected one truth value"),
+        (of_power_of_lanes, "lanes have no such operator"),
         (of_wrong_number, "is given 2 of 1 arguments"),
         (of_try, "a kernel has no try"),
     ],

@@ -534,6 +534,8 @@ class Function:
         one, other = (self._cast(Value(code, kind), wanted, node) for code in codes)
         name = {ast.Pow: "std::pow", ast.Mod: "py::mod", ast.FloorDiv: "py::floordiv"}
         if type(node.op) in name:
+            if kind.size:
+                self._fail(node, f"{ast.unparse(node)}: lanes have no such operator")
             return Value(f"{name[type(node.op)]}({one}, {other})", wanted)
         sign = _OPERATORS.get(type(node.op))
         if sign is None or kind.form == "mask" or (sign == "&" and wanted != t.INT):
