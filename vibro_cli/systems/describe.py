@@ -53,8 +53,9 @@ def lines_of(found: dict[str, Any], settings: Settings, body_lines: BodyLines) -
     scenario = found["scenario"]
     yield f"{found['name']}: valid"
     yield f"  system {scenario['system']}"
-    if "wall" in scenario:
-        yield f"  wall {settings(scenario['wall'], ('wall',))}"
+    for key, value in scenario.items():
+        if isinstance(value, Mapping) and key not in _TOLD_BELOW:
+            yield f"  {key} {settings(value, (key,))}"
     for body, given in zip(found["bodies"], scenario["balls"], strict=True):
         start = {key: value for key, value in given.items() if key not in _OF_THE_BODY}
         yield f"{body_line(body)}; {settings(start, ('balls', 0))}"
@@ -68,4 +69,6 @@ def lines_of(found: dict[str, Any], settings: Settings, body_lines: BodyLines) -
         yield f"  warning: {warning}"
 
 
+# What is told in words of its own, and what says nothing of the motion.
+_TOLD_BELOW = ("collision", "stop", "output", "analysis")
 _OF_THE_BODY = ("body", "radius", "mass", "density", "inertia_ratio", "thickness")
