@@ -171,3 +171,22 @@ def test_flight_curve_runs_from_end_to_end() -> None:
         for column, values in (("t", t), ("angle", place), ("rate", rate)):
             assert values[0] == pytest.approx(flights[f"{column}_start"][index], abs=1e-13)
             assert values[-1] == pytest.approx(flights[f"{column}_end"][index], abs=1e-13)
+
+
+def test_a_circle_that_begins_at_its_bottom_ends_there(tmp_path: Path) -> None:
+    """A body that has come round to the seam is at the end of the circle, not at its beginning."""
+    path = tmp_path / "circle.toml"
+    path.write_text(
+        'gravity = 9.81\ntrace = {start_slope = 0, closed = true, arcs = [{shape = "valley", '
+        'radius = 1.5, end_slope = "360 deg"}]}\n'
+        "balls = [{radius = 0.1, mass = 1.0, arc = 1, angle = 3.0, rate = 4.0}]\n"
+        "stop = {time = 60.0}\n"
+    )
+    run = simulate(load_scenario(path))
+    flights = run.flights()
+    ends = np.flatnonzero(flights["cause_end"] == "crossing")
+    assert len(ends) > 30
+    for index in ends.tolist():
+        assert run.flight_curve(index, 5)[1][-1] == pytest.approx(2.0 * math.pi, abs=1e-13)
+    sample = run.sample(flights["t_end"][ends], "before")
+    np.testing.assert_allclose(sample["s"], run.system.trace.length, rtol=1e-13)
