@@ -114,7 +114,7 @@ class Places:
         half = angles_of(np.where(hump, -c, s), np.where(hump, s, c))
         angle = 2.0 * half + self._at(self.turn, piece)
         ends = self._at(self.angle_start, piece), self._at(self.angle_end, piece)
-        # Half an angle is known but for whole turns: at the ends of a whole circle a rounding tells.
+        # Half an angle is known but for whole turns: at the ends of a circle a rounding decides.
         beyond = np.rint((angle - 0.5 * (ends[0] + ends[1])) / (2.0 * math.tau))
         angle = np.clip(angle - 2.0 * math.tau * beyond, *ends)
         return np.where(sign == 0.0, s, angle)
