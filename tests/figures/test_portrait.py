@@ -315,3 +315,13 @@ def test_the_separatrix_of_a_full_circle_is_named_where_it_is_seen(
     top = figure.axes[0].get_ylim()[1]
     assert top == pytest.approx(1.08 * rate)
     assert (top > hills.natural_rate(first) * math.sqrt(2.0)) == seen
+
+
+def test_a_line_that_the_body_does_not_reach_shows_its_level_curves() -> None:
+    run = made(-90, valley(1.0, 0), line(1.5), valley(1.0, 90))
+    run.fly(1, (-1.0, 6.0), (-0.5, 6.5), cause_start="start", cause_end="end")
+    figure = phase_portrait(run, 1)
+    speeds = [np.max(np.abs(curve[:, 1])) for curve in lines(figure, 1, 1.0)]
+    assert len(speeds) >= 4
+    assert max(speeds) > 2.0
+    assert figure.axes[1].get_ylim()[1] == pytest.approx(1.08 * max(speeds))

@@ -115,7 +115,9 @@ def _top(pieces: Sequence[Piece], path: Trajectory, behind: Background, lines: b
     members = [piece.index for piece in pieces if piece.is_line == lines]
     reached = greatest_rate(path, members)
     separatrix = _separatrix(behind, members)
-    return _MARGIN * (max(reached, min(separatrix, _FAR * reached)) or separatrix or 1.0)
+    levels = _highest([curve.rate for curve in behind.levels if curve.piece in members])
+    shown = max(reached, min(separatrix, _FAR * reached)) or separatrix or levels
+    return _MARGIN * (shown or 1.0)
 
 
 def greatest_rate(path: Trajectory, members: Sequence[int]) -> float:
