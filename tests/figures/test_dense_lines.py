@@ -1,13 +1,18 @@
 """Very many points of a run: what is drawn is of the motion, and covers all of it."""
 
+import re
+
 import numpy as np
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from tests.effort import calls
+from tests.figures.layout import assert_texts_are_apart
 from vibro_cli import example, simulate
 from vibro_cli.figures.chart import draw_marks
 from vibro_cli.figures.runs.over_time import seen
 from vibro_cli.systems.springs.figures import springs_energy
+from vibro_cli.systems.table.plan import MOST_LINES, table_plan
 
 
 def test_a_thinned_line_has_points_of_the_line_and_its_extremes() -> None:
@@ -56,3 +61,20 @@ def test_energies_on_springs_take_as_many_calls_for_ten_times_as_many_impacts() 
         return calls(lambda: springs_energy(run, 1, run.end_time))
 
     assert needed(2000) < 1.2 * needed(200)
+
+
+def test_paths_of_a_long_run_on_a_table_end_together_before_they_are_a_stain() -> None:
+    stop = {"stop.time": 2000, "collision.k": 1, "wall.k": 1}
+    run = simulate(example("billiards").replace(stop)).solved
+    figure = table_plan(run)
+    axes = figure.axes[0]
+    (until,) = re.findall(r"the first (\S+) s of 2000 s", axes.get_xlabel())
+    paths = [one.get_segments() for one in axes.collections if isinstance(one, LineCollection)]
+    balls = len(run.system.bodies)
+    assert sum(len(path) for path in paths) <= MOST_LINES + balls
+    ends = run.sample([float(until)])
+    for ball, path in enumerate(paths):
+        end = np.asarray(path[-1])[-1]
+        slack = 0.001 * float(until) * (ends["speed"][ball] + 0.1)  # the label has three digits
+        assert np.hypot(*(end - [ends["x"][ball], ends["y"][ball]])) < slack
+    assert_texts_are_apart(figure)

@@ -32,7 +32,7 @@ from vibro_cli.scenario.loading import load_any
 from vibro_cli.systems.springs.figures import springs_energies
 from vibro_cli.systems.springs.portrait import springs_portrait, springs_structure
 from vibro_cli.systems.table.figures import table_energies
-from vibro_cli.systems.table.plan import MOST_LINES, table_plan
+from vibro_cli.systems.table.plan import table_plan
 from vibro_cli.systems.trace.figures import film as film_on_trace
 
 pytestmark = pytest.mark.long
@@ -422,7 +422,6 @@ def test_energies_and_paths_on_a_table_are_those_of_the_motion(
     assert len(paths) == len(bodies)
     for ball, path in enumerate(paths):
         drawn = np.concatenate([np.asarray(part)[:-1] for part in path.get_segments()])
-        drawn = drawn[: MOST_LINES + 1]
         times = _events_of(run, ball + 1)[: len(drawn)]
         moved = run.sample(times)
         exact = np.column_stack([moved[axis][ball :: len(bodies)] for axis in "xy"])

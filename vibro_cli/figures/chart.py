@@ -163,13 +163,15 @@ def time_axis(
     end = end if end > 0.0 else 1.0
     axes.set_xlim(0.0, end)
     ticks = _clear_of_edge(number_ticks(0.0, end, width), (0.0, end), width)
-    part = "" if whole is None or end >= whole else f", {_first_part(end, whole)}"
+    part = "" if whole is None else first_part(end, whole)
     label_axis(axes.xaxis, ticks, "$t$", "s", labelled, part)
 
 
-def _first_part(end: float, whole: float) -> str:
-    """Return in words that a run is shown up to a time (s)."""
-    return f"the first {short_number(end, 3)} s of {short_number(whole, 4)} s"
+def first_part(end: float, whole: float) -> str:
+    """Return in words, behind a unit, that a run is shown up to a time (s) if that is not all."""
+    if end >= whole:
+        return ""
+    return f", the first {short_number(end, 3)} s of {short_number(whole, 4)} s"
 
 
 def _clear_of_edge(ticks: Ticks, span: tuple[float, float], width: float) -> Ticks:
@@ -208,14 +210,18 @@ def value_axis(axes: Axes, low: float, high: float, height: float, symbol: str, 
     label_axis(axes.yaxis, ticked(low - room, high + room, height), symbol, unit)
 
 
-def plane_axes(axes: Axes, low: Array, high: Array, size: Array, labelled: bool = True) -> None:
+def plane_axes(
+    axes: Axes, low: Array, high: Array, size: Array, labelled: bool = True, after: str = ""
+) -> None:
     """Set both axes of a plane in m, from the corner `low` to `high`; `size` of the panel in mm.
 
-    Without `labelled` the horizontal axis has ticks, but no numbers and no name.
+    Without `labelled` the horizontal axis has ticks, but no numbers and no name, behind which
+    `after` is said.
     """
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    number_plane(axes, (float(size[0]), float(size[1])), ("$x$", "m"), ("$y$", "m"), labelled)
+    panel = float(size[0]), float(size[1])
+    number_plane(axes, panel, ("$x$", "m"), ("$y$", "m"), labelled, after)
 
 
 def number_plane(

@@ -13,7 +13,7 @@ from matplotlib.patches import Circle, Ellipse, Polygon
 from numpy.typing import NDArray
 
 from vibro_cli.figures import style
-from vibro_cli.figures.chart import LEFT, Sheet, body_look, plane_axes
+from vibro_cli.figures.chart import LEFT, Sheet, body_look, first_part, plane_axes
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, ring, write_names
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.velocities import draw_scale
@@ -23,8 +23,8 @@ from vibro_cli.systems.table.system import POLYGON, Wall
 
 MOST_ARROWS = 40
 """Events up to which the velocities before and after each are drawn."""
-MOST_LINES = 20_000
-"""Flights of a ball that are drawn at most; the figure says how many there are."""
+MOST_LINES = 600
+"""Flights of all balls together after which paths end, before they are a stain in one colour."""
 _MANY = 150
 """Of a ball with more flights than this the lines are thin and faint."""
 _ARROW = 0.09
@@ -45,7 +45,8 @@ def table_plan(run: Run, width: str = "single") -> Figure:
     The balls are drawn where they start (filled) and where they collide (outlined). `width` is
     `single` (85 mm) or `double` (170 mm).
     """
-    paths = [_path(run, ball) for ball in range(len(run.system.bodies))]
+    until = _shown_until(run)
+    paths = [_path(run, ball, until) for ball in range(len(run.system.bodies))]
     low, high = _extent(run, paths)
     low, high = _fitted(low, high)
     wide = width_of(width)
@@ -55,15 +56,15 @@ def table_plan(run: Run, width: str = "single") -> Figure:
     with style.journal():
         sheet = Sheet(wide, _BOTTOM + float(size[1]) + _TOP + (LINE if entries else 0.0))
         axes = sheet.panel(LEFT, _BOTTOM, float(size[0]), float(size[1]))
-        plane_axes(axes, low, high, size)
+        plane_axes(axes, low, high, size, after=first_part(until, run.end_time))
         if run.system.wall is not None:
             draw_wall(axes, run.system.wall)
         for ball, path in enumerate(paths):
             _draw_path(axes, run, ball, path)
-        _draw_impacts(axes, run)
+        _draw_impacts(axes, run, until)
         _draw_velocities(axes, arrows, _ARROW * float(high[0] - low[0]))
         _draw_numbers(axes, run, paths, (float(size[0]), float(size[1])))
-        axes.set_title(_title(run, paths), pad=2.0, color=style.FRAME_GREY)
+        axes.set_title(_title(run, until), pad=2.0, color=style.FRAME_GREY)
         if entries:
             draw_legend(sheet.figure, [entries])
     return sheet.figure
@@ -78,12 +79,20 @@ def _fitted(low: Floats, high: Floats) -> tuple[Floats, Floats]:
     return middle - 0.5 * wanted, middle + 0.5 * wanted
 
 
-def _path(run: Run, ball: int) -> Floats:
-    """Places of a ball at its start, its events and the end, a row each."""
+def _shown_until(run: Run) -> float:
+    """Return the time (s) up to which paths are drawn: the end, or when they have many flights."""
     motion: Any = run.trajectory
-    events, last = motion.balls[ball], motion.at(ball, np.array([run.end_time]))
-    x = np.append(events["x"], last["x"])
-    return np.column_stack([x, np.append(events["y"], last["y"])])[: MOST_LINES + 1]
+    starts = np.sort(np.concatenate([events["t"] for events in motion.balls]))
+    return float(starts[MOST_LINES]) if len(starts) > MOST_LINES else run.end_time
+
+
+def _path(run: Run, ball: int, until: float) -> Floats:
+    """Places of a ball at its start, its events up to a time (s) and then, a row each."""
+    motion: Any = run.trajectory
+    events, last = motion.balls[ball], motion.at(ball, np.array([until]))
+    shown = events["t"] <= until
+    x = np.append(events["x"][shown], last["x"])
+    return np.column_stack([x, np.append(events["y"][shown], last["y"])])
 
 
 def _extent(run: Run, paths: list[Floats]) -> tuple[Floats, Floats]:
@@ -154,11 +163,11 @@ def _points_along(path: Floats) -> Floats:
     return np.concatenate(pieces) if pieces else first
 
 
-def _draw_impacts(axes: Axes, run: Run) -> None:
-    """The balls where they touch one another or the wall."""
+def _draw_impacts(axes: Axes, run: Run, until: float) -> None:
+    """The balls where they touch one another or the wall, up to a time (s)."""
     sides = ((run.collisions, "_a"), (run.collisions, "_b"), (run.bounces, ""))
     for table, end in sides:
-        for row in range(min(len(table["n"]), MOST_ARROWS)):
+        for row in range(min(_within(table, until), MOST_ARROWS)):
             ball = int(table[f"ball{end}"][row]) - 1
             place = (float(table[f"x{end}"][row]), float(table[f"y{end}"][row]))
             color, radius = _colour(ball), run.system.bodies[ball].radius
@@ -226,13 +235,16 @@ def _at(table: dict[str, NDArray[np.float64]], row: int, end: str) -> list[Arrow
     return arrows
 
 
-def _title(run: Run, paths: list[Floats]) -> str:
+def _title(run: Run, until: float) -> str:
     count = len(run.collisions["n"])
     words = f"{count} {'impact' if count == 1 else 'impacts'}"
     if run.system.wall is not None:
         words += f", {len(run.bounces['n'])} on the wall"
-    if max(count, len(run.bounces["n"])) > MOST_ARROWS:
+    if any(_within(table, until) > MOST_ARROWS for table in (run.collisions, run.bounces)):
         words += f"; circles: the first {MOST_ARROWS}"
-    if any(len(path) > MOST_LINES for path in paths):
-        return f"{words}; the first {MOST_LINES} flights of a ball"
     return words
+
+
+def _within(table: Any, until: float) -> int:
+    """Return how many rows of a table of impacts are not later than a time (s)."""
+    return int(np.searchsorted(table["t"], until, side="right"))
