@@ -27,7 +27,7 @@ from vibro_cli.figures.chart import (
     time_axis,
     value_axis,
 )
-from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept
+from vibro_cli.figures.source import Array, Integers, Recorded, Table, kept, made
 from vibro_cli.kernels.numerics.constants import EPSILON
 from vibro_cli.mechanics.trace import Piece
 
@@ -227,6 +227,7 @@ _AT_ONCE = 1 << 19
 MOST_STEMS = 2000
 """Of more losses than this only the points are drawn."""
 LOSS: dict[str, Any] = {"color": style.VERMILLION, "marker": "o", "markersize": 1.8}
+GAIN: dict[str, Any] = LOSS | {"color": style.BLUE, "markerfacecolor": "white"}
 IMPACT: dict[str, Any] = {
     "marker": "o",
     "markersize": 2.4,
@@ -240,9 +241,18 @@ IMPACT: dict[str, Any] = {
 def energies(run: Recorded, width: str = "single") -> Figure:
     """Return the energy of each body and of all against time, and what impacts lose, if they do."""
     until, lines = _courses(run)
-    table = run.collisions
-    losses = np.asarray(table["t"]), np.asarray(table["energy_loss"], dtype=np.float64)
-    return energy_chart(run, lines, losses, contact_times(run), (until, _end(run)), width)
+    times = until, _end(run)
+    return energy_chart(run, lines, losses_of(run.collisions), contact_times(run), times, width)
+
+
+def losses_of(*tables: Table) -> tuple[Array, Array]:
+    """Return times (s) and losses of energy (J) of the impacts in tables, those that were made."""
+    rows = [made(table) if "admissible" in table else slice(None) for table in tables]
+    times, losses = (
+        [np.asarray(table[name])[own] for table, own in zip(tables, rows, strict=True)]
+        for name in ("t", "energy_loss")
+    )
+    return np.concatenate(times), np.concatenate(losses)
 
 
 @kept
@@ -292,16 +302,20 @@ def energy_chart(
     """Return energies of bodies and of all against time, and losses below if any.
 
     `times` are until when energies are drawn and how long the run is (s), `losses` times and losses
-    of the impacts (J), `contacts` when there is lasting contact. Raises ValueError for an unknown
-    width.
+    of the impacts (J), negative where they gain, `contacts` when there is lasting contact. Raises
+    ValueError for an unknown width.
     """
     until, whole = times
-    within = (losses[0] <= until) & (losses[1] > 0.0)
-    shown = within & (losses[1] >= EPSILON * lines.start)
-    lossy, hidden = bool(np.any(shown)), int(np.sum(within & ~shown))
+    within, rounding = losses[0] <= until, EPSILON * lines.start
+    shown = within & (np.abs(losses[1]) >= rounding)
+    lossy, hidden = bool(np.any(shown)), int(np.sum(within & (losses[1] > 0.0) & ~shown))
     total = [("sum", TOTAL)] if lines.total is not None else []
     words = f"loss ({hidden} below rounding not shown)" if hidden else "loss"
-    lost = [(words, LOSS | {"linestyle": "none"})] if lossy else []
+    lost = [
+        (name, look | {"linestyle": "none"})
+        for name, look, there in ((words, LOSS, losses[1] > 0.0), ("gain", GAIN, losses[1] < 0.0))
+        if np.any(there & shown)
+    ]
     entries = [*body_entries(run, MOST_LOOKS), *total, *lost, *band_entry(contacts)]
     with style.journal():
         heights = HIGH.get(width, HIGH["single"])[: 1 + lossy]
@@ -369,12 +383,15 @@ def seen(parts: Iterable[tuple[Array, Array]], strips: int = _STRIPS) -> tuple[A
 
 
 def _draw_losses(axes: Any, times: Array, losses: Array, height: float) -> None:
-    """Draw the losses at the impacts in a panel of a height (mm)."""
-    positive_axis(axes, losses, height, r"$\Delta E$", "J")
+    """Draw the losses at the impacts, or gains, in a panel of a height (mm)."""
+    gained, sizes = losses < 0.0, np.abs(losses)
+    symbol = r"$|\Delta E|$" if np.any(gained) else r"$\Delta E$"
+    positive_axis(axes, sizes, height, symbol, "J")
     bottom = axes.get_ylim()[0]
     if len(times) <= MOST_STEMS:
-        axes.vlines(times, bottom, losses, linewidth=0.4, color=style.LEVEL_GREY)
-    axes.plot(times, losses, linestyle="none", **LOSS)
+        axes.vlines(times, bottom, sizes, linewidth=0.4, color=style.LEVEL_GREY)
+    for rows, look in ((~gained, LOSS), (gained, GAIN)):
+        axes.plot(times[rows], sizes[rows], linestyle="none", **look)
     for artist in (*axes.lines, *axes.collections):
         artist.set_rasterized(len(times) > MOST_VECTOR_POINTS)
 

@@ -51,6 +51,7 @@ from vibro_cli.figures.runs.over_time import (
     draw_impacts,
     energy_chart,
     energy_lines,
+    losses_of,
 )
 from vibro_cli.figures.runs.velocities import draw_disc, draw_scale
 from vibro_cli.figures.source import Array, kept
@@ -106,9 +107,8 @@ FOOT = "foot of the spring"
 
 def springs_energies(run: Run, width: str = "single") -> Figure:
     """Return the energy of each body and of all against time, and what the impacts lose."""
-    rows = run.collisions
     until, lines = _courses(run)
-    lost = rows["t"], rows["energy_loss"]
+    lost = losses_of(run.collisions)
     every = [motions(run, body) for body in range(len(run.system.bodies))]
     return energy_chart(run, lines, lost, _contacts(every), (until, run.end_time), width)
 
@@ -425,8 +425,8 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
     "energy": Kind[Run](
         springs_energies,
         "Energies",
-        "Energy of each body and of all against time; below, what each impact loses. Of lasting "
-        "contact at the end some periods only.",
+        "Energy of each body and of all against time; below, what each impact loses or gains. Of "
+        "lasting contact at the end some periods only.",
     ),
     "impact_map": Kind[Run](
         springs_impact_map,

@@ -32,7 +32,7 @@ from vibro_cli.figures.runs.contact_points import (
     Rolling,
     figure_of,
 )
-from vibro_cli.figures.runs.over_time import EnergyLines, energy_chart, energy_lines
+from vibro_cli.figures.runs.over_time import EnergyLines, energy_chart, energy_lines, losses_of
 from vibro_cli.figures.runs.velocities import (
     CENTRE,
     NORMAL,
@@ -45,7 +45,7 @@ from vibro_cli.figures.runs.velocities import (
     write_over,
     write_values,
 )
-from vibro_cli.figures.source import Array, kept
+from vibro_cli.figures.source import Array, kept, made
 from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.plan import draw_wall, table_plan, wall_corners
@@ -111,6 +111,8 @@ class Met:
     """Place of the contact (m), from above."""
     normal: Array
     balls: tuple[Arriving, ...]
+    made: bool = True
+    """Whether it was: not an inadmissible one that ended the run."""
 
     @property
     def largest(self) -> float:
@@ -162,7 +164,8 @@ def _of_pair(run: Run, row: int) -> Met:
     one, other = (ball.radius for ball in balls)
     reach = 2.0 * one * math.sqrt(one * other) / (one + other) if one + other > 0.0 else 0.0
     title = f"impact {int(table['n'][row])}"
-    return Met(title, float(table["t"][row]), balls[0].centre + reach * normal, normal, balls)
+    touch = balls[0].centre + reach * normal
+    return Met(title, float(table["t"][row]), touch, normal, balls, bool(made(table)[row]))
 
 
 def _on_wall(run: Run, row: int) -> Met:
@@ -280,7 +283,8 @@ def _pair(point: Array) -> tuple[float, float]:
 
 def _say(axes: Axes, one: Met, when: int) -> None:
     """Write the values above a panel."""
-    write_over(axes, 0.0, 3, f"{one.title}, {one.time:.4g} s: before" if when == 0 else "after")
+    after = "after" if one.made else "after (inadmissible)"
+    write_over(axes, 0.0, 3, after if when else f"{one.title}, {one.time:.4g} s: before")
     rows = (
         (2, "v", "m/s", [ball.speed for ball in one.balls]),
         (1, r"\omega", "rad/s", [ball.omega for ball in one.balls]),
@@ -385,12 +389,11 @@ def table_energies(run: Run, width: str = "single") -> Figure | None:
 
     None where no energy changes.
     """
-    tables = (run.collisions, run.bounces)
-    t, lost = (np.concatenate([table[name] for table in tables]) for name in ("t", "energy_loss"))
-    if len(run.system.bodies) == 1 and not np.any(lost > 0.0):
+    lost = losses_of(run.collisions, run.bounces)
+    if len(run.system.bodies) == 1 and not np.any(lost[1] > 0.0):
         return None
     times = run.end_time, run.end_time
-    return energy_chart(run, _lines(run), (t, lost), [], times, width)
+    return energy_chart(run, _lines(run), lost, [], times, width)
 
 
 @kept
@@ -430,8 +433,8 @@ FIGURES: dict[str, Kind[Any] | KindOfBody] = {
     "energy": Kind[Run](
         table_energies,
         "Energies",
-        "Energy of each body and of all against time; below, what each impact loses. Of lasting "
-        "contact at the end some periods only.",
+        "Energy of each body and of all against time; below, what each impact loses or gains. Of "
+        "lasting contact at the end some periods only.",
     ),
     "intervals": INTERVALS,
     "exponents": EXPONENTS,

@@ -17,6 +17,7 @@ from vibro_cli.figures.chart import LEFT, Sheet, body_look, first_part, plane_ax
 from vibro_cli.figures.labels import LINE, Entry, Named, draw_legend, ring, write_names
 from vibro_cli.figures.portraits import layers
 from vibro_cli.figures.runs.velocities import draw_scale
+from vibro_cli.figures.source import made
 from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.table.system import POLYGON, Wall
@@ -29,8 +30,9 @@ _MANY = 150
 """Of a ball with more flights than this the lines are thin and faint."""
 _ARROW = 0.09
 """Length of the arrow of the fastest ball, as a share of the figure's width."""
-_HEAD = {True: "white", False: style.BLACK}
-"""Colours of the heads of arrows of velocities before impacts, and of others."""
+_HEAD = {"before": "white", "after": style.BLACK, "at the start": style.BLACK}
+"""Colours of the heads of arrows of velocity, by when it is."""
+_SIDE = {"before": "pre", "after": "post"}
 _RIGHT, _TOP, _BOTTOM = 2.5, 5.0, 8.5
 """Room beside, over and under the panel (mm)."""
 _SHAPES = (0.25, 1.5)
@@ -182,13 +184,13 @@ def _draw_velocities(axes: Axes, arrows: list[Arrow], length: float) -> None:
     if not arrows:
         return
     scale = length / max(float(np.hypot(*velocity)) for _, velocity, _ in arrows)
-    for place, velocity, before in arrows:
+    for place, velocity, when in arrows:
         step = scale * np.array(velocity)
-        end = np.array(place) if before else np.array(place) + step
+        end = np.array(place) if when == "before" else np.array(place) + step
         axes.annotate(
             "", xy=tuple(end), xytext=tuple(end - step), zorder=6.0,
             arrowprops={
-                "arrowstyle": "-|>", "edgecolor": style.BLACK, "facecolor": _HEAD[before],
+                "arrowstyle": "-|>", "edgecolor": style.BLACK, "facecolor": _HEAD[when],
                 "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 5.0,
             },
         )  # fmt: skip
@@ -196,42 +198,48 @@ def _draw_velocities(axes: Axes, arrows: list[Arrow], length: float) -> None:
 
 
 def _legend(arrows: list[Arrow]) -> list[Entry]:
-    """What the arrows of velocity mean."""
-    words = {before: f"velocity {'before' if before else 'after'}" for _, _, before in arrows}
-    if arrows and True not in words:
-        words = {False: "velocity at the start"}
+    """What the arrows of velocity mean; those at the start look as those after impacts."""
+    seen = {when for _, _, when in arrows}
+    if "after" in seen:
+        seen.discard("at the start")
     look = {"color": style.BLACK, "linewidth": 0.5, "marker": ">", "markersize": 3.0,
             "markeredgewidth": 0.5}  # fmt: skip
-    return [(words[one], look | {"markerfacecolor": _HEAD[one]}) for one in sorted(words)[::-1]]
+    return [
+        (f"velocity {when}", look | {"markerfacecolor": head})
+        for when, head in _HEAD.items()
+        if when in seen
+    ]
 
 
-Arrow = tuple[tuple[float, float], tuple[float, float], bool]
+Arrow = tuple[tuple[float, float], tuple[float, float], str]
 
 
 def _arrows(run: Run) -> list[Arrow]:
-    """Place and velocity of balls at the start and at each impact, and whether it is before one."""
+    """Place and velocity of balls at the start and at each impact, and when it is."""
     found: list[Arrow] = []
     for state in run.system.initial:
         if state.velocity != (0.0, 0.0):
-            found.append((state.place, state.velocity, False))
+            found.append((state.place, state.velocity, "at the start"))
     if len(run.collisions["n"]) + len(run.bounces["n"]) > MOST_ARROWS:
         return found
-    for row in range(len(run.collisions["n"])):
+    for row, happened in enumerate(made(run.collisions)):
         for letter in "ab":
-            found += _at(run.collisions, row, "_" + letter)
+            found += _at(run.collisions, row, "_" + letter, happened)
     for row in range(len(run.bounces["n"])):
         found += _at(run.bounces, row, "")
     return found
 
 
-def _at(table: dict[str, NDArray[np.float64]], row: int, end: str) -> list[Arrow]:
+def _at(
+    table: dict[str, NDArray[np.float64]], row: int, end: str, happened: bool = True
+) -> list[Arrow]:
     place = float(table[f"x{end}"][row]), float(table[f"y{end}"][row])
     arrows: list[Arrow] = []
-    for when in ("pre", "post"):
-        names = [f"velocity_{axis}{end}_{when}" for axis in "xy"]
+    for when in ("before", "after") if happened else ("before",):
+        names = [f"velocity_{axis}{end}_{_SIDE[when]}" for axis in "xy"]
         velocity = float(table[names[0]][row]), float(table[names[1]][row])
         if velocity != (0.0, 0.0):
-            arrows.append((place, velocity, when == "pre"))
+            arrows.append((place, velocity, when))
     return arrows
 
 

@@ -171,8 +171,8 @@ FIGURES: dict[str, Kind[Recorded] | KindOfBody] = {
         energies,
         "Energies",
         "Energy of each body and of all against time, each from its least potential energy on the "
-        "trace; below, what each impact loses. Of lasting contact at the end some periods only; "
-        "steps too close to be told apart are bands, from the least to the greatest.",
+        "trace; below, what each impact loses or gains. Of lasting contact at the end some periods "
+        "only; steps too close to be told apart are bands, from the least to the greatest.",
     ),
     "space_time": Kind(
         space_time,

@@ -1,0 +1,75 @@
+"""Figures of an inadmissible impact that ended a run, and of impacts that gain energy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.figures.layout import texts
+from vibro_cli import example, simulate
+from vibro_cli.figures.kinds import draw_one
+from vibro_cli.figures.runs.over_time import GAIN, LOSS
+from vibro_cli.scenario import Scenario
+from vibro_cli.systems.table.plan import table_plan
+
+TRACE = example("unequal_hedrih")
+TABLE = Scenario.from_dict(
+    {
+        "system": "table",
+        "balls": [
+            {"radius": 0.1, "mass": 1.0, "x": -1.0, "y": 0.0, "velocity_x": 1.0},
+            {"radius": 0.15, "mass": 1.0, "x": -2.0, "y": 0.1, "velocity_x": 2.0},
+        ],
+        "collision": {"k": 0.9},
+        "stop": {"time": 10.0},
+    }
+)
+SPRINGS = example("two_disks").replace({"balls[1].radius": 0.8, "balls[2].radius": 0.1})
+
+
+def marks(figure: Any, look: dict[str, Any]) -> np.ndarray:
+    """The points of one look in the lower panel of energies, of shape (n, 2)."""
+    face = look.get("markerfacecolor", look["color"])
+    drawn = [line for line in figure.axes[1].lines if line.get_markerfacecolor() == face]
+    return np.concatenate([np.column_stack(line.get_data()) for line in drawn])
+
+
+@pytest.mark.parametrize("scenario", [TRACE, TABLE, SPRINGS], ids=["trace", "table", "springs"])
+def test_an_impact_that_was_not_made_takes_no_energy(scenario: Scenario) -> None:
+    run = simulate(scenario).solved
+    rows = run.collisions
+    assert run.summary["end_cause"] == "inadmissible"
+    assert rows["energy_loss"][-1] != 0.0
+    figure = draw_one(run, "energy", 1, "single")
+    assert figure is not None
+    drawn = marks(figure, LOSS)[:, 0] if len(figure.axes) > 1 else np.zeros(0)
+    np.testing.assert_array_equal(drawn, rows["t"][:-1])
+
+
+def test_the_law_s_speeds_after_an_inadmissible_impact_are_no_velocities_on_a_table() -> None:
+    run = simulate(TABLE).solved
+    assert len(run.collisions["n"]) == 1
+    named = {text.get_text() for text in texts(table_plan(run))}
+    assert {"velocity before", "velocity at the start"} <= named
+    assert "velocity after" not in named
+    velocities = draw_one(run, "velocities", 1, "single")
+    assert velocities is not None
+    assert "after (inadmissible)" in {text.get_text() for text in texts(velocities)}
+
+
+def test_what_impacts_gain_is_drawn_as_what_they_lose_is() -> None:
+    """The law of translation between a ball and a hoop gives energy of rolling in some impacts."""
+    changed = {"balls[2].body": "hoop", "balls[2].thickness": 0.01}
+    scenario = example("three_arcs").replace({"collision.law": "translational"} | changed)
+    run = simulate(scenario).solved
+    lost = run.collisions["energy_loss"]
+    assert np.any(lost < 0.0)
+    figure = draw_one(run, "energy", 1, "single")
+    assert figure is not None
+    for look, own in ((LOSS, lost > 0.0), (GAIN, lost < 0.0)):
+        drawn = marks(figure, look)
+        np.testing.assert_array_equal(drawn[:, 0], run.collisions["t"][own])
+        np.testing.assert_array_equal(drawn[:, 1], np.abs(lost[own]))
+    assert "gain" in {text.get_text() for text in texts(figure)}
