@@ -47,7 +47,7 @@ from vibro_cli.figures.portraits.trajectory import (
     jumps_of,
     points_each,
 )
-from vibro_cli.figures.source import Array, Integers
+from vibro_cli.figures.source import Array, Integers, made
 from vibro_cli.figures.style import width_of
 from vibro_cli.systems.run import Run
 from vibro_cli.systems.springs.phase_plane import (
@@ -123,7 +123,8 @@ def _groups(held: Any, body: int) -> tuple[Integers, Integers]:
 def _arriving(run: Run, first: Integers, last: Integers) -> Array:
     """Return the speed with which a body comes to each event that is an impact of it or its group.
 
-    NaN at other events. Of several impacts at one instant the first has the speed.
+    NaN at other events. Of several impacts at one instant the first has the speed. One that is not
+    made is no event.
     """
     table = run.collisions
     speeds = np.full(len(first), math.nan)
@@ -133,7 +134,7 @@ def _arriving(run: Run, first: Integers, last: Integers) -> Array:
     struck = {side: np.asarray(table[f"ball_{side}"], dtype=np.int64) - 1 for side in "ab"}
     own = [(body >= first[before]) & (body <= last[before]) for body in struck.values()]
     speed = np.where(own[0], table["speed_a_pre"], table["speed_b_pre"])
-    mine = np.flatnonzero(own[0] | own[1])[::-1]
+    mine = np.flatnonzero((own[0] | own[1]) & made(table))[::-1]
     speeds[event[mine]] = speed[mine]
     return speeds
 
