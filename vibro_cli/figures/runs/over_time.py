@@ -436,4 +436,4 @@ def draw_impacts(axes: Any, run: Any, column: str, until: float) -> None:
     look = IMPACT | {"markersize": size, "markeredgewidth": 0.5 * size / IMPACT["markersize"]}
     for side in "ab":
         places = np.asarray(table[f"{column}_{side}"], dtype=np.float64)
-        axes.plot(times[shown], places[shown], zorder=2.3, **look)
+        axes.plot(times[shown], places[shown], zorder=2.3, clip_on=False, **look)
